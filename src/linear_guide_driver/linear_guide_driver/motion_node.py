@@ -22,7 +22,7 @@ from tactile_ros.health.diagnostics import Diagnostics, ERROR, Health
 from tactile_ros.health.heartbeat import HeartbeatPublisher
 from tactile_ros.health.readiness import ReadinessPublisher
 from tactile_ros.node.goals import Goal, GoalAborted
-from tactile_ros.node.lifecycle import TactileNode
+from tactile_ros.node.polling_node import PollingNode
 
 FEEDBACK_PERIOD_S = 0.1
 WAIT_STEP_S = 0.02
@@ -31,7 +31,7 @@ State = TypeVar('State')
 Result = TypeVar('Result')
 
 
-class MotionNode(TactileNode):
+class MotionNode(PollingNode):
     """A node that moves one device through a blocking client.
 
     Topics ``~/joint_states``, ``~/ready`` and ``~/heartbeat`` (while active and well), health on
@@ -40,6 +40,8 @@ class MotionNode(TactileNode):
 
     device = 'device'
     """Name of the device in sentences."""
+
+    is_quiet = False  # its requests may wait for the device, so it shares no executor
 
     def __init__(self, node_name: str, config_class: type, **node_options: Any) -> None:
         super().__init__(node_name, config_class, **node_options)
@@ -92,8 +94,7 @@ class MotionNode(TactileNode):
             self, lambda: self.is_active and self._client is not None and self.is_well()
         )
         self._readiness = ReadinessPublisher(self, self._find_missing)
-        for part in (self._diagnostics, heartbeat, self._readiness):
-            self._parts.callback(part.close)
+        self._parts.callback(heartbeat.close)
 
     def on_goal_end(self) -> None:
         if self._readiness is not None:  # whoever hears of the end may send the next goal at once
@@ -102,10 +103,15 @@ class MotionNode(TactileNode):
     def tear_down(self) -> None:
         for runner in tuple(self.goal_runners):
             runner.close()
+        for part in (self._diagnostics, self._readiness):  # other threads ask the client for them
+            if part is not None:
+                part.close()
+        self._diagnostics = self._readiness = None
         if self._client is not None:
             self._client.close()
             self._client = None
-        self._diagnostics = self._readiness = self._joint_states = None
+        self.unpoll_all()
+        self._joint_states = None
         self._parts.close()
 
     # -- topics that must be heard -------------------------------------------------------------
@@ -229,8 +235,9 @@ class MotionNode(TactileNode):
     def tell_trouble(self, reason: str) -> None:
         """Log a fault and publish the health at once: a hold cannot wait for the next second."""
         self.get_logger().error(reason)
-        if self._diagnostics is not None:
-            self._diagnostics.publish()
+        diagnostics = self._diagnostics
+        if diagnostics is not None:
+            diagnostics.publish()
 
     # -- inside ----------------------------------------------------------------------------------
 
