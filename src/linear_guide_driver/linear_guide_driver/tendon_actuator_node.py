@@ -24,7 +24,8 @@ from tactile_ros.qos import STREAM
 from tactile_ros.strain import NOT_LIVE, StrainStatus
 
 STRAIN_REST_S = 0.02
-"""Period of taking strain samples while the tendon is slack and at rest."""
+"""Period of taking strain samples while the tendon is slack and at rest, but for a shorter
+``guard_timeout_s``."""
 
 WARM_C = 10.0
 FULL_CURRENT = 0.95
@@ -126,7 +127,8 @@ class TendonActuatorNode(MotionNode):
         client = self._client
         if client is None:
             return
-        self.poll_every(STRAIN_REST_S if client.is_at_rest else POLL_S)
+        rest_s = min(STRAIN_REST_S, self.config.guard_timeout_s / 4)
+        self.poll_every(rest_s if client.is_at_rest else POLL_S)
         now_ns = time.monotonic_ns()
         tension_n: list[float] = []
         is_saturated, age_ns = False, 0

@@ -274,9 +274,9 @@ class TrialRunnerNode(PollingNode):
 
     def _check(self, trial: RunningTrial) -> None:
         """Raise unless the trial may go on."""
+        self.poll_now()
         trial.goal.check()
         trial.look(self.config.heartbeat_timeout_s)
-        self.poll_now()
         for device in (self._guide, self._tendon):
             if device is not None and (loss := device.describe_loss()):
                 raise GoalAborted(loss)
