@@ -89,7 +89,8 @@ def test_a_trial_waits_for_the_first_position(bench):
     bench.runner._tendon._position_m = None  # as of a runner that has just started
     handle = bench.start('stiffness', hold_s=0.5)
     wait_until(lambda: guide.goals and not guide.goal_runners[0].is_busy)
-    bench.tendon.publish = publish
+    late_s = time.monotonic() + 0.2  # less than REPORT_S
+    bench.tendon.publish = lambda now: publish(now) if time.monotonic() > late_s else None
     assert 'done' in bench.end(handle).message
 
 
