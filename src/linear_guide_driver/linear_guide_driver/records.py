@@ -142,8 +142,7 @@ class TendonActuatorConfig:
     poll_rate_hz: float = parameter(
         60.0,
         'rate of state reads and joint states in motion and while the tendon is taut; at rest '
-        'and slack four reads per watchdog_s, ten a second at least, and five joint states a '
-        'second',
+        'and slack 25 reads a second, or four per watchdog_s, and five joint states a second',
         unit='Hz',
         range=(5.0, 200.0),
     )

@@ -34,8 +34,8 @@ FIRST_BACK_OFF_S, LONGEST_BACK_OFF_S = 0.25, 2.0
 REST_POLLS = 4
 """Polls per ``watchdog_s`` at rest: two in a row may come late."""
 
-LONGEST_REST_POLL_S = 0.1
-"""Period of polls at rest where ``watchdog_s`` is long."""
+LONGEST_REST_POLL_S = 0.04
+"""Longest period of polls at rest, however long ``watchdog_s`` is."""
 
 CLOSING_S = 6.0
 """Longest wait for the thread: a servo that is just set up comes to rest within three seconds."""

@@ -5,10 +5,11 @@
 
 import itertools
 import re
+import threading
 import time
 
 import pytest
-from trial_bench import SERVER_TIMEOUT_S, stamp_ns
+from trial_bench import Device, SERVER_TIMEOUT_S, stamp_ns
 
 from tactile_bringup.nodes import trial_devices
 from tactile_testing.waiting import wait_until
@@ -83,14 +84,18 @@ def test_a_tendon_that_reports_slowly_until_it_moves_does_for_a_trial(
     assert 'done' in bench.end(bench.start(protocol, hold_s=0.5)).message
 
 
-def test_a_trial_waits_for_the_first_position(bench):
-    publish, guide = bench.tendon.publish, bench.guide
-    bench.tendon.publish = lambda now: None
-    bench.runner._tendon._position_m = None  # as of a runner that has just started
+def test_a_trial_waits_for_the_first_position(request, monkeypatch):
+    speaks, publish = threading.Event(), Device.publish
+
+    def publish_later(device, now):
+        if speaks.is_set() or device.get_name() != 'tendon_actuator':
+            publish(device, now)
+
+    monkeypatch.setattr(Device, 'publish', publish_later)
+    bench = request.getfixturevalue('bench')
     handle = bench.start('stiffness', hold_s=0.5)
-    wait_until(lambda: guide.goals and not guide.goal_runners[0].is_busy)
-    late_s = time.monotonic() + 0.2  # less than REPORT_S
-    bench.tendon.publish = lambda now: publish(now) if time.monotonic() > late_s else None
+    wait_until(lambda: bench.guide.goals and not bench.guide.goal_runners[0].is_busy)
+    threading.Timer(0.2, speaks.set).start()  # less than REPORT_S
     assert 'done' in bench.end(handle).message
 
 
