@@ -12,11 +12,12 @@ from typing import Any
 from linear_guide_driver.grbl.guide_client import HOMING, LinearGuideClient
 from linear_guide_driver.motion_node import MotionNode
 from linear_guide_driver.records import GuideState, LinearGuideConfig
+from linear_guide_driver.safety import TopicWatchdog
 from tactile_msgs.action import HomeGuide, MoveGuide
 from tactile_msgs.msg import StrainBlock
 from tactile_ros.health.diagnostics import ERROR, Health, OK, WARN
 from tactile_ros.node.goals import Goal, GoalAborted, GoalRunner
-from tactile_ros.qos import STREAM
+from tactile_ros.qos import NEWEST
 from tactile_ros.strain import NOT_LIVE
 
 
@@ -28,6 +29,7 @@ class LinearGuideNode(MotionNode):
     """
 
     device = 'guide'
+    poll_s = None
 
     def __init__(self, node_name: str = 'linear_guide', **node_options: Any) -> None:
         super().__init__(node_name, LinearGuideConfig, **node_options)
@@ -43,13 +45,7 @@ class LinearGuideNode(MotionNode):
         self._client.connect()
         super().set_up(config)
         if config.strain_timeout_s:
-            self.watch(
-                StrainBlock,
-                'tendon_sensor/strain',
-                config.strain_timeout_s,
-                STREAM,
-                lambda block: bool(block.tension_n) and not block.status & NOT_LIVE,
-            )
+            self._watch_strain(config.strain_timeout_s)
         GoalRunner(self, MoveGuide, '~/move', self._move, accepting=self.accepting)
         GoalRunner(self, HomeGuide, '~/home', self._home, accepting=self.accepting)
         self.offer(stop=self._on_stop)
@@ -97,10 +93,28 @@ class LinearGuideNode(MotionNode):
 
     def _await_topics(self, goal: Goal) -> None:
         """Wait for what has not been heard yet; abort if it stays silent."""
-        watches = self._watches
-        self.wait_for_peers(goal, lambda: not all(watch.was_heard for watch in watches))
+
+        def awaits() -> bool:
+            self.poll_now()
+            return not all(watch.was_heard for watch in self._watches)
+
+        self.wait_for_peers(goal, awaits)
         if loss := self.find_peer_loss():
             raise GoalAborted(loss, **self._find_rest())
+
+    def _watch_strain(self, timeout_s: float) -> None:
+        watchdog = TopicWatchdog('tendon_sensor/strain', timeout_s)
+        self._watches = (*self._watches, watchdog)
+
+        def hear(block: StrainBlock, _: Any) -> None:
+            if block.tension_n and not block.status & NOT_LIVE:
+                watchdog.beat(time.monotonic_ns())
+
+        self.poll(StrainBlock, 'tendon_sensor/strain', hear, NEWEST)
+
+    def find_peer_loss(self) -> str:
+        self.poll_now()  # samples are taken when something is judged by them
+        return super().find_peer_loss()
 
     def find_loss(self) -> str:
         return self.find_peer_loss()

@@ -20,7 +20,7 @@ from tactile_ros.health.diagnostics import Diagnostics, ERROR, Health
 from tactile_ros.health.heartbeat import Heartbeat, HeartbeatWatch
 from tactile_ros.health.readiness import ReadinessPublisher
 from tactile_ros.node.goals import Goal, GoalAborted
-from tactile_ros.node.lifecycle import TactileNode
+from tactile_ros.node.polling_node import PollingNode
 
 FEEDBACK_PERIOD_S = 0.1
 WAIT_STEP_S = 0.02
@@ -29,7 +29,7 @@ State = TypeVar('State')
 Result = TypeVar('Result')
 
 
-class MotionNode(TactileNode):
+class MotionNode(PollingNode):
     """A node that moves one device through a blocking client.
 
     Topics ``~/joint_states``, ``~/ready`` and ``~/heartbeat`` (while active and well), health on
@@ -39,6 +39,8 @@ class MotionNode(TactileNode):
 
     device = 'device'
     """Name of the device in sentences."""
+
+    is_quiet = False  # its requests may wait for the device, so it shares no executor
 
     def __init__(self, node_name: str, config_class: type, **node_options: Any) -> None:
         super().__init__(node_name, config_class, **node_options)
@@ -95,8 +97,7 @@ class MotionNode(TactileNode):
             self, lambda: self.is_active and self._client is not None and self.is_well()
         )
         self._readiness = ReadinessPublisher(self, self._find_missing)
-        for part in (self._diagnostics, self._heartbeat, self._readiness):
-            self._parts.callback(part.close)
+        self._parts.callback(self._heartbeat.close)
 
     def beat(self) -> None:
         """Give the node's sign of life; on the thread that polls the device."""
@@ -110,10 +111,15 @@ class MotionNode(TactileNode):
     def tear_down(self) -> None:
         for runner in tuple(self.goal_runners):
             runner.close()
+        for part in (self._diagnostics, self._readiness):  # other threads ask the client for them
+            if part is not None:
+                part.close()
+        self._diagnostics = self._readiness = None
         if self._client is not None:
             self._client.close()
             self._client = None
-        self._diagnostics = self._readiness = self._heartbeat = self._joint_states = None
+        self.unpoll_all()
+        self._heartbeat = self._joint_states = None
         self._parts.close()
 
     # -- what must be heard --------------------------------------------------------------------
@@ -237,8 +243,9 @@ class MotionNode(TactileNode):
     def tell_trouble(self, reason: str) -> None:
         """Log a fault and publish the health at once: a hold cannot wait for the next second."""
         self.get_logger().error(reason)
-        if self._diagnostics is not None:
-            self._diagnostics.publish()
+        diagnostics = self._diagnostics
+        if diagnostics is not None:
+            diagnostics.publish()
 
     # -- inside ----------------------------------------------------------------------------------
 

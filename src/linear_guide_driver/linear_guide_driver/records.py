@@ -13,6 +13,12 @@ from tactile_ros.configs import check_parameters, parameter
 SHORTEST_HANG_S = 0.5
 """Shortest standstill of a driver that counts as a hang; see docs/decisions/0013-liveliness.md."""
 
+REST_REPORT_S = 0.2
+"""Period of joint states at rest, and of Grbl's status reports."""
+
+REST_AFTER_S = 1.0
+"""Reports come at full rate for so long after the end of a motion: the last of it are wanted."""
+
 
 @dataclass(frozen=True)
 class LinearGuideConfig:
@@ -37,8 +43,8 @@ class LinearGuideConfig:
     )
     poll_rate_hz: float = parameter(
         10.0,
-        'rate of status reports and joint states; Grbl documents 10 as its limit, '
-        '20 works on most boards',
+        'rate of status reports and joint states in motion, at most 5 at rest; Grbl documents '
+        '10 as its limit, 20 works on most boards',
         unit='Hz',
         range=(1.0, 20.0),
     )
@@ -140,7 +146,11 @@ class TendonActuatorConfig:
         range=(0.06, 2.54),
     )
     poll_rate_hz: float = parameter(
-        60.0, 'rate of state reads and joint states', unit='Hz', range=(5.0, 200.0)
+        60.0,
+        'rate of state reads and joint states in motion and while the tendon is taut; at rest '
+        'and slack 25 reads a second, or four per watchdog_s, and five joint states a second',
+        unit='Hz',
+        range=(5.0, 200.0),
     )
     heartbeat_topics: tuple[str, ...] = parameter(
         (),

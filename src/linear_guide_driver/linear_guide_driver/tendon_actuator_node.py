@@ -13,16 +13,20 @@ from typing import Any
 from linear_guide_driver.dynamixel.tendon_client import TendonActuatorClient
 from linear_guide_driver.errors import capitalise, LinearGuideDriverError
 from linear_guide_driver.motion_node import MotionNode
-from linear_guide_driver.records import TendonActuatorConfig, TendonState
+from linear_guide_driver.records import REST_REPORT_S, TendonActuatorConfig, TendonState
 from linear_guide_driver.safety import Ending, SampleLag, Zero
 from tactile_msgs.action import HomeTendon, PullTendon
 from tactile_msgs.msg import StrainBlock
 from tactile_ros.health.diagnostics import ERROR, Health, OK, WARN
 from tactile_ros.health.hang_watch import HangWatch
 from tactile_ros.node.goals import Goal, GoalRunner
+from tactile_ros.node.polling_node import POLL_S
 from tactile_ros.qos import STREAM
-from tactile_ros.rclpy_internals import take_waiting
 from tactile_ros.strain import NOT_LIVE, StrainStatus
+
+STRAIN_REST_S = 0.02
+"""Period of taking strain samples while the tendon is slack and at rest, but for a shorter
+``guard_timeout_s``."""
 
 WARM_C = 10.0
 FULL_CURRENT = 0.95
@@ -41,6 +45,7 @@ class TendonActuatorNode(MotionNode):
     def __init__(self, node_name: str = 'tendon_actuator', **node_options: Any) -> None:
         super().__init__(node_name, TendonActuatorConfig, **node_options)
         self._hang_watch: HangWatch | None = None
+        self._report_due_s = 0.0  # a joint state at rest
 
     def set_up(self, config: TendonActuatorConfig) -> None:
         super().set_up(config)
@@ -57,7 +62,7 @@ class TendonActuatorNode(MotionNode):
         )
         self._client.connect()
         self._lag = SampleLag()
-        self._strain = self.subscribe(StrainBlock, 'tendon_sensor/strain', self._on_strain, STREAM)
+        self.poll(StrainBlock, 'tendon_sensor/strain', self._on_strain, STREAM, together=True)
         GoalRunner(
             self,
             PullTendon,
@@ -127,12 +132,13 @@ class TendonActuatorNode(MotionNode):
 
     # -- the rest ----------------------------------------------------------------------------
 
-    def _on_strain(self, first: StrainBlock) -> None:
+    def _on_strain(self, blocks: list[StrainBlock], _: Any) -> None:
         """Take all blocks that wait: the worst value of all counts, and the age of the newest."""
         client = self._client
         if client is None:
             return
-        blocks = [first, *take_waiting(self._strain, STREAM.depth)]
+        rest_s = min(STRAIN_REST_S, self.config.guard_timeout_s / 4)
+        self.poll_every(rest_s if client.is_at_rest else POLL_S)
         now_ns = time.monotonic_ns()
         tension_n: list[float] = []
         is_saturated, age_ns = False, 0
@@ -189,6 +195,9 @@ class TendonActuatorNode(MotionNode):
             self._hang_watch.turn(pause_s)
 
     def _on_state(self, state: TendonState) -> None:
+        if self._client.is_at_rest and time.monotonic() < self._report_due_s:
+            return
+        self._report_due_s = time.monotonic() + REST_REPORT_S
         self.publish_joint(state.displacement_m, state.velocity_m_s, state.received_at_ns)
 
     def is_well(self) -> bool:

@@ -29,6 +29,12 @@ class Periodic:
         self._ticker.remove(self)
         self.callback = _do_nothing  # a circle would keep what it holds until Python collects it
 
+    def change_period(self, period_s: float) -> None:
+        """Call with another period [s]; on another thread, after the call that is due."""
+        if period_s != self._period_s:
+            self._period_s = period_s
+            self.due_s = min(self.due_s, time.monotonic() + period_s)
+
     def schedule(self, now_s: float) -> None:
         """Set the time of the next call; calls that were missed are left out."""
         self.due_s += self._period_s

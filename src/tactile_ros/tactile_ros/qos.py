@@ -18,6 +18,11 @@ _reliable = partial(
 STREAM = _reliable(depth=1000, durability=DurabilityPolicy.VOLATILE)
 """Samples: strain blocks, wrenches, joint states."""
 
+NEWEST = QoSProfile(
+    depth=1, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE
+)
+"""For who wants to know that samples come, and not each of them."""
+
 RESULTS = _reliable(depth=100, durability=DurabilityPolicy.VOLATILE)
 """Features and classifications: a few a trial, each of them wanted."""
 

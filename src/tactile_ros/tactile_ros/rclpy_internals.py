@@ -82,20 +82,3 @@ def destroy_state_machine(node: LifecycleNode) -> None:
     rclpy leaves it to the garbage collector, until which the node's name is seen, and found.
     """
     node._state_machine.destroy_when_not_in_use()
-
-
-def take_waiting(subscription: Subscription, most: int) -> list[Any]:
-    """Return the messages that wait in the queue of a subscription, oldest first.
-
-    Call it in the subscription's own callback, so that no executor takes at the same time. An
-    executor takes one message a turn.
-    """
-    messages: list[Any] = []
-    handle = subscription.handle
-    with handle:
-        while len(messages) < most:
-            taken = handle.take_message(subscription.msg_type, subscription.raw)
-            if taken is None:
-                break
-            messages.append(taken[0])
-    return messages

@@ -3,6 +3,9 @@
 
 """Reads the servo's state at a steady rate and notices faults at once, whatever it is doing.
 
+The rate falls while nothing moves and the tendon is slack. A command, a taut tendon or a failed
+read brings the full rate back.
+
 The reads also feed the servo's bus watchdog: when they end, the servo stops by itself. The thread
 ends with the client alone. After an outage it goes on asking, or makes the connection again.
 """
@@ -18,7 +21,7 @@ import time
 from linear_guide_driver.dynamixel import registers
 from linear_guide_driver.dynamixel.bus import DynamixelBus, SilentServoError
 from linear_guide_driver.errors import DeviceConnectionError, LinearGuideDriverError
-from linear_guide_driver.records import TendonActuatorConfig, TendonState
+from linear_guide_driver.records import REST_AFTER_S, TendonActuatorConfig, TendonState
 
 FAILED_POLLS = 5
 """Polls in a row that are not answered, or refused, after which it is an outage: about 0.2 s.
@@ -31,6 +34,12 @@ FIRST_BACK_OFF_S, LONGEST_BACK_OFF_S = 0.25, 2.0
 
 RESTORE_S = 10.0
 """Longest attempt to make a lost connection again: to open, set up and come to rest."""
+
+REST_POLLS = 4
+"""Polls per ``watchdog_s`` at rest: two in a row may come late."""
+
+LONGEST_REST_POLL_S = 0.04
+"""Longest period of polls at rest, however long ``watchdog_s`` is."""
 
 CLOSING_S = 6.0
 """Longest wait for the thread: a servo that is just set up comes to rest within three seconds."""
@@ -47,6 +56,8 @@ class ServoMonitor:
         Makes a `TendonState` of a `ServoState` and acts on it, under the bus's lock.
     on_state : callable
         Called with each state, on the poll thread.
+    is_slack : callable
+        Whether nothing moves and the tendon is slack in a state.
     on_loss, on_trouble : callable
         Called with a reason at each failure, and when an outage or a fault is new; on the
         thread that noticed it.
@@ -80,11 +91,14 @@ class ServoMonitor:
         on_trouble: Callable[[str], None],
         on_turn: Callable[[float], None],
         restore: Callable[[], None],
+        is_slack: Callable[[TendonState], bool],
     ) -> None:
         self._bus, self._config = bus, config
         self._on_poll, self._on_state = on_poll, on_state
         self._on_loss, self._on_trouble, self._restore = on_loss, on_trouble, restore
         self._on_turn = on_turn
+        self._is_slack = is_slack
+        self._rests_at_s = time.monotonic() + REST_AFTER_S
         self._changed = threading.Condition()
         self._closing = threading.Event()
         self._polls = 0
@@ -111,9 +125,29 @@ class ServoMonitor:
             return 'the driver connects again by itself'
         return 'the driver asks again by itself; look after wiring and power'
 
+    @property
+    def is_at_rest(self) -> bool:
+        """True when the tendon has been slack and at rest for `REST_AFTER_S`."""
+        return time.monotonic() >= self._rests_at_s
+
+    @property
+    def period_s(self) -> float:
+        """Period of the polls now [s]."""
+        period_s = 1.0 / self._config.poll_rate_hz
+        if self.is_at_rest:
+            rest_s = min(self._config.watchdog_s / REST_POLLS, LONGEST_REST_POLL_S)
+            period_s = max(period_s, rest_s)
+        return period_s
+
     def start(self) -> None:
         """Start to poll."""
         self._thread.start()
+
+    def hurry(self) -> None:
+        """Poll at full rate from now on: something is about to move."""
+        with self._changed:
+            self._rests_at_s = time.monotonic() + REST_AFTER_S
+            self._changed.notify_all()
 
     def close(self) -> None:
         """Poll no more; wakes whoever waits."""
@@ -170,6 +204,7 @@ class ServoMonitor:
                 state = self._take(registers.decode_state(block))
             self._failed_polls = 0
         except LinearGuideDriverError as error:
+            self.hurry()
             if was_lost and self.is_lost:
                 self.outage = str(error)
                 self._back_off_s = min(2 * self._back_off_s, LONGEST_BACK_OFF_S)
@@ -196,15 +231,24 @@ class ServoMonitor:
     # -- inside --------------------------------------------------------------------------
 
     def _run(self) -> None:
-        period_s = 1.0 / self._config.poll_rate_hz
-        due_s = time.monotonic()
-        while not self._closing.wait(max(0.0, due_s - time.monotonic())):
-            due_s = max(due_s + period_s, time.monotonic())
+        began_s = time.monotonic() - self.period_s
+        while self._wait_until_due(began_s):
+            began_s = max(began_s + self.period_s, time.monotonic() - self.period_s)
             pause_s = self.poll_once()
             self._tell(self._on_turn, pause_s + (RESTORE_S if self.is_lost else 0.0))
             with self._changed:  # a fresh command that is heard ends the pause
                 self._changed.wait_for(lambda: not self.outage or self._closing.is_set(), pause_s)
         self._tell(self._on_turn, math.inf)
+
+    def _wait_until_due(self, began_s: float) -> bool:
+        """Wait until one period after ``began_s``; return False at the end [s]."""
+        with self._changed:
+            while not self._closing.is_set():
+                left_s = began_s + self.period_s - time.monotonic()  # `hurry` shortens it
+                if left_s <= 0.0:
+                    return True
+                self._changed.wait(left_s)
+        return False
 
     def _take(self, servo: registers.ServoState) -> TendonState:
         words = registers.format_hardware_error(servo.hardware_error)
@@ -222,6 +266,8 @@ class ServoMonitor:
         state = self._on_poll(servo)
         if servo.is_torque_on:
             self.clear()  # also what a command has noted meanwhile: it answers
+        if not self._is_slack(state):
+            self.hurry()
         with self._changed:
             self.state = state
             self._polls += 1

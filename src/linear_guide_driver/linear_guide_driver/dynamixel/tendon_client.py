@@ -133,6 +133,11 @@ class TendonActuatorClient:
         return None if self._monitor is None else self._monitor.state
 
     @property
+    def is_at_rest(self) -> bool:
+        """True while the tendon is slack and at rest, so that states come slowly."""
+        return self._monitor is not None and self._monitor.is_at_rest
+
+    @property
     def trouble(self) -> str:
         """The fault that keeps the servo from winding in; empty when there is none."""
         return '' if self._monitor is None else self._monitor.trouble
@@ -154,7 +159,9 @@ class TendonActuatorClient:
         self._take_over(setup)
         self._servo = TendonServo(bus, self._config)
         listeners = (self._on_poll, self._on_state, self._on_loss, self._on_trouble, self._on_turn)
-        self._monitor = ServoMonitor(bus, self._config, *listeners, restore=self._restore)
+        self._monitor = ServoMonitor(
+            bus, self._config, *listeners, restore=self._restore, is_slack=self._is_slack
+        )
         self._monitor.start()
         self._monitor.wait_poll(POLL_WAIT_S)
 
@@ -476,6 +483,7 @@ class TendonActuatorClient:
     def _write(self, servo: TendonServo, write: Callable[[], None]) -> None:
         """Write the goal of a new command, also when the watchdog has just acted."""
         self._number += 1
+        self._require_connection()[1].hurry()
         try:
             write()
         except DeviceRefusedError:
@@ -569,6 +577,9 @@ class TendonActuatorClient:
 
     def _on_loss(self, reason: str) -> None:
         self.safety.lose(f'{capitalise(reason)}.', time.monotonic_ns())
+
+    def _is_slack(self, state: TendonState) -> bool:
+        return self.safety.is_at_rest(state.displacement_m, time.monotonic_ns())
 
     def _on_poll(self, polled: registers.ServoState) -> TendonState:
         """Carry safety's order out with each new state, under the bus's lock."""

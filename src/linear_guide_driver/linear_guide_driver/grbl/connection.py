@@ -8,11 +8,13 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import suppress
+import math
 import threading
 import time
 
 from linear_guide_driver.errors import DeviceConnectionError, DeviceRefusedError
 from linear_guide_driver.grbl import protocol as grbl
+from linear_guide_driver.records import REST_AFTER_S, REST_REPORT_S
 from linear_guide_driver.serial_link import SerialLink, TICK_S
 
 GREETING_S = 0.3
@@ -41,6 +43,9 @@ PLANNER_BLOCKS = 15
 SILENCE_S = 1.0
 """A controller that leaves status queries unanswered for this long is gone."""
 
+RESTING = ('Idle', 'Alarm', 'Sleep')
+"""States in which nothing moves."""
+
 
 class GrblConnection:
     """Lines whose answers are counted; faults noticed as they arrive. One caller at a time.
@@ -51,7 +56,8 @@ class GrblConnection:
 
     On the reader thread ``on_report`` is called with each `StatusReport`, ``on_fault`` with a
     reason when the position is lost, and ``on_turn`` each time that the thread comes round.
-    ``poll_rate_hz`` applies after `start_polling`.
+    ``poll_rate_hz`` applies after `start_polling`; at rest, and with no line unanswered, queries
+    come every `REST_REPORT_S` at the most.
     """
 
     def __init__(
@@ -80,6 +86,7 @@ class GrblConnection:
         self._fault = ''
         self._is_quiet = True  # no answers to status queries are expected
         self._heard_at_s = self._polled_at_s = time.monotonic()
+        self._rests_at_s = math.inf  # from when on it is queried seldom
         self.is_lost = False
         self.identification = ''
         self.options = ''
@@ -142,6 +149,7 @@ class GrblConnection:
             self._refusal = ''
             was_quiet = self._is_quiet
             self._is_quiet = was_quiet or not answers_status
+            self._rests_at_s = math.inf
         deadline_s = time.monotonic() + timeout_s
 
         def wait(most_bytes: int) -> Iterator[None]:
@@ -171,6 +179,7 @@ class GrblConnection:
             with self._changed:
                 self._unanswered.clear()
                 self._heard_at_s = time.monotonic()
+                self._rests_at_s = self._heard_at_s + REST_AFTER_S
                 self._is_quiet = was_quiet
 
     def wait_report(self, timeout_s: float) -> grbl.StatusReport:
@@ -288,6 +297,8 @@ class GrblConnection:
             is_idle = event.state == 'Idle' and bool(self._unanswered)
             self._idle_reports = self._idle_reports + 1 if is_idle else 0
             self._heard_at_s = time.monotonic()
+            if event.state not in RESTING:
+                self._rests_at_s = max(self._rests_at_s, self._heard_at_s + REST_AFTER_S)
         elif isinstance(event, grbl.Alarm):
             self._fail(f'the controller reported {event}')
         elif isinstance(event, grbl.Banner):
@@ -321,7 +332,10 @@ class GrblConnection:
     def _poll(self) -> None:
         self._on_turn()
         now_s = time.monotonic()
-        if self._is_quiet or now_s - self._polled_at_s < self._poll_period_s:
+        period_s = self._poll_period_s
+        if now_s >= self._rests_at_s:
+            period_s = max(period_s, REST_REPORT_S)
+        if self._is_quiet or now_s - self._polled_at_s < period_s:
             return
         self._polled_at_s = now_s
         self._link.write(grbl.STATUS_QUERY)

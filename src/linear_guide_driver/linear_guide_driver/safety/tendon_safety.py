@@ -99,8 +99,8 @@ class Pull(NamedTuple):
 class TendonSafety:
     """The state machine. No IO and no clock; thread-safe.
 
-    Times are monotonic [ns]. The servo's poll calls `decide` some sixty times a second and
-    after each sample that matters, and carries the order out.
+    Times are monotonic [ns]. The servo's poll calls `decide`, some sixty times a second but for a
+    slack tendon at rest, and after each sample that matters, and carries the order out.
 
     ``watches`` are those of the signs of life that must be there while the tendon is taut.
     """
@@ -206,6 +206,12 @@ class TendonSafety:
                 return True
             slack_n = SLACK_SHARE * self._config.taut_tension_n
             return self._zero is Zero.UNKNOWN and self._level.is_below(slack_n, now_ns)
+
+    def is_at_rest(self, displacement_m: float, now_ns: int) -> bool:
+        """Return whether no pull and no order is in force, and the tendon is slack [m]."""
+        with self._lock:
+            is_free = self._pull is None and self._state is State.FREE
+            return is_free and self.is_slack(displacement_m, now_ns)
 
     def find_obstacle(self, displacement_m: float, now_ns: int) -> str:
         """Return why no pull may wind in now, with the remedy; empty when one may."""

@@ -47,6 +47,24 @@ def test_connect_identifies_the_controller_and_knows_no_position(guide):
         guide.move_to(0.1, 0.05)
 
 
+def test_a_guide_at_rest_is_asked_slowly_and_a_moving_one_at_full_rate(guide, monkeypatch):
+    monkeypatch.setattr(connection, 'REST_AFTER_S', 0.1)
+    monkeypatch.setattr(connection, 'REST_REPORT_S', 1e3)  # a rest that outlasts this test
+    monkeypatch.setattr(connection, 'SILENCE_S', 1e3)
+    guide.home()
+    there = guide._connection
+    wait_until(lambda: time.monotonic() > there._rests_at_s)
+    ticks, tick = [], there._link._on_tick
+    there._link._on_tick = lambda: ticks.append(tick())
+    wait_until(lambda: len(ticks) > 5)
+    at_rest = there._reports
+    wait_until(lambda: len(ticks) > 50)  # a second, or 20 reports at full rate
+    assert there._reports == at_rest
+    guide.move_to(0.031, 0.03)
+    assert there._reports > at_rest + 5
+    assert guide.last_move.mean_speed_m_s == pytest.approx(0.03, rel=0.05)
+
+
 def test_home_then_move_ends_at_rest_at_the_target(guide, grbl):
     assert guide.home().position_m == pytest.approx(0.001)
     states = []

@@ -17,7 +17,7 @@ from linear_guide_driver import (
     MotionStoppedError,
     TendonActuatorClient,
 )
-from linear_guide_driver.dynamixel import registers, tendon_client
+from linear_guide_driver.dynamixel import registers, servo_monitor, tendon_client
 from linear_guide_driver.dynamixel import servo as tendon_servo
 from linear_guide_driver.dynamixel.bus import DynamixelBus, SilentServoError
 from linear_guide_driver.safety import State
@@ -310,3 +310,39 @@ def test_one_pull_at_a_time_and_close_lets_go(tendon, servo):
     assert servo.table[64] == 0
     with pytest.raises(MotionRefusedError, match='not connected'):
         tendon.pull_to(0.0)
+
+
+def test_a_slack_tendon_at_rest_is_polled_slowly_and_a_pull_wakes_the_poll(
+    connect, servo, monkeypatch
+):
+    monkeypatch.setattr(servo_monitor, 'REST_AFTER_S', 0.1)
+    monkeypatch.setattr(servo_monitor, 'REST_POLLS', 1e-3)  # a rest that outlasts this test
+    monkeypatch.setattr(servo_monitor, 'LONGEST_REST_POLL_S', 1e3)
+    monitor = (tendon := connect())._monitor
+    for _ in range(2):
+        wait_until(lambda: tendon.is_at_rest)
+        wait_until(lambda: monitor.period_s > 100.0)
+        polls = [monitor.wait_poll(0.2) for _ in range(2)]
+        assert polls[1] is None  # the first may have been under way
+        tendon.pull_to(0.004)
+        held = servo.packets
+        wait_until(lambda held=held: servo.packets > held + 30)  # in a hold
+        assert not tendon.is_at_rest
+        assert monitor.period_s == pytest.approx(1 / 60)
+        tendon.pull_to(0.0)
+
+
+def test_the_rate_at_rest_feeds_the_watchdog_and_a_failed_poll_ends_the_rest(
+    connect, servo, monkeypatch
+):
+    monkeypatch.setattr(servo_monitor, 'REST_AFTER_S', 0.1)
+    tendon = connect(watchdog_s=0.12)
+    wait_until(lambda: tendon.is_at_rest)
+    assert tendon._monitor.period_s == pytest.approx(0.12 / 4)
+    servo.lost_answers = 1
+    wait_until(lambda: not tendon.is_at_rest)
+    wait_until(lambda: tendon.is_at_rest)
+    servo.is_silent = True
+    wait_until(lambda: 'silent' in tendon.trouble)
+    servo.is_silent = False
+    wait_until(lambda: not tendon.trouble)

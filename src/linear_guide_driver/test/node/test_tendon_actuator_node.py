@@ -8,6 +8,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty
 from topic_peers import Peers
 
+from linear_guide_driver import tendon_actuator_node
+from linear_guide_driver.dynamixel import servo_monitor
 from linear_guide_driver.safety import Zero
 from linear_guide_driver.tendon_actuator_node import TendonActuatorNode
 from tactile_msgs.action import HomeTendon, PullTendon
@@ -68,6 +70,25 @@ def test_pull_and_release_succeed_with_feedback_joint_states_and_diagnostics(
     assert 'not guarded' in diagnostics[-1].message
     assert tendon.result(pull(tendon, 0.0, 0.04))[0] == 'succeeded'
     wait_until(lambda: servo.position == 2048)
+
+
+def test_joint_states_come_seldom_at_rest_and_with_each_poll_in_a_hold(tendon, servo, monkeypatch):
+    monkeypatch.setattr(servo_monitor, 'REST_AFTER_S', 0.1)
+    monkeypatch.setattr(tendon_actuator_node, 'REST_REPORT_S', 1e3)
+    joints = []
+    tendon.peer.create_subscription(JointState, '/tendon_actuator/joint_states', joints.append, 10)
+    wait_until(lambda: joints)
+    for _ in range(2):
+        wait_until(lambda: tendon.node._client.is_at_rest)
+        polls = servo.packets
+        wait_until(lambda polls=polls: servo.packets > polls + 3)
+        at_rest = len(joints)
+        wait_until(lambda polls=polls: servo.packets > polls + 9)
+        assert len(joints) == at_rest
+        assert tendon.result(pull(tendon, 0.004))[0] == 'succeeded'
+        held = len(joints)
+        wait_until(lambda held=held: len(joints) > held + 30)
+        assert tendon.result(pull(tendon, 0.0))[0] == 'succeeded'
 
 
 def test_a_stop_tension_ends_the_pull_as_a_success(tendon, servo, sensor):

@@ -23,7 +23,6 @@ from linear_guide_driver.errors import LinearGuideDriverError, MotionRefusedErro
 from linear_guide_driver.safety import Order, Pull, SLACK_M, TopicWatchdog, Zero
 
 SEQUENCES = int(os.environ.get('TENDON_SEQUENCES', '30'))
-POLL_S = 0.016
 SPEED_M_S = 0.02
 HEALED_S = 6.0
 """After an outage: the longest back-off, and the servo comes to rest."""
@@ -111,7 +110,7 @@ class Tendon(RuleBasedStateMachine):
 
     def poll(self):
         """Let the time of one poll pass; return the state if it came."""
-        self.time.sleep(POLL_S)
+        self.time.sleep(self.monitor.period_s)
         if self.are_all_there:
             self.safety.add_samples([self.tension_n], False, self.now_ns)
             self.sampled_at_ns = self.now_ns

@@ -14,19 +14,19 @@ from typing import Any
 
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
-from rclpy.node import Node
-from rclpy.qos import qos_profile_sensor_data
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from linear_guide_driver.grbl.motion_track import MotionTrack
+from linear_guide_driver.records import REST_REPORT_S
 from tactile_bringup.records import TrialConfig
 from tactile_msgs.msg import Readiness, StrainBlock
 from tactile_ros.health.heartbeat import HeartbeatWatch
 from tactile_ros.node.goals import GoalAborted, GoalCanceled
+from tactile_ros.node.polling_node import PollingNode
 from tactile_ros.node.requests import send
-from tactile_ros.qos import LATEST, STREAM
+from tactile_ros.qos import LATEST, NEWEST, STREAM
 from tactile_ros.strain import NOT_LIVE
 
 POLL_S = 0.02
@@ -44,16 +44,16 @@ class TrialDevice:
 
     Parameters
     ----------
-    node : rclpy.node.Node
-        Spun by an executor on another thread than that of the calls.
+    node : PollingNode
+        Spun by an executor on another thread than that of the calls. It polls joint states.
     name, words : str
         Name of the driver's node, and what it is called in sentences.
     action_type, verb
         Its action ``name/verb``.
     config : TrialConfig
     on_state : callable
-        Called with stamp [ns], position [m] and speed [m/s] of each joint state, on the
-        executor's thread.
+        Called with stamp [ns], position [m] and speed [m/s] of each joint state, while the node
+        polls.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class TrialDevice:
 
     def __init__(
         self,
-        node: Node,
+        node: PollingNode,
         name: str,
         words: str,
         action_type: Any,
@@ -85,17 +85,16 @@ class TrialDevice:
         self._stop = node.create_client(Trigger, f'{name}/stop')
         self._subscriptions = [
             node.create_subscription(kind, f'{name}/{topic}', callback, qos)
-            for kind, topic, callback, qos in (
-                (Readiness, 'ready', self._on_ready, LATEST),
-                (JointState, 'joint_states', self._on_joint_state, STREAM),
-            )
+            for kind, topic, callback, qos in ((Readiness, 'ready', self._on_ready, LATEST),)
         ]
+        self._states = node.poll(JointState, f'{name}/joint_states', self._on_joint_state, STREAM)
 
     def close(self) -> None:
         """Take clients and subscriptions away."""
         self._heartbeat.close()
         self.client.destroy()
         self._node.destroy_client(self._stop)
+        self._node.unpoll(self._states)
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
 
@@ -147,10 +146,16 @@ class TrialDevice:
 
     # -- motion --------------------------------------------------------------------------------
 
+    @property
+    def is_located(self) -> bool:
+        """True once a joint state has told its position."""
+        return self._position_m is not None
+
     def track(self, target_m: float, speed_m_s: float) -> MotionTrack:
         """Return the track of the motion that is about to be commanded.
 
-        It takes joint states until `TRACK_S` after the `call` that must follow at once.
+        It takes joint states until `TRACK_S` after the `call` that must follow at once. They come
+        slowly until the motion begins.
 
         Raises
         ------
@@ -162,7 +167,9 @@ class TrialDevice:
                 f'no position was heard on {self.name}/joint_states, so nobody can tell when '
                 f'the motion begins; home the {self._words}'
             )
-        self._track_end_s = time.monotonic() + TRACK_S  # first, so that it holds for the new one
+        now_s = time.monotonic()
+        self._reported_s = max(self._reported_s, now_s + REST_REPORT_S)
+        self._track_end_s = now_s + TRACK_S  # first, so that it holds for the new one
         self._track = MotionTrack(self._position_m, target_m, speed_m_s)
         return self._track
 
@@ -278,12 +285,12 @@ class TrialDevice:
                 raise GoalAborted(lateness)
         return future.result()
 
-    # -- what it says, on the executor's thread --------------------------------------------------
+    # -- what it says --------------------------------------------------------------------------
 
     def _on_ready(self, readiness: Readiness) -> None:
         self._readiness = readiness
 
-    def _on_joint_state(self, state: JointState) -> None:
+    def _on_joint_state(self, state: JointState, _: Any) -> None:
         if not state.position:
             return
         self._reported_s = time.monotonic()
@@ -295,7 +302,7 @@ class TrialDevice:
 
 
 class StrainWatch:
-    """Monitor of the arrival of valid strain samples.
+    """Monitor of the arrival of valid strain samples, as of the node's last poll.
 
     Attributes
     ----------
@@ -303,17 +310,15 @@ class StrainWatch:
         The newest samples are from a simulated sensor.
     """
 
-    def __init__(self, node: Node, timeout_s: float) -> None:
+    def __init__(self, node: PollingNode, timeout_s: float) -> None:
         self._node, self._timeout_s = node, timeout_s
         self._heard_s = -math.inf
         self.is_simulated = False
-        self._subscription = node.create_subscription(
-            StrainBlock, 'tendon_sensor/strain', self._on_block, qos_profile_sensor_data
-        )
+        self._blocks = node.poll(StrainBlock, 'tendon_sensor/strain', self._on_block, NEWEST)
 
     def close(self) -> None:
         """Take the subscription away."""
-        self._node.destroy_subscription(self._subscription)
+        self._node.unpoll(self._blocks)
 
     def describe_silence(self) -> str:
         """Return that no valid sample arrives, and what to do; empty while they do."""
@@ -324,7 +329,7 @@ class StrainWatch:
             'start the sensor node, and check its cable and its diagnostics.'
         )
 
-    def _on_block(self, block: StrainBlock) -> None:
+    def _on_block(self, block: StrainBlock, _: Any) -> None:
         self.is_simulated = bool(block.status & StrainBlock.STATUS_SIMULATED)
         if block.tension_n and not block.status & NOT_LIVE:
             self._heard_s = time.monotonic()

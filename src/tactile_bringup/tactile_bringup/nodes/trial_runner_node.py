@@ -33,7 +33,7 @@ from tactile_msgs.msg import TrialEvent
 from tactile_ros.health.heartbeat import Heartbeat, HeartbeatWatch
 from tactile_ros.health.readiness import ReadinessPublisher
 from tactile_ros.node.goals import Goal, GoalAborted, GoalRunner
-from tactile_ros.node.lifecycle import TactileNode
+from tactile_ros.node.polling_node import PollingNode
 from tactile_ros.node.requests import wait_for
 from tactile_ros.periodic import Periodic
 from tactile_ros.qos import EVENTS
@@ -57,7 +57,7 @@ RELEASE_PAUSE_S = 0.3
 """A servo that has been silent for a moment takes a fresh command once it is heard again."""
 
 
-class TrialRunnerNode(TactileNode):
+class TrialRunnerNode(PollingNode):
     """Runs trials: action ``~/run_trial``, topics ``~/events``, ``~/ready``, ``~/heartbeat``.
 
     A phase is stamped from observed motion: a glide begins when the guide was seen to move, a
@@ -67,7 +67,12 @@ class TrialRunnerNode(TactileNode):
 
     When a trial ends early, for whatever reason, guide and tendon are stopped
     and the tendon is released; nothing moves again without a new goal.
+
+    Strain and joint states are taken just before something is judged by them: each `POLL_S` in a
+    trial, and with ``~/ready``.
     """
+
+    poll_s = None
 
     def __init__(self, node_name: str = 'trial_runner', **node_options: Any) -> None:
         super().__init__(node_name, TrialConfig, **node_options)
@@ -154,6 +159,7 @@ class TrialRunnerNode(TactileNode):
         guide, tendon, strain = self._guide, self._tendon, self._strain
         if guide is None or tendon is None or strain is None:
             return ['The trial runner is not configured; configure its node.']
+        self.poll_now()
         rivals = self._rivals
         parts = [
             '' if rivals is None else rivals.format_loss(),
@@ -224,7 +230,7 @@ class TrialRunnerNode(TactileNode):
             trial.has_moved = True
             self._guide.call(move, lambda: self._check(trial))
             return
-        track = self._guide.track(step.position_m, step.speed_m_s)
+        track = self._track(self._guide, step.position_m, step.speed_m_s, trial)
         result = self._move(self._guide, move, track, trial, is_new)
         if step.phase == TrialEvent.PHASE_GLIDE:
             summary = track.summarise(result.lag_s)
@@ -237,7 +243,7 @@ class TrialRunnerNode(TactileNode):
     def _carry_out_tendon(self, step: TendonStep, trial: RunningTrial, is_new: bool) -> None:
         assert self._tendon is not None
         pull = self._pull(step, trial.request)
-        track = self._tendon.track(step.displacement_m, step.speed_m_s)
+        track = self._track(self._tendon, step.displacement_m, step.speed_m_s, trial)
         if step.displacement_m > 0:
             self._contact.begin(step.displacement_m, self.config.displacement_tolerance_m)
             trial.needs_strain = True
@@ -254,6 +260,13 @@ class TrialRunnerNode(TactileNode):
                 self._begin(trial, trial.glide_end_ns)
                 is_new = False
             self._move(self._tendon, pull, track, trial, is_new)
+
+    def _track(
+        self, device: TrialDevice, target_m: float, speed_m_s: float, trial: RunningTrial
+    ) -> MotionTrack:
+        """Return the track of the motion that follows, once the position before it is known."""
+        self._wait_until(lambda: device.is_located, trial, REPORT_S)
+        return device.track(target_m, speed_m_s)
 
     def _move(
         self,
@@ -320,6 +333,7 @@ class TrialRunnerNode(TactileNode):
 
     def _find_end(self, trial: RunningTrial) -> None:
         """Raise what ends the trial."""
+        self.poll_now()
         trial.goal.check()
         trial.look(self.config.heartbeat_timeout_s)
         if (rivals := self._rivals) is not None and (loss := rivals.format_loss()):

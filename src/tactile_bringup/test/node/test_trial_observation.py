@@ -5,11 +5,13 @@
 
 import itertools
 import re
+import threading
 import time
 
 import pytest
-from trial_bench import SERVER_TIMEOUT_S, stamp_ns
+from trial_bench import Device, SERVER_TIMEOUT_S, stamp_ns
 
+from tactile_bringup.nodes import trial_devices
 from tactile_testing.waiting import wait_until
 
 STAMP_BOUND_NS = 50_000_000
@@ -69,6 +71,32 @@ def test_a_glide_that_was_not_the_commanded_one_fails_with_the_numbers(bench, fa
     assert result.glide_lag_s > 0.033
     assert bench.phases[-1] == 'aborted'
     bench.wait_until_released()
+
+
+@pytest.mark.parametrize('protocol', ['texture', 'stiffness'])
+def test_a_tendon_that_reports_slowly_until_it_moves_does_for_a_trial(
+    bench, monkeypatch, protocol
+):
+    monkeypatch.setattr(trial_devices, 'REST_REPORT_S', 1.0)
+    wait_until(lambda: bench.runner._tendon.is_located)
+    bench.tendon.rest_period_s = 1e3
+    bench.tendon.delays = {1: 0.8}  # twice the silence that ends a hold
+    assert 'done' in bench.end(bench.start(protocol, hold_s=0.5)).message
+
+
+def test_a_trial_waits_for_the_first_position(request, monkeypatch):
+    speaks, publish = threading.Event(), Device.publish
+
+    def publish_later(device, now):
+        if speaks.is_set() or device.get_name() != 'tendon_actuator':
+            publish(device, now)
+
+    monkeypatch.setattr(Device, 'publish', publish_later)
+    bench = request.getfixturevalue('bench')
+    handle = bench.start('stiffness', hold_s=0.5)
+    wait_until(lambda: bench.guide.goals and not bench.guide.goal_runners[0].is_busy)
+    threading.Timer(0.2, speaks.set).start()  # less than REPORT_S
+    assert 'done' in bench.end(handle).message
 
 
 def test_a_motion_that_nobody_reports_fails(bench):

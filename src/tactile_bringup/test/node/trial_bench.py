@@ -8,6 +8,7 @@ import os
 from pathlib import Path
 import subprocess
 import threading
+import time
 
 from ament_index_python.packages import get_package_prefix
 from rclpy.action import ActionClient
@@ -65,7 +66,8 @@ class Device(TactileNode):
     """A device that moves as it is told, unless a test has said otherwise.
 
     Goals are counted from 1. ``waits_in``, ``fails_in``, ``delays``: what happens before a goal
-    moves anything; ``pauses``: a pause half way [s]; ``slowness``: by which factor it is slow.
+    moves anything; ``pauses``: a pause half way [s]; ``slowness``: by which factor it is slow;
+    ``rest_period_s``: period of the joint states at rest.
     """
 
     def __init__(self, name, action_type, verb, **options):
@@ -77,6 +79,8 @@ class Device(TactileNode):
         self.pauses = {}
         self.slowness = {}
         self.moved_at_ns = {}
+        self.rest_period_s = 0.0
+        self._reported_s = time.monotonic()
         self.beats = True
         self.position_m = self.velocity_m_s = 0.0
         self._motion = None
@@ -98,7 +102,10 @@ class Device(TactileNode):
         now, motion = self.get_clock().now(), self._motion
         if motion is not None:
             self.position_m, self.velocity_m_s = motion.at(now.nanoseconds)
-        self.publish(now)
+        is_due = time.monotonic() >= self._reported_s + self.rest_period_s
+        if motion is not None or self.position_m != 0.0 or is_due:
+            self._reported_s = time.monotonic()
+            self.publish(now)
         self.heart.beat()
         if motion is not None and self.velocity_m_s == 0.0:
             self._motion = None

@@ -39,7 +39,7 @@ class Diagnostics:
     Parameters
     ----------
     node : rclpy.node.Node
-        A quiet `TactileNode` asks on the thread of periodic calls, any other on its executor.
+        A `TactileNode` asks on the thread of periodic calls, any other on its executor.
     hardware_id : callable
     provider : callable
         Returns a `Health`. It must not take the lock of a stage, which may wait for `close`.
@@ -56,7 +56,7 @@ class Diagnostics:
         self._stop_timer: Callable[[], object]
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         # Once a second of the computer's time: what is asked about may be why the other stands.
-        if isinstance(node, TactileNode) and node.is_quiet:
+        if isinstance(node, TactileNode):
             self._stop_timer = node.call_every(PERIOD_S, self.publish).cancel
         else:
             clock = Clock(clock_type=ClockType.STEADY_TIME)

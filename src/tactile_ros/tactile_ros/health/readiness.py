@@ -6,11 +6,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-
-from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
+import threading
 
 from tactile_msgs.msg import Readiness
+from tactile_ros.node.lifecycle import TactileNode
 from tactile_ros.qos import LATEST
 
 PERIOD_S = 0.1
@@ -21,30 +20,37 @@ class ReadinessPublisher:
 
     Parameters
     ----------
-    node : rclpy.node.Node
+    node : TactileNode
     find_missing : callable
         Returns a sentence for each thing that is missing; asked ten times a second on the
-        executor's thread.
+        thread of periodic calls, and by `update`. Not asked any more when `close` has returned.
     """
 
-    def __init__(self, node: Node, find_missing: Callable[[], Sequence[str]]) -> None:
+    def __init__(self, node: TactileNode, find_missing: Callable[[], Sequence[str]]) -> None:
         self._node, self._find_missing = node, find_missing
+        self._lock = threading.Lock()  # no older answer is published after a newer one
+        self._is_closed = False
         self._missing: list[str] | None = None
         self._publisher = node.create_publisher(Readiness, '~/ready', LATEST)
-        clock = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = node.create_timer(PERIOD_S, self.update, clock=clock)
+        self._calls = node.call_every(PERIOD_S, self.update)
 
     def update(self) -> None:
         """Publish if something has changed."""
-        missing = list(self._find_missing())
-        if missing == self._missing:
-            return
-        self._missing = missing
-        message = Readiness(ready=not missing, missing=missing)
-        message.header.stamp = self._node.get_clock().now().to_msg()
-        self._publisher.publish(message)
+        with self._lock:
+            if self._is_closed:
+                return
+            missing = list(self._find_missing())
+            if missing == self._missing:
+                return
+            self._missing = missing
+            message = Readiness(ready=not missing, missing=missing)
+            message.header.stamp = self._node.get_clock().now().to_msg()
+            self._publisher.publish(message)
 
     def close(self) -> None:
-        """Take timer and publisher away."""
-        self._node.destroy_timer(self._timer)
-        self._node.destroy_publisher(self._publisher)
+        """Publish no more. Harmless when called twice."""
+        self._calls.cancel()
+        with self._lock:
+            if not self._is_closed:
+                self._is_closed = True
+                self._node.destroy_publisher(self._publisher)

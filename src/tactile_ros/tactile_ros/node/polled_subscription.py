@@ -39,6 +39,8 @@ class PolledSubscription:
         Take serialised messages, as bytes.
     overridable : bool
         Quality of service can be set by parameters ``qos_overrides…``.
+    together : bool
+        ``take`` gets a list of all messages that wait, and the information of the newest.
     """
 
     def __init__(
@@ -51,9 +53,11 @@ class PolledSubscription:
         *,
         raw: bool = False,
         overridable: bool = False,
+        together: bool = False,
     ) -> None:
         self._node = node
         self._type = message_type
+        self._together = together
         self._take = take
         self._depth = int(profile.depth)
         self._warned: set[str] = set()
@@ -99,7 +103,10 @@ class PolledSubscription:
 
     def poll(self) -> None:
         """Hand on what waits."""
-        for message, info in self.waiting():
+        waiting = self.waiting()
+        if self._together and waiting:
+            waiting = [([message for message, _ in waiting], waiting[-1][1])]
+        for message, info in waiting:
             if self._subscription is None:  # the callback before has closed it
                 return
             self._take(message, info)

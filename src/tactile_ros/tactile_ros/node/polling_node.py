@@ -33,18 +33,19 @@ class PollingNode(TactileNode):
     ----------
     lock : threading.RLock
         Held by every callback of a subscription.
-    poll_s : float
-        Period of asking.
+    poll_s : float or None
+        Period of asking; None: only `poll_now` asks. See `poll_every`.
     """
 
     is_quiet = True
-    poll_s = POLL_S
+    poll_s: float | None = POLL_S
 
     def __init__(self, name: str, config_class: type, **node_options: Any) -> None:
         self.lock = threading.RLock()
         self._poller = Ticker(f'topics of {name}')
         self._polled: tuple[PolledSubscription, ...] = ()
         self._polling: list[Periodic] = []
+        self._asking: Periodic | None = None  # the one of them that polls
         super().__init__(name, config_class, **node_options)
 
     def poll(
@@ -56,20 +57,35 @@ class PollingNode(TactileNode):
         *,
         raw: bool = False,
         overridable: bool = False,
+        together: bool = False,
     ) -> PolledSubscription:
-        """Subscribe to what comes often; ``take(message, info)`` runs on the polling thread."""
+        """Subscribe to what comes often; ``take(message, info)`` runs on the polling thread.
+
+        And on that of `poll_now`. The options are those of `PolledSubscription`.
+        """
         guarded = self.message_guard.wrap(topic, take)
-        subscription = PolledSubscription(
-            self, message_type, topic, guarded, profile, raw=raw, overridable=overridable
-        )
+        options = {'raw': raw, 'overridable': overridable, 'together': together}
+        subscription = PolledSubscription(self, message_type, topic, guarded, profile, **options)
         with self.lock:
             self._polled = (*self._polled, subscription)
             if not self._polling:
-                self._polling = [
-                    self._call_on(self._poller, self.poll_s, self._poll_all),
-                    self.call_every(MISFITS_S, self._warn_of_misfits),
-                ]
+                self._polling = [self.call_every(MISFITS_S, self._warn_of_misfits)]
+                if self.poll_s is not None:
+                    self._asking = self._call_on(self._poller, self.poll_s, self.poll_now)
+                    self._polling.append(self._asking)
         return subscription
+
+    def poll_every(self, period_s: float) -> None:
+        """Ask with another period from now on [s]; on another thread, after the next time."""
+        self.poll_s = period_s
+        if self._asking is not None:
+            self._asking.change_period(period_s)
+
+    def poll_now(self) -> None:
+        """Hand on what has come on all polled topics, on this thread."""
+        for subscription in self._polled:
+            with self.lock:
+                subscription.poll()
 
     def unpoll(self, subscription: PolledSubscription) -> None:
         """Close a subscription. Harmless when called twice."""
@@ -100,11 +116,6 @@ class PollingNode(TactileNode):
     def destroy_node(self) -> None:
         self.unpoll_all()
         super().destroy_node()
-
-    def _poll_all(self) -> None:
-        for subscription in self._polled:
-            with self.lock:
-                subscription.poll()
 
     def _warn_of_misfits(self) -> None:
         for subscription in self._polled:

@@ -94,6 +94,26 @@ def test_latched_messages_and_their_information_come(context, spun):
     assert all(received_ns > 0 for _, received_ns in heard)
 
 
+def test_without_a_period_all_that_waits_comes_together_when_it_is_asked_for(context, spun):
+    peer, listener = Node('peer', context=context), Listener('listener', context=context)
+    listener.poll_s = None
+    came = []
+    listener.poll(
+        Int32, 'numbers', lambda messages, _: came.append(messages), STREAM, together=True
+    )
+    spun(peer, listener)
+    publisher = peer.create_publisher(Int32, 'numbers', STREAM)
+    wait_until(lambda: publisher.get_subscription_count() == 1)
+    for i in range(5):
+        publisher.publish(Int32(data=i))
+    assert publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=DEADLINE_S))
+    wait_until(lambda: listener.poll_now() or came)
+    assert [message.data for messages in came for message in messages][:1] == [0]
+    wait_until(lambda: listener.poll_now() or sum(map(len, came)) == 5)
+    assert len(came) <= 2  # the last ones may not be in the queue yet
+    assert not [t for t in threading.enumerate() if t.name == 'topics of listener']
+
+
 def test_nothing_comes_after_a_subscription_is_closed_and_others_go_on(context, spun):
     peer, listener = Node('peer', context=context), Listener('listener', context=context)
     publisher = peer.create_publisher(Int32, 'numbers', STREAM)

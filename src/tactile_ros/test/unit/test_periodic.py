@@ -85,3 +85,13 @@ def test_missed_calls_are_left_out():
     wait_until(lambda: len(times) >= 2)
     periodic.cancel()
     assert times[1] > released_s
+
+
+def test_a_call_changes_the_period_of_another():
+    ticker, came = Ticker('ticker of a test'), threading.Semaphore(0)
+    seldom = ticker.every(1000.0, came.release)
+    often = ticker.every(0.001, lambda: seldom.change_period(0.001))
+    for _ in range(5):
+        assert came.acquire(timeout=DEADLINE_S)
+    for call in (seldom, often):
+        call.cancel()
