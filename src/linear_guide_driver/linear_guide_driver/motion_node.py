@@ -15,7 +15,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from linear_guide_driver.errors import LinearGuideDriverError
-from linear_guide_driver.safety import find_loss, TopicWatchdog, Watch
+from linear_guide_driver.safety import find_loss, Watch
 from tactile_ros.health.diagnostics import Diagnostics, ERROR, Health
 from tactile_ros.health.heartbeat import Heartbeat, HeartbeatWatch
 from tactile_ros.health.readiness import ReadinessPublisher
@@ -121,34 +121,6 @@ class MotionNode(PollingNode):
         self.unpoll_all()
         self._heartbeat = self._joint_states = None
         self._parts.close()
-
-    # -- what must be heard --------------------------------------------------------------------
-
-    def subscribe(
-        self, message_type: type, topic: str, hear: Callable[..., None], qos: Any
-    ) -> Any:
-        """Subscribe to a topic until the node is taken down."""
-        subscription = self.create_subscription(message_type, topic, hear, qos)
-        self._parts.callback(self.destroy_subscription, subscription)
-        return subscription
-
-    def watch(
-        self,
-        message_type: type,
-        topic: str,
-        timeout_s: float,
-        qos: Any,
-        is_sign: Callable[[Any], bool] = lambda _: True,
-    ) -> None:
-        """Watch a topic for silence [s]; ``is_sign`` says whether a message counts."""
-        watchdog = TopicWatchdog(topic, timeout_s)
-
-        def hear(message: Any) -> None:
-            if is_sign(message):
-                watchdog.beat(time.monotonic_ns())
-
-        self._watches = (*self._watches, watchdog)
-        self.subscribe(message_type, topic, hear, qos)
 
     def find_peer_loss(self) -> str:
         """Return which node or topic is lost and what to do; empty when none is."""

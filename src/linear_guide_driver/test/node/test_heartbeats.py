@@ -9,6 +9,7 @@ from pathlib import Path
 import signal
 import subprocess
 
+from action_msgs.msg import GoalStatus
 from ament_index_python.packages import get_package_prefix
 import pytest
 import rclpy
@@ -21,6 +22,7 @@ from linear_guide_driver.linear_guide_node import LinearGuideNode
 from linear_guide_driver.tendon_actuator_node import TendonActuatorNode
 from tactile_msgs.action import HomeGuide, MoveGuide, PullTendon
 from tactile_ros.health.heartbeat import HeartbeatWatch
+from tactile_ros.node.requests import send
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_testing.waiting import wait_until
 
@@ -131,11 +133,15 @@ def test_of_two_guides_a_moving_one_stops_and_none_moves(bench, grbl, twins):
     move = {'position_m': 0.19, 'speed_m_s': 0.005}
     handle = bench.send(MoveGuide, '/linear_guide/move', **move)
     wait_until(lambda: grbl.is_moving)
+    # Asked for now: the second guide would answer, too, that it knows no such goal.
+    end = send(bench.peer, handle.get_result_async)
     second_grbl = ScriptedGrbl()
     try:
         with twins(LinearGuideNode, port=second_grbl.port):
-            status, result = bench.result(handle)
-            assert (status, 'two rigs share' in result.message) == ('aborted', True)
+            wait_until(end.done)
+            reply = end.result()
+            assert reply.status == GoalStatus.STATUS_ABORTED
+            assert 'two rigs share' in reply.result.message
             assert not grbl.is_moving
             status, result = bench.result(bench.send(MoveGuide, '/linear_guide/move', **move))
             assert (status, 'two rigs share' in result.message) == ('aborted', True)
