@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import fields
+import math
 import time
 from typing import Any
 
@@ -52,6 +53,15 @@ TURN_S, HANG_S = 0.5, 1.2
 
 Slow, since each turn costs 0.6 ms, and nothing that this node commands moves between trials."""
 
+TELL_S, TELL_AFTER_S = 0.5, 10.0
+"""Period of a look at what is missing after the start, and when it is told [s]."""
+
+HOMINGS = {
+    'home the guide': ('linear_guide/home', 'tactile_msgs/action/HomeGuide'),
+    'home the tendon': ('tendon_actuator/home', 'tactile_msgs/action/HomeTendon'),
+}
+"""Actions that are the remedy of what may be missing, by words of it."""
+
 RELEASE_ATTEMPTS = 3
 RELEASE_PAUSE_S = 0.3
 """A servo that has been silent for a moment takes a fresh command once it is heard again."""
@@ -87,6 +97,8 @@ class TrialRunnerNode(PollingNode):
         self._turns: Any = None
         self._turned_s = 0.0  # when the executor came round
         self._ready: ReadinessPublisher | None = None
+        self._telling: Periodic | None = None
+        self._began_s = math.inf  # when it began to wait for what a trial needs
         self._contact = TendonContact()
         self._trial: RunningTrial | None = None
         self._count = 0
@@ -114,6 +126,8 @@ class TrialRunnerNode(PollingNode):
         self._heartbeat = Heartbeat(self, lambda: self.is_active)
         self._rivals = HeartbeatWatch(self, '~/heartbeat', is_own=True)
         self._ready = ReadinessPublisher(self, self._find_missing)
+        self._began_s = time.monotonic()
+        self._telling = self.call_every(TELL_S, self._tell_start)
         self._note_turn()  # its first turn may be long after the activation
         clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._turns = self.create_timer(TURN_S, self._note_turn, clock=clock)
@@ -133,6 +147,9 @@ class TrialRunnerNode(PollingNode):
             if self._runner.is_busy and self._trial and self._tendon and self.context.ok():
                 self._tendon.client.send_goal_async(self._release(self._trial.request))
             self._runner = None
+        if self._telling is not None:
+            self._telling.cancel()
+            self._telling = None
         if self._beats is not None:
             self._beats.cancel()
             self.destroy_timer(self._turns)
@@ -168,6 +185,24 @@ class TrialRunnerNode(PollingNode):
             strain.describe_silence(),
         ]
         return [part for part in parts if part]
+
+    def _tell_start(self) -> None:
+        """Log once that trials can run and, after a while, what they wait for; periodic."""
+        missing, telling = None if self._ready is None else self._ready.missing, self._telling
+        if missing is None or telling is None:
+            return
+        if not missing:
+            self.get_logger().info('ready for trials')
+            telling.cancel()
+        elif time.monotonic() - self._began_s > TELL_AFTER_S:
+            self._began_s = math.inf
+            text = ' '.join(missing)
+            commands = [
+                f'ros2 action send_goal {self.resolve_service_name(name)} {kind} "{{}}"'
+                for words, (name, kind) in HOMINGS.items()
+                if words in text
+            ]
+            self.get_logger().warning(' '.join(['not ready for trials:', text, *commands]))
 
     # -- the sign of life ------------------------------------------------------------
 

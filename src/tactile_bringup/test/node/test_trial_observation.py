@@ -4,6 +4,7 @@
 """What a trial says of itself: when its phases began, how it moved, why it cannot begin."""
 
 import itertools
+import math
 import re
 import threading
 import time
@@ -107,6 +108,25 @@ def test_a_motion_that_nobody_reports_fails(bench):
 
 
 # -- ready means ready ------------------------------------------------------------------------
+
+
+def test_the_log_says_once_what_is_missing_and_once_that_all_is_ready(bench, capfd):
+    runner, lines = bench.runner, []
+
+    def count(text):
+        lines.extend(capfd.readouterr().err.splitlines())
+        return sum(text in line for line in lines)
+
+    runner._telling.cancel()  # it was ready from its start
+    bench.guide.say_ready('The guide has not been homed; home the guide.')
+    wait_until(lambda: runner._ready.missing)
+    capfd.readouterr()
+    runner._began_s = -math.inf
+    runner._telling = runner.call_every(0.02, runner._tell_start)
+    wait_until(lambda: count('home the guide. ros2 action send_goal /linear_guide/home'))
+    bench.guide.say_ready()
+    wait_until(lambda: count('[trial_runner]: ready for trials'))
+    assert (count(': not ready for trials'), count(': ready for trials')) == (1, 1)
 
 
 def test_a_goal_waits_for_a_driver_that_is_not_ready_yet(bench):

@@ -24,13 +24,18 @@ class ReadinessPublisher:
     find_missing : callable
         Returns a sentence for each thing that is missing; asked ten times a second on the
         thread of periodic calls, and by `update`. Not asked any more when `close` has returned.
+
+    Attributes
+    ----------
+    missing : list of str or None
+        The sentences published last; None: none yet.
     """
 
     def __init__(self, node: TactileNode, find_missing: Callable[[], Sequence[str]]) -> None:
         self._node, self._find_missing = node, find_missing
         self._lock = threading.Lock()  # no older answer is published after a newer one
         self._is_closed = False
-        self._missing: list[str] | None = None
+        self.missing: list[str] | None = None
         self._publisher = node.create_publisher(Readiness, '~/ready', LATEST)
         self._calls = node.call_every(PERIOD_S, self.update)
 
@@ -40,9 +45,9 @@ class ReadinessPublisher:
             if self._is_closed:
                 return
             missing = list(self._find_missing())
-            if missing == self._missing:
+            if missing == self.missing:
                 return
-            self._missing = missing
+            self.missing = missing
             message = Readiness(ready=not missing, missing=missing)
             message.header.stamp = self._node.get_clock().now().to_msg()
             self._publisher.publish(message)
