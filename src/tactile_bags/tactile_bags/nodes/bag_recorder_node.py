@@ -166,7 +166,7 @@ class BagRecorderNode(PollingNode):
                 name: self.poll(
                     message_class(topic.type_name),
                     name,
-                    lambda *_: None,  # taken by `_poll_all`, all topics in the order of arrival
+                    lambda *_: None,  # taken by `poll_now`, all topics in the order of arrival
                     EVENTS if topic.latched else STREAM,
                     raw=True,
                 )
@@ -175,7 +175,7 @@ class BagRecorderNode(PollingNode):
         self._started_ns = time.monotonic_ns()
         self._has_said_missing = False
 
-    def _poll_all(self) -> None:
+    def poll_now(self) -> None:
         self._take_all(time.time_ns())
 
     def _take_all(self, until_ns: int | None = None) -> None:
