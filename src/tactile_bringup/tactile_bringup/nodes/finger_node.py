@@ -66,8 +66,8 @@ def main() -> int:
             running_graph(nodes, context, on_end=end, signals=signals, needs_all=False) as running,
         ):
             after.enter_context(outliving(*running.values()))
-            starting = Starting(running, logger)
-            while not (
+            starting = None if signals.received else Starting(running, logger)
+            while starting is not None and not (
                 signals.wait(POLL_S)
                 or ended.is_set()
                 or all(node.is_finished for node in running.values())

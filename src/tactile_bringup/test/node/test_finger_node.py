@@ -26,11 +26,11 @@ DEADLINE_S = 60.0
 FINGERS = ('index', 'middle')
 
 
-def start(context, *arguments):
+def start(context, *arguments, stderr=subprocess.PIPE):
     return subprocess.Popen(
         [PROGRAM, *arguments],
         env={**os.environ, 'ROS_DOMAIN_ID': str(context.get_domain_id())},
-        stderr=subprocess.PIPE,
+        stderr=stderr,
         text=True,
     )
 
@@ -85,21 +85,22 @@ def test_a_finger_without_its_device_does_not_keep_the_others_and_comes_later(
             for finger in FINGERS
         )
     )
-    with SimulatedRig(1, tmp_path / 'index'):
+    log = tmp_path / 'log'
+    with SimulatedRig(1, tmp_path / 'index'), log.open('w') as stderr:
         names = [f'/{finger}/tendon_sensor' for finger in FINGERS]
-        process = start(context, *names, '--ros-args', '--params-file', str(params))
+        process = start(context, *names, '--ros-args', '--params-file', str(params), stderr=stderr)
         try:
             wait_until(lambda: heard['index'], timeout_s=DEADLINE_S, step=spin)
             assert not heard['middle']
+            wait_until(lambda: 'not running yet: middle/tendon_sensor' in log.read_text())
             with SimulatedRig(2, tmp_path / 'middle'):
                 wait_until(lambda: heard['middle'], timeout_s=DEADLINE_S, step=spin)
+                told = 'running: index/tendon_sensor, middle/tendon_sensor'
+                wait_until(lambda: told in log.read_text())
             process.send_signal(signal.SIGINT)
-            _, errors = process.communicate(timeout=DEADLINE_S)
+            assert process.wait(DEADLINE_S) == 0, log.read_text()
         finally:
             process.kill()
-    assert process.returncode == 0, errors
-    assert 'not running yet: middle/tendon_sensor' in errors
-    assert 'running: index/tendon_sensor, middle/tendon_sensor' in errors
 
 
 def test_without_autostart_the_nodes_wait_for_a_lifecycle_manager(context, ear, tmp_path):
