@@ -38,6 +38,8 @@ ARGUMENTS = [
 def launch_setup(context):
     arguments = Arguments(context, ARGUMENTS)
     file, path = arguments.file, arguments.path('bag')
+    if path is None:
+        raise TactileError('name the recording to play, as bag:=FOLDER')
     try:
         rate = float(arguments['rate'])
     except ValueError:

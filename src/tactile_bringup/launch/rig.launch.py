@@ -17,6 +17,7 @@ from tactile_bringup.launch_config.graph import (
     recorder_parameters,
     sensor_parameters,
 )
+from tactile_bringup.launch_config.hand import refuse_shared_ports
 from tactile_bringup.launch_config.launching import (
     Arguments,
     Node,
@@ -113,15 +114,18 @@ def launch_setup(context):
                 'finger, use sense.launch.py'
             )
     simulated = arguments['rig'] == 'simulated'
+    has_sensor = bool(ports['sensor'] or arguments['sensor_topic'])
     given = [name for name, port in ports.items() if port and port != NO_PORT]
+    missing = [f'{name}_port' for name in ('guide', 'tendon') if not ports[name]]
+    missing += [] if has_sensor else ['sensor_port']
     rigs = []
     if simulated and not given:
         touched = arguments['object'] or {'texture': 'R1', 'stiffness': 'rubber_shell'}[protocol]
         rigs.append(SimulatedRig(arguments.scratch / 'rig', 1, (protocol, touched, contact)))
         ports['guide'], ports['tendon'] = rigs[0].ports.guide, rigs[0].ports.tendon
-        if not (ports['sensor'] or arguments['sensor_topic']):
+        if not has_sensor:
             ports['sensor'] = rigs[0].ports.sensor
-    elif simulated and (missing := [f'{name}_port' for name, port in ports.items() if not port]):
+    elif simulated and missing:
         raise TactileError(
             f'name all ports of a simulated rig that runs already, also {", ".join(missing)}; '
             'or none, and one is started'
@@ -224,6 +228,7 @@ def launch_setup(context):
                 **{**process, 'respawn': False},
             )
         )
+    refuse_shared_ports(node.description for node in nodes)
     return start(arguments, rigs, nodes)
 
 

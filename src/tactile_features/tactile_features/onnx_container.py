@@ -64,14 +64,14 @@ OPERATORS = frozenset(
         'ai.onnx.ml:TreeEnsembleClassifier',
     ]
 )
-"""All that our graphs are made of, with its domain where it is not that of ONNX itself. None
-repeats another graph, reads a file or makes values out of a mere size."""
+"""Operators of our graphs, with their domain where it is not that of ONNX itself. None repeats
+another graph, reads a file or makes values out of a mere size."""
 
 _MAX_DEPTH = 16  # graphs inside graphs
 
 
 class Container(NamedTuple):
-    """What a model file holds.
+    """Contents of a model file.
 
     Attributes
     ----------

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the launch files share: arguments, simulated rigs, nodes with layers of parameters.
+"""Parts of the launch files: arguments, simulated rigs, nodes with layers of parameters.
 
 Imports ``launch``, which comes with an ordinary ROS 2 and not from PyPI.
 """
@@ -76,14 +76,15 @@ def shared_arguments(**defaults: str) -> list[DeclareLaunchArgument]:
             'true: start a process again that has died. A tendon driver that starts on a taut '
             'tendon lets it out',
         ),
-        'log_level': (
-            'info',
-            'least severity that the nodes log: debug, info, warn, error, fatal',
-        ),
+        'log_level': ('info', 'least severity that the nodes log'),
     }
+    choices = {'log_level': ['debug', 'info', 'warn', 'error', 'fatal']}
     return [
         DeclareLaunchArgument(
-            name, default_value=defaults.get(name, default), description=description
+            name,
+            default_value=defaults.get(name, default),
+            description=description,
+            choices=choices.get(name),
         )
         for name, (default, description) in described.items()
     ]
@@ -115,7 +116,7 @@ class Arguments:
             argument.name: str(LaunchConfiguration(argument.name).perform(context))
             for argument in declared
         }
-        self._refuse_unknown(context)
+        self._refuse_unknown()
         self.file = ParameterFile(self.path('params_file'))
         self._scratch = tempfile.TemporaryDirectory(prefix='tactile_launch_')
         self.scratch = Path(self._scratch.name)
@@ -154,11 +155,11 @@ class Arguments:
         """Remove the scratch folder."""
         self._scratch.cleanup()
 
-    def _refuse_unknown(self, context: LaunchContext) -> None:
-        for name, sentence in RENAMED.items():
-            if context.launch_configurations.get(name) and name not in self._values:
-                raise TactileError(f'the argument {name} {sentence}')
-        # launch itself passes over what nobody declares. An including file may have its own.
+    def _refuse_unknown(self) -> None:
+        """Refuse what the command line names and nobody declares: launch passes over it.
+
+        A launch file of somebody else that includes ours may have arguments of its own.
+        """
         if not any(
             after.endswith('.launch.py') and 'tactile_bringup' in (before, *Path(after).parts)
             for before, after in pairwise(sys.argv)
@@ -166,14 +167,13 @@ class Arguments:
             return
         for word in sys.argv[1:]:
             name, given, _ = word.partition(':=')
-            if given and name not in self._values:
-                close = get_close_matches(name, self._values, 1)
-                hint = (
-                    f'did you mean {close[0]}?'
-                    if close
-                    else f'there are {", ".join(self._values)}'
-                )
-                raise TactileError(f'there is no argument {name}; {hint}')
+            if not given or name in self._values:
+                continue
+            if name in RENAMED:
+                raise TactileError(f'the argument {name} {RENAMED[name]}')
+            close = get_close_matches(name, self._values, 1)
+            known = f'did you mean {close[0]}?' if close else ', '.join(self._values)
+            raise TactileError(f'there is no argument {name}; {known}')
 
 
 class Node(launch_ros.actions.Node):

@@ -94,15 +94,16 @@ def read_launch_arguments(name: str) -> tuple[LaunchArgument, ...]:
         elif called == 'shared_arguments':
             changed = {key: ast.literal_eval(value) for key, value in words.items()}
     shared = ast.parse(Path(__file__).with_name('launching.py').read_text())
-    (described,) = (
+    described, choices = (
         ast.literal_eval(node.value)
+        for name in ('described', 'choices')
         for node in ast.walk(shared)
-        if isinstance(node, ast.Assign) and getattr(node.targets[0], 'id', '') == 'described'
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], 'id', '') == name
     )
     return (
         *found,
         *(
-            LaunchArgument(key, changed.get(key, default), (), text)
+            LaunchArgument(key, changed.get(key, default), tuple(choices.get(key, ())), text)
             for key, (default, text) in described.items()
         ),
     )

@@ -83,10 +83,7 @@ class TrialDevice:
         self._track_end_s = -math.inf  # until when it takes joint states
         self.client = ActionClient(node, action_type, f'{name}/{verb}')
         self._stop = node.create_client(Trigger, f'{name}/stop')
-        self._subscriptions = [
-            node.create_subscription(kind, f'{name}/{topic}', callback, qos)
-            for kind, topic, callback, qos in ((Readiness, 'ready', self._on_ready, LATEST),)
-        ]
+        self._told = node.create_subscription(Readiness, f'{name}/ready', self._on_ready, LATEST)
         self._states = node.poll(JointState, f'{name}/joint_states', self._on_joint_state, STREAM)
 
     def close(self) -> None:
@@ -95,8 +92,7 @@ class TrialDevice:
         self.client.destroy()
         self._node.destroy_client(self._stop)
         self._node.unpoll(self._states)
-        for subscription in self._subscriptions:
-            self._node.destroy_subscription(subscription)
+        self._node.destroy_subscription(self._told)
 
     # -- whether it can be used --------------------------------------------------------------
 

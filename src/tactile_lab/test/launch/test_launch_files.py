@@ -140,6 +140,9 @@ def test_a_simulated_rig_is_started_unless_ports_are_given():
     running = {f'{name}_port': f'/tmp/{name}' for name in ('guide', 'tendon', 'sensor')}
     nodes = launched('texture', rig='simulated', **running)
     assert nodes['tendon_sensor'][2] == {'port': '/tmp/sensor', 'simulated': True}
+    running = {'guide_port': '/tmp/guide', 'tendon_port': '/tmp/tendon', 'sensor_topic': '/ft'}
+    nodes = launched('texture', rig='simulated', **running)
+    assert nodes['tendon_sensor'][2]['topic'] == '/ft'
     with pytest.raises(TactileError, match='also tendon_port, sensor_port'):
         evaluate('texture', rig='simulated', guide_port='/tmp/guide')
     rigs = evaluate('hand', rig='simulated', fingers='index,middle')
@@ -158,8 +161,13 @@ def test_a_simulated_rig_is_started_unless_ports_are_given():
         ('texture', {'params_file': 'nowhere.yaml'}, 'nowhere.yaml'),
         ('texture', {'rig': 'simulated', 'object': 'R9'}, 'object is "R9"; for texture there are'),
         ('texture', {'guide_port': 'none'}, 'guide_port is none, but a trial moves the guide'),
-        ('texture', {'model': 'x'}, 'the argument model is now called models'),
-        ('hand', {'hand_file': 'x'}, 'the argument hand_file is now params_file'),
+        ('replay', {'bag': ''}, 'name the recording to play'),
+        ('texture', {'log_level': 'loud'}, 'log_level'),
+        (
+            'texture',
+            {'guide_port': '/dev/a', 'tendon_port': '/dev/a'},
+            'have the same port /dev/a: a port has one user',
+        ),
     ],
 )
 def test_what_does_not_fit_is_refused_with_a_sentence(name, values, sentence):
@@ -167,11 +175,21 @@ def test_what_does_not_fit_is_refused_with_a_sentence(name, values, sentence):
         evaluate(name, **values)
 
 
-def test_an_argument_that_nobody_declares_is_refused_on_the_command_line(monkeypatch):
-    command = ['ros2', 'launch', 'tactile_bringup', 'sense.launch.py', 'modle:=x']
+@pytest.mark.parametrize(
+    ('word', 'sentence'),
+    [
+        ('modle:=x', 'there is no argument modle; did you mean models'),
+        ('model:=x', 'the argument model is now called models'),
+        ('hand_file:=x', 'the argument hand_file is now params_file'),
+    ],
+)
+def test_an_argument_that_nobody_declares_is_refused_on_the_command_line(
+    monkeypatch, word, sentence
+):
+    command = ['ros2', 'launch', 'tactile_bringup', 'sense.launch.py', word]
     monkeypatch.setattr(sys, 'argv', command)
-    with pytest.raises(TactileError, match='there is no argument modle; did you mean models'):
+    with pytest.raises(TactileError, match=sentence):
         evaluate('sense')
     # Somebody else's launch file that includes ours may have arguments of its own.
-    monkeypatch.setattr(sys, 'argv', [*command[:2], 'my_robot', 'sense.launch.py', 'modle:=x'])
-    assert evaluate('sense', processes='node')
+    monkeypatch.setattr(sys, 'argv', [*command[:2], 'my_robot', 'sense.launch.py', word])
+    assert evaluate('sense', processes='node', model='of my robot')
