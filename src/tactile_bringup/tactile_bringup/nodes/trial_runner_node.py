@@ -191,7 +191,9 @@ class TrialRunnerNode(PollingNode):
         missing, telling = None if self._ready is None else self._ready.missing, self._telling
         if missing is None or telling is None:
             return
-        if not missing:
+        if self._runner is not None and self._runner.is_busy:
+            telling.cancel()  # somebody knew before that it was ready
+        elif not missing:
             self.get_logger().info('ready for trials')
             telling.cancel()
         elif time.monotonic() - self._began_s > TELL_AFTER_S:

@@ -129,6 +129,15 @@ def test_the_log_says_once_what_is_missing_and_once_that_all_is_ready(bench, cap
     assert (count(': not ready for trials'), count(': ready for trials')) == (1, 1)
 
 
+def test_a_trial_that_runs_is_not_told_as_something_missing(bench, capfd):
+    runner = bench.runner
+    bench.touch('stiffness')
+    wait_until(lambda: runner._ready.missing)
+    runner._began_s = -math.inf
+    runner._tell_start()
+    assert 'not ready' not in capfd.readouterr().err
+
+
 def test_a_goal_waits_for_a_driver_that_is_not_ready_yet(bench):
     bench.guide.say_ready('Nothing was heard of trial_runner/heartbeat yet.')
     handle = bench.start('stiffness', hold_s=0.5)
