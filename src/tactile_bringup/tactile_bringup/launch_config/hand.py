@@ -52,8 +52,8 @@ def find_fingers(text: str, file: ParameterFile, namespace: str = '') -> tuple[s
     names = parse_finger_names(text) or described
     if not names:
         raise TactileError(
-            'name the fingers, such as index,middle, or describe them in a parameter file, each by '
-            'a block for nodes in a namespace of its name'
+            'name the fingers, such as index,middle, or describe them in a parameter file, each '
+            'by a block for nodes in a namespace of its name'
         )
     if described:
         if missing := [name for name in names if name not in described]:
