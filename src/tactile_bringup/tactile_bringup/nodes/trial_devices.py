@@ -273,12 +273,12 @@ class TrialDevice:
             check()
             if not self._node.context.ok():
                 raise GoalAborted('the process is ending')
+            problem = lateness if time.monotonic() > deadline_s else self.describe_loss()
             if not self.client.server_is_ready():
-                raise GoalAborted(f'the {self._words} went away; is its node running?')
-            if loss := self.describe_loss():
-                raise GoalAborted(loss)
-            if time.monotonic() > deadline_s:
-                raise GoalAborted(lateness)
+                problem = f'the {self._words} went away; is its node running?'
+            if problem:
+                check()  # who stood still meanwhile has heard of nothing
+                raise GoalAborted(problem)
         return future.result()
 
     # -- what it says --------------------------------------------------------------------------

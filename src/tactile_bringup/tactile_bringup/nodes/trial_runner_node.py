@@ -373,6 +373,15 @@ class TrialRunnerNode(PollingNode):
         self.poll_now()
         trial.goal.check()
         trial.look(self.config.heartbeat_timeout_s)
+        try:
+            self._find_loss(trial)
+        except GoalAborted:
+            # A runner that stood still since then has heard of nothing.
+            trial.look(self.config.heartbeat_timeout_s)
+            raise
+
+    def _find_loss(self, trial: RunningTrial) -> None:
+        """Raise where somebody that the trial needs is lost."""
         if (rivals := self._rivals) is not None and (loss := rivals.format_loss()):
             raise GoalAborted(loss)
         for device in (self._guide, self._tendon):

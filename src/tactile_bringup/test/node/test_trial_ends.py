@@ -200,6 +200,17 @@ def test_a_clock_that_is_set_back_in_the_hold_hides_nothing(bench, position_m, s
     assert bench.phases[-1] == 'aborted'
 
 
+def test_a_runner_that_stood_still_while_it_looked_blames_nobody_else(bench):
+    handle = bench.touch('stiffness')
+
+    def stand_still():
+        threading.Event().wait(2.0 * bench.runner.config.heartbeat_timeout_s)
+        return 'The tendon is lost.'
+
+    bench.runner._contact.describe_loss = stand_still
+    assert 'the trial runner stood still for' in bench.end(handle).message
+
+
 @pytest.mark.parametrize('phase', ['glide', 'hold'])
 def test_a_phase_in_which_the_runner_was_frozen_does_not_succeed(bench_apart, phase):
     bench = bench_apart
