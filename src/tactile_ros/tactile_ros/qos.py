@@ -8,8 +8,16 @@ can read too: a lost sample is a gap in a window, so nobody loses one by default
 """
 
 from functools import partial
+from typing import Any
 
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    qos_policy_name_from_kind,
+    QoSProfile,
+    ReliabilityPolicy,
+)
 
 _reliable = partial(
     QoSProfile, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.RELIABLE
@@ -34,3 +42,46 @@ CLOCK = _reliable(depth=1, durability=DurabilityPolicy.VOLATILE)
 
 LATEST = _reliable(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """A state, latched: a late subscriber receives the present one."""
+
+_OF_SUBSCRIBERS = {
+    'DURABILITY': 'it asks for transient local, and this topic keeps nothing for late '
+    'subscribers: subscribe with durability volatile',
+    'RELIABILITY': 'it asks for reliable, and a parameter qos_overrides made this topic best '
+    'effort: subscribe with reliability best effort, or take the parameter away',
+}
+_OF_PUBLISHERS = {
+    'DURABILITY': 'it is volatile, and this node needs what came before: publish with '
+    'durability transient local',
+    'RELIABILITY': 'it is best effort, and this node needs each message: publish with '
+    'reliability reliable',
+}
+
+
+def publisher_warnings(node: Any, topic: str) -> PublisherEventCallbacks:
+    """Return callbacks that warn, with the cure, of subscribers that get nothing."""
+
+    def warn(event: Any) -> None:
+        node.get_logger().warning(
+            f'a subscriber of {node.resolve_topic_name(topic)} gets nothing: '
+            + _format_cure(event, _OF_SUBSCRIBERS, node.resolve_topic_name(topic))
+        )
+
+    return PublisherEventCallbacks(incompatible_qos=warn)
+
+
+def subscription_warnings(node: Any, topic: str) -> SubscriptionEventCallbacks:
+    """Return callbacks that warn, with the cure, of publishers that are not heard."""
+
+    def warn(event: Any) -> None:
+        node.get_logger().warning(
+            f'a publisher of {node.resolve_topic_name(topic)} is not heard: '
+            + _format_cure(event, _OF_PUBLISHERS, node.resolve_topic_name(topic))
+        )
+
+    return SubscriptionEventCallbacks(incompatible_qos=warn)
+
+
+def _format_cure(event: Any, cures: dict[str, str], topic: str) -> str:
+    policy = qos_policy_name_from_kind(event.last_policy_kind)
+    other = f'the two differ in {policy}: `ros2 topic info --verbose {topic}` shows both'
+    return cures.get(policy, other)
