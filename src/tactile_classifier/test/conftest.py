@@ -91,19 +91,26 @@ def model_path(small_table, tmp_path_factory):
 
 
 @pytest.fixture(scope='session')
-def run_graph():
-    """Return a function that runs operators, added to a graph behind ``x``, on rows of values."""
+def open_graph():
+    """Return a function that returns one to run operators, added to a graph behind ``x``."""
     helper = pytest.importorskip('onnx', reason='onnx is not installed').helper
 
-    def run(add, values, labels):
+    def build(add, features, labels):
         graph = Graph()
         graph.add('Identity', add(graph, 'x'), output='y')
-        shapes = {'x': (float, [None, values.shape[1]])}, {'y': (float, [None, labels])}
+        shapes = {'x': (float, [None, features])}, {'y': (float, [None, labels])}
         opsets = [helper.make_opsetid('', 18)]
         model = helper.make_model(graph.to_proto(*shapes), opset_imports=opsets, ir_version=8)
-        return open_session(model.SerializeToString()).run(None, {'x': values})[0]
+        session = open_session(model.SerializeToString())
+        return lambda values: session.run(None, {'x': values})[0]
 
-    return run
+    return build
+
+
+@pytest.fixture(scope='session')
+def run_graph(open_graph):
+    """Return a function that runs operators, added to a graph behind ``x``, on rows of values."""
+    return lambda add, values, labels: open_graph(add, values.shape[1], labels)(values)
 
 
 @pytest.fixture

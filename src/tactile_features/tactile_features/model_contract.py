@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
-import json
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
@@ -28,8 +27,11 @@ from tactile_features.records import (
 )
 from tactile_features.spec import FeatureSpec, spec_for, WantedFeatures
 
-FORMAT_VERSION = 6
-"""Of the manifest in a model file; others are refused."""
+FORMAT_VERSION = 7
+"""Of the manifest in a model file that is written."""
+
+READ_VERSIONS = (6, FORMAT_VERSION)
+"""Those that are read. In version 7 the manifest has the digest of the file, in 6 a last entry."""
 
 DIGEST = 'specification_digest'
 """Entry of a manifest: the digest of its specification."""
@@ -130,31 +132,28 @@ def read_contract(path: Path) -> ModelContract:
         When the file is no model, or its features cannot be computed here.
     """
     with refusals_of(path):
-        fields = parse_manifest(open_container(read_limited(path)).manifest)
+        fields = check_version(open_container(read_limited(path)).manifest)
         wanted = parse_wanted(fields)
         _bind(wanted, FeatureConfig(buffer_s=LONGEST_BUFFER_S))
         return ModelContract(path, fields['task'], fields['contact'], wanted)
 
 
-def parse_manifest(text: str) -> dict[str, Any]:
-    """Return the entries of a manifest of this format, not yet checked.
+def check_version(manifest: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the entries of a manifest without its format version, not yet checked.
 
     Raises
     ------
     ModelFileError
-        When the text is no manifest, or one of another format.
+        When it is of a format that is not read.
     """
-    try:
-        fields = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise ModelFileError(f'its manifest is not JSON: {error}') from error
-    version = fields.pop('format_version', None) if isinstance(fields, dict) else None
-    if version != FORMAT_VERSION:
+    fields = dict(manifest)
+    version = fields.pop('format_version', None)
+    if version not in READ_VERSIONS:
         raise ModelFileError(
-            f'it has format version {version}, this software reads {FORMAT_VERSION}: '
-            'train the model again'
+            f'it has format version {version}, this software reads '
+            f'{" and ".join(map(str, READ_VERSIONS))}: train the model again'
         )
-    return dict(fields)
+    return fields
 
 
 def parse_wanted(fields: Mapping[str, Any]) -> WantedFeatures:

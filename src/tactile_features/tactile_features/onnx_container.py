@@ -1,27 +1,30 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The ONNX file as a sealed container of a graph, a manifest and a card.
+"""The ONNX file as a container of a graph, a manifest and a card.
 
 A file is untrusted input. It is read with ``onnx``, its graph is checked, and what no field of
 ONNX names is dropped. `Container.model` is the checked model, written again: a runtime is given
 these bytes and never those of the file.
 
-The metadata hold the card, plain text for people, and the manifest. The last entry is the seal:
-the SHA-256 of all bytes before it. It tells a damaged file from a whole one; it is no signature.
+The metadata hold the card, plain text for people, and the manifest, a JSON object. Its entry
+``sha256`` is the digest of the whole file, taken while the digits of this entry are zeros. It
+tells a damaged file from a whole one; it is no signature. Files of format 6 have that of all
+bytes before it as their last entry of metadata.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 import hashlib
+import json
 from typing import Any, NamedTuple
 
 from tactile_features.errors import ModelFileError
 
 MANIFEST_KEY = 'tactile_manifest'
 CARD_KEY = 'tactile_card'
-SEAL_KEY = 'tactile_sha256'
+DIGEST = 'sha256'
 
 MAX_CARD_BYTES = 64 * 2**10
 """A file with a larger card is refused [byte]."""
@@ -75,24 +78,27 @@ class Container(NamedTuple):
 
     Attributes
     ----------
-    manifest, card : str
+    manifest : dict
+        Without the digest.
+    card : str
     model : bytes
         The ONNX model to run.
     """
 
-    manifest: str
+    manifest: dict[str, Any]
     card: str
     model: bytes
 
 
-def seal(model: bytes, manifest: str, card: str) -> bytes:
-    """Return the ONNX model with card, manifest and seal appended."""
-    body = model + _encode_texts(manifest, card)
-    return body + _encode_seal(body)
+def pack_container(model: bytes, manifest: Mapping[str, Any], card: str) -> bytes:
+    """Return the ONNX model with card and manifest, and the digest of it all in the manifest."""
+    text = json.dumps({**manifest, DIGEST: _NO_DIGITS}, sort_keys=True)
+    data = model + _encode_metadata({CARD_KEY: card, MANIFEST_KEY: text})
+    return data.replace(_encode_digest(_NO_DIGITS), _encode_digest(_compute_digest(data)))
 
 
 def open_container(data: bytes) -> Container:
-    """Return the contents of a sealed ONNX file whose graph keeps to the rules.
+    """Return the contents of an ONNX file that is whole and whose graph keeps to the rules.
 
     Raises
     ------
@@ -118,8 +124,8 @@ def open_container(data: bytes) -> Container:
         metadata[entry.key] = entry.value
     if MANIFEST_KEY not in metadata:
         raise ModelFileError('it has no manifest: it was not written by this software')
-    body = data[: -len(_encode_seal(b''))]
-    if data != body + _encode_seal(body):
+    manifest = _read_manifest(metadata[MANIFEST_KEY])
+    if not _is_whole(data, manifest.pop(DIGEST, None)):
         raise ModelFileError('it was changed or damaged after it was written')
     card = metadata.get(CARD_KEY, '')
     if len(card.encode()) > MAX_CARD_BYTES:
@@ -128,28 +134,52 @@ def open_container(data: bytes) -> Container:
         raise ModelFileError('its card is no plain text')
     model.DiscardUnknownFields()
     del model.metadata_props[:]
-    return Container(metadata[MANIFEST_KEY], card, model.SerializeToString())
+    return Container(manifest, card, model.SerializeToString())
 
 
-def replace_manifest(data: bytes, manifest: str, card: str) -> bytes:
-    """Return a sealed model with another manifest, another card and the same graph."""
-    return seal(open_container(data).model, manifest, card)
+def replace_manifest(data: bytes, manifest: Mapping[str, Any], card: str) -> bytes:
+    """Return a model file with another manifest, another card and the same graph."""
+    return pack_container(open_container(data).model, manifest, card)
 
 
-def _encode_texts(manifest: str, card: str) -> bytes:
-    return _encode_entry(CARD_KEY, card) + _encode_entry(MANIFEST_KEY, manifest)
+_NO_DIGITS = '0' * 64
 
 
-def _encode_seal(body: bytes) -> bytes:
-    return _encode_entry(SEAL_KEY, hashlib.sha256(body).hexdigest())
-
-
-def _encode_entry(key: str, value: str) -> bytes:
-    """Return a model of one entry of metadata: appended to another model, it is added to it."""
+def _encode_metadata(texts: Mapping[str, str]) -> bytes:
+    """Return a model of metadata alone: appended to another model, they are added to it."""
     import onnx
 
-    entry = onnx.StringStringEntryProto(key=key, value=value)
-    return bytes(onnx.ModelProto(metadata_props=[entry]).SerializeToString())
+    entries = [onnx.StringStringEntryProto(key=key, value=text) for key, text in texts.items()]
+    return bytes(onnx.ModelProto(metadata_props=entries).SerializeToString())
+
+
+def _encode_digest(digits: str) -> bytes:
+    return json.dumps({DIGEST: digits})[1:-1].encode()
+
+
+def _compute_digest(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+def _read_manifest(text: str) -> dict[str, Any]:
+    try:
+        manifest = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ModelFileError(f'its manifest is not JSON: {error}') from error
+    if not isinstance(manifest, dict):
+        raise ModelFileError('its manifest is no JSON object')
+    return manifest
+
+
+def _is_whole(data: bytes, digest: Any) -> bool:
+    """Return whether a file is as it was written; without a digest it is one of format 6."""
+    if digest is None:
+        body = data[: -len(_encode_metadata({'tactile_sha256': _NO_DIGITS}))]
+        return data == body + _encode_metadata({'tactile_sha256': _compute_digest(body)})
+    if not isinstance(digest, str):
+        return False
+    blank = data.replace(_encode_digest(digest), _encode_digest(_NO_DIGITS))
+    return digest == _compute_digest(blank)
 
 
 def _check_model(model: Any) -> None:

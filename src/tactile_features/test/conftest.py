@@ -3,11 +3,9 @@
 
 """Model files that hold a manifest and an empty graph: as much as features need."""
 
-import json
-
 import pytest
 
-from tactile_features.onnx_container import seal
+from tactile_features.onnx_container import pack_container
 
 EMPTY_GRAPH = b'\x3a\x00'
 """Field 7 of onnx.proto, a graph without nodes."""
@@ -20,14 +18,14 @@ def make_model_file():
     def make(path, wanted, contact='flexion', **changes):
         stages = [{'sample_count': count} for count in (0, *wanted.partial_samples)]
         fields = {
-            'format_version': 6,
+            'format_version': 7,
             'task': wanted.task,
             'contact': contact,
             'spec': wanted.spec.to_dict(),
             'specification_digest': wanted.spec.digest,
             'stages': stages,
         }
-        path.write_bytes(seal(EMPTY_GRAPH, json.dumps({**fields, **changes}), ''))
+        path.write_bytes(pack_container(EMPTY_GRAPH, {**fields, **changes}, ''))
         return path
 
     return make

@@ -92,7 +92,7 @@ def read_manifest(path: str | Path) -> Manifest:
         With a sentence that says why the file is not used.
     """
     with refusals_of(path):
-        return Manifest.from_json(open_container(read_limited(path)).manifest)
+        return Manifest.from_dict(open_container(read_limited(path)).manifest)
 
 
 class TactileModel:
@@ -126,7 +126,7 @@ class TactileModel:
         self.path = path
         self.sha256 = hashlib.sha256(data).hexdigest()
         container = open_container(data)
-        self.manifest = Manifest.from_json(container.manifest)
+        self.manifest = Manifest.from_dict(container.manifest)
         self.spec: FeatureSpec = self.manifest.spec
         self.labels = self.manifest.labels
         self.model_id = '-'.join(

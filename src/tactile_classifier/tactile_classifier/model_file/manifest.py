@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 import dataclasses
-import json
 import math
 from typing import Any, TypeVar
 
@@ -20,9 +19,9 @@ from tactile_classifier.records import (
     VOTES,
 )
 from tactile_features.model_contract import (
+    check_version,
     DIGEST,
     FORMAT_VERSION,
-    parse_manifest,
     parse_wanted,
 )
 from tactile_features.spec import FeatureSpec
@@ -152,26 +151,25 @@ class Manifest:
         """Sample counts of the partial windows that the model answers."""
         return tuple(stage.sample_count for stage in self.stages[1:])
 
-    def to_json(self) -> str:
-        """Return the manifest as JSON text."""
+    def to_dict(self) -> dict[str, Any]:
+        """Return the manifest as what JSON can hold."""
         fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         fields['spec'] = self.spec.to_dict()
+        fields['labels'] = list(self.labels)
         fields['stages'] = [dataclasses.asdict(stage) for stage in self.stages]
         fields['training'] = dataclasses.asdict(self.training)
-        return json.dumps(
-            {'format_version': FORMAT_VERSION, DIGEST: self.spec.digest, **fields}, sort_keys=True
-        )
+        return {'format_version': FORMAT_VERSION, DIGEST: self.spec.digest, **fields}
 
     @classmethod
-    def from_json(cls, text: str) -> Manifest:
-        """Return the manifest that `to_json` wrote.
+    def from_dict(cls, entries: Mapping[str, Any]) -> Manifest:
+        """Return the manifest that `to_dict` gave.
 
         Raises
         ------
         ModelFileError
-            When the text is not a manifest of this format.
+            When the entries are not those of a manifest of this format.
         """
-        fields = parse_manifest(text)
+        fields = check_version(entries)
         _check_types(fields)
         fields['spec'] = parse_wanted(fields).spec
         del fields[DIGEST]

@@ -36,7 +36,7 @@ from tactile_classifier.model_file.inference import (
 from tactile_classifier.records import ROCKET
 from tactile_classifier.training.trainer import FittedStage, Trained
 from tactile_features.model_contract import MAX_MODEL_BYTES
-from tactile_features.onnx_container import seal
+from tactile_features.onnx_container import pack_container
 
 if TYPE_CHECKING:
     from sklearn.pipeline import Pipeline
@@ -70,7 +70,7 @@ def write_model(path: str | Path, trained: Trained) -> TactileModel:
     try:
         try:
             card = render_card(trained.manifest)
-            data = seal(_convert(trained), trained.manifest.to_json(), card)
+            data = pack_container(_convert(trained), trained.manifest.to_dict(), card)
         except ImportError as error:
             raise ModelFileError(
                 f'writing a model needs skl2onnx ({error}): pip install skl2onnx'

@@ -52,7 +52,7 @@ def write_recalibrated(
     """
     model = TactileModel.load(source)
     manifest = recalibrate(model, tables)
-    data = replace_manifest(Path(source).read_bytes(), manifest.to_json(), render_card(manifest))
+    data = replace_manifest(Path(source).read_bytes(), manifest.to_dict(), render_card(manifest))
     recalibrated = TactileModel(data, str(Path(path).absolute()))
     replace_file(Path(path), data)
     return recalibrated

@@ -141,7 +141,7 @@ def test_any_entry_may_hold_anything(small_manifest, where, name, value):
     entry = {**getattr(small_manifest, where), name: value}
     manifest = dataclasses.replace(small_manifest, **{where: entry}, score_kind='votes')
     with contextlib.suppress(ModelFileError):
-        card = render_card(Manifest.from_json(manifest.to_json()))
+        card = render_card(Manifest.from_dict(manifest.to_dict()))
         assert card.replace('\n', '').isprintable()
         assert len(card.encode()) < MAX_CARD_BYTES
 

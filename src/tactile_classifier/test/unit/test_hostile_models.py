@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Untrusted models with a valid seal: refused, or limited in what they ask for."""
+"""Untrusted models with a valid digest: refused, or limited in what they ask for."""
 
 import dataclasses
 from itertools import pairwise
@@ -23,18 +23,18 @@ from tactile_classifier.records import Outcome
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
-from tactile_features.onnx_container import open_container, seal
+from tactile_features.onnx_container import open_container, pack_container
 from tactile_features.spec import spec_for
 
 
 def change(path, edit=lambda model: None, manifest=None):
-    """Return a model file with another graph or another manifest, as well sealed as the first."""
+    """Return a model file with another graph or another manifest, as whole as the first."""
     data = path.read_bytes()
     model = onnx.load_model_from_string(data)
     del model.metadata_props[:]
     edit(model)
     old, card, _ = open_container(data)
-    return seal(model.SerializeToString(), manifest.to_json() if manifest else old, card)
+    return pack_container(model.SerializeToString(), manifest.to_dict() if manifest else old, card)
 
 
 def add_ballast(model, doubles):

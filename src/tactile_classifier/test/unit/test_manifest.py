@@ -38,17 +38,19 @@ TRAINING = dataclasses.asdict(TrainingTrials(2, 1, 1, 0.02, 0.02, 120))
 
 
 def test_round_trip():
-    assert Manifest.from_json(GOOD.to_json()) == GOOD
+    assert Manifest.from_dict(GOOD.to_dict()) == GOOD
+    assert Manifest.from_dict(changed()) == GOOD
+    assert Manifest.from_dict(changed(format_version=6)) == GOOD
 
 
 def changed(**changes):
-    return json.dumps({**json.loads(GOOD.to_json()), **changes})
+    return json.loads(json.dumps({**GOOD.to_dict(), **changes}))
 
 
 @pytest.mark.parametrize(
     ('changes', 'message'),
     [
-        ({'format_version': 5}, 'format version 5, this software reads 6: train the model again'),
+        ({'format_version': 5}, 'format version 5, this software reads 6 and 7: train'),
         ({'specification_digest': 'ab' * 8}, 'not that of its feature specification'),
         ({'specification_digest': 7}, 'no valid entry "specification_digest"'),
         ({'format_version': None}, 'format version None'),
@@ -80,15 +82,15 @@ def changed(**changes):
 )
 def test_tampered_manifest_is_refused(changes, message):
     with pytest.raises(ModelFileError, match=message):
-        Manifest.from_json(changed(**changes))
+        Manifest.from_dict(changed(**changes))
 
 
-@pytest.mark.parametrize('field', sorted({*json.loads(GOOD.to_json())} - {'format_version'}))
+@pytest.mark.parametrize('field', sorted(GOOD.to_dict().keys() - {'format_version'}))
 def test_missing_entry_is_named(field):
-    content = json.loads(GOOD.to_json())
+    content = GOOD.to_dict()
     del content[field]
     with pytest.raises(ModelFileError, match=f'no valid entry "{field}"'):
-        Manifest.from_json(json.dumps(content))
+        Manifest.from_dict(content)
 
 
 JSON = st.recursive(
@@ -104,20 +106,14 @@ JSON = st.recursive(
 
 
 @settings(max_examples=60, deadline=None)
-@given(st.sampled_from(sorted(json.loads(GOOD.to_json()))), JSON)
+@given(st.sampled_from(sorted(GOOD.to_dict())), JSON)
 def test_any_entry_may_hold_anything(field, value):
     with contextlib.suppress(ModelFileError):
-        render_card(Manifest.from_json(changed(**{field: value})))
+        render_card(Manifest.from_dict(changed(**{field: value})))
 
 
 @pytest.mark.parametrize('entry', sorted(GOOD.spec.to_dict()))
 def test_no_entry_of_the_specification_may_be_a_number_without_end(entry):
     spec = {**GOOD.spec.to_dict(), entry: 10**400}
     with pytest.raises(ModelFileError):
-        Manifest.from_json(changed(spec=spec))
-
-
-@pytest.mark.parametrize('text', ['', '[]', '3', '{"format_version": 1', '[' * 100_000])
-def test_what_is_no_manifest_is_refused(text):
-    with pytest.raises(ModelFileError):
-        Manifest.from_json(text)
+        Manifest.from_dict(changed(spec=spec))

@@ -100,7 +100,7 @@ def test_partial_window_without_features_is_not_decided(model, make_window):
 
 @pytest.mark.parametrize('trained', ['knn'], indirect=True)
 def test_manifest_states_rates_and_how_they_were_found(trained):
-    manifest = Manifest.from_json(trained.manifest.to_json())
+    manifest = Manifest.from_dict(trained.manifest.to_dict())
     assert manifest == trained.manifest
     stated = dict(manifest.calibration)
     assert len(stated.pop('session_statistics')) == len(manifest.stages)

@@ -126,7 +126,7 @@ def test_recalibrated_file_corrects_features_and_states_where_it_came_from(tmp_p
         loaded.manifest.stages[0].novelty_threshold != model.manifest.stages[0].novelty_threshold
     )
     assert loaded.compute(values).novelty.mean() < model.compute(values).novelty.mean()
-    assert Manifest.from_json(found.manifest.to_json()) == found.manifest
+    assert Manifest.from_dict(found.manifest.to_dict()) == found.manifest
     with pytest.raises(
         ModelFileError, match=f'take the model that it came from, {model.model_id}'
     ):

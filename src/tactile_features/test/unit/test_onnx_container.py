@@ -1,6 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+import hashlib
+import json
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import onnx
@@ -18,9 +21,12 @@ from tactile_features.onnx_container import (
 CARD = '# Model card\n- answers: Möbelstoff\n'
 
 
-def seal(model, manifest='{}', card=CARD):
+MANIFEST = {'labels': ['Möbelstoff', 'sponge'], 'threshold': 3.25}
+
+
+def pack(model, manifest=MANIFEST, card=CARD):
     data = model if isinstance(model, bytes) else model.SerializeToString()
-    return onnx_container.seal(data, manifest, card)
+    return onnx_container.pack_container(data, manifest, card)
 
 
 def make_model(nodes=None, initializer=(), opsets=(('', 18),), functions=()):
@@ -31,34 +37,73 @@ def make_model(nodes=None, initializer=(), opsets=(('', 18),), functions=()):
     return helper.make_model(graph, opset_imports=imports, functions=list(functions))
 
 
-def test_sealed_model_is_onnx_with_metadata_that_can_be_replaced():
-    text = '{"label": "Möbelstoff"}' + ' ' * 500  # longer than one varint byte can say
-    data = seal(make_model(), text)
+def test_packed_model_is_onnx_with_metadata_that_can_be_replaced():
+    manifest = {'label': 'Möbelstoff', 'long': ' ' * 500}  # longer than one varint byte can say
+    data = pack(make_model(), manifest)
     model = onnx.load_model_from_string(data)
     onnx.checker.check_model(model)
-    assert [entry.value for entry in model.metadata_props][:2] == [CARD, text]
-    assert open_container(data)[:2] == (text, CARD)
-    assert open_container(data).model == make_model().SerializeToString()
-    assert replace_manifest(data, '{"a": 1}', 'other') == seal(make_model(), '{"a": 1}', 'other')
+    card, text = (entry.value for entry in model.metadata_props)
+    assert (card, json.loads(text).items() >= manifest.items()) == (CARD, True)
+    assert open_container(data) == (manifest, CARD, make_model().SerializeToString())
+    assert replace_manifest(data, {'a': 1}, 'other') == pack(make_model(), {'a': 1}, 'other')
 
 
-def test_any_change_breaks_the_seal():
-    data = seal(make_model())
+def test_the_digest_is_of_the_file_with_zeros_in_its_place():
+    data = pack(make_model())
+    stated = json.loads(onnx.load_model_from_string(data).metadata_props[1].value)['sha256']
+    blank = data.replace(stated.encode(), b'0' * 64)
+    assert hashlib.sha256(blank).hexdigest() == stated
+
+
+def seal_as_format_6(model, manifest):
+    """Return a file as it was written before the manifest had the digest."""
+    data = model.SerializeToString()
+    for key, value in (('tactile_card', CARD), ('tactile_manifest', json.dumps(manifest))):
+        entry = onnx.StringStringEntryProto(key=key, value=value)
+        data += onnx.ModelProto(metadata_props=[entry]).SerializeToString()
+    digest = hashlib.sha256(data).hexdigest()
+    entry = onnx.StringStringEntryProto(key='tactile_sha256', value=digest)
+    return data + onnx.ModelProto(metadata_props=[entry]).SerializeToString()
+
+
+@pytest.mark.parametrize('write', [pack, seal_as_format_6])
+def test_any_change_is_found(write):
+    data = write(make_model(), MANIFEST)
+    assert open_container(data) == (MANIFEST, CARD, make_model().SerializeToString())
     for at in range(len(data)):
-        with pytest.raises(ModelFileError):
-            open_container(data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :])
+        for bit in (1, 32):  # 32: the other case of a letter
+            with pytest.raises(ModelFileError):
+                open_container(data[:at] + bytes([data[at] ^ bit]) + data[at + 1 :])
     for damaged in (b'', data[:-1], data + b'\0', data[1:]):
         with pytest.raises(ModelFileError):
             open_container(damaged)
     with pytest.raises(ModelFileError, match='changed or damaged'):
-        open_container(data.replace('Möbelstoff'.encode(), 'Möbelstaff'.encode()))
+        open_container(data.replace(b'3.25', b'3.75'))
+
+
+@pytest.mark.parametrize('digest', ['', '0', '0' * 64, 'é' * 64, 7, [], True])
+def test_a_digest_that_is_none_finds_no_whole_file(digest):
+    text = json.dumps({'sha256': digest})
+    model = make_model()
+    model.metadata_props.add(key='tactile_card', value=CARD)
+    model.metadata_props.add(key='tactile_manifest', value=text)
+    with pytest.raises(ModelFileError, match='changed or damaged'):
+        open_container(model.SerializeToString())
+
+
+@pytest.mark.parametrize('text', ['', '[]', '3', '{"format_version": 1', '[' * 100_000])
+def test_what_is_no_manifest_is_refused(text):
+    model = make_model()
+    model.metadata_props.add(key='tactile_manifest', value=text)
+    with pytest.raises(ModelFileError, match='its manifest is no'):
+        open_container(model.SerializeToString())
 
 
 def test_manifest_is_there_once():
     with pytest.raises(ModelFileError, match='it has no manifest'):
         open_container(make_model().SerializeToString())
     with pytest.raises(ModelFileError, match='the metadata "tactile_card" twice'):
-        open_container(seal(seal(make_model())))
+        open_container(pack(pack(make_model())))
 
 
 @pytest.mark.parametrize(
@@ -73,7 +118,7 @@ def test_manifest_is_there_once():
 )
 def test_card_that_is_no_short_plain_text_is_refused(card, message):
     with pytest.raises(ModelFileError, match=message):
-        open_container(seal(make_model(), card=card))
+        open_container(pack(make_model(), card=card))
 
 
 def custom(domain='com.microsoft'):
@@ -143,10 +188,10 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize('name', HOSTILE)
-def test_hostile_graph_is_refused_though_well_sealed(name):
+def test_hostile_graph_is_refused_though_well_packed(name):
     model, message = HOSTILE[name]
     with pytest.raises(ModelFileError, match=message):
-        open_container(seal(model))
+        open_container(pack(model))
 
 
 def varint(value):
@@ -178,7 +223,7 @@ def test_what_is_hidden_in_the_encoding_is_refused_or_not_handed_on(hidden, is_k
     model = make_model()
     graph = model.graph.SerializeToString()
     model.ClearField('graph')
-    data = seal(model.SerializeToString() + field(7, hidden + graph))
+    data = pack(model.SerializeToString() + field(7, hidden + graph))
     if is_known:
         with pytest.raises(ModelFileError, match='not an ONNX file'):
             open_container(data)
@@ -192,7 +237,7 @@ def test_nesting_is_limited():
         graph = helper.make_graph([node], 'deep', [], [])
         node = helper.make_node('If', ['c'], ['b'], then_branch=graph)
     with pytest.raises(ModelFileError, match='nested too deeply'):
-        open_container(seal(make_model([node])))
+        open_container(pack(make_model([node])))
 
 
 @settings(max_examples=60, deadline=None)
@@ -202,7 +247,7 @@ def test_random_bytes_are_refused_with_a_sentence(data):
         open_container(data)
 
 
-GOOD = seal(make_model(initializer=[helper.make_tensor('w', 1, [2], [1.0, 2.0])]))
+GOOD = pack(make_model(initializer=[helper.make_tensor('w', 1, [2], [1.0, 2.0])]))
 
 
 @settings(max_examples=60, deadline=None)
@@ -213,6 +258,6 @@ def test_damaged_bytes_never_raise_anything_else(data):
         if damaged:
             damaged[data.draw(st.integers(0, len(damaged) - 1))] = data.draw(st.integers(0, 255))
     try:
-        assert open_container(bytes(damaged))[:2] == ('{}', CARD)
+        assert open_container(bytes(damaged))[:2] == (MANIFEST, CARD)
     except ModelFileError:
         assert bytes(damaged) != GOOD
