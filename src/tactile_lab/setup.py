@@ -35,7 +35,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'tactile = tactile_lab.cli.program:main',
+            'tactile = tactile_lab.__main__:main',
         ],
     },
 )

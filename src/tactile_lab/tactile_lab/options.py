@@ -38,6 +38,14 @@ SeedOption = Annotated[
         help='Seed of all random numbers: the same seed gives the same results.',
     ),
 ]
+RecordingsArgument = Annotated[
+    list[Path],
+    typer.Argument(
+        exists=True,
+        help='Bags with trial events; or any other recordings: a NumPy archive (.npz), .npy, CSV '
+        'or Parquet files, bags of others, or folders of these.',
+    ),
+]
 ClusterOption = Annotated[
     str,
     typer.Option(
@@ -63,8 +71,9 @@ SimulatedOption = Annotated[
 ModelOption = Annotated[
     Optional[Path],
     typer.Option(
+        exists=True,
         help='Folder of model files, as `tactile train` writes it, or one file. Features are '
-        'computed as the models require.'
+        'computed as the models require.',
     ),
 ]
 NamespaceOption = Annotated[str, typer.Option(help='Namespace of all nodes.')]
@@ -81,7 +90,8 @@ QuietOption = Annotated[
     bool, typer.Option('--quiet', help='Print no line for each classification.')
 ]
 ParamsOption = Annotated[
-    Optional[Path], typer.Option(help='YAML file with ROS parameters for the nodes.')
+    Optional[Path],
+    typer.Option(exists=True, help='YAML file with ROS parameters for the nodes.'),
 ]
 ProtocolArgument = Annotated[
     str, typer.Argument(**choice('texture', 'stiffness'), help='Which kind of trial.')
@@ -92,8 +102,9 @@ ContactOption = Annotated[
 DescriptionOption = Annotated[
     Optional[Path],
     typer.Option(
+        exists=True,
         help='Folder with your own finger, rig, plates or objects: YAML files laid over '
-        'those of the package.'
+        'those of the package.',
     ),
 ]
 JobsOption = Annotated[

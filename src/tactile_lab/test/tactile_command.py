@@ -20,7 +20,7 @@ SHORT_HOLD = QUICK + '    hold_s: 2.8\n'
 
 def tactile(*arguments):
     """Run the command; return returncode, stdout and stderr, as a process of its own would."""
-    from tactile_lab.cli.main import app
+    from tactile_lab.program import app
 
     done = CliRunner().invoke(app, [*map(str, arguments)], catch_exceptions=False)
     return SimpleNamespace(returncode=done.exit_code, stdout=done.stdout, stderr=done.stderr)
@@ -44,9 +44,8 @@ def hear_tactile(*arguments, code=0):
 @contextmanager
 def program(*arguments):
     """Run the command in a process of its own, and give that; end it after the block."""
-    code = 'import sys; sys.argv[0] = "tactile"; from tactile_lab.cli.main import main; main()'
     process = subprocess.Popen(
-        [sys.executable, '-c', code, *map(str, arguments)],
+        [sys.executable, '-m', 'tactile_lab', *map(str, arguments)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

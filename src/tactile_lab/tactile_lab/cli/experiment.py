@@ -94,14 +94,12 @@ def _split(text: str) -> tuple[str, ...]:
     return tuple(part.strip() for part in text.split(',') if part.strip())
 
 
-def make_app(wrap: Any, command_class: Any) -> typer.Typer:
-    """Return the commands; ``wrap`` guards each of them."""
-    app = typer.Typer(
-        cls=RunByDefault,
-        no_args_is_help=True,
-        rich_markup_mode='markdown',
-        help='Record objects x sessions x contacts in a random order, with prompts and resume.',
-    )
-    for command in (run, new, status):
-        app.command(cls=command_class)(wrap(command))
-    return app
+experiment = typer.Typer(
+    cls=RunByDefault,
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode='markdown',
+    help='Record objects x sessions x contacts in a random order, with prompts and resume.',
+)
+for command in (run, new, status):
+    experiment.command()(command)

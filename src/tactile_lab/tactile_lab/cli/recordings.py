@@ -14,12 +14,17 @@ from tactile_lab.commands.analysis.requests import (
     EvaluateRequest,
     FeaturesRequest,
     ImportRequest,
-    RecordingsArgument,
     RobustnessRequest,
     SimulateRequest,
     TrainRequest,
 )
-from tactile_lab.options import check_paths, ClusterOption, JsonOption, WatchOption
+from tactile_lab.options import (
+    check_paths,
+    ClusterOption,
+    JsonOption,
+    RecordingsArgument,
+    WatchOption,
+)
 
 
 @spread

@@ -19,9 +19,9 @@ from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
-from tactile_lab.cli.main import app
 from tactile_lab.datasets.bag_tables import BagTables, read_tables
 from tactile_lab.datasets.paired_tables import pair_tables
+from tactile_lab.program import app
 from tactile_lab.simulation.simulated_bags import write_simulated_bag
 from tactile_lab.simulation.simulated_trials import SimulationPlan
 

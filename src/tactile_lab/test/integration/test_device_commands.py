@@ -11,8 +11,8 @@ import pytest
 import serial
 from typer.testing import CliRunner
 
-from tactile_lab.cli.main import app
 from tactile_lab.devices.device_probe import FoundDevice, probe_net_ft, probe_ports
+from tactile_lab.program import app
 from tactile_sim import SimulatedRig
 from tactile_testing.simulated_rigs import advance_rig, home_fast
 

@@ -14,7 +14,7 @@ from tactile_command import program, QUICK, tactile
 from tactile_bags import EVENT, STRAIN, TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.message_records import read_records
-from tactile_lab.cli.main import app
+from tactile_lab.program import COMMANDS
 from tactile_testing.waiting import wait_until
 
 
@@ -40,8 +40,8 @@ def archive(tmp_path):
 
 
 def test_every_help_reads_like_a_manual():
-    commands = [[]] + [[c.name or c.callback.__name__] for c in app.registered_commands]
-    commands += [['experiment', *more] for more in ([], ['new'], ['run'], ['status'])]
+    commands = [[]] + [[name] for name in COMMANDS]
+    commands += [['experiment', more] for more in ('new', 'run', 'status')]
     for command in commands:
         done = tactile(*command, '--help')
         assert done.returncode == 0, command
@@ -193,7 +193,7 @@ def has_begun(bag, trial, phase):
 def test_what_is_not_there_is_named(arguments, sentence):
     done = tactile(*arguments)
     assert done.returncode == 2, done.stdout
-    assert sentence in done.stderr
+    assert sentence in done.stderr.replace("'", '')
     assert 'Traceback' not in done.stderr
 
 

@@ -24,7 +24,7 @@ from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, Trial
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 from tactile_testing.waiting import wait_until
 
-PROGRAM = 'import sys; sys.argv[0] = "tactile"; from tactile_lab.cli.main import main; main()'
+PROGRAM = 'import sys; sys.argv[0] = "tactile"; from tactile_lab.__main__ import main; main()'
 ANSWERS = 'tactile_classifier/classification'
 SECOND_NS = 1_000_000_000
 

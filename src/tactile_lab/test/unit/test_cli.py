@@ -3,21 +3,16 @@
 
 """The command line itself: help, mistyped words, and what Typer makes of the options."""
 
-import ast
 import inspect
 import os
-from pathlib import Path
 from types import UnionType
 from typing import get_args
 
 import pytest
+import typer
 from typer.testing import CliRunner
 
-from tactile_lab import options
-from tactile_lab.cli import devices, experiment, recordings, running
-from tactile_lab.cli import main as cli
-from tactile_lab.commands import rig_requests
-from tactile_lab.commands.analysis import requests
+from tactile_lab import program
 from tactile_ros.programs.transports import PROFILES, TRANSPORTS
 
 
@@ -31,14 +26,14 @@ def test_commands_stay_on_this_computer_unless_told_otherwise(monkeypatch, befor
         monkeypatch.setenv(name, before)
     monkeypatch.setattr('sys.argv', ['tactile', '--help'])
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        program.main()
     assert ended.value.code == 0
     assert os.environ[name] == after
 
 
 @pytest.mark.parametrize('arguments', [['evalute'], ['evaluate', 'x', '--tak', 'texture']])
 def test_what_is_mistyped_is_named_once(arguments):
-    done = CliRunner().invoke(cli.app, arguments)
+    done = CliRunner().invoke(program.app, arguments)
     assert done.exit_code == 2
     assert done.output.count('Did you mean') == 1
 
@@ -51,7 +46,7 @@ def test_what_is_mistyped_is_named_once(arguments):
     ],
 )
 def test_an_option_of_version_0_1_is_refused_with_its_new_name(arguments, new):
-    done = CliRunner().invoke(cli.app, arguments)
+    done = CliRunner().invoke(program.app, arguments)
     assert done.exit_code == 2
     assert f'is now called {new}' in done.output
 
@@ -59,18 +54,29 @@ def test_an_option_of_version_0_1_is_refused_with_its_new_name(arguments, new):
 def test_help_describes_arguments():
     # Click 8.5 keeps a help of its own for arguments, and Typer's was lost.
     for command, text in (('import', 'CSV'), ('show', '(.onnx)'), ('repair', 'never closed')):
-        found = CliRunner().invoke(cli.app, [command, '--help'])
+        found = CliRunner().invoke(program.app, [command, '--help'])
         assert text in ' '.join(found.output.split('Options')[0].split())
 
 
-def test_options_are_declared_as_typer_0_9_reads_them():
+def functions_of(name):
+    """Return the functions behind a command: one, or those of its own commands."""
+    found = program.load_function(name)
+    if isinstance(found, typer.Typer):
+        return [command.callback for command in found.registered_commands]
+    return [found]
+
+
+@pytest.mark.parametrize('name', program.COMMANDS)
+def test_the_table_has_the_first_line_of_the_help(name):
+    found = program.load_function(name)
+    text = found.info.help if isinstance(found, typer.Typer) else inspect.getdoc(found)
+    assert text.splitlines()[0] == program.COMMANDS[name][1]
+
+
+@pytest.mark.parametrize('name', program.COMMANDS)
+def test_options_are_declared_as_typer_0_9_reads_them(name):
     """Ubuntu 24.04 has Typer 0.9: no ``X | None``, no annotations that are strings."""
-    for module in (options, requests, rig_requests, recordings, running, devices, experiment):
-        tree = ast.parse(Path(module.__file__).read_text())
-        operators = [n for n in ast.walk(tree) if isinstance(n, ast.BinOp)]
-        assert [n.lineno for n in operators if isinstance(n.op, ast.BitOr)] == [], module
-    commands = [each.callback for each in cli.app.registered_commands]
-    for command in (*commands, experiment.run, experiment.new, experiment.status):
-        for parameter in inspect.signature(command).parameters.values():
+    for function in functions_of(name):
+        for parameter in inspect.signature(function).parameters.values():
             stated, *_ = get_args(parameter.annotation) or (parameter.annotation,)
             assert not isinstance(stated, str | UnionType), parameter

@@ -16,17 +16,11 @@ from tactile_lab.options import (
     ContactOption,
     DescriptionOption,
     JobsOption,
+    RecordingsArgument,
     SeedOption,
 )
 from tactile_ros.errors import TactileError
 
-RecordingsArgument = Annotated[
-    list[Path],
-    typer.Argument(
-        help='Bags with trial events; or any other recordings: a NumPy archive (.npz), .npy, CSV '
-        'or Parquet files, bags of others, or folders of these.'
-    ),
-]
 RepetitionsOption = Annotated[
     Optional[int],
     typer.Option(

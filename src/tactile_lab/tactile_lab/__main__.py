@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The program behind ``tactile``."""
+"""The executable behind ``tactile``."""
 
 import os
 
@@ -15,9 +15,13 @@ def main() -> int:
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     share_one_heap()
     hold_signals()  # before the imports, so that a signal that comes early is not lost
-    from tactile_lab.cli import main as cli
+    from tactile_lab import program
 
     try:
-        return cli.main()
+        return program.main()
     finally:
         ignore_signals()
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

@@ -1,0 +1,295 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The ``tactile`` command: the table of its commands, each loaded when it is called.
+
+A command is one module of `tactile_lab.commands` with a function of its name. The function's
+parameters are the options, its docstring is the help. The module imports at its top what takes no
+time (Typer, `tactile_lab.options`), and what works inside its functions: ``--help`` and refusals
+of the options must not wait for ROS or scikit-learn.
+
+Ubuntu 24.04 has Typer 0.9, which refuses ``X | None`` and does not look into annotations that
+are strings. So modules with options have ``Optional[X]``, and no ``from __future__ import
+annotations``.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+import functools
+from importlib import import_module
+import inspect
+import os
+import sys
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
+
+from tactile_ros.errors import TactileError
+from tactile_ros.programs.signals import held_signals
+from tactile_ros.programs.transports import choose_transports
+
+COMMANDS = {
+    'demo': (
+        'tactile_lab.cli.running',
+        'Run everything from training to live trials on the **simulated** rig, in about a minute.',
+    ),
+    'simulate': (
+        'tactile_lab.cli.recordings',
+        'Make bags of **simulated** trials, without waiting in real time.',
+    ),
+    'import': (
+        'tactile_lab.cli.recordings',
+        'Make one archive of recordings that other programs made.',
+    ),
+    'train': (
+        'tactile_lab.cli.recordings',
+        'Fit the four classifiers, cross-validate them, write a model file.',
+    ),
+    'evaluate': (
+        'tactile_lab.cli.recordings',
+        'Cross-validate the four classifiers on recordings, and write a report.',
+    ),
+    'compare': (
+        'tactile_lab.cli.recordings',
+        'Say which of two models is better, and whether the difference is more than chance.',
+    ),
+    'features': (
+        'tactile_lab.cli.recordings',
+        'Write the features of recordings as a table, for notebooks and other programs.',
+    ),
+    'robustness': (
+        'tactile_lab.cli.recordings',
+        'Find out on **simulated** trials how good sensor and rig must be.',
+    ),
+    'replay': (
+        'tactile_lab.cli.recordings',
+        'Run a recording through features and classification again, and compare.',
+    ),
+    'repair': (
+        'tactile_lab.cli.recordings',
+        'Write a closed copy of a bag whose recorder was killed.',
+    ),
+    'show': (
+        'tactile_lab.cli.recordings',
+        'List the contents of a recording, a model file or an archive.',
+    ),
+    'trials': (
+        'tactile_lab.cli.running',
+        'Run trials on one plate or object, one after the other, and record them.',
+    ),
+    'experiment': (
+        'tactile_lab.cli.experiment',
+        'Record objects x sessions x contacts in a random order, with prompts and resume.',
+    ),
+    'rig': (
+        'tactile_lab.cli.running',
+        'Run all nodes of the rig in this process until Ctrl-C; print each classification.',
+    ),
+    'sense': (
+        'tactile_lab.cli.running',
+        'Run the nodes of one finger that another program moves, in this process until Ctrl-C.',
+    ),
+    'hand': (
+        'tactile_lab.cli.running',
+        'Run the nodes of any number of fingers, in this process until Ctrl-C.',
+    ),
+    'watch': (
+        'tactile_lab.cli.running',
+        'Show every finger live in a browser, until Ctrl-C.',
+    ),
+    'devices': (
+        'tactile_lab.cli.devices',
+        'List the connected devices and the parameters that fit them.',
+    ),
+    'check': (
+        'tactile_lab.cli.devices',
+        'Test each device and print the results; exit with 1 when there is a fault.',
+    ),
+    'calibrate': (
+        'tactile_lab.cli.devices',
+        'Calibrate a load cell against known weights.',
+    ),
+}
+"""Module of each command, and the first line of its help."""
+
+UNTIL_A_SIGNAL = {'rig', 'sense', 'hand', 'watch'}
+"""These run until SIGINT or SIGTERM, which is their regular end. The others are interrupted."""
+
+RENAMED = {'--model': '--models', '--protocol': '--task', '--running': '--partial'}
+"""Options of version 0.1, with their new names."""
+
+OF_ROS = {
+    'ament_index_python', 'builtin_interfaces', 'diagnostic_msgs', 'domain_coordinator',
+    'geometry_msgs', 'lifecycle_msgs', 'rcl_interfaces', 'rclpy', 'rosgraph_msgs',
+    'sensor_msgs', 'std_msgs', 'std_srvs', 'tactile_msgs',
+}  # fmt: skip
+"""Packages that a Python without ROS 2 lacks."""
+
+REFUSALS = {
+    'tactile_bringup.trial_protocols.ProtocolError',
+    'tactile_classifier.errors.ClassifierError',
+    'tactile_features.errors.FeatureError',
+    'tactile_ros.errors.TactileError',
+    'tactile_sim.errors.TactileSimError',
+}
+"""Errors that we raise on purpose. By name: importing them would import what raises them."""
+
+# A newer Click names the likely command itself, and a Typer that uses it would name it once more.
+_CLICK_ERRORS = getattr(getattr(typer.core, 'click', None), 'exceptions', None)
+_SUGGESTIONS = {'suggest_commands': False} if hasattr(_CLICK_ERRORS, 'NoSuchCommand') else {}
+
+
+class StrictCommand(TyperCommand):
+    """Refuses an option that is given twice where only the last one counts, and old names."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        # Click 8.5 has a help of its own for arguments, and with it Typer loses theirs.
+        declared = inspect.signature(self.callback).parameters if self.callback else {}
+        for param in self.params:
+            if isinstance(param, TyperArgument) and not param.help and param.name in declared:
+                (info, *_) = getattr(declared[param.name].annotation, '__metadata__', (None,))
+                param.help = getattr(info, 'help', None)
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        known = {opt for param in self.params for opt in param.opts}
+        for old in {arg.partition('=')[0] for arg in args} & RENAMED.keys() - known:
+            raise typer.BadParameter(f'the option {old} is now called {RENAMED[old]}')
+        _, _, order = self.make_parser(ctx).parse_args(args=list(args))
+        for param in order:
+            is_value = isinstance(param, TyperOption) and not param.is_flag
+            if is_value and not param.multiple and order.count(param) > 1:
+                several = '; `tactile experiment` takes several' * (param.name == 'label')
+                raise typer.BadParameter(
+                    f'{param.opts[0]} is given {order.count(param)} times; give it once{several}'
+                )
+        return super().parse_args(ctx, args)
+
+
+class LazyGroup(TyperGroup):
+    """The commands of the table: named by it, loaded once one is called or asked for its help."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self.commands = {
+            name: TyperCommand(name, help=line) for name, (_, line) in COMMANDS.items()
+        }
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        name, command, rest = super().resolve_command(ctx, args)
+        return name, load_command(str(name)) if command is not None else None, rest
+
+
+@functools.cache
+def load_command(name: str) -> Any:
+    """Import a command of the table; return it as Typer makes it."""
+    function = load_function(name)
+    if isinstance(function, typer.Typer):  # it has commands of its own
+        app = function
+        for command in app.registered_commands:
+            assert command.callback is not None
+            command.callback = _guard(command.callback, name)
+            command.cls = StrictCommand
+    else:
+        app = typer.Typer(rich_markup_mode='markdown', add_completion=False)
+        app.command(name, cls=StrictCommand)(_guard(function, name))
+    return typer.main.get_command(app)
+
+
+def load_function(name: str) -> Any:
+    """Import the function behind a command, or the `Typer` of one that has commands itself."""
+    module, _ = COMMANDS[name]
+    of_python = {'import': 'import_recordings'}  # a word of Python
+    return getattr(import_module(module), of_python.get(name, name))
+
+
+def _guard(command: Callable[..., None], name: str) -> Callable[..., None]:
+    """Return a command that refuses in one sentence, and that signals interrupt."""
+
+    @functools.wraps(command)
+    def run(*arguments: Any, **options: Any) -> None:
+        signals = held_signals()
+        with _refusals():
+            # Without held signals this process is another's, such as a test's.
+            if signals is None or name in UNTIL_A_SIGNAL:
+                command(*arguments, **options)
+                return
+            try:
+                with signals.raising():
+                    command(*arguments, **options)
+            except KeyboardInterrupt:
+                raise typer.Exit(128 + signals.received) from None  # as shells say it
+
+    return run
+
+
+@contextmanager
+def _refusals() -> Iterator[None]:
+    """Turn the errors that we raise on purpose into one sentence and exit code 2."""
+    try:
+        yield
+    except Exception as error:
+        if not {f'{c.__module__}.{c.__qualname__}' for c in type(error).__mro__} & REFUSALS:
+            raise
+        typer.echo(f'tactile: {error}', err=True)
+        raise typer.Exit(2) from error
+
+
+app = typer.Typer(
+    name='tactile',
+    cls=LazyGroup,
+    no_args_is_help=True,
+    rich_markup_mode='markdown',
+    pretty_exceptions_enable=False,
+    context_settings={'help_option_names': ['-h', '--help']},
+    **_SUGGESTIONS,  # type: ignore[arg-type]
+)
+
+
+def _print_version(is_wanted: bool) -> None:
+    if not is_wanted:
+        return
+    from importlib.metadata import PackageNotFoundError, version
+
+    for distribution in ('tendon-tactile', 'tactile_lab'):  # from pip, from colcon
+        with suppress(PackageNotFoundError):
+            typer.echo(f'tactile {version(distribution)}')
+            raise typer.Exit
+    raise TactileError('these packages are not installed: neither pip nor colcon knows them')
+
+
+@app.callback()
+def tactile(
+    version: Annotated[
+        bool,
+        typer.Option(
+            '--version', callback=_print_version, is_eager=True, help='Print the version.'
+        ),
+    ] = False,
+) -> None:
+    """Touch through the tendon of a soft robotic finger: texture and stiffness from tension."""
+
+
+def main() -> int:
+    """Run the command that the arguments name."""
+    # Other computers cannot reach our nodes unless the environment allows it.
+    os.environ.update(choose_transports(os.environ, 'LOCALHOST'))
+    try:
+        app(prog_name='tactile')
+    except BrokenPipeError:
+        sys.stderr.close()
+        return 1
+    except ModuleNotFoundError as error:
+        if (error.name or '').partition('.')[0] not in OF_ROS:
+            raise
+        name = sys.argv[1]
+        also = ' `--no-nodes` replays without them.' if name == 'replay' else ''
+        typer.echo(
+            f'tactile: `tactile {name}` runs ROS 2 nodes, and this Python has no {error.name}. '
+            f'In a clone of the repository ./tactile {name} brings ROS 2 along; or source a '
+            f'ROS 2 workspace that has these packages.{also}',
+            err=True,
+        )
+        return 2
+    return 0
