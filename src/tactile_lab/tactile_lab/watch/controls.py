@@ -111,7 +111,7 @@ class WatchControls:
 
         def run() -> str:
             self._before_trial(request)
-            return f'trial {operator.run_trial(request)} done'
+            return f'{operator.run_trial(request)}: done'
 
         return await asyncio.to_thread(run)
 

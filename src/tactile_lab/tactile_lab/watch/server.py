@@ -253,7 +253,13 @@ class WatchServer:
             sentence, level = await self._carry_out(command), 'ok'
         except Exception as error:  # whatever it is, the page must hear of it
             sentence, level = str(error) or type(error).__name__, 'error'
-        self._state.say(sentence, level, command.id if command else '')
+        of_one = command is not None and command.action != 'stop'
+        self._state.say(
+            sentence,
+            level,
+            command.id if command else '',
+            command.finger if command and of_one else None,
+        )
 
     async def _carry_out(self, command: Command) -> str:
         controls = self._controls

@@ -69,7 +69,7 @@ class WatchState:
         self._controls: dict[str, tuple[str, ...]] = {}
         self._devices: dict[str, tuple[float, dict[str, Any]]] = {}
         self._missing: dict[str, tuple[str, ...]] = {}
-        self._sentences: deque[tuple[float, str, str, str]] = deque(maxlen=MOST_SENTENCES)
+        self._sentences: deque[dict[str, Any]] = deque(maxlen=MOST_SENTENCES)
         self._progress: dict[str, Any] | None = None
         self._version = 0
         self.was_stopped = False
@@ -109,7 +109,7 @@ class WatchState:
             _, true_label = finger.last_answer() or (answer, '')
             line = describe_line(name, answer, true_label, names_model=finger.names_model(answer))
             if not answer.partial:
-                self.say(line)
+                self.say(line, finger=name)
         if not answer.partial:
             self.on_answer(line)
 
@@ -146,10 +146,17 @@ class WatchState:
                 self._controls[name] = tuple(controls)
                 self._version += 1
 
-    def say(self, text: str, level: str = 'ok', command_id: str = '') -> None:
-        """Add a sentence to those that every page shows; ``command_id`` is what it answers."""
+    def say(
+        self, text: str, level: str = 'ok', command_id: str = '', finger: str | None = None
+    ) -> None:
+        """Add a sentence to those that every page shows.
+
+        ``command_id`` is the command that it answers, ``finger`` the finger that it is about;
+        None: all.
+        """
         with self._lock:
-            self._sentences.append((time.time(), level, text, command_id))
+            sentence = {'at': time.time(), 'level': level, 'text': text, 'id': command_id}
+            self._sentences.append({**sentence, 'finger': finger})
             self._version += 1
 
     # -- what is shown ------------------------------------------------------------------
@@ -174,10 +181,7 @@ class WatchState:
                 ],
                 'devices': self.describe_devices(),
                 'progress': self._progress,
-                'said': [
-                    {'at': at, 'level': level, 'text': text, 'id': command_id}
-                    for at, level, text, command_id in self._sentences
-                ],
+                'said': list(self._sentences),
             }
 
     def describe_devices(self) -> list[dict[str, Any]]:

@@ -147,6 +147,16 @@ def test_a_trial_is_seen_from_contact_to_label(rig, browser):
             assert browser.evaluate(NO_OVERFLOW)
             assert browser.evaluate(CONTRAST) >= 4.5, f'{scheme}, {width} pixels'
             assert browser.evaluate(STOP_IS_SEEN)
+            for selector in ('.label', '.verdict', '.last'):
+                assert browser.evaluate(ABOVE_THE_FOLD % selector), f'{selector}, {width} pixels'
+    assert text_of(browser, '.last').endswith(': done')
+    names = browser.evaluate(
+        '[...document.querySelectorAll("[role=img]")].map(e => e.getAttribute("aria-label"))'
+    )
+    assert re.match(r'Tension of the last 10 seconds: now \S+ N, from .* N; done', names[0])
+    assert re.match(r'Amplitude over frequency, .*: largest \S+ mN at \S+ Hz', names[1])
+    assert set(names[2:]) <= {'ok', 'warning', 'error', 'stale'}
+    assert len(names) > 4
     browser.set_scheme('light')
     browser.resize(1280, 900)
     assert browser.console == []
@@ -168,6 +178,9 @@ CONTRAST = """(() => {
   return least; })()"""
 """The least contrast of a text with its ground; WCAG AA wants 4.5."""
 
+ABOVE_THE_FOLD = """(() => { const r = document.querySelector("%s").getBoundingClientRect();
+  return scrollY === 0 && r.height > 0 && r.top >= 0
+    && r.bottom <= document.getElementById('bar').getBoundingClientRect().top; })()"""
 STOP_IS_SEEN = """(() => { const r = document.getElementById('stop').getBoundingClientRect();
   const seen = visualViewport, [x, y] = [r.left + r.width / 2, r.top + r.height / 2];
   return r.top >= seen.offsetTop && r.bottom <= seen.offsetTop + seen.height
@@ -204,6 +217,7 @@ def test_stop_ends_the_trial_and_brings_guide_and_tendon_to_rest(rig, browser):
         wait_for_log(browser, 'stop: confirmed by')
         said = text_of(browser, '#outcome').lower().removeprefix('stop: confirmed by ').split(', ')
         assert sorted(said) == ['linear_guide', 'operator', 'tendon_actuator', 'trial_runner']
+        assert text_of(browser, '.last.error').startswith('trial aborted: ')
         assert browser.evaluate(STOP_IS_SEEN)
     assert len(stopped) == 1, 'the trial was cancelled, so it is not run again'
     assert 'cancelled' in stopped[0]

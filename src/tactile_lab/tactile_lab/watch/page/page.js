@@ -20,6 +20,10 @@
     if (element.textContent !== text) element.textContent = text;
   }
 
+  function name(element, text) {
+    if (element.getAttribute('aria-label') !== text) element.setAttribute('aria-label', text);
+  }
+
   function make(tag, text, className) {
     const element = document.createElement(tag);
     if (text !== undefined) element.textContent = text;
@@ -134,6 +138,30 @@
       set(this.find('.tension'), last === null ? '\u2013' : last.toFixed(2).replace(/^-(0\.0*)$/, '$1'));
     }
 
+    /* Why the trial was aborted, whoever runs it; otherwise the last message about this finger. */
+    showLast(said) {
+      const trial = this.state.trial;
+      const line = trial && trial.message ? { level: 'error', text: `trial aborted: ${trial.message}` }
+        : said.filter((each) => each.finger === this.name).pop();
+      const element = this.find('.last');
+      element.hidden = !line;
+      if (!line) return;
+      element.className = `last ${line.level}`;
+      set(element, line.text.replace(/ {2,}/g, ' \u00b7 '));
+    }
+
+    /* What the plots show, in words. */
+    namePlots() {
+      const range = this.tension.range;
+      const trial = this.state && this.state.trial;
+      const words = range === null ? 'no samples'
+        : `now ${this.find('.tension').textContent} N, from ${range[0].toFixed(2)} to ${range[1].toFixed(2)} N`;
+      name(this.find('.tension-plot'), `Tension of the last 10 seconds: ${words}; ${trial ? trial.phase : 'no trial'}`);
+      const peak = this.spectrum.peak;
+      name(this.find('.spectrum-plot'), `Amplitude over frequency, ${this.find('.part').textContent}: `
+        + (peak ? `largest ${peak.value.toFixed(1)} mN at ${peak.hz.toFixed(1)} Hz` : 'nothing yet'));
+    }
+
     /* What is wrong with the signal, with its remedy; the health of the sensor says it best. */
     showFault(devices) {
       const sentences = [...(this.state ? this.state.faults : [])];
@@ -161,6 +189,7 @@
     for (const finger of state.fingers) {
       if (!fingers.has(finger.name)) fingers.set(finger.name, new Finger(finger.name));
       fingers.get(finger.name).takeState(finger);
+      fingers.get(finger.name).showLast(state.said);
     }
     $('waiting').hidden = state.fingers.length > 0;
     $('below').hidden = !(state.devices.length || state.said.length);
@@ -188,6 +217,8 @@
       }
       const mark = make('i');
       mark.title = device.level;
+      mark.setAttribute('role', 'img');
+      name(mark, device.level);
       row.append(mark, text);
       return row;
     }));
@@ -340,7 +371,10 @@
 
   setInterval(() => {
     checkLink();
-    if (!document.body.classList.contains('off')) for (const finger of fingers.values()) finger.showFault(state ? state.devices : []);
+    if (!document.body.classList.contains('off')) for (const finger of fingers.values()) {
+      finger.showFault(state ? state.devices : []);
+      finger.namePlots();
+    }
   }, 250);
   matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => {
     for (const finger of fingers.values()) { finger.tension.build(); finger.spectrum.build(); }

@@ -108,6 +108,12 @@ class TensionPlot {
 
   get now() { return this.x.length ? this.x[this.x.length - 1] : 0; }
 
+  /* Lowest and highest tension that is shown; null: none. */
+  get range() {
+    const seen = this.y.filter((value) => value !== null);
+    return seen.length ? [seen.reduce((a, b) => Math.min(a, b)), seen.reduce((a, b) => Math.max(a, b))] : null;
+  }
+
   get last() {
     for (let i = this.y.length - 1; i >= 0; i -= 1) if (this.y[i] !== null) return this.y[i];
     return null;
@@ -143,6 +149,14 @@ class SpectrumPlot {
     }), [[], []], this.element);
     this.observer = follow(this.element, this.plot);
     this.draw(this.spectrum);
+  }
+
+  /* The largest line but that of the mean. */
+  get peak() {
+    if (!this.spectrum || this.spectrum.values.length < 2) return null;
+    const values = this.spectrum.values.slice(1);
+    const k = values.indexOf(Math.max(...values));
+    return { hz: (k + 1) * this.spectrum.step_hz, value: 1000 * values[k] };
   }
 
   draw(spectrum) {
