@@ -52,7 +52,7 @@ TOPICS = (
     Topic('extractor', 'kernels.features', 'sample blocks and events to windows'),
     Topic('inference', 'kernels.inference', 'one window through a model file'),
     Topic('simulator', 'simulator.schemes', 'texture trials: speed and error by step'),
-    Topic('paths', 'simulator.paths', 'the NumPy solver, stiffness trials, the live rig'),
+    Topic('paths', 'simulator.paths', 'readings, stiffness trials, the live rig'),
     Topic('twin', 'simulator.twin', 'error beside the same scene in MuJoCo (needs mujoco)', LONG),
     Topic('twin-speed', 'simulator.twin', 'speed beside the same scene in MuJoCo', LONG),
     Topic('published', 'accuracy.published', "the paper's statements, by setting", LONG),

@@ -17,12 +17,11 @@ from numpy.typing import NDArray
 
 from tactile_features.feature_sets.stiffness_regression import compute_regression
 import tactile_sim
-from tactile_sim.physics.curve import compute_curve
-from tactile_sim.physics.fast_trials import simulate_motion
-from tactile_sim.physics.finger import layout as at
-from tactile_sim.physics.finger.solver import choose_solver
+from tactile_sim.physics import layout as at
+from tactile_sim.physics.equations import compute_curve
+from tactile_sim.physics.motion import Move, Timeline
 from tactile_sim.physics.scene import build_scene, Scene
-from tactile_sim.physics.timeline import Move, Timeline
+from tactile_sim.physics.trials import simulate_motion
 from tactile_sim.physics.variation import Variation
 
 mpl.use('Agg')
@@ -63,7 +62,7 @@ def find_free_shapes(contact: str, tensions_n: tuple[int, ...]) -> list[FloatArr
     # One finger for each pull, all at once: their tendons differ in their zero.
     variation = dataclasses.replace(Variation.none(len(pulls_m)), tendon_zero_m=-pulls_m)
     start = scene.compute_inputs(np.zeros(1), np.array([scene.guide_m]))[0]
-    state = scene.start_trials(choose_solver(), variation, start)
+    state = scene.start_trials(variation, start)
     shapes = []
     for tension_n in tensions_n:
         nearest = int(np.argmin(np.abs(state[at.TENSION] - tension_n)))

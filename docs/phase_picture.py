@@ -15,7 +15,7 @@ from tactile_bringup.trial_protocols import TrialRequest
 from tactile_features.config import FeatureConfig
 from tactile_features.phases.signal_phases import find_phases
 from tactile_lab.simulation.simulated_trials import plan_trial
-from tactile_sim.physics.fast_trials import simulate_trials
+from tactile_sim.physics.trials import simulate_trials
 
 _TRIALS = (('stiffness', 'sponge', 'flexion'), ('texture', 'R1', 'abduction'))
 _SEED = 5

@@ -13,8 +13,8 @@ import numpy as np
 
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.descriptions.description import Plate
-from tactile_sim.physics.curve import compute_curve
-from tactile_sim.physics.surface import compute_plate_profile
+from tactile_sim.physics.equations import compute_curve
+from tactile_sim.physics.scene import compute_plate_profile
 
 SHOWN_MM = 22.0
 """From the plate's end into the grooves."""

@@ -28,7 +28,7 @@ from tactile_features.feature_sets.stiffness_regression import compute_regressio
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_lab.simulation.simulated_trials import plan_trial
 from tactile_sim.descriptions.catalogue import Catalogue
-from tactile_sim.physics.fast_trials import simulate_trials
+from tactile_sim.physics.trials import simulate_trials
 
 FloatArray = NDArray[np.float64]
 

@@ -24,7 +24,7 @@ from tactile_classifier.estimators.random_convolutions import RandomConvolutions
 from tactile_features import FeatureConfig, features_from_trials
 from tactile_lab.simulation.simulated_trials import plan_trial
 from tactile_sim.descriptions.catalogue import Catalogue
-from tactile_sim.physics.fast_trials import simulate_trials
+from tactile_sim.physics.trials import simulate_trials
 
 Array = NDArray[Any]
 

@@ -16,9 +16,9 @@ from tactile_bringup.trial_protocols import TrialRequest
 from tactile_lab.simulation.simulated_trials import plan_trial, PlannedTrial
 from tactile_ros.strain import StrainBlock
 from tactile_sim.descriptions.catalogue import default_catalogue
-from tactile_sim.physics.fast_trials import simulate_motion, SimulatedMotion, STEPS_PER_SAMPLE
 from tactile_sim.physics.scene import build_scene
 from tactile_sim.physics.sensing import read_tension
+from tactile_sim.physics.trials import simulate_motion, SimulatedMotion, STEPS_PER_SAMPLE
 from tactile_sim.physics.variation import draw_variation, Variation
 
 FloatArray = NDArray[np.float64]

@@ -18,7 +18,7 @@ from tactile_features.records import TrialEvent
 from tactile_lab.simulation.simulated_trials import plan_trial
 from tactile_ros.strain import StrainBlock
 from tactile_sim.descriptions.catalogue import default_catalogue
-from tactile_sim.physics.fast_trials import simulate_trials
+from tactile_sim.physics.trials import simulate_trials
 
 FloatArray = NDArray[np.float64]
 

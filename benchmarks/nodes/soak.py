@@ -46,7 +46,7 @@ from tactile_bringup.nodes.graph_runner import ros_context, running_graph
 from tactile_msgs.msg import TrialEvent
 from tactile_ros.qos import EVENTS
 from tactile_ros.strain import StrainStatus
-from tactile_sim.devices.pty_port import PtyPort
+from tactile_sim.pty_server import PtyPort
 
 CASE = CASES[1]
 BURST = CASE.block

@@ -13,7 +13,7 @@ from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_lab.simulation.simulated_trials import plan_trial
 from tactile_sim.descriptions.catalogue import default_catalogue
-from tactile_sim.physics.fast_trials import simulate_trials
+from tactile_sim.physics.trials import simulate_trials
 
 Array = NDArray[np.float64]
 

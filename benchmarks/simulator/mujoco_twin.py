@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_sim.descriptions.description import Finger
-from tactile_sim.physics.finger.bent_line import GRAVITY_M_S2
-from tactile_sim.physics.surface import Surface
+from tactile_sim.physics.equations import GRAVITY_M_S2
+from tactile_sim.physics.scene import Surface
 
 FloatArray = NDArray[np.float64]
 Positions = Callable[[FloatArray], FloatArray]

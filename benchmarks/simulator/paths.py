@@ -1,11 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The other ways through the simulator: readings, stiffness, NumPy, the live rig."""
+"""The other ways through the simulator: readings, stiffness, the live rig."""
 
 from __future__ import annotations
-
-import time
 
 import numpy as np
 
@@ -19,9 +17,12 @@ from benchmarks.simulator.trials import (
 )
 from tactile_features.feature_sets.stiffness_regression import compute_regression
 from tactile_sim.descriptions.catalogue import default_catalogue
-from tactile_sim.physics.fast_trials import simulate_trials, STEPS_PER_SAMPLE
-from tactile_sim.physics.plant import Plant
-from tactile_sim.physics.timeline import plan_timeline
+from tactile_sim.physics.motion import plan_timeline
+from tactile_sim.physics.trials import (
+    Plant,
+    simulate_trials,
+    STEPS_PER_SAMPLE,
+)
 from tactile_sim.physics.variation import Variation
 from tactile_sim.rig import PalpationRig, STEP_S
 
@@ -30,7 +31,7 @@ REFERENCE_STEPS = 160
 
 
 def run_paths(quick: bool) -> Report:
-    """Measure readings, the NumPy solver, stiffness trials, the live rig."""
+    """Measure readings, stiffness trials, the live rig."""
     count = 64 if quick else 256
     rounds = 2 if quick else 5
     trials = draw_trials('texture', PLATE, 'flexion', count)
@@ -42,7 +43,6 @@ def run_paths(quick: bool) -> Report:
     rows = [
         Row('texture, physics', more={'trials/s': count / motion_s}),
         Row('texture, readings', more={'trials/s': count / readings_s}),
-        _run_numpy(256 if quick else 2048),
     ]
     rows += [
         _run_stiffness(label, contact, 16 if quick else 64, rounds)
@@ -51,28 +51,14 @@ def run_paths(quick: bool) -> Report:
     ]
     rows += [_run_plant(quick), _run_rig(quick)]
     return Report(
-        'paths: compiled unless it says NumPy; the default step',
+        'paths: the default step',
         '',
         'trials a second of one core, the best of several runs; core: share of one core that the '
         'live rig takes in real time, with steps of 1 ms; '
         f'stiffness: largest over the trials, against {REFERENCE_STEPS} steps a sample, of the '
-        'deviations of slope and intercept [% of the value] and of the correlation (absolute); '
-        'NumPy: trials whose bytes differ from the compiled ones',
+        'deviations of slope and intercept [% of the value] and of the correlation (absolute)',
         rows,
     )
-
-
-def _run_numpy(count: int) -> Row:
-    trials = draw_trials('texture', PLATE, 'flexion', count)
-    start_s = time.process_time()
-    ours = trials.simulate(STEPS_PER_SAMPLE, 'numpy')
-    elapsed_s = time.process_time() - start_s
-    other = trials.simulate(STEPS_PER_SAMPLE, 'compiled')
-    differ = sum(
-        a.tobytes() != b.tobytes() for a, b in zip(ours.sensed_n, other.sensed_n, strict=True)
-    )
-    more = {'trials/s': count / elapsed_s}
-    return Row(f'texture, NumPy, {count} at once', None, differ, 0, more=more)
 
 
 def _run_stiffness(label: str, contact: str, count: int, rounds: int) -> Row:

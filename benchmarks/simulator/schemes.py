@@ -22,7 +22,7 @@ from benchmarks.simulator.trials import (
     time_in_turns,
     TrialSet,
 )
-from tactile_sim.physics.fast_trials import STEPS_PER_SAMPLE, TRUSTED_NM
+from tactile_sim.physics.trials import STEPS_PER_SAMPLE, TRUSTED_NM
 
 STEPS = (4, 6, 8, 10, 12, 16, 20, 24, 40)
 REFERENCE_STEPS = 160

@@ -19,14 +19,14 @@ from tactile_bringup.trial_protocols import TrialRequest
 from tactile_features.config import FeatureConfig
 from tactile_lab.simulation.simulated_trials import plan_trial, PlannedTrial
 from tactile_sim.descriptions.catalogue import default_catalogue
-from tactile_sim.physics.fast_trials import (
+from tactile_sim.physics.motion import Timeline
+from tactile_sim.physics.scene import build_scene, Scene
+from tactile_sim.physics.trials import (
     simulate_motion,
     SimulatedMotion,
     STEPS_PER_SAMPLE,
     TRUSTED_NM,
 )
-from tactile_sim.physics.scene import build_scene, Scene
-from tactile_sim.physics.timeline import Timeline
 from tactile_sim.physics.variation import draw_variation, Variation
 
 FloatArray = NDArray[np.float64]
@@ -54,14 +54,10 @@ class TrialSet:
     variation: Variation
     window: slice
 
-    def simulate(
-        self, steps: int, solver: str = '', trusted_nm: float = TRUSTED_NM
-    ) -> SimulatedMotion:
+    def simulate(self, steps: int, trusted_nm: float = TRUSTED_NM) -> SimulatedMotion:
         """Simulate all of them with so many steps a sample."""
         timeline = self.planned.timeline
-        return simulate_motion(
-            self.scene, timeline, self.variation, solver, steps, trusted_nm=trusted_nm
-        )
+        return simulate_motion(self.scene, timeline, self.variation, steps, trusted_nm=trusted_nm)
 
 
 @lru_cache

@@ -33,10 +33,10 @@ from benchmarks.simulator.trials import (
     remove_mean,
     time_in_turns,
 )
-from tactile_sim.physics.fast_trials import simulate_motion, STEPS_PER_SAMPLE
+from tactile_sim.physics.motion import plan_timeline, Timeline
 from tactile_sim.physics.scene import Scene
 from tactile_sim.physics.sensing import low_pass_coefficients
-from tactile_sim.physics.timeline import plan_timeline, Timeline
+from tactile_sim.physics.trials import simulate_motion, STEPS_PER_SAMPLE
 from tactile_sim.physics.variation import Variation
 
 DENSE = STEPS_PER_SAMPLE

@@ -16,7 +16,7 @@ from tactile_bringup.trial_protocols import TrialRequest
 from tactile_classifier import TactileModel, evaluate, load_archive, table_from_trials, train, write_model
 from tactile_lab.simulation.simulated_trials import plan_trial
 from tactile_sim.descriptions.catalogue import Catalogue
-from tactile_sim.physics.fast_trials import simulate_trials
+from tactile_sim.physics.trials import simulate_trials
 
 catalogue = Catalogue(None)
 planned = plan_trial(TrialConfig(simulated=True), TrialRequest('texture', 'flexion'), catalogue)

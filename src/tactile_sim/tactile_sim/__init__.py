@@ -12,15 +12,15 @@ _HOMES = {
     'Catalogue': 'descriptions.catalogue',
     'ConvergenceError': 'errors',
     'DescriptionError': 'errors',
-    'Move': 'physics.timeline',
+    'Move': 'physics.motion',
     'RigError': 'errors',
     'SimulatedRig': 'rig_process',
-    'SimulatedTrials': 'physics.fast_trials',
+    'SimulatedTrials': 'physics.trials',
     'TactileSimError': 'errors',
-    'Timeline': 'physics.timeline',
+    'Timeline': 'physics.motion',
     'list_objects': 'descriptions.catalogue',
     'move_duration_s': 'physics.motion',
-    'simulate_trials': 'physics.fast_trials',
+    'simulate_trials': 'physics.trials',
 }
 
 __all__ = sorted(_HOMES)

@@ -20,3 +20,7 @@ class ConvergenceError(TactileSimError):
 
 class RigError(TactileSimError):
     """The simulated rig's process died, did not start or refused a request."""
+
+
+class SolverError(TactileSimError):
+    """The solver of the physics cannot be loaded or compiled."""

@@ -1,25 +1,96 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Serves the rig's devices on pseudo-terminals, in real time, from one thread."""
+"""Devices on pseudo-terminals: the rig in real time, and a load cell with weights."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+import contextlib
+import os
 from pathlib import Path
 import select
 import tempfile
 import threading
 import time
+import tty
 from typing import Any, TypeVar
 
+from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.devices.faults import FaultRequest, FaultyLine, GuideLine, SensorLine, TendonLine
-from tactile_sim.devices.pty_port import PtyPort
+from tactile_sim.devices.load_cell import LoadCellDevice
+from tactile_sim.errors import RigError
+from tactile_sim.physics.variation import make_generator
 from tactile_sim.rig import PalpationRig, STEP_S
+
+_READ_BYTES = 4096
 
 _CHUNK_S = 0.02
 _MOST_BEHIND_S = 0.5
 _T = TypeVar('_T')
+_STAND_STEP_S = 0.002
+_SETTLE_S = 0.15
+"""Time constant with which a hung weight comes to rest."""
+
+
+class PtyPort:
+    """The device's end of a line; drivers open ``link``.
+
+    The pty's own name is not for them: the kernel gives its number to the next one who asks,
+    as soon as this one is unplugged.
+
+    Parameters
+    ----------
+    link
+        Where to put the symbolic link.
+
+    Raises
+    ------
+    RigError
+        Something else is there.
+    """
+
+    def __init__(self, link: Path) -> None:
+        self._link = link
+        self._files: list[int] = []
+        if link.exists() and not link.is_symlink():
+            raise RigError(f'{link} exists and is no symbolic link; choose another --links')
+        self.open()
+
+    @property
+    def is_open(self) -> bool:
+        """True while the port is plugged in."""
+        return bool(self._files)
+
+    def fileno(self) -> int:
+        """Descriptor of the device's end."""
+        return self._files[0]
+
+    def open(self) -> None:
+        """Make a pty and its link."""
+        master, slave = os.openpty()
+        # The spare slave stays open, or reading the master fails when a client closes.
+        self._files = [master, slave]
+        tty.setraw(slave)
+        os.set_blocking(master, False)
+        self._link.unlink(missing_ok=True)
+        self._link.symlink_to(os.ttyname(slave))
+
+    def close(self) -> None:
+        """Take the pty and its link away; harmless when called twice."""
+        if self._files:
+            self._link.unlink(missing_ok=True)
+        while self._files:
+            os.close(self._files.pop())
+
+    def read(self) -> bytes:
+        """Return what the driver has sent; only when there is something."""
+        return os.read(self.fileno(), _READ_BYTES)
+
+    def write(self, data: bytes) -> None:
+        """Send to the driver. A full pty loses bytes, as a line without handshake does."""
+        with contextlib.suppress(BlockingIOError):
+            os.write(self.fileno(), data)
 
 
 class PtyServer:
@@ -131,3 +202,71 @@ class PtyServer:
             port.open()
         if output:
             port.write(output)
+
+
+class WeightStand:
+    """Serves a load cell on a pty; a context manager.
+
+    Its reading in newtons, with scale 1 and offset 0, is
+    ``(force - offset_n + hysteresis) / scale``. The hysteresis is there on the way down.
+
+    Parameters
+    ----------
+    scale, offset_n
+        The truth that a calibration shall find.
+    hysteresis_n
+        [N]
+    seed
+        Of noise and drift.
+
+    Attributes
+    ----------
+    port : str
+    """
+
+    def __init__(
+        self,
+        scale: float = 1.03,
+        offset_n: float = -0.2,
+        hysteresis_n: float = 0.0,
+        seed: int = 0,
+    ) -> None:
+        self._scale, self._offset_n, self._hysteresis_n = scale, offset_n, hysteresis_n
+        self._folder = tempfile.TemporaryDirectory(prefix='tactile_stand_')
+        self.port = str(Path(self._folder.name, 'sensor'))
+        self._line = PtyPort(Path(self.port))
+        cell = default_catalogue().rig().load_cell
+        self._device = LoadCellDevice(cell, make_generator(seed, 'stand'))
+        self._force_n = self._hung_n = self._extra_n = 0.0
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._serve, name='weight stand', daemon=True)
+
+    def __enter__(self) -> WeightStand:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ending.set()
+        self._thread.join()
+        self._line.close()
+        self._folder.cleanup()
+
+    def hang(self, force_n: float) -> None:
+        """Hang a weight of this force instead of the one before [N]."""
+        self._extra_n = self._hysteresis_n if force_n < self._hung_n else 0.0
+        self._hung_n = force_n
+
+    def _serve(self) -> None:
+        started_s = time.monotonic()
+        now_s = 0.0
+        self._device.record(now_s, self._reading_n(), 0.0)
+        while not self._ending.wait(0.005):
+            due_s = time.monotonic() - started_s
+            while now_s + _STAND_STEP_S <= due_s:
+                now_s += _STAND_STEP_S
+                self._force_n += (self._hung_n - self._force_n) * _STAND_STEP_S / _SETTLE_S
+                self._device.record(now_s, self._reading_n(), 0.0)
+            self._line.write(self._device.poll(now_s))
+
+    def _reading_n(self) -> float:
+        return (self._force_n - self._offset_n + self._extra_n) / self._scale

@@ -9,12 +9,12 @@ from collections.abc import Sequence
 from typing import Any
 
 from tactile_sim.descriptions.catalogue import Catalogue, default_catalogue
-from tactile_sim.devices.dynamixel.dynamixel_device import DynamixelDevice
-from tactile_sim.devices.grbl.grbl_device import GrblDevice
-from tactile_sim.devices.load_cell_device import LoadCellDevice
+from tactile_sim.devices.dynamixel import DynamixelDevice
+from tactile_sim.devices.grbl import GrblDevice
+from tactile_sim.devices.load_cell import LoadCellDevice
 from tactile_sim.errors import RigError
-from tactile_sim.physics.plant import Plant
 from tactile_sim.physics.scene import build_scene
+from tactile_sim.physics.trials import Plant
 from tactile_sim.physics.variation import draw_variation, make_generator, Variation
 
 STEP_S = 1e-3

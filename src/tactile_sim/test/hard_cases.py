@@ -14,9 +14,11 @@ import numpy as np
 from scenery import change, CONTACT_GUIDE_M, free_scene, object_scene, plate_scene, ramp, run
 
 from tactile_sim.descriptions.description import Body, Branch, Plate
-from tactile_sim.physics.finger import layout as at
-from tactile_sim.physics.scene import build_scene
-from tactile_sim.physics.surface import build_plate_surface
+from tactile_sim.physics import layout as at
+from tactile_sim.physics.scene import (
+    build_plate_surface,
+    build_scene,
+)
 
 STEP_S = 1 / 960
 FINER = 40

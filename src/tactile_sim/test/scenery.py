@@ -7,11 +7,12 @@ import dataclasses
 from typing import NamedTuple
 
 import numpy as np
+import numpy_solver
 
 from tactile_sim.descriptions.catalogue import default_catalogue
-from tactile_sim.physics.finger import layout as at
-from tactile_sim.physics.finger.solver import advance_trials, TOLERANCE_NM
+from tactile_sim.physics import layout as at
 from tactile_sim.physics.scene import build_scene, Scene
+from tactile_sim.physics.solver import advance_trials, TOLERANCE_NM
 from tactile_sim.physics.variation import draw_variation, Variation
 
 CONTACT_GUIDE_M = 0.060
@@ -90,11 +91,17 @@ def run(
     steps = len(tendon_m) - 1
     guide_m, pulled_m = (np.broadcast_to(v, steps + 1) for v in (guide_m, pulled_m))
     inputs = scene.compute_inputs(tendon_m, guide_m, pulled_m)
-    variation = variation or Variation.none()
-    state = scene.start_trials(solver, variation, inputs[0])
+    with numpy_solver.in_use(solver):
+        return _run(
+            scene, step_s, inputs, variation or Variation.none(), euler, tolerance_nm, trusted_nm
+        )
+
+
+def _run(scene, step_s, inputs, variation, euler, tolerance_nm, trusted_nm):
+    steps = len(inputs) - 1
+    state = scene.start_trials(variation, inputs[0])
     failed = np.full(len(variation.phase), -1, dtype=np.int64)
     out = advance_trials(
-        solver,
         state,
         scene.parameters,
         np.arange(steps) % 2 if euler else np.zeros(steps, dtype=np.int64),

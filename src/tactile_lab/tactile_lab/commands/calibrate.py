@@ -33,7 +33,7 @@ from tactile_lab.devices.load_cell_fit import (
 from tactile_lab.devices.parameter_edit import set_parameters
 from tactile_ros.errors import TactileError
 from tactile_ros.strain import NO_MEASUREMENT, StrainBlock
-from tactile_sim.devices.weight_stand import WeightStand
+from tactile_sim.pty_server import WeightStand
 from tendon_sensor_driver.errors import TendonSensorError
 from tendon_sensor_driver.records import TendonSensorConfig
 from tendon_sensor_driver.sensors import make_sensor

@@ -29,9 +29,9 @@ from tactile_lab.simulation.robustness_axes import list_axes, Sensing, Setting
 from tactile_lab.simulation.simulated_trials import EPOCH_NS, plan_trial, PlannedTrial
 from tactile_ros.strain import StrainBlock
 from tactile_sim.descriptions.catalogue import Catalogue
-from tactile_sim.physics.fast_trials import simulate_motion, STEPS_PER_SAMPLE
 from tactile_sim.physics.scene import build_scene
 from tactile_sim.physics.sensing import read_tension
+from tactile_sim.physics.trials import simulate_motion, STEPS_PER_SAMPLE
 from tactile_sim.physics.variation import draw_variation, make_generator
 
 FloatArray = NDArray[np.float64]

@@ -31,9 +31,13 @@ from tactile_bringup.trial_protocols import (
 )
 from tactile_ros.strain import StrainStatus
 from tactile_sim.descriptions.catalogue import Catalogue
-from tactile_sim.physics.fast_trials import simulate_trials
-from tactile_sim.physics.motion import move_duration_s
-from tactile_sim.physics.timeline import Move, plan_timeline, Timeline
+from tactile_sim.physics.motion import (
+    Move,
+    move_duration_s,
+    plan_timeline,
+    Timeline,
+)
+from tactile_sim.physics.trials import simulate_trials
 
 SAMPLES_PER_BLOCK = 60
 """Few long blocks: messages, not samples, are what writing and reading a bag costs."""

@@ -29,7 +29,7 @@ from tactile_lab.simulation.trial_picture import (
 )
 from tactile_ros.errors import TactileError
 from tactile_sim.descriptions.catalogue import Catalogue
-from tactile_sim.physics.surface import compute_plate_profile
+from tactile_sim.physics.scene import compute_plate_profile
 
 FloatArray = NDArray[np.float64]
 

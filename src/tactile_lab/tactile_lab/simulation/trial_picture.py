@@ -17,9 +17,9 @@ from tactile_lab.simulation.simulated_trials import plan_trial, PlannedTrial, Si
 from tactile_ros.errors import TactileError
 from tactile_sim.descriptions.catalogue import Catalogue
 from tactile_sim.descriptions.description import Finger
-from tactile_sim.physics.curve import compute_curve
-from tactile_sim.physics.fast_trials import simulate_motion
+from tactile_sim.physics.equations import compute_curve
 from tactile_sim.physics.scene import build_scene
+from tactile_sim.physics.trials import simulate_motion
 from tactile_sim.physics.variation import Variation
 
 FloatArray = NDArray[np.float64]

@@ -31,7 +31,7 @@ from tactile_lab.simulation.simulated_trials import (
     SLIP_M,
 )
 from tactile_ros.errors import TactileError
-from tactile_sim.physics.fast_trials import SimulatedTrials
+from tactile_sim.physics.trials import SimulatedTrials
 
 CONFIG = TrialConfig(simulated=True)
 RATE_HZ = 60

@@ -13,7 +13,7 @@ from tactile_lab.commands import calibrate
 from tactile_lab.commands.calibrate import run_calibrate
 from tactile_lab.commands.rig_requests import CalibrateRequest
 from tactile_ros.errors import TactileError
-from tactile_sim.devices.weight_stand import WeightStand
+from tactile_sim.pty_server import WeightStand
 from tendon_sensor_driver.records import TendonSensorConfig
 
 GRAVITY = 9.81

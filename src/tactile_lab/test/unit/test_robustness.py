@@ -20,7 +20,7 @@ from tactile_lab.simulation.robustness import (
 )
 from tactile_lab.simulation.robustness_axes import Axis, list_axes, Sensing, Setting
 from tactile_sim.descriptions.catalogue import Catalogue
-from tactile_sim.physics.fast_trials import simulate_trials
+from tactile_sim.physics.trials import simulate_trials
 
 SMALL = Study(train_sessions=1, test_sessions=1, train_trials=2, test_trials=1)
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_sim.descriptions.description import LoadCell
-from tactile_sim.physics.finger.relaxation import compute_relaxation
+from tactile_sim.physics.steps import compute_relaxation
 
 FloatArray = NDArray[np.float64]
 

@@ -17,8 +17,8 @@ import pytest
 from scenery import run
 from scipy.integrate import solve_ivp
 
-from tactile_sim.physics.finger import layout as at
-from tactile_sim.physics.finger.bent_line import GRAVITY_M_S2
+from tactile_sim.physics import layout as at
+from tactile_sim.physics.equations import GRAVITY_M_S2
 from tactile_sim.physics.scene import build_scene
 from tactile_sim.physics.variation import Variation
 
@@ -167,7 +167,7 @@ def compare(scene, tendon_m, guide_m, duration_s, step_s, tolerance):
     assert result.failed.tolist() == [-1]
     zero = np.zeros(1)
     inputs = scene.compute_inputs(tendon_m(zero), guide_m(zero))[0]
-    state = scene.start_trials('compiled', Variation.none(), inputs)[:, 0]
+    state = scene.start_trials(Variation.none(), inputs)[:, 0]
     every = steps // 100
     reference = Reference(scene, state, tendon_m, guide_m)
     exact = reference.solve(state, times_s[::every], tolerance)[:, 1:]

@@ -13,9 +13,9 @@ import pytest
 from linear_guide_driver.dynamixel import registers as known
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.errors import RigError
-from tactile_sim.physics.fast_trials import simulate_motion
+from tactile_sim.physics.motion import Move, Timeline
 from tactile_sim.physics.scene import build_scene
-from tactile_sim.physics.timeline import Move, Timeline
+from tactile_sim.physics.trials import simulate_motion
 from tactile_sim.physics.variation import Variation
 from tactile_sim.rig import PalpationRig, STEP_S
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scenery import run
 
-from tactile_sim.physics.finger import layout as at
+from tactile_sim.physics import layout as at
 from tactile_sim.physics.scene import build_scene
 
 DURATION_S = 0.3

@@ -8,9 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from tactile_sim.descriptions.catalogue import default_catalogue
+from tactile_sim.descriptions.catalogue import (
+    default_catalogue,
+    parse_description,
+    parse_text,
+)
 from tactile_sim.descriptions.description import Body, Finger, HeldObject, Plate, Rig
-from tactile_sim.descriptions.description_text import parse_description, parse_text
 from tactile_sim.errors import DescriptionError
 
 BRANCH = {'stiffness_n_m': 2.0, 'relaxation_time_s': 3.0}

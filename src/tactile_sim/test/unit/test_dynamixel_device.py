@@ -9,9 +9,9 @@ import pytest
 
 from linear_guide_driver.dynamixel import registers as known
 from tactile_sim.descriptions.catalogue import default_catalogue
-from tactile_sim.devices.dynamixel.dynamixel_device import DynamixelDevice
-from tactile_sim.devices.dynamixel.packets import (
+from tactile_sim.devices.dynamixel import (
     compute_crc,
+    DynamixelDevice,
     encode_status,
     InstructionParser,
 )

@@ -10,8 +10,8 @@ import pytest
 from scenery import free_scene, object_scene, ramp, run
 
 from tactile_sim.descriptions.description import Body, Branch
-from tactile_sim.physics.finger import layout as at
-from tactile_sim.physics.finger.solver import advance_trials
+from tactile_sim.physics import layout as at
+from tactile_sim.physics.solver import advance_trials
 
 SHARE = np.array([1.0, 1 / 3, 1 / 5])[:, np.newaxis]
 GRAVITY_M_S2 = 9.80665
@@ -123,7 +123,6 @@ def test_a_pressed_object_recovers_alone_once_it_is_out_of_reach(step_s):
     inputs = scene.compute_inputs(tendon_m, guide_m)
     failed = np.full(1, -1, dtype=np.int64)
     out = advance_trials(
-        'compiled',
         pressed,
         scene.parameters,
         np.zeros(count, dtype=np.int64),

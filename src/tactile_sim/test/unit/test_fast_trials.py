@@ -7,21 +7,22 @@ import dataclasses
 import math
 
 import numpy as np
+import numpy_solver
 import pytest
 
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.errors import DescriptionError
-from tactile_sim.physics.fast_trials import (
+from tactile_sim.physics import layout as at
+from tactile_sim.physics.motion import Move, plan_timeline, Timeline
+from tactile_sim.physics.scene import build_scene
+from tactile_sim.physics.solver import advance_trials
+from tactile_sim.physics.trials import (
     _Schedule,
     simulate_motion,
     simulate_trials,
     STEPS_PER_SAMPLE,
     TRUSTED_NM,
 )
-from tactile_sim.physics.finger import layout as at
-from tactile_sim.physics.finger.solver import advance_trials
-from tactile_sim.physics.scene import build_scene
-from tactile_sim.physics.timeline import Move, plan_timeline, Timeline
 from tactile_sim.physics.variation import draw_variation, Variation
 
 CELL = default_catalogue().rig().load_cell
@@ -45,7 +46,8 @@ def test_same_seed_same_bytes_whatever_the_count_the_first_and_the_solver():
     assert many.tension_n.shape == (70, len(many.sample_times_s))
     assert same(simulate_trials(*names, 2, 5), many, slice(2))
     assert same(simulate_trials(*names, 4, 5, first=62), many, slice(62, 66))
-    assert same(simulate_trials(*names, 3, 5, solver='numpy'), many, slice(3))
+    with numpy_solver.in_use('numpy'):
+        assert same(simulate_trials(*names, 3, 5), many, slice(3))
     assert len({row.tobytes() for row in many.tension_n}) == 70
     for other in (simulate_trials(*names, 2, 6), simulate_trials(*names, 2, 5, session=1)):
         assert not np.array_equal(other.tension_n, many.tension_n[:2])
@@ -97,8 +99,7 @@ def test_samples_are_the_ends_of_steps(steps_per_sample, phase):
     schedule = _Schedule(scene, SHORT, steps_per_sample)
     variation = dataclasses.replace(Variation.none(), phase=np.array([phase]))
     steps = advance_trials(
-        'compiled',
-        scene.start_trials('compiled', variation, schedule.start),
+        scene.start_trials(variation, schedule.start),
         scene.parameters,
         schedule.lengths,
         schedule.start,
@@ -240,7 +241,7 @@ def test_the_free_finger_bends_as_in_the_papers_figure_1():
     pulls_m = np.linspace(0.0, 0.016, 33)
     variation = dataclasses.replace(Variation.none(33), tendon_zero_m=-pulls_m)
     inputs = scene.compute_inputs(np.zeros(1), np.array([0.06]))[0]
-    state = scene.start_trials('compiled', variation, inputs)
+    state = scene.start_trials(variation, inputs)
     pulled_n, bends_deg = state[at.TENSION], np.degrees(state[at.MODES])
     assert np.all(np.diff(pulled_n) >= 0)
     for tension_n, bend_deg, within_deg in ((0.0, 4.0, 4.0), (5.0, 40.0, 6.0), (15.0, 115.0, 3.0)):
@@ -300,5 +301,3 @@ def test_impossible_trials_are_refused():
     ):
         with pytest.raises(DescriptionError, match='count'):
             simulate_trials('texture', 'F', 'flexion', SHORT, count, seed, **more)
-    with pytest.raises(DescriptionError, match='no solver'):
-        simulate_trials('texture', 'F', 'flexion', SHORT, 1, 1, solver='fast')

@@ -12,20 +12,22 @@ import numpy as np
 import pytest
 
 from tactile_sim.descriptions.catalogue import default_catalogue
-from tactile_sim.devices.dynamixel.dynamixel_device import DynamixelDevice
-from tactile_sim.devices.dynamixel.packets import encode_status
+from tactile_sim.devices.dynamixel import (
+    DynamixelDevice,
+    encode_status,
+)
 from tactile_sim.devices.faults import (
     FaultyLine,
     GuideLine,
     KINDS,
     MOMENTS,
     read_request,
+    resample_uart,
     SensorLine,
     TendonLine,
 )
-from tactile_sim.devices.grbl.grbl_device import GrblDevice
-from tactile_sim.devices.line_faults import resample_uart
-from tactile_sim.devices.load_cell_device import LoadCellDevice
+from tactile_sim.devices.grbl import GrblDevice
+from tactile_sim.devices.load_cell import LoadCellDevice
 from tactile_sim.errors import RigError
 
 RIG = default_catalogue().rig()

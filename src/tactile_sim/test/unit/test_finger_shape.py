@@ -9,8 +9,8 @@ from finger_modes import FINE_WEIGHT, FINE_XI, MASS, shapes, TIP_MASS
 import numpy as np
 import pytest
 
-from tactile_sim.physics.curve import compute_curve
-from tactile_sim.physics.finger.bent_line import (
+from tactile_sim.physics.equations import (
+    compute_curve,
     compute_line,
     compute_sine_cosine,
     GRAVITY_M_S2,

@@ -9,7 +9,7 @@ import pytest
 
 from linear_guide_driver.grbl.protocol import ERRORS
 from tactile_sim.descriptions.catalogue import default_catalogue
-from tactile_sim.devices.grbl.grbl_device import GrblDevice
+from tactile_sim.devices.grbl import GrblDevice
 
 
 class Bench:

@@ -15,9 +15,9 @@ from scenery import build_scene, change, ramp, run
 
 from tactile_sim.descriptions.description import Body, Branch, Finger, Plate
 from tactile_sim.errors import ConvergenceError, DescriptionError
-from tactile_sim.physics.fast_trials import TRUSTED_NM
-from tactile_sim.physics.finger import layout as at
-from tactile_sim.physics.surface import build_plate_surface
+from tactile_sim.physics import layout as at
+from tactile_sim.physics.scene import build_plate_surface
+from tactile_sim.physics.trials import TRUSTED_NM
 
 
 def name_case(value):

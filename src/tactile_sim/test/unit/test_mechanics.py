@@ -7,14 +7,17 @@ from finger_modes import FINE_WEIGHT, FINE_XI, MASS, shapes, TIP_MASS
 import numpy as np
 import pytest
 
-from tactile_sim.physics.finger.bent_line import compute_line, GRAVITY_M_S2, NODE_WEIGHT, NODE_XI
-from tactile_sim.physics.finger.inertia import compute_mass_matrix
-from tactile_sim.physics.finger.mechanics import (
+from tactile_sim.physics.equations import (
     compute_balance,
+    compute_line,
+    compute_mass_matrix,
     compute_object_contact,
     compute_rigid_contact,
     Constants,
+    GRAVITY_M_S2,
     MAX_CHANGE_RAD,
+    NODE_WEIGHT,
+    NODE_XI,
 )
 
 CONSTANTS = Constants(

@@ -3,17 +3,14 @@
 
 """The live rig's physics, a step at a time, and what can be mounted on the rig."""
 
-import importlib.util
-import sys
-
 import numpy as np
 import pytest
 from scenery import ramp, run
 
 from tactile_sim.errors import ConvergenceError, DescriptionError, RigError
-from tactile_sim.physics.finger import layout as at
-from tactile_sim.physics.plant import Plant
+from tactile_sim.physics import layout as at
 from tactile_sim.physics.scene import build_scene
+from tactile_sim.physics.trials import Plant
 from tactile_sim.physics.variation import Variation
 from tactile_sim.rig import PalpationRig, STEP_S
 
@@ -72,24 +69,6 @@ def test_a_step_without_balance_raises(where, label):
     plant.step(0.060, 0.001)
     with pytest.raises(ConvergenceError, match='no balance of the finger with the guide at'):
         plant.step(*where)
-
-
-def test_without_numba_the_plant_uses_numpy(monkeypatch):
-    expected = make_plant()
-    find_spec = importlib.util.find_spec
-    monkeypatch.setattr(
-        importlib.util, 'find_spec', lambda name: None if name == 'numba' else find_spec(name)
-    )
-    # Importing it fails now, as it would if it were not there.
-    monkeypatch.setitem(sys.modules, 'numba', None)
-    plant = make_plant()
-    assert plant._solver == 'numpy'
-    for guide_m, tendon_m in zip(GUIDE_M[1:200], TENDON_M[1:200], strict=True):
-        plant.step(guide_m, tendon_m)
-        expected.step(guide_m, tendon_m)
-    assert plant.tension_n > 1.0
-    assert plant.tension_n == expected.tension_n
-    assert expected._solver == 'compiled'
 
 
 def test_the_rig_refuses_what_it_cannot_do():

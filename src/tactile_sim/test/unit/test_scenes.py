@@ -12,7 +12,7 @@ from scenery import change, CONTACT_GUIDE_M, draw, plate_scene, PULL_M, ramp, ru
 
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.descriptions.description import Body
-from tactile_sim.physics.finger import layout as at
+from tactile_sim.physics import layout as at
 from tactile_sim.physics.scene import build_scene
 
 STEP_S = 1 / 600

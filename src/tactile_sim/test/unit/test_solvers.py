@@ -1,20 +1,22 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The compiled and the NumPy solver: same bytes, independent trials, honest failures."""
+"""The solver and its NumPy reference: same bytes, independent trials, honest failures."""
 
 import dataclasses
-import importlib.util
+import sys
+from types import SimpleNamespace
 
 import numpy as np
+import numpy_solver
 import pytest
 from scenery import change, CONTACT_GUIDE_M, draw, free_scene, plate_scene, PULL_M, ramp, run
 
-from tactile_sim.errors import DescriptionError
-from tactile_sim.physics.finger import layout as at
-from tactile_sim.physics.finger import numpy_solver
-from tactile_sim.physics.finger.solver import advance_trials, choose_solver
+from tactile_sim.errors import SolverError
+from tactile_sim.physics import layout as at
+from tactile_sim.physics import solver as solver_module
 from tactile_sim.physics.scene import build_scene
+from tactile_sim.physics.solver import advance_trials
 
 STEP_S = 1 / 600
 TIMES_S = STEP_S * np.arange(301)
@@ -116,19 +118,19 @@ def test_a_failing_trial_stands_still_and_disturbs_no_other(solver, monkeypatch)
 def test_a_trial_that_failed_before_is_left_alone(solver):
     scene, tendon, guide, _, variation = make_trial('texture', 'R3', 'flexion', 3)
     inputs = scene.compute_inputs(tendon, guide)
-    state = scene.start_trials(solver, variation, inputs[0])
-    before, failed = state.copy(), np.array([-1, 7, -1])
-    advance_trials(
-        solver,
-        state,
-        scene.parameters,
-        np.zeros(30, dtype=np.int64),
-        inputs[0],
-        inputs[1:31],
-        scene.compute_coefficients((STEP_S,)),
-        (),
-        failed,
-    )
+    with numpy_solver.in_use(solver):
+        state = scene.start_trials(variation, inputs[0])
+        before, failed = state.copy(), np.array([-1, 7, -1])
+        advance_trials(
+            state,
+            scene.parameters,
+            np.zeros(30, dtype=np.int64),
+            inputs[0],
+            inputs[1:31],
+            scene.compute_coefficients((STEP_S,)),
+            (),
+            failed,
+        )
     assert failed.tolist() == [-1, 7, -1]
     kept = [row for row in range(at.TRIAL_ROWS) if row != at.FRESH]
     assert np.array_equal(state[kept, 1], before[kept, 1])
@@ -161,13 +163,32 @@ def test_rest_is_where_a_long_wait_ends():
             assert waited.rows[row, 0, -1] == pytest.approx(rest.rows[row, 0, 0], rel=1e-5)
 
 
-def test_solvers_are_chosen_by_name_and_by_what_is_installed(monkeypatch):
-    assert choose_solver('numpy') == 'numpy'
-    with pytest.raises(DescriptionError, match="'fast'; there are compiled and numpy"):
-        choose_solver('fast')
-    monkeypatch.setattr(importlib.util, 'find_spec', lambda name: object())
-    assert choose_solver() == 'compiled'
-    monkeypatch.setattr(importlib.util, 'find_spec', lambda name: None)
-    assert choose_solver() == 'numpy'
-    with pytest.raises(DescriptionError, match='pip install numba'):
-        choose_solver('compiled')
+def test_without_numba_the_simulator_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, 'numba', None)
+    monkeypatch.setattr(solver_module, 'load_advance', solver_module.load_advance.__wrapped__)
+    with pytest.raises(SolverError, match=r'the simulator needs numba, .*: .*; pip install'):
+        run(free_scene(), STEP_S, np.zeros(3))
+
+
+def test_a_solver_that_numba_cannot_compile_says_so(monkeypatch):
+    monkeypatch.setattr(solver_module, 'load_advance', solver_module.load_advance.__wrapped__)
+
+    def make_advance(numba, width):
+        return numba.njit(lambda *arguments: arguments[0].no_such_method())
+
+    monkeypatch.setattr(solver_module, '_make_advance', make_advance)
+    with pytest.raises(SolverError, match=r'numba [0-9.]+ cannot compile the solver .* NumPy'):
+        run(free_scene(), STEP_S, np.zeros(3))
+
+
+def test_without_a_folder_for_its_cache_numba_compiles_all_the_same():
+    asked = []
+
+    def njit(cache=False, **options):
+        asked.append(cache)
+        if cache:
+            raise RuntimeError('cannot cache function: no locator available')
+        return lambda function: function
+
+    assert solver_module._make_advance(SimpleNamespace(njit=njit), 16).__name__ == 'advance'
+    assert asked == [True, False]

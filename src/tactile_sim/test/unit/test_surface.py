@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tactile_sim.descriptions.catalogue import default_catalogue, list_objects
-from tactile_sim.physics.surface import (
+from tactile_sim.physics.scene import (
     build_plate_surface,
     compute_plate_profile,
     dilate_by_circle,

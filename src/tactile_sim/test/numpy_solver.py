@@ -1,25 +1,37 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The NumPy solver: all trials of a batch advance at once, an array operation at a time.
+"""Independent reference of the compiled solver: NumPy, an array operation at a time.
 
-It runs the same operations as the compiled one, number for number, so it gives the same
-bits; it needs no compiler, and takes other floating-point types than double precision.
+It runs the same operations, number for number, so it gives the same bits without a compiler.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
+from unittest import mock
 
 import numpy as np
 
-from tactile_sim.physics.finger import layout as at
-from tactile_sim.physics.finger import row_operations
-from tactile_sim.physics.finger.steps import MAX_HALVINGS, split_inputs
+from tactile_sim.physics import layout as at
+from tactile_sim.physics import solver, steps
+from tactile_sim.physics.steps import MAX_HALVINGS, split_inputs
 
 _ALL = slice(None)
 _CROWDED = 0.7
 """Trials that have converged leave the batch once fewer than this share is open."""
+
+
+@contextmanager
+def in_use(name: str) -> Iterator[None]:
+    """Let the simulator step with this solver, ``compiled`` or ``numpy``."""
+    if name == 'compiled':
+        yield
+        return
+    with mock.patch.object(solver, 'load_advance', return_value=advance):
+        yield
 
 
 def advance(
@@ -89,15 +101,15 @@ def _solve_in_parts(
 def _solve(z: Any, row: list[float], inputs: list[float], scene: Any, control: Any) -> None:
     constants, springs, _, _, yields = scene
     grip, _, _, iterations = control
-    row_operations.begin_step(z, _ALL, row)
-    row_operations.begin_creep(z, _ALL, row, constants)
+    steps.begin_step(z, _ALL, row)
+    steps.begin_creep(z, _ALL, row, constants)
     if yields:
-        row_operations.begin_object(z, _ALL, row, springs)
+        steps.begin_object(z, _ALL, row, springs)
     if inputs[at.PRESENT_INPUT] <= 0.0:
         z[at.NEW_FORCE] = 0.0
         z[at.FORCE_SLOPE] = 0.0
         if yields:
-            row_operations.leave_object(z, _ALL)
+            steps.leave_object(z, _ALL)
     work, columns = z, None
     for _ in range(iterations):
         _iterate(work, row, inputs, scene, control)
@@ -113,17 +125,17 @@ def _solve(z: Any, row: list[float], inputs: list[float], scene: Any, control: A
             work = z[:, columns]
     if columns is not None:
         z[:, columns] = work
-    row_operations.end_step(z, _ALL, row, grip, constants)
+    steps.end_step(z, _ALL, row, grip, constants)
     if yields:
-        row_operations.end_object(z, _ALL, row)
+        steps.end_object(z, _ALL, row)
 
 
 def _iterate(z: Any, row: list[float], inputs: list[float], scene: Any, control: Any) -> None:
     constants, _, table, grid, yields = scene
     grip, tolerance, trusted, _ = control
-    row_operations.locate(z, _ALL, inputs[at.GUIDE_INPUT], constants)
+    steps.locate(z, _ALL, inputs[at.GUIDE_INPUT], constants)
     if len(table) > 1:
-        row_operations.find_cell(z, _ALL, inputs[at.SHAPE_INPUT], *grid)
+        steps.find_cell(z, _ALL, inputs[at.SHAPE_INPUT], *grid)
         cell = z[at.CELL]
         index = cell.astype(np.intp)
         part = cell - index
@@ -133,8 +145,8 @@ def _iterate(z: Any, row: list[float], inputs: list[float], scene: Any, control:
         z[at.BEND] = bend * grid[1]
     if inputs[at.PRESENT_INPUT] > 0.0:
         if yields:
-            row_operations.press_object(z, _ALL, constants)
+            steps.press_object(z, _ALL, constants)
         else:
-            row_operations.press_rigid(z, _ALL, constants)
+            steps.press_rigid(z, _ALL, constants)
     tendon_m, material_m = inputs[at.TENDON_INPUT], inputs[at.MATERIAL_INPUT]
-    row_operations.improve(z, _ALL, row, tendon_m, material_m, grip, tolerance, trusted, constants)
+    steps.improve(z, _ALL, row, tendon_m, material_m, grip, tolerance, trusted, constants)

@@ -6,15 +6,31 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass
+from itertools import pairwise
 import math
 
 from tactile_sim.descriptions.description import Guide
-from tactile_sim.devices.grbl import settings as setting
-from tactile_sim.devices.grbl.gcode import Command, GcodeError, Modal, parse_gcode, strip_line
-from tactile_sim.devices.grbl.planner import Planner
-from tactile_sim.devices.grbl.report import StatusReporter
-from tactile_sim.physics.motion import plan_legs
+from tactile_sim.devices.gcode import (
+    Command,
+    GcodeError,
+    Modal,
+    parse_gcode,
+    strip_line,
+)
+from tactile_sim.physics.motion import (
+    Motion,
+    plan_legs,
+    plan_ramp,
+    plan_stop,
+    Segment,
+)
 
+SOFT_LIMITS, HOMING, HOMING_DIRECTION, HOMING_SLOW, HOMING_FAST, PULL_OFF = 20, 22, 23, 24, 25, 27
+REPORT_MASK, STEPS_PER_MM, MAX_RATE, ACCELERATION, TRAVEL = 10, 100, 110, 120, 130
+
+_OFFSET_EVERY = {True: 30, False: 10}
+_OVERRIDES_EVERY = {True: 20, False: 10}
 BANNER = b"\r\nGrbl 1.1h ['$' for help]\r\n"
 LOCK_MESSAGE = b"[MSG:'$H'|'$X' to unlock]\r\n"
 PLANNER_BLOCKS = 15
@@ -25,6 +41,218 @@ BOOT_S = 1.0
 """From power to the banner, with the boot loader; assumed."""
 
 _SOFT_RESET = 0x18
+
+
+def make_settings(guide: Guide) -> dict[int, float]:
+    """Contents of ``$$`` of a Grbl that is set up for this guide."""
+    return {
+        0: 10, 1: 255, 2: 0, 3: 0, 4: 0, 5: 0, 6: 0, 10: 1, 11: 0.010, 12: 0.002, 13: 0,
+        20: 1, 21: 0, 22: 1, 23: 1, 24: 100.0, 25: 2000.0, 26: 25, 27: guide.pull_off_m * 1e3,
+        30: 1000, 31: 0, 32: 0, 100: 1e-3 / guide.step_m, 110: guide.max_speed_m_s * 6e4,
+        120: guide.acceleration_m_s2 * 1e3, 130: guide.travel_m * 1e3,
+    }  # fmt: skip
+
+
+def write_setting(settings: dict[int, float], text: str) -> None:
+    """Carry out ``n=v``.
+
+    Raises
+    ------
+    GcodeError
+        No such setting, or a value that Grbl refuses.
+    """
+    number, equals, value = text.partition('=')
+    if not equals or not number.isdecimal() or int(number) not in settings:
+        raise GcodeError(3)
+    try:
+        setting = float(value)
+    except ValueError:
+        raise GcodeError(2) from None
+    if not math.isfinite(setting):
+        raise GcodeError(2)
+    if setting < 0.0:
+        raise GcodeError(4)
+    if int(number) == SOFT_LIMITS and setting and not settings[HOMING]:
+        raise GcodeError(10)
+    settings[int(number)] = setting
+    if int(number) == HOMING and not setting:
+        settings[SOFT_LIMITS] = 0
+
+
+def format_setting(number: int, value: float) -> str:
+    """Write a value as Grbl does."""
+    return f'{value:.3f}' if number in (11, 12, 24, 25, 27) or number >= 100 else f'{value:.0f}'
+
+
+@dataclass
+class _Block:
+    target: float
+    speed: float
+    end_s: float = math.inf
+
+
+class Planner:
+    """Moves from where it is through the queued targets.
+
+    Parameters
+    ----------
+    position
+        Where it stands at the start.
+    """
+
+    def __init__(self, position: float) -> None:
+        self.acceleration = 1.0
+        self._blocks: deque[_Block] = deque()
+        self._motion = Motion(position, [], position)
+        self._held = False
+
+    @property
+    def queued(self) -> int:
+        """Moves that are planned and not yet done."""
+        return len(self._blocks)
+
+    @property
+    def end_s(self) -> float:
+        """When it will be at rest as things stand; in the past if it is."""
+        return self._motion.end_s
+
+    @property
+    def next_end_s(self) -> float:
+        """When the first queued move will be done; never during a hold."""
+        return self._blocks[0].end_s if self._blocks else math.inf
+
+    @property
+    def held(self) -> bool:
+        """True while a feed hold is on."""
+        return self._held
+
+    @property
+    def target(self) -> float:
+        """Where the last queued move ends."""
+        return self._blocks[-1].target if self._blocks else self._motion.target
+
+    def state_at(self, time_s: float) -> tuple[float, float]:
+        """Position and velocity."""
+        return self._motion.state_at(time_s)
+
+    def settle(self, time_s: float) -> None:
+        """Drop the moves that are done by ``time_s``."""
+        while self._blocks and self._blocks[0].end_s <= time_s:
+            self._blocks.popleft()
+
+    def append(self, time_s: float, target: float, speed: float) -> None:
+        """Queue a move; one of no length is nothing."""
+        self.settle(time_s)
+        if abs(target - self.target) < 1e-9:
+            return
+        self._blocks.append(_Block(target, speed))
+        if not self._held:
+            self._replan(time_s)
+
+    def run(self, time_s: float, segments: list[Segment], target: float) -> None:
+        """Do a ready-made motion (homing) instead of the queue."""
+        self.place(self.state_at(time_s)[0])
+        self._motion = Motion(self.state_at(time_s)[0], segments, target)
+
+    def hold(self, time_s: float) -> None:
+        """Brake to rest and keep the queue."""
+        self.settle(time_s)
+        position, velocity = self.state_at(time_s)
+        stop = plan_stop(time_s, position, velocity, self.acceleration)
+        self._motion = Motion(position, stop, stop[-1].end_position if stop else position)
+        self._held = True
+        for block in self._blocks:
+            block.end_s = math.inf
+
+    def resume(self, time_s: float) -> None:
+        """Go on with the queue after a hold."""
+        self._held = False
+        self._replan(time_s)
+
+    def drop_queue(self) -> None:
+        """Forget the queue, once at rest after a hold."""
+        self._blocks.clear()
+        self._held = False
+
+    def place(self, position: float) -> None:
+        """Stand still at ``position``, at once, with nothing queued."""
+        self.drop_queue()
+        self._motion = Motion(position, [], position)
+
+    def _replan(self, time_s: float) -> None:
+        position, velocity = self.state_at(time_s)
+        blocks = list(self._blocks)
+        if not blocks:
+            self._motion = Motion(position, [], position)
+            return
+        targets = [position] + [b.target for b in blocks]
+        lengths = [b - a for a, b in pairwise(targets)]
+        # Back to front: how fast may each block end so that the rest can still stop in time.
+        exits = [0.0] * len(blocks)
+        for i in range(len(blocks) - 2, -1, -1):
+            if lengths[i] * lengths[i + 1] > 0.0:
+                reachable = math.sqrt(
+                    exits[i + 1] ** 2 + 2 * self.acceleration * abs(lengths[i + 1])
+                )
+                exits[i] = min(blocks[i].speed, blocks[i + 1].speed, reachable)
+        segments: list[Segment] = []
+        entry, start_s = abs(velocity), time_s
+        for block, length, fastest in zip(blocks, lengths, exits, strict=True):
+            reachable = math.sqrt(entry**2 + 2 * self.acceleration * abs(length))
+            leave = min(fastest, reachable)
+            ramp = plan_ramp(
+                start_s,
+                block.target - length,
+                block.target,
+                block.speed,
+                self.acceleration,
+                entry,
+                leave,
+            )
+            segments += ramp
+            entry = leave
+            start_s = block.end_s = ramp[-1].end_s if ramp else start_s
+        self._motion = Motion(position, segments, blocks[-1].target)
+
+
+class StatusReporter:
+    """Counts the reports: work offset and overrides are in some of them."""
+
+    def __init__(self) -> None:
+        self._offset_countdown = 0
+        self._overrides_countdown = 0
+
+    def encode(
+        self, state: str, mpos_mm: float, velocity_mm_s: float, free: tuple[int, int], mask: int
+    ) -> bytes:
+        """One report.
+
+        Parameters
+        ----------
+        state
+            For example ``Idle`` or ``Hold:0``.
+        free
+            Free planner blocks and free bytes of the receive buffer.
+        mask
+            Setting 10: 1 machine instead of work position, 2 adds the buffers.
+        """
+        fields = [state, f'{"MPos" if mask & 1 else "WPos"}:{mpos_mm:.3f},0.000,0.000']
+        if mask & 2:
+            fields.append(f'Bf:{free[0]},{free[1]}')
+        fields.append(f'FS:{abs(velocity_mm_s) * 60:.0f},0')
+        busy = state.split(':')[0] in ('Run', 'Hold')
+        if self._offset_countdown > 0:
+            self._offset_countdown -= 1
+        else:
+            self._offset_countdown = _OFFSET_EVERY[busy] - 1
+            self._overrides_countdown = max(self._overrides_countdown, 1)
+            fields.append('WCO:0.000,0.000,0.000')
+        if self._overrides_countdown > 0:
+            self._overrides_countdown -= 1
+        else:
+            self._overrides_countdown = _OVERRIDES_EVERY[busy] - 1
+            fields.append('Ov:100,100,100')
+        return f'<{"|".join(fields)}>\r\n'.encode()
 
 
 class GrblDevice:
@@ -41,13 +269,13 @@ class GrblDevice:
     """
 
     def __init__(self, guide: Guide) -> None:
-        self.settings = setting.make_settings(guide)
+        self.settings = make_settings(guide)
         self._travel_mm = guide.travel_m * 1e3
         self._planner = Planner(guide.power_up_m * 1e3)
         self._zero_mm = guide.power_up_m * 1e3  # carriage coordinate of MPos 0
         self._now_s = 0.0
         self._output = bytearray()
-        self._alarmed = bool(self.settings[setting.HOMING])
+        self._alarmed = bool(self.settings[HOMING])
         self._start()
 
     def _start(self) -> None:
@@ -90,7 +318,7 @@ class GrblDevice:
         """Lose power for a moment: the motor stops dead, and the counter starts at 0."""
         self._stop_dead(now_s)
         self._zero_mm = self._planner.state_at(now_s)[0]
-        self._alarmed = bool(self.settings[setting.HOMING])
+        self._alarmed = bool(self.settings[HOMING])
         self._start()
         self._output.clear()  # what it was about to say is lost as well
         self._reset_at_s = now_s + BOOT_S
@@ -156,9 +384,9 @@ class GrblDevice:
             self._planner.place(self._on_rail(position))
         if self._homing:
             self._homing = self._alarmed = False
-            negative = bool(int(self.settings[setting.HOMING_DIRECTION]) & 1)
-            pull_off = self.settings[setting.PULL_OFF]
-            mpos = -self.settings[setting.TRAVEL] + pull_off if negative else -pull_off
+            negative = bool(int(self.settings[HOMING_DIRECTION]) & 1)
+            pull_off = self.settings[PULL_OFF]
+            mpos = -self.settings[TRAVEL] + pull_off if negative else -pull_off
             self._zero_mm = self._planner.state_at(self._now_s)[0] - mpos
             self._say_ok()
         if self._soft_limit_hit:
@@ -249,7 +477,7 @@ class GrblDevice:
             return False
         if command.target_mm is None:
             return True
-        if self.settings[setting.SOFT_LIMITS] and not self._within_travel(command.target_mm):
+        if self.settings[SOFT_LIMITS] and not self._within_travel(command.target_mm):
             # Grbl stops what moves before it raises the alarm, and owes this line its ok.
             self._soft_limit_hit = True
             self._planner.hold(self._now_s)
@@ -266,17 +494,17 @@ class GrblDevice:
             raise GcodeError(8)
         elif line == '$$':
             for number, value in self.settings.items():
-                text = setting.format_setting(number, value)
+                text = format_setting(number, value)
                 self._output += f'${number}={text}\r\n'.encode()
         elif line == '$I':
             self._output += b'[VER:1.1h.20190830:]\r\n[OPT:V,15,128]\r\n'
         elif line == '$H':
-            if not self.settings[setting.HOMING]:
+            if not self.settings[HOMING]:
                 raise GcodeError(5)
             self._home()
             return False
         else:
-            setting.write_setting(self.settings, line[1:])
+            write_setting(self.settings, line[1:])
         return True
 
     # ---- motion -------------------------------------------------------------------------
@@ -285,26 +513,26 @@ class GrblDevice:
         return carriage_mm - self._zero_mm
 
     def _within_travel(self, mpos_mm: float) -> bool:
-        return -self.settings[setting.TRAVEL] - 1e-9 <= mpos_mm <= 1e-9
+        return -self.settings[TRAVEL] - 1e-9 <= mpos_mm <= 1e-9
 
     def _queue(self, command: Command) -> None:
-        fastest = self.settings[setting.MAX_RATE]
+        fastest = self.settings[MAX_RATE]
         feed = min(command.feed_mm_min or fastest, fastest)
-        self._planner.acceleration = self.settings[setting.ACCELERATION]
-        steps = self.settings[setting.STEPS_PER_MM]
+        self._planner.acceleration = self.settings[ACCELERATION]
+        steps = self.settings[STEPS_PER_MM]
         target = round((command.target_mm or 0.0) * steps) / steps + self._zero_mm
         self._planner.append(self._now_s, target, feed / 60)
 
     def _home(self) -> None:
         self._homing = True
-        negative = bool(int(self.settings[setting.HOMING_DIRECTION]) & 1)
+        negative = bool(int(self.settings[HOMING_DIRECTION]) & 1)
         switch = 0.0 if negative else self._travel_mm
-        pull_off = self.settings[setting.PULL_OFF]
+        pull_off = self.settings[PULL_OFF]
         clear = switch + (pull_off if negative else -pull_off)
         here = self._planner.state_at(self._now_s)[0]
-        fast, slow = (self.settings[n] / 60 for n in (setting.HOMING_FAST, setting.HOMING_SLOW))
+        fast, slow = (self.settings[n] / 60 for n in (HOMING_FAST, HOMING_SLOW))
         legs = [(switch, fast), (clear, fast), (switch, slow), (clear, slow)]
-        segments = plan_legs(self._now_s, here, legs, self.settings[setting.ACCELERATION])
+        segments = plan_legs(self._now_s, here, legs, self.settings[ACCELERATION])
         self._planner.run(self._now_s, segments, clear)
 
     def _reset(self) -> None:
@@ -345,8 +573,8 @@ class GrblDevice:
 
     def _report(self) -> None:
         carriage, velocity = self._planner.state_at(self._now_s)
-        steps = self.settings[setting.STEPS_PER_MM]
+        steps = self.settings[STEPS_PER_MM]
         mpos_mm = round(self._mpos(carriage) * steps) / steps + 0.0
         free = PLANNER_BLOCKS - self._planner.queued, RX_BYTES - self._rx_bytes
-        mask = int(self.settings[setting.REPORT_MASK])
+        mask = int(self.settings[REPORT_MASK])
         self._output += self._reporter.encode(self._state(), mpos_mm, velocity, free, mask)

@@ -1,32 +1,120 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One step of a trial, operation by operation, on the rows of a solver's block.
+"""One step of a trial, operation by operation, and the coefficients of its length.
 
-``z`` is the block, shape (layout.ROWS, trials); ``t`` is the trial: a number in the
-compiled solver, a slice over all trials in the NumPy one. Both run the lines below.
+``z`` is a block of rows, shape (layout.ROWS, trials); ``t`` is the trial: a number in the
+solver, a slice over all trials in the independent one of the tests. Both run the lines below.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+import math
 from typing import Any
 
-from tactile_sim.physics.finger import layout as at
-from tactile_sim.physics.finger.bent_line import compute_line
-from tactile_sim.physics.finger.mechanics import (
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_sim.physics import layout as at
+from tactile_sim.physics.equations import (
     compute_balance,
+    compute_line,
     compute_object_contact,
     compute_rigid_contact,
     select,
 )
 
+_SERIES_BELOW = 1.0
+_SERIES_TERMS = 22  # the first term left out is below 1e-21
+
+FloatArray = NDArray[np.float64]
+MAX_HALVINGS = 10
+"""A step that finds no balance is cut into up to 2^10 parts."""
+
 MAX_TURN_RAD = 0.35
 """A step that bends the finger by more is cut into parts: it may have changed branch."""
 
 _MIDDLE_RAD, _RANGE_RAD = 0.9, 1.8
-
 _SURPRISE = 0.01
 """Largest unforeseen friction moment of an unchecked change, as a fraction of ``trusted`` [1]."""
+
+
+def compute_relaxation(step_s: float, time_s: float) -> tuple[float, float, float]:
+    """Coefficients (alpha, beta, gamma) of one step of ``y' = (u - y) / time_s``.
+
+    ``y1 = alpha y0 + beta u0 + gamma u1`` is exact for an input u that is linear over the
+    step (first-order hold). With a = step / time they are exp(-a), (1 - exp(-a)) / a - exp(-a)
+    and 1 - (1 - exp(-a)) / a, and add up to 1. For an endless step they are (0, 0, 1).
+
+    Parameters
+    ----------
+    step_s
+        Length of the step, from 0 to infinity [s].
+    time_s
+        Time constant, above 0 [s].
+    """
+    if math.isinf(step_s):
+        return 0.0, 0.0, 1.0
+    a = step_s / time_s
+    alpha = math.exp(-a)
+    if a >= _SERIES_BELOW:
+        mean = -math.expm1(-a) / a
+        return alpha, mean - alpha, 1 - mean
+    # The quotients cancel for short steps; their Taylor series do not.
+    beta = gamma = 0.0
+    term = 1.0
+    for k in range(1, _SERIES_TERMS):
+        term *= -a / (k + 1)  # (-a)^k / (k + 1)!
+        beta -= k * term
+        gamma -= term
+    return alpha, beta, gamma
+
+
+def compute_coefficients(
+    steps_s: Sequence[float],
+    creep_time_s: float,
+    branch_times_s: Sequence[float],
+    sensor_time_s: float,
+    healing_time_s: float = 1.0,
+) -> FloatArray:
+    """Coefficients of every length of step, and of its parts.
+
+    Parameters
+    ----------
+    steps_s
+        The lengths that occur [s]; infinity seeks rest.
+
+    Returns
+    -------
+    ndarray of float, shape (lengths, MAX_HALVINGS + 1, COLUMNS)
+        See `layout`.
+    """
+    table = np.zeros((len(steps_s), MAX_HALVINGS + 1, at.COLUMNS))
+    for index in np.ndindex(table.shape[:2]):
+        step_s, row = steps_s[index[0]] / 2 ** index[1], table[index]
+        row[at.RATE_COLUMN] = 1 / step_s
+        row[at.CREEP_COLUMN : at.CREEP_COLUMN + 3] = compute_relaxation(step_s, creep_time_s)
+        for branch in range(at.MAX_BRANCHES):
+            time_s = branch_times_s[branch] if branch < len(branch_times_s) else 1.0
+            column = at.BRANCH_COLUMN + 3 * branch
+            row[column : column + 3] = compute_relaxation(step_s, time_s)
+        row[at.SENSOR_COLUMN : at.SENSOR_COLUMN + 3] = compute_relaxation(step_s, sensor_time_s)
+        row[at.HEALING_COLUMN] = compute_relaxation(step_s, healing_time_s)[0]
+    return table
+
+
+def split_inputs(before: Any, after: Any, share: float, out: Any) -> None:
+    """Inputs at a share of a step, on a line from its start to its end.
+
+    Parameters
+    ----------
+    before, after, out : ndarray of float, shape (INPUTS,)
+    """
+    for i in range(at.PRESENT_INPUT):
+        # Counted from the end, so that a whole step has exactly its inputs.
+        out[i] = after[i] - (1.0 - share) * (after[i] - before[i])
+    out[at.PRESENT_INPUT] = after[at.PRESENT_INPUT]  # present or not is no motion
 
 
 def begin_step(z: Any, t: Any, coefficients: Any) -> None:

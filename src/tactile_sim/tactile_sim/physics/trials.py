@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Many trials at once, without devices and without waiting."""
+"""Trials through time: many at once without waiting, and one as its devices move."""
 
 from __future__ import annotations
 
@@ -13,13 +13,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_sim.descriptions.catalogue import Catalogue, default_catalogue
-from tactile_sim.errors import DescriptionError
-from tactile_sim.physics.finger import layout as at
-from tactile_sim.physics.finger.solver import advance_trials, choose_solver
-from tactile_sim.physics.scene import build_scene, Scene
+from tactile_sim.errors import (
+    ConvergenceError,
+    DescriptionError,
+)
+from tactile_sim.physics import layout as at
+from tactile_sim.physics.motion import plan_timeline, Timeline
+from tactile_sim.physics.scene import (
+    build_scene,
+    Scene,
+)
 from tactile_sim.physics.sensing import read_tension
-from tactile_sim.physics.timeline import plan_timeline, Timeline
-from tactile_sim.physics.variation import draw_variation, Variation
+from tactile_sim.physics.solver import advance_trials
+from tactile_sim.physics.variation import (
+    draw_variation,
+    Variation,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -31,9 +40,11 @@ TRUSTED_NM = 1e-2
 
 _RESTING_STEPS_PER_SAMPLE = 2
 _SETTLING_S = 0.1  # the finger's own transients last some 20 ms
-_BATCH = {'compiled': 64, 'numpy': 2048}
+_BATCH = 64
 _ROWS = (at.SENSED, at.TENSION, at.FORCE, at.TIP_SLIDER, at.MODES)
 _MODE_ROWS = (at.MODES + 1, at.MODES + 2)
+
+_ONE_STEP = np.zeros(1, dtype=np.int64)
 
 
 @dataclass(frozen=True)
@@ -93,7 +104,6 @@ def simulate_trials(
     first: int = 0,
     trials_per_mounting: int = 1,
     catalogue: Catalogue | None = None,
-    solver: str = '',
 ) -> SimulatedTrials:
     """Simulate trials ``first`` to ``first + count - 1`` of one object in one session.
 
@@ -103,7 +113,7 @@ def simulate_trials(
     Raises
     ------
     DescriptionError
-        No such protocol, object, contact or solver, or the timeline does not fit the rig.
+        No such protocol, object or contact, or the timeline does not fit the rig.
     ConvergenceError
         The finger finds no rest at the start.
     """
@@ -127,7 +137,7 @@ def simulate_trials(
     )
     # A sample falls on the end of a step, so that nothing is interpolated where it matters.
     phase = np.floor(variation.phase * STEPS_PER_SAMPLE) / STEPS_PER_SAMPLE
-    motion = simulate_motion(scene, timeline, replace(variation, phase=phase), solver)
+    motion = simulate_motion(scene, timeline, replace(variation, phase=phase))
     tension_n = read_tension(
         scene.rig.load_cell, motion.sensed_n, variation.sensor_bias_n, generators
     )
@@ -138,7 +148,6 @@ def simulate_motion(
     scene: Scene,
     timeline: Timeline,
     variation: Variation,
-    solver: str = '',
     steps_per_sample: int = STEPS_PER_SAMPLE,
     keep_modes: bool = False,
     trusted_nm: float = TRUSTED_NM,
@@ -151,17 +160,16 @@ def simulate_motion(
     Raises
     ------
     DescriptionError
-        No such solver, or the timeline does not fit the rig.
+        The timeline does not fit the rig.
     ConvergenceError
         The finger finds no rest at the start.
     """
-    solver = choose_solver(solver)
     schedule = _Schedule(scene, timeline, steps_per_sample)
     rows = _ROWS + _MODE_ROWS if keep_modes else _ROWS
     parts = []
-    for begin in range(0, len(variation.phase), _BATCH[solver]):
-        some = variation.select(slice(begin, begin + _BATCH[solver]))
-        parts.append(_run_batch(scene, schedule, some, solver, rows, trusted_nm))
+    for begin in range(0, len(variation.phase), _BATCH):
+        some = variation.select(slice(begin, begin + _BATCH))
+        parts.append(_run_batch(scene, schedule, some, rows, trusted_nm))
     sampled = np.concatenate([part[0] for part in parts], axis=1)
     failed_at_s = np.concatenate([part[1] for part in parts])
     failed = np.flatnonzero(np.isfinite(failed_at_s))
@@ -228,7 +236,6 @@ def _run_batch(
     scene: Scene,
     schedule: _Schedule,
     variation: Variation,
-    solver: str,
     rows: tuple[int, ...],
     trusted_nm: float,
 ) -> tuple[FloatArray, FloatArray]:
@@ -236,8 +243,7 @@ def _run_batch(
     count = len(variation.phase)
     failed = np.full(count, -1, dtype=np.int64)
     out = advance_trials(
-        solver,
-        scene.start_trials(solver, variation, schedule.start),
+        scene.start_trials(variation, schedule.start),
         scene.parameters,
         schedule.lengths,
         schedule.start,
@@ -263,3 +269,88 @@ def _run_batch(
         values.ravel()[between] = before + share * (after - before)
     times_s = np.concatenate([schedule.times_s, [np.nan]])
     return sampled, times_s[failed]
+
+
+class Plant:
+    """State of one trial, moved on by ``step``.
+
+    Parameters
+    ----------
+    scene
+        What it is made of.
+    variation
+        Of one trial.
+    guide_m, tendon_m
+        Where guide and tendon are at the start; the finger starts at rest [m].
+    step_s
+        Length of every step [s].
+    """
+
+    def __init__(
+        self, scene: Scene, variation: Variation, guide_m: float, tendon_m: float, step_s: float
+    ) -> None:
+        self._step_s = step_s
+        self._state: FloatArray | None = None
+        self.exchange(scene, variation, guide_m, tendon_m)
+
+    @property
+    def tension_n(self) -> float:
+        """Tension of the tendon [N]."""
+        return self._read(at.TENSION)
+
+    @property
+    def contact_force_n(self) -> float:
+        """Normal force at the fingertip [N]."""
+        return self._read(at.FORCE)
+
+    @property
+    def bend_rad(self) -> float:
+        """Slope of the finger at its tip [rad]."""
+        return self._read(at.MODES)
+
+    def exchange(
+        self, scene: Scene, variation: Variation, guide_m: float, tendon_m: float
+    ) -> None:
+        """Put something else under the finger, or another finger; all comes to rest."""
+        self._scene = scene
+        self._inputs = self._compute_inputs(guide_m, tendon_m)
+        self._state = scene.start_trials(variation, self._inputs, self._state)
+        self._coefficients = scene.compute_coefficients((self._step_s,))
+
+    def step(self, guide_m: float, tendon_m: float) -> None:
+        """Move on by one step, at whose end guide and tendon are where they are told.
+
+        Raises
+        ------
+        ConvergenceError
+            No balance was found; the state is not to be used any more.
+        """
+        failed = np.full(1, -1, dtype=np.int64)
+        inputs = self._compute_inputs(guide_m, tendon_m)
+        advance_trials(
+            self._state,
+            self._scene.parameters,
+            _ONE_STEP,
+            self._inputs,
+            inputs[np.newaxis],
+            self._coefficients,
+            (),
+            failed,
+        )
+        self._inputs = inputs
+        if failed[0] >= 0:
+            raise ConvergenceError(
+                f'no balance of the finger with the guide at {guide_m:g} m and the tendon at '
+                f'{tendon_m:g} m; something moved too far at once, or the description is extreme'
+            )
+
+    def _compute_inputs(self, guide_m: float, tendon_m: float) -> FloatArray:
+        inputs = np.zeros(at.INPUTS)
+        inputs[at.TENDON_INPUT], inputs[at.GUIDE_INPUT] = tendon_m, guide_m
+        away_m = abs(guide_m - self._scene.guide_m)
+        inputs[at.PRESENT_INPUT] = away_m <= self._scene.half_width_m
+        return inputs
+
+    def _read(self, row: int) -> float:
+        assert self._state is not None
+        return float(self._state[row, 0])

@@ -6,27 +6,224 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from linear_guide_driver.dynamixel import registers as known
-from linear_guide_driver.dynamixel.registers import COUNTS_PER_TURN
-from tactile_sim.descriptions.description import TendonDrive
-from tactile_sim.devices.dynamixel import control_table as table
-from tactile_sim.devices.dynamixel.control_table import AccessError, ControlTable
-from tactile_sim.devices.dynamixel.packets import (
-    BROADCAST_ID,
-    encode_status,
-    Instruction,
-    InstructionParser,
+from linear_guide_driver.dynamixel.registers import (
+    COUNTS_PER_TURN,
+    EEPROM_END,
+    Register,
 )
+from tactile_sim.descriptions.description import TendonDrive
 from tactile_sim.physics.motion import Motion, plan_move, plan_stop
 
+HEADER = b'\xff\xff\xfd\x00'
+BROADCAST_ID = 254
+MAX_LENGTH = 1024
+_STATUS = 0x55
+_STUFFED, _PLAIN = b'\xff\xff\xfd\xfd', b'\xff\xff\xfd'
+
+ERROR_RANGE, ERROR_LENGTH, ERROR_LIMIT, ERROR_ACCESS = 4, 5, 6, 7
+TABLE_END = 147
+MODES = (0, 1, 3, 4, 5, 16)
+GOALS = (known.GOAL_CURRENT, known.GOAL_POSITION)
+FIRMWARE_VERSION = 45
+ROOM_C = 30
 DEVICE_ID = 1
 PING, READ, WRITE, REBOOT = 0x01, 0x02, 0x03, 0x08
 OVERHEATING = 0x04
 ERROR_RESULT, ERROR_INSTRUCTION, ERROR_CRC = 1, 2, 3
-
 VELOCITY_COUNTS_S = known.VELOCITY_UNIT_RPM / 60 * COUNTS_PER_TURN
 ACCELERATION_COUNTS_S2 = 214.577 / 3600 * COUNTS_PER_TURN
+
+
+class Instruction(NamedTuple):
+    """One instruction packet.
+
+    Attributes
+    ----------
+    device_id, code
+        Addressee, and what to do.
+    parameters
+        Without stuffing.
+    is_intact
+        Whether the checksum is right.
+    """
+
+    device_id: int
+    code: int
+    parameters: bytes
+    is_intact: bool
+
+
+def _make_crc_table() -> list[int]:
+    table = []
+    for byte in range(256):
+        crc = byte << 8
+        for _ in range(8):
+            crc = (crc << 1 ^ 0x8005 if crc & 0x8000 else crc << 1) & 0xFFFF
+        table.append(crc)
+    return table
+
+
+_CRC_TABLE = _make_crc_table()
+
+
+def compute_crc(data: bytes) -> int:
+    """CRC-16 with polynomial 0x8005, start 0, not reflected."""
+    crc = 0
+    for byte in data:
+        crc = (crc << 8 & 0xFFFF) ^ _CRC_TABLE[crc >> 8 ^ byte]
+    return crc
+
+
+def encode_status(device_id: int, error: int, parameters: bytes = b'') -> bytes:
+    """Encode a status packet."""
+    body = (bytes([_STATUS, error]) + parameters).replace(_PLAIN, _STUFFED)
+    packet = HEADER + bytes([device_id]) + (len(body) + 2).to_bytes(2, 'little') + body
+    return packet + compute_crc(packet).to_bytes(2, 'little')
+
+
+class InstructionParser:
+    """Finds instruction packets in bytes of any chunking, between any garbage."""
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+
+    def feed(self, data: bytes) -> list[Instruction]:
+        """Take bytes and return the packets that they complete."""
+        self._buffer += data
+        packets = []
+        while (packet := self._next()) is not None:
+            packets.append(packet)
+        return packets
+
+    def _next(self) -> Instruction | None:
+        buffer = self._buffer
+        while True:
+            start = buffer.find(HEADER)
+            if start < 0:
+                del buffer[: max(len(buffer) - len(HEADER) + 1, 0)]
+                return None
+            del buffer[:start]
+            if len(buffer) < 7:
+                return None
+            length = int.from_bytes(buffer[5:7], 'little')
+            end = 7 + length
+            # Stuffing keeps headers out of a body: one inside means that this packet broke off.
+            broken = buffer.find(HEADER, 4, end - 2)
+            if not 3 <= length <= MAX_LENGTH or buffer[4] > BROADCAST_ID:
+                del buffer[0]
+            elif broken > 0:
+                del buffer[:broken]
+            elif len(buffer) < end:
+                return None
+            else:
+                packet = bytes(buffer[:end])
+                del buffer[:end]
+                intact = compute_crc(packet[:-2]) == int.from_bytes(packet[-2:], 'little')
+                body = packet[7:-2].replace(_STUFFED, _PLAIN)
+                return Instruction(packet[4], body[0], body[1:], intact)
+
+
+class Field(NamedTuple):
+    """A register with its value at power-up; without limits it is read-only."""
+
+    register: Register
+    initial: int
+    lowest: int = 1
+    highest: int = 0
+
+
+FIELDS = (
+    Field(known.MODEL_NUMBER, 1020),
+    Field(known.FIRMWARE, FIRMWARE_VERSION),
+    Field(known.DRIVE_MODE, 0, 0, 13),
+    Field(known.OPERATING_MODE, 3, 0, 16),
+    Field(known.HOMING_OFFSET, 0, -1044479, 1044479),
+    Field(known.TEMPERATURE_LIMIT, 80, 0, 100),
+    Field(known.CURRENT_LIMIT, 1193, 0, 1193),
+    Field(known.VELOCITY_LIMIT, 200, 0, 1023),
+    Field(known.TORQUE_ENABLE, 0, 0, 1),
+    Field(known.STATUS_RETURN_LEVEL, known.STATUS_ALWAYS),
+    Field(known.HARDWARE_ERROR, 0),
+    Field(known.BUS_WATCHDOG, 0, 0, 127),
+    Field(known.GOAL_CURRENT, 1193, -1193, 1193),
+    Field(known.PROFILE_ACCELERATION, 0, 0, 32767),
+    Field(known.PROFILE_VELOCITY, 0, 0, 32767),
+    Field(known.GOAL_POSITION, 0, -1048575, 1048575),
+    Field(known.PRESENT_CURRENT, 0),
+    Field(known.PRESENT_VELOCITY, 0),
+    Field(known.PRESENT_POSITION, 0),
+    Field(known.PRESENT_VOLTAGE, 120),
+    Field(known.PRESENT_TEMPERATURE, ROOM_C),
+)
+_BY_ADDRESS = {field.register.address: field for field in FIELDS}
+
+
+class AccessError(Exception):
+    """A read or write that the servo answers with an error number."""
+
+    def __init__(self, error: int) -> None:
+        super().__init__(f'status error {error}')
+        self.error = error
+
+
+class ControlTable:
+    """Values by register."""
+
+    def __init__(self) -> None:
+        self._values = {field.register.address: field.initial for field in FIELDS}
+
+    def __getitem__(self, register: Register) -> int:
+        return self._values[register.address]
+
+    def __setitem__(self, register: Register, value: int) -> None:
+        self._values[register.address] = value
+
+    def reset_ram(self) -> None:
+        """Forget everything that a loss of power forgets."""
+        for field in FIELDS:
+            if field.register.address >= EEPROM_END:
+                self[field.register] = field.initial
+
+    def read(self, address: int, length: int) -> bytes:
+        """Bytes of the table; gaps read as 0. AccessError beyond its end."""
+        if address + length > TABLE_END:
+            raise AccessError(ERROR_RANGE)
+        table = bytearray(TABLE_END)
+        for (start, size, signed), *_ in FIELDS:
+            table[start : start + size] = self._values[start].to_bytes(
+                size, 'little', signed=signed
+            )
+        return bytes(table[address : address + length])
+
+    def check_write(self, address: int, data: bytes) -> tuple[Register, int]:
+        """Return the register and the value that a write would set; nothing is set yet.
+
+        Raises
+        ------
+        AccessError
+            The write is refused.
+        """
+        field = _BY_ADDRESS.get(address)
+        if field is None or field.lowest > field.highest:
+            raise AccessError(ERROR_ACCESS)
+        register = field.register
+        if len(data) != register.size:
+            raise AccessError(ERROR_LENGTH)
+        if register.address < EEPROM_END and self[known.TORQUE_ENABLE]:
+            raise AccessError(ERROR_ACCESS)
+        value = int.from_bytes(data, 'little', signed=register.is_signed)
+        if not field.lowest <= value <= field.highest:
+            raise AccessError(ERROR_RANGE)
+        if register == known.OPERATING_MODE and value not in MODES:
+            raise AccessError(ERROR_RANGE)
+        if register in GOALS and self[known.BUS_WATCHDOG] == known.WATCHDOG_TRIPPED:
+            raise AccessError(ERROR_RANGE)
+        if register == known.GOAL_CURRENT and abs(value) > self[known.CURRENT_LIMIT]:
+            raise AccessError(ERROR_LIMIT)
+        return register, value
 
 
 class DynamixelDevice:
@@ -104,7 +301,7 @@ class DynamixelDevice:
     def cool(self) -> None:
         """Be as warm as usual; an error that there is stays."""
         self._is_hot = False
-        self._table[known.PRESENT_TEMPERATURE] = table.ROOM_C
+        self._table[known.PRESENT_TEMPERATURE] = ROOM_C
 
     def restart(self) -> None:
         """Lose power for a moment."""
@@ -154,7 +351,7 @@ class DynamixelDevice:
             return self._table.read(0, 2) + self._table.read(known.FIRMWARE.address, 1)
         if packet.code == READ:
             if len(given) != 4:
-                raise AccessError(table.ERROR_LENGTH)
+                raise AccessError(ERROR_LENGTH)
             self._refresh()
             return self._table.read(address, int.from_bytes(given[2:], 'little'))
         if packet.code == WRITE:
