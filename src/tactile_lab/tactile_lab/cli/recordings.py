@@ -115,9 +115,8 @@ def evaluate(
 
     Takes real or simulated trials and computes the same features as the live node. Evaluates
     every classifier with and without scaling, by random folds and by held-out groups such as
-    sessions, and states the split beside each number. ``--report`` and ``--json`` add learning
-    curves and feature selection, and take twice as long. The report has the paper's figures, made
-    of your trials.
+    sessions, and states the split beside each number. ``--report`` and ``--json`` add feature
+    selection, and take longer. The report has the paper's figures, made of your trials.
     """
     check_paths(*request.recordings)
     from tactile_lab.commands.analysis.evaluate import run_evaluate

@@ -23,7 +23,6 @@ from tactile_classifier.datasets.splits import (
 from tactile_classifier.errors import EvaluationError
 from tactile_classifier.evaluation.cross_validation import AccuracyPlan, Evaluation
 from tactile_classifier.evaluation.feature_selection import SelectionPlan, SelectionResult
-from tactile_classifier.evaluation.learning_curves import LearningCurve, LearningPlan
 from tactile_classifier.evaluation.plans import Plan, run_plans
 from tactile_classifier.evaluation.significance import rank_sum_p_values, RankSum
 from tactile_features.records import PROTOCOL_STIFFNESS
@@ -58,7 +57,6 @@ class SetResult:
 
     recordings: RecordingSet
     evaluations: tuple[Evaluation, ...]
-    curves: tuple[LearningCurve, ...]
     selections: tuple[SelectionResult, ...]
     significance: RankSum
     units: dict[str, float]
@@ -92,7 +90,6 @@ class SetResult:
             if recordings.choice is None
             else recordings.choice[1].to_dict(),
             'evaluations': [evaluation.to_dict() for evaluation in self.evaluations],
-            'learning_curves': [curve.to_dict() for curve in self.curves],
             'feature_selection': [selection.to_dict() for selection in self.selections],
             'rank_sum': {
                 'labels': list(self.significance.labels),
@@ -143,12 +140,10 @@ def _plan_set(
     ]
     if details and saving:
         not_done.append(
-            'learning curves, feature selection, choice of the classifier inside the folds: '
+            'feature selection, choice of the classifier inside the folds: '
             'left out of a large table without --repetitions'
         )
     elif details:
-        learning = [LearningPlan(table, split, random_state=random_state) for split in splits]
-        plans['curves'] = [plan for plan in learning if plan.trials_per_class]
         plans['selections'] = _plan_selection(table, splits, random_state, not_done)
     if details and table.task == PROTOCOL_STIFFNESS:
         plans['units'] = [
@@ -206,7 +201,6 @@ def _finish_set(
     result = SetResult(
         recordings,
         tuple(found['evaluations']),
-        tuple(curve for curves in found.get('curves', ()) for curve in curves),
         tuple(result for results in found.get('selections', ()) for result in results),
         _test_ranks(recordings.table),
         dict(zip(FORCE_UNITS, units, strict=False)),
@@ -221,7 +215,6 @@ def _finish_set(
         recordings=replace(recordings, table=published),
         evaluations=tuple(found['published']),
         significance=_test_ranks(published),
-        curves=(),
         selections=(),
         answers=None,
     )
@@ -252,8 +245,8 @@ def analyse(
     """Evaluate all sets under plain folds and their grouped splits.
 
     With ``answers``, also what a model says besides a label, under the first grouped split.
-    Without ``details`` accuracies alone: no learning curves, no feature selection, nothing in
-    other units or with the features that the paper computes.
+    Without ``details`` accuracies alone: no feature selection, nothing in other units or with the
+    features that the paper computes.
 
     Splits that the trials do not allow are left out, and told in ``not_done``.
 

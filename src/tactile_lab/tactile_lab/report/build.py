@@ -93,11 +93,6 @@ def build_page(
         page.heading('What scaling does on stiffness', folded=True)
         page.drawing(figures_accuracy.draw_scaling_cause(holds))
     _add_figures(
-        page,
-        'How many trials it takes',
-        (figures_accuracy.draw_learning_curves(r) for r in results if r.curves),
-    )
-    _add_figures(
         page, 'What is taken for what', (figures_accuracy.draw_confusion(r) for r in results)
     )
     _add_figures(page, 'Which features tell the classes apart', _significance(results))

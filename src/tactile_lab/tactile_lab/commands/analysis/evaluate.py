@@ -72,7 +72,7 @@ def run_evaluate(request: EvaluateRequest, *, as_json: bool) -> None:
         _print_result(result, output)
     if file is not None:
         write_report(file, results, request.recordings, _settings(request))
-        output.say(f'{file}: the same with figures, learning curves, and the paper beside it')
+        output.say(f'{file}: the same with figures, and the paper beside it')
     output.result({'sets': [result.to_dict() for result in results]})
 
 

@@ -26,7 +26,7 @@ RepetitionsOption = Annotated[
     typer.Option(
         min=1,
         help='How often it is repeated. Default: 10; for large data (trials squared times '
-        'features above 2e9) once, without learning curves and feature selection.',
+        'features above 2e9) once, without feature selection.',
     ),
 ]
 TaskOption = Annotated[

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Accuracies as figures: all classifiers on all sets, learning curves, confusion, scaling."""
+"""Accuracies as figures: all classifiers on all sets, confusion, scaling."""
 
 from __future__ import annotations
 
@@ -98,54 +98,6 @@ def _short_title(result: SetResult) -> str:
     if recordings.contact:
         return f'{recordings.table.task},\n{recordings.contact}'
     return recordings.title.replace(', ', ',\n', 1)
-
-
-def draw_learning_curves(result: SetResult) -> Drawing:
-    """Draw accuracy against trials of each class in the training, a row for each split."""
-    splits = list(dict.fromkeys(curve.split for curve in result.curves))
-
-    def draw(figure: Figure) -> None:
-        grid = figure.subplots(len(splits), len(SCALINGS), sharex=True, sharey=True, squeeze=False)
-        for row, split in zip(grid, splits, strict=True):
-            for axes, scaling in zip(row, SCALINGS, strict=True):
-                for curve in result.curves:
-                    if (curve.split, curve.scaling) == (split, scaling):
-                        axes.plot(
-                            curve.trials_per_class,
-                            100 * curve.accuracies.mean(axis=1),
-                            'o-',
-                            ms=3,
-                            lw=1.2,
-                            color=CLASSIFIER_COLOURS[curve.classifier],
-                            label=CLASSIFIER_TITLES[curve.classifier],
-                        )
-                axes.axhline(100 * result.plain.chance, ls=':', color=INK, lw=1)
-                axes.set_xscale('log', base=2)
-                axes.set_title(f'{split};\n{short_scaling(scaling)}')
-                axes.grid(alpha=0.2, lw=0.5)
-                axes.set_ylim(0, 104)
-        ticks = result.curves[0].trials_per_class
-        for axes in grid[-1]:
-            axes.set_xticks(ticks, [str(tick) for tick in ticks])
-            axes.minorticks_off()
-            axes.set_xlabel('trials of each class to train on')
-        for row in grid:
-            row[0].set_ylabel('accuracy [%]')
-        legend_below(figure, grid[0, 0], 2)
-
-    last = [
-        100 * (c.accuracies[-1].mean() - c.accuracies[-2].mean())
-        for c in result.curves
-        if len(c.trials_per_class) > 1
-    ]
-    gain = f' The last step still brings {max(last):.1f} points at most.' if last else ''
-    return render(
-        draw,
-        (6.2, 1.0 + 2.0 * len(splits)),
-        f'{result.recordings.title}: learning curves. The trials that are tested stay the same; '
-        f'those to train on are thinned out.{gain}',
-        simulated=result.recordings.simulated,
-    )
 
 
 def draw_confusion(result: SetResult) -> Drawing:
