@@ -132,7 +132,7 @@ def test_simulated_trials_are_marked_in_every_figure_and_table(stiffness_bag, tm
     write_report(path, [result], [stiffness_bag.parent], {'folds': '3'})
     page = path.read_text(encoding='utf-8')
     figures = page.split('<figure>')[1:]
-    assert len(figures) == 8
+    assert len(figures) == 7
     for figure in figures:
         assert figure.startswith('<figcaption>SIMULATED. ')
         assert '>SIMULATED</text>' in figure
