@@ -67,7 +67,7 @@ COMMANDS = {
         'Run a recording through features and classification again, and compare.',
     ),
     'repair': (
-        'tactile_lab.cli.recordings',
+        'tactile_lab.commands.repair',
         'Write a closed copy of a bag whose recorder was killed.',
     ),
     'show': (
@@ -83,31 +83,31 @@ COMMANDS = {
         'Record objects x sessions x contacts in a random order, with prompts and resume.',
     ),
     'rig': (
-        'tactile_lab.cli.running',
+        'tactile_lab.commands.rig',
         'Run all nodes of the rig in this process until Ctrl-C; print each classification.',
     ),
     'sense': (
-        'tactile_lab.cli.running',
+        'tactile_lab.commands.sense',
         'Run the nodes of one finger that another program moves, in this process until Ctrl-C.',
     ),
     'hand': (
-        'tactile_lab.cli.running',
+        'tactile_lab.commands.hand',
         'Run the nodes of any number of fingers, in this process until Ctrl-C.',
     ),
     'watch': (
-        'tactile_lab.cli.running',
+        'tactile_lab.commands.watch',
         'Show every finger live in a browser, until Ctrl-C.',
     ),
     'devices': (
-        'tactile_lab.cli.devices',
+        'tactile_lab.commands.devices',
         'List the connected devices and the parameters that fit them.',
     ),
     'check': (
-        'tactile_lab.cli.devices',
+        'tactile_lab.commands.check',
         'Test each device and print the results; exit with 1 when there is a fault.',
     ),
     'calibrate': (
-        'tactile_lab.cli.devices',
+        'tactile_lab.commands.calibrate',
         'Calibrate a load cell against known weights.',
     ),
 }

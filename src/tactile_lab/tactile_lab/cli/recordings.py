@@ -188,33 +188,12 @@ def replay(
     """
     check_paths(bag, models)
     from tactile_lab.commands.replay import play_and_watch, run_replay
-    from tactile_lab.watch.options import WatchOptions
+    from tactile_lab.watch.access import WatchOptions
 
     if watch:
         play_and_watch(bag, models, WatchOptions(), as_json=as_json)
     equal = run_replay(bag, models, through_nodes=nodes, times=times, as_json=as_json)
     raise typer.Exit(0 if equal else 1)
-
-
-def repair(
-    bag: Annotated[Path, typer.Argument(help='The bag that was never closed.')],
-    output: Annotated[
-        Path, typer.Option('--output', '-o', help='Folder of the copy; must not exist yet.')
-    ],
-    as_json: JsonOption = False,
-) -> None:
-    """Write a closed copy of a bag whose recorder was killed.
-
-    Every other command reads such a bag as it is, and says so. Other programs may need the index
-    at the end of the copy. The copy holds the same messages, byte for byte, and names its source.
-    The bag itself is not changed. Exits with 1 when the bag is
-    damaged in its middle: the copy ends there.
-    """
-    check_paths(bag)
-    from tactile_lab.commands.repair import run_repair
-
-    whole = run_repair(bag, output, as_json=as_json)
-    raise typer.Exit(0 if whole else 1)
 
 
 def show(

@@ -3,40 +3,30 @@
 
 """`tactile calibrate`: a load cell against known weights, into the sensor's parameters."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, replace
 from itertools import pairwise
 import math
+from pathlib import Path
 import sys
 import threading
 import time
-from typing import Any
+from typing import Annotated, Any, Optional, TYPE_CHECKING
 
-import numpy as np
-from rich.table import Table
+import typer
 
-from tactile_bringup.launch_config.parameter_files import ParameterFile
-from tactile_lab.commands.output import Output
-from tactile_lab.commands.rig_requests import CalibrateRequest
-from tactile_lab.devices.load_cell_fit import (
-    CalibrationError,
-    FEWEST_WEIGHTS,
-    fit_load_cell,
-    LoadCellFit,
-    Reading,
-    settled_mean,
-)
-from tactile_lab.devices.parameter_edit import set_parameters
+from tactile_lab.options import JsonOption, SeedOption, SensorOption, SimulatedOption
 from tactile_ros.errors import TactileError
-from tactile_ros.strain import NO_MEASUREMENT, StrainBlock
-from tactile_sim.pty_server import WeightStand
-from tendon_sensor_driver.errors import TendonSensorError
-from tendon_sensor_driver.records import TendonSensorConfig
-from tendon_sensor_driver.sensors import make_sensor
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from tactile_lab.commands.output import Output
+    from tactile_lab.devices.load_cell_fit import LoadCellFit, Reading
+    from tactile_ros.strain import StrainBlock
+    from tendon_sensor_driver.records import TendonSensorConfig
 
 NODE = 'tendon_sensor'
 
@@ -47,6 +37,93 @@ SETTLE_TIMEOUT_S = 20.0
 """Longest time for a weight to settle [s]."""
 
 
+def calibrate(
+    weights: Annotated[
+        str, typer.Option(help='Known masses [kg], with commas, at least three: 0,0.2,0.5,1.')
+    ],
+    sensor: SensorOption = '',
+    params: Annotated[
+        Optional[Path],
+        typer.Option(
+            help='YAML file with ROS parameters. `scale` and `offset_n` of `tendon_sensor` are '
+            'set in it, the rest stays. Default: print only.'
+        ),
+    ] = None,
+    gravity_m_s2: Annotated[
+        float,
+        typer.Option('--g', min=9.7, max=9.9, help='Acceleration of free fall where you are.'),
+    ] = 9.80665,
+    down: Annotated[
+        bool, typer.Option(help='Also measure the weights on the way down: shows hysteresis.')
+    ] = True,
+    simulated: SimulatedOption = False,
+    seed: SeedOption = 1,
+    as_json: JsonOption = False,
+) -> None:
+    """Calibrate a load cell against known weights.
+
+    The command prints which weight to hang, from the smallest to the largest and back. Each
+    reading is the mean of a settled second, without outliers. Fits a line and prints `scale` and
+    `offset_n` with their standard uncertainties, the error of the line at every weight, and the
+    hysteresis.
+
+    End the sensor's node first: only one program can open a port. Six-axis sensors have the
+    calibration of their maker and are refused. `g` lies between 9.780 (equator) and 9.832 m/s^2
+    (poles), so its default is wrong by up to 0.3 %.
+    """
+    from tactile_bringup.launch_config.parameter_files import ParameterFile
+    from tactile_lab.commands.output import Output
+    from tactile_lab.devices.load_cell_fit import fit_load_cell
+    from tactile_lab.devices.parameter_edit import set_parameters
+    from tactile_sim.pty_server import WeightStand
+
+    output = Output(as_json)
+    weights_kg = parse_weights(weights)
+    stated: dict[str, Any] = {}
+    if params and params.exists():
+        stated = ParameterFile(params).of(NODE)
+    stand: Optional[WeightStand] = None
+
+    def hang(mass_kg: float) -> None:
+        if stand is not None:
+            stand.hang(mass_kg * gravity_m_s2)
+            return
+        what = f'hang {mass_kg:g} kg' if mass_kg else 'take all weights off'
+        output.say(f'{what}, let it come to rest, then Enter')
+        if not sys.stdin.readline():
+            raise TactileError('standard input has ended; run the command in a terminal')
+
+    with ExitStack() as stack:
+        if simulated:
+            if sensor:
+                raise TactileError('--simulated brings its own sensor; leave --sensor out')
+            stand = stack.enter_context(WeightStand(seed=seed))
+            output.say('SIMULATED load cell: no number is a measurement.')
+            stated = {'port': stand.port}
+        elif sensor:
+            stated = {**stated, 'port': sensor}
+        readings = measure(_config(stated), weights_kg, hang, output, goes_down=down)
+    fit = fit_load_cell(readings, gravity_m_s2)
+    output.say(_as_table(fit, gravity_m_s2, simulated))
+    hysteresis = 'not measured' if fit.hysteresis_n is None else f'{fit.hysteresis_n:.2g} N'
+    output.say(
+        f'scale {fit.scale:.6g} ± {fit.scale_error:.2g}, offset_n {fit.offset_n:.4g} ± '
+        f'{fit.offset_error_n:.2g} N (standard uncertainties); largest error of the line '
+        f'{fit.largest_residual_n:.2g} N; hysteresis {hysteresis}'
+    )
+    if params is not None:
+        set_parameters(params, NODE, {'scale': fit.scale, 'offset_n': fit.offset_n})
+        output.say(f'{params}: scale and offset_n of {NODE} are set')
+    output.result(
+        {
+            'simulated': simulated,
+            'gravity_m_s2': gravity_m_s2,
+            'params': str(params or ''),
+            **asdict(fit),
+        }
+    )
+
+
 def parse_weights(text: str) -> tuple[float, ...]:
     """Return masses from ``0,0.2,0.5`` [kg], ascending.
 
@@ -55,6 +132,8 @@ def parse_weights(text: str) -> tuple[float, ...]:
     CalibrationError
         When they are none, or too few.
     """
+    from tactile_lab.devices.load_cell_fit import CalibrationError, FEWEST_WEIGHTS
+
     try:
         weights = tuple(sorted({float(part) for part in text.split(',') if part.strip()}))
     except ValueError:
@@ -70,64 +149,19 @@ def parse_weights(text: str) -> tuple[float, ...]:
     return weights
 
 
-def run_calibrate(request: CalibrateRequest, *, as_json: bool) -> None:
-    """Measure weight by weight, fit, print, and set the parameters.
-
-    Raises
-    ------
-    TactileError
-        When the sensor does not answer, a weight does not come to rest, or there is no fit.
-    """
-    output = Output(as_json)
-    weights_kg = parse_weights(request.weights)
-    stated: dict[str, Any] = {}
-    if request.params and request.params.exists():
-        stated = ParameterFile(request.params).of(NODE)
-    stand: WeightStand | None = None
-
-    def hang(mass_kg: float) -> None:
-        if stand is not None:
-            stand.hang(mass_kg * request.gravity_m_s2)
-            return
-        what = f'hang {mass_kg:g} kg' if mass_kg else 'take all weights off'
-        output.say(f'{what}, let it come to rest, then Enter')
-        if not sys.stdin.readline():
-            raise TactileError('standard input has ended; run the command in a terminal')
-
-    with ExitStack() as stack:
-        if request.simulated:
-            if request.sensor:
-                raise TactileError('--simulated brings its own sensor; leave --sensor out')
-            stand = stack.enter_context(WeightStand(seed=request.seed))
-            output.say('SIMULATED load cell: no number is a measurement.')
-            stated = {'port': stand.port}
-        elif request.sensor:
-            stated = {**stated, 'port': request.sensor}
-        readings = measure(_config(stated), weights_kg, hang, output, goes_down=request.down)
-    fit = fit_load_cell(readings, request.gravity_m_s2)
-    _print_fit(fit, request, output)
-    if request.params is not None:
-        set_parameters(request.params, NODE, {'scale': fit.scale, 'offset_n': fit.offset_n})
-        output.say(f'{request.params}: scale and offset_n of {NODE} are set')
-    output.result(
-        {
-            'simulated': request.simulated,
-            'gravity_m_s2': request.gravity_m_s2,
-            'params': str(request.params or ''),
-            **asdict(fit),
-        }
-    )
-
-
 def measure(
-    config: TendonSensorConfig,
+    config: 'TendonSensorConfig',
     weights_kg: Sequence[float],
     hang: Callable[[float], None],
-    output: Output,
+    output: 'Output',
     *,
     goes_down: bool,
-) -> list[Reading]:
+) -> list['Reading']:
     """Return a settled reading under each weight, up and, if wanted, down again."""
+    from tactile_lab.devices.load_cell_fit import Reading
+    from tendon_sensor_driver.errors import TendonSensorError
+    from tendon_sensor_driver.sensors import make_sensor
+
     masses = [*weights_kg, *(reversed(weights_kg[:-1]) if goes_down else ())]
     rising = [True, *(b > a for a, b in pairwise(masses))]
     listener = _Listener(config)
@@ -150,13 +184,15 @@ def measure(
 class _Listener:
     """Keeps the samples of the last second."""
 
-    def __init__(self, config: TendonSensorConfig) -> None:
+    def __init__(self, config: 'TendonSensorConfig') -> None:
         self._arrived = threading.Condition()
         self._config = config
         self._count = max(4, round(SETTLED_S * config.rate_hz))
         self._samples: deque[float] = deque(maxlen=self._count)
 
-    def take(self, block: StrainBlock) -> None:
+    def take(self, block: 'StrainBlock') -> None:
+        from tactile_ros.strain import NO_MEASUREMENT
+
         with self._arrived:
             if block.status & NO_MEASUREMENT:
                 self._samples.clear()
@@ -166,6 +202,10 @@ class _Listener:
 
     def wait_settled(self, mass_kg: float) -> tuple[float, float]:
         """Return mean and standard deviation of the second after a settled one."""
+        import numpy as np
+
+        from tactile_lab.devices.load_cell_fit import settled_mean
+
         has_settled = False
         deadline = time.monotonic() + SETTLE_TIMEOUT_S
         with self._arrived:
@@ -192,7 +232,9 @@ class _Listener:
         raise TactileError(f'{mass_kg:g} kg did not come to rest; let it hang still, try again')
 
 
-def _config(stated: dict[str, object]) -> TendonSensorConfig:
+def _config(stated: dict[str, object]) -> 'TendonSensorConfig':
+    from tendon_sensor_driver.records import TendonSensorConfig
+
     try:
         config = replace(TendonSensorConfig(**stated), scale=1.0, offset_n=0.0)  # type: ignore[arg-type]
     except (TypeError, ValueError) as error:
@@ -204,23 +246,19 @@ def _config(stated: dict[str, object]) -> TendonSensorConfig:
     return config
 
 
-def _print_fit(fit: LoadCellFit, request: CalibrateRequest, output: Output) -> None:
-    simulated = ', SIMULATED' if request.simulated else ''
-    table = Table(title=f'load cell{simulated}', title_justify='left', title_style='bold')
+def _as_table(fit: 'LoadCellFit', gravity_m_s2: float, simulated: bool) -> 'Table':
+    from rich.table import Table
+
+    mark = ', SIMULATED' if simulated else ''
+    table = Table(title=f'load cell{mark}', title_justify='left', title_style='bold')
     for title in ('weight [kg]', 'way', 'force [N]', 'read [N]', 'error of the line [N]'):
         table.add_column(title, justify='right')
     for reading, residual_n in zip(fit.readings, fit.residuals_n, strict=True):
         table.add_row(
             f'{reading.mass_kg:g}',
             'up' if reading.is_rising else 'down',
-            f'{reading.mass_kg * request.gravity_m_s2:.4f}',
+            f'{reading.mass_kg * gravity_m_s2:.4f}',
             f'{reading.reading_n:.4f}',
             f'{residual_n:+.4f}',
         )
-    output.say(table)
-    hysteresis = 'not measured' if fit.hysteresis_n is None else f'{fit.hysteresis_n:.2g} N'
-    output.say(
-        f'scale {fit.scale:.6g} ± {fit.scale_error:.2g}, offset_n {fit.offset_n:.4g} ± '
-        f'{fit.offset_error_n:.2g} N (standard uncertainties); largest error of the line '
-        f'{fit.largest_residual_n:.2g} N; hysteresis {hysteresis}'
-    )
+    return table

@@ -3,119 +3,181 @@
 
 """`tactile check`: exercise each device and say what it found."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 import dataclasses
 from functools import partial
-from typing import Any, TypeVar
+from pathlib import Path
+from typing import Annotated, Any, Optional, TYPE_CHECKING, TypeVar
 
-from rich.markup import escape
-from rich.table import Table
+import typer
 
-from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
-from tactile_bringup.launch_config.graph import PORTLESS_SENSORS, sensor_parameters
-from tactile_bringup.launch_config.parameter_files import ParameterFile
-from tactile_lab.commands.output import Output
-from tactile_lab.commands.rig_requests import CheckRequest
-from tactile_lab.commands.running.rig import open_ports
-from tactile_lab.devices.device_checks import (
-    check_guide,
-    check_tendon,
-    CheckReport,
+from tactile_lab.options import (
+    GuideOption,
+    JsonOption,
+    ParamsOption,
+    SeedOption,
+    SensorOption,
+    SensorTopicOption,
+    SimulatedOption,
+    TendonOption,
 )
-from tactile_lab.devices.sensor_checks import check_sensor, MakeSensor
 from tactile_ros.errors import TactileError
-from tendon_sensor_driver.records import TendonSensorConfig
-from tendon_sensor_driver.sensors import make_sensor
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from tactile_bringup.launch_config.graph import Ports
+    from tactile_lab.devices.device_checks import CheckReport
 
 _NODES = {'sensor': 'tendon_sensor', 'guide': 'linear_guide', 'tendon': 'tendon_actuator'}
 _Config = TypeVar('_Config')
 
 
-def run_check(request: CheckRequest, *, as_json: bool) -> bool:
-    """Check each configured device; return whether nothing is wrong.
+def check(
+    guide: GuideOption = '',
+    tendon: TendonOption = '',
+    sensor: SensorOption = '',
+    sensor_topic: SensorTopicOption = '',
+    simulated: SimulatedOption = False,
+    params: ParamsOption = None,
+    namespace: Annotated[str, typer.Option(help='Namespace of the nodes in --params.')] = '',
+    seconds: Annotated[
+        float, typer.Option(min=1.0, max=3600.0, help='How long to listen to the sensor.')
+    ] = 5.0,
+    may_move: Annotated[
+        bool,
+        typer.Option(
+            '--move',
+            help='Also home the guide and move it 5 mm, and wind the tendon 2 mm in and out.',
+        ),
+    ] = False,
+    seed: SeedOption = 1,
+    as_json: JsonOption = False,
+) -> None:
+    """Test each device and print the results; exit with 1 when there is a fault.
 
-    Raises
-    ------
-    TactileError
-        When no device is named, or the parameters do not fit.
+    Tests the devices whose port or topic is given here, or whose ``port`` (or ``sensor``) is in
+    the file of ``--params``. End all nodes of the rig first: only one program can open a port.
+
+    **Sensor**: rate against ``rate_hz``, noise, lost samples, error of the time stamps, status
+    bits. Leave the tendon alone while it listens.
+
+    **Guide**: version, and the settings that would silently change a glide. The controller is
+    reset, with ``--move`` homed, moved and brought back.
+
+    **Tendon**: model, firmware, voltage, temperature, errors, and whether the bus watchdog
+    stops the servo in silence. For this the tendon is released, held where it is, and
+    released again at the end.
+
+    Each fault comes with its remedy.
     """
+    from tactile_bringup.launch_config.graph import Ports
+    from tactile_lab.commands.output import Output
+    from tactile_lab.running import open_ports, refuse_two_sensors
+
     output = Output(as_json)
-    if request.ports.simulated:
+    given = Ports(guide, tendon, sensor, sensor_topic)
+    refuse_two_sensors(given)
+    if simulated:
         output.say('SIMULATED rig: no number is a measurement.')
+    reports = []
     with ExitStack() as stack:
-        reports = []
-        for check in _plan_checks(request, stack):
-            reports.append(check())
+        if simulated:
+            given, _ = open_ports(given, True, seed, stack)
+        wanted = _read_parameters(given, params, namespace)
+        for run in _list_checks(wanted, namespace, seconds, may_move, stack):
+            reports.append(run())
             output.say(_as_table(reports[-1]))
     is_fit = not any(report.problems for report in reports)
     output.say('All fit.' if is_fit else 'Not fit for trials.')
     output.result(
         {
-            'simulated': request.ports.simulated
-            or any('simulated' in report.facts for report in reports),
+            'simulated': simulated or any('simulated' in report.facts for report in reports),
             'fit': is_fit,
             'devices': [dataclasses.asdict(report) for report in reports],
         }
     )
-    return is_fit
+    raise typer.Exit(0 if is_fit else 1)
 
 
-def _plan_checks(request: CheckRequest, stack: ExitStack) -> list[Callable[[], CheckReport]]:
-    """Return the check of each device that is configured."""
-    file = ParameterFile(request.params)
-    given: Any = request.ports
-    if request.ports.simulated:
-        given, _ = open_ports(request.ports, request.seed, stack)
+def _read_parameters(
+    given: 'Ports', params: Optional[Path], namespace: str
+) -> dict[str, dict[str, Any]]:
+    """Return the parameters of each device that is named."""
+    from tactile_bringup.launch_config.graph import PORTLESS_SENSORS, sensor_parameters
+    from tactile_bringup.launch_config.parameter_files import ParameterFile
+
+    file = ParameterFile(params)
     wanted: dict[str, dict[str, Any]] = {}
     for name, node in _NODES.items():
         port = getattr(given, name)
-        wanted[name] = {**file.of(node, request.namespace), **({'port': port} if port else {})}
-    if request.ports.sensor_topic:
+        wanted[name] = {**file.of(node, namespace), **({'port': port} if port else {})}
+    if given.sensor_topic:
         stated = {_NODES['sensor']: wanted['sensor']}
-        wanted['sensor'] |= sensor_parameters(stated, topic=request.ports.sensor_topic) or {}
+        wanted['sensor'] |= sensor_parameters(stated, topic=given.sensor_topic) or {}
     # Parameters alone name a device when they say where it is; a Net F/T has a usual address.
-    named = [
-        name
+    named = {
+        name: of_node
         for name, of_node in wanted.items()
         if 'port' in of_node or of_node.get('sensor') in PORTLESS_SENSORS
-    ]
+    }
     if not named:
         raise TactileError(
             'name what to check: --sensor, --guide or --tendon with a port, --sensor-topic, '
             '--params with a file that names ports, or --simulated; "tactile devices" lists what '
             'is plugged in'
         )
-    checks: list[Callable[[], CheckReport]] = []
-    if 'sensor' in named:
-        sensor = _make_config(TendonSensorConfig, 'tendon_sensor', wanted['sensor'])
+    return named
+
+
+def _list_checks(
+    wanted: dict[str, dict[str, Any]],
+    namespace: str,
+    seconds: float,
+    may_move: bool,
+    stack: ExitStack,
+) -> Iterator[Callable[[], 'CheckReport']]:
+    """Yield the check of each device."""
+    from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
+    from tactile_lab.devices.device_checks import check_guide, check_tendon
+    from tactile_lab.devices.sensor_checks import check_sensor, MakeSensor
+    from tendon_sensor_driver.records import TendonSensorConfig
+    from tendon_sensor_driver.sensors import make_sensor
+
+    sensor = _make_config(TendonSensorConfig, 'sensor', wanted)
+    guide = _make_config(LinearGuideConfig, 'guide', wanted)
+    tendon = _make_config(TendonActuatorConfig, 'tendon', wanted)
+    if sensor is not None:
         make: MakeSensor = make_sensor
         if sensor.sensor == 'topic':
-            from tactile_lab.commands.force_topics import sensors_on_topics
+            from tactile_lab.commands.force_topics import sensors_on_topics  # rclpy
 
-            make = stack.enter_context(sensors_on_topics(request.namespace))
-        checks.append(partial(check_sensor, sensor, request.seconds, make))
-    if 'guide' in named:
-        guide = _make_config(LinearGuideConfig, 'linear_guide', wanted['guide'])
-        checks.append(partial(check_guide, guide, request.may_move))
-    if 'tendon' in named:
-        tendon = _make_config(TendonActuatorConfig, 'tendon_actuator', wanted['tendon'])
-        checks.append(partial(check_tendon, tendon, request.may_move))
-    return checks
+            make = stack.enter_context(sensors_on_topics(namespace))
+        yield partial(check_sensor, sensor, seconds, make)
+    if guide is not None:
+        yield partial(check_guide, guide, may_move)
+    if tendon is not None:
+        yield partial(check_tendon, tendon, may_move)
 
 
-def _make_config(kind: type[_Config], node: str, parameters: Mapping[str, Any]) -> _Config:
+def _make_config(
+    kind: type[_Config], device: str, wanted: Mapping[str, Mapping[str, Any]]
+) -> Optional[_Config]:
+    """Return the parameters of a device's node, without those of ROS itself."""
+    if device not in wanted:
+        return None
     known = {field.name for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
     try:
-        # Parameters of ROS itself, QoS overrides for one, are none of the driver's.
-        return kind(**{name: value for name, value in parameters.items() if name in known})
+        return kind(**{name: value for name, value in wanted[device].items() if name in known})
     except (TypeError, ValueError) as error:
-        raise TactileError(f'parameters of {node}: {error}') from error
+        raise TactileError(f'parameters of {_NODES[device]}: {error}') from error
 
 
-def _as_table(report: CheckReport) -> Table:
+def _as_table(report: 'CheckReport') -> 'Table':
+    from rich.markup import escape
+    from rich.table import Table
+
     table = Table(
         title=escape(f'{report.device} on {report.link}'), title_justify='left', show_header=False
     )

@@ -3,42 +3,92 @@
 
 """`tactile devices`: what is plugged in and recognised."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict
+from typing import Annotated, Optional, TYPE_CHECKING
 
-from rich.markup import escape
-from rich.table import Table
+import typer
 
-from tactile_lab.commands.output import Output
-from tactile_lab.commands.rig_requests import DevicesRequest
-from tactile_lab.devices.device_probe import (
-    find_names,
-    find_ports,
-    FoundDevice,
-    probe_net_ft,
-    probe_ports,
-)
+from tactile_lab.options import JsonOption
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from tactile_lab.devices.device_probe import FoundDevice
 
 
-def run_devices(request: DevicesRequest, *, as_json: bool) -> None:
-    """Print what is found on serial ports, at the addresses of Net F/T boxes, and on topics."""
+def devices(
+    port: Annotated[
+        Optional[list[str]],
+        typer.Option(
+            help='Ask this serial port only; may be given several times. Needed for ports that '
+            'the computer does not list, such as those of `tactile_sim_rig --links`.'
+        ),
+    ] = None,
+    net_ft: Annotated[
+        Optional[list[str]],
+        typer.Option(
+            metavar='HOST',
+            help='Ask an ATI Net F/T at this address; may be given several times.',
+        ),
+    ] = None,
+    listen: Annotated[
+        float,
+        typer.Option(
+            min=0.1,
+            max=60.0,
+            help='Seconds to wait for a port that speaks by itself. A board that is reset by '
+            'opening its port needs two.',
+        ),
+    ] = 2.5,
+    topics: Annotated[
+        bool,
+        typer.Option(
+            '--topics', help='List topics on which other nodes publish a force, instead of ports.'
+        ),
+    ] = False,
+    quiet: Annotated[
+        bool, typer.Option('--quiet', help='Send nothing to serial ports: listen only.')
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """List the connected devices and the parameters that fit them.
+
+    Lists every serial port with its USB numbers and persistent names, and the device there: a
+    linear guide (Grbl), a Dynamixel servo, a load cell that sends lines, or an ATI Net F/T at an
+    address that you give. Prints the node parameters that fit. With ``--topics``, lists the
+    forces that other nodes publish on this ROS domain.
+
+    Nothing is moved. Nothing is sent to a port that sends data by itself. A silent port is sent a
+    question mark, which Grbl answers and others ignore, and then a Dynamixel ping at each usual
+    baud rate. If another silent device must not receive these, name the ports with ``--port`` or
+    use ``--quiet``. A board that resets when its port is opened does so here, too: a Grbl guide
+    must be homed afterwards. Ports that another program has open are left alone.
+    """
+    from tactile_lab.commands.output import Output
+    from tactile_lab.devices.device_probe import (
+        find_names,
+        find_ports,
+        FoundDevice,
+        probe_net_ft,
+        probe_ports,
+    )
+
     output = Output(as_json)
-    ports, hosts = request.port or (), request.net_ft or ()
-    known = {port.port: port for port in find_ports()}
-    wanted = [known.get(port, FoundDevice(port, names=find_names(port))) for port in ports]
-    if not ports and not hosts and not request.topics:
+    ports, hosts = port or (), net_ft or ()
+    known = {found.port: found for found in find_ports()}
+    wanted = [known.get(name, FoundDevice(name, names=find_names(name))) for name in ports]
+    if not ports and not hosts and not topics:
         wanted = list(known.values())
-    found = probe_ports(wanted, listen_s=request.listen, is_quiet=request.quiet)
+    found = probe_ports(wanted, listen_s=listen, is_quiet=quiet)
     found += [probe_net_ft(host) for host in hosts]
-    if request.topics:
-        from tactile_lab.commands.force_topics import find_force_topics
+    if topics:
+        from tactile_lab.commands.force_topics import find_force_topics  # rclpy
 
-        found += find_force_topics(request.listen)
+        found += find_force_topics(listen)
     if found:
         output.say(_as_table(found))
-    elif request.topics:
+    elif topics:
         output.say('No node publishes a force on this ROS domain; see "ros2 topic list -t".')
     else:
         output.say(
@@ -48,7 +98,10 @@ def run_devices(request: DevicesRequest, *, as_json: bool) -> None:
     output.result({'devices': [asdict(device) for device in found]})
 
 
-def _as_table(found: Sequence[FoundDevice]) -> Table:
+def _as_table(found: Sequence['FoundDevice']) -> 'Table':
+    from rich.markup import escape
+    from rich.table import Table
+
     table = Table('port', 'device', 'what is there', 'parameters', 'other names')
     for device in found:
         cells = (

@@ -3,27 +3,42 @@
 
 """`tactile repair`: a closed copy of a bag whose recorder was killed."""
 
-from __future__ import annotations
-
 from pathlib import Path
+from typing import Annotated
 
-from tactile_bags.auditing.audit import summarise_audits
-from tactile_bags.auditing.auditor import audit_bag
-from tactile_bags.bag_repair import repair_bag
-from tactile_lab.commands.output import Output
-from tactile_lab.commands.replay import print_audits
+import typer
+
+from tactile_lab.options import JsonOption
 
 
-def run_repair(source: Path, target: Path, *, as_json: bool) -> bool:
-    """Repair a bag, print what came of it, return whether all of it could be read."""
+def repair(
+    bag: Annotated[Path, typer.Argument(exists=True, help='The bag that was never closed.')],
+    target: Annotated[
+        Path, typer.Option('--output', '-o', help='Folder of the copy; must not exist yet.')
+    ],
+    as_json: JsonOption = False,
+) -> None:
+    """Write a closed copy of a bag whose recorder was killed.
+
+    Every other command reads such a bag as it is, and says so. Other programs may need the index
+    at the end of the copy. The copy holds the same messages, byte for byte, and names its source.
+    The bag itself is not changed. Exits with 1 when the bag is
+    damaged in its middle: the copy ends there.
+    """
+    from tactile_bags.auditing.audit import summarise_audits
+    from tactile_bags.auditing.auditor import audit_bag
+    from tactile_bags.bag_repair import repair_bag
+    from tactile_lab.commands.output import Output
+    from tactile_lab.commands.replay import print_audits
+
     output = Output(as_json)
-    repair = repair_bag(source, target)
-    if not repair.recovered:
-        output.say(f'{source} was closed in order; a copy was made all the same')
-    if repair.damage:
-        output.say(f'{repair.damage}; the copy ends there')
+    repaired = repair_bag(bag, target)
+    if not repaired.recovered:
+        output.say(f'{bag} was closed in order; a copy was made all the same')
+    if repaired.damage:
+        output.say(f'{repaired.damage}; the copy ends there')
     audits = audit_bag(target)
-    output.say(f'{target}: {repair.message_count} messages')
+    output.say(f'{target}: {repaired.message_count} messages')
     print_audits(audits, output)
-    output.result({'bag': str(target), **repair.to_dict(), 'audit': summarise_audits(audits)})
-    return not repair.damage
+    output.result({'bag': str(target), **repaired.to_dict(), 'audit': summarise_audits(audits)})
+    raise typer.Exit(1 if repaired.damage else 0)

@@ -44,8 +44,8 @@ from tactile_classifier.model_file.model_set import ModelSet
 from tactile_features.config import FeatureConfig
 from tactile_features.model_contract import read_contracts
 from tactile_lab.commands.output import Output
-from tactile_lab.commands.running.watch import say_address
-from tactile_lab.watch.options import WatchOptions
+from tactile_lab.running import say_address
+from tactile_lab.watch.access import WatchOptions
 from tactile_ros.errors import TactileError
 
 POLL_S = 0.1

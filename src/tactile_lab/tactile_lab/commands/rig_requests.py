@@ -13,12 +13,8 @@ from tactile_lab.options import (
     ContactOption,
     GuideOption,
     ModelOption,
-    NamespaceOption,
     ParamsOption,
     ProtocolArgument,
-    QuietOption,
-    RecalibrateOption,
-    RecordOption,
     SeedOption,
     SensorOption,
     SensorTopicOption,
@@ -48,21 +44,6 @@ class PortArguments:
     def __post_init__(self) -> None:
         if self.sensor and self.sensor_topic:
             raise TactileError('there are a --sensor and a --sensor-topic; give one')
-
-
-@dataclass(frozen=True, kw_only=True)
-class RigRequest:
-    """The arguments of `tactile rig`; see its ``--help``."""
-
-    models: ModelOption = None
-    recalibrate: RecalibrateOption = 0
-    ports: PortArguments = field(default_factory=PortArguments)
-    params: ParamsOption = None
-    namespace: NamespaceOption = ''
-    record: RecordOption = None
-    watch: WatchOption = False
-    quiet: QuietOption = False
-    seed: SeedOption = 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,90 +110,6 @@ class ExperimentRequest:
         ),
     ] = False
     watch: WatchOption = False
-    seed: SeedOption = 1
-
-
-@dataclass(frozen=True, kw_only=True)
-class CheckRequest:
-    """The arguments of `tactile check`; see its ``--help``."""
-
-    ports: PortArguments = field(default_factory=PortArguments)
-    params: ParamsOption = None
-    namespace: Annotated[str, typer.Option(help='Namespace of the nodes in --params.')] = ''
-    seconds: Annotated[
-        float, typer.Option(min=1.0, max=3600.0, help='How long to listen to the sensor.')
-    ] = 5.0
-    may_move: Annotated[
-        bool,
-        typer.Option(
-            '--move',
-            help='Also home the guide and move it 5 mm, and wind the tendon 2 mm in and out.',
-        ),
-    ] = False
-    seed: SeedOption = 1
-
-
-@dataclass(frozen=True, kw_only=True)
-class DevicesRequest:
-    """The arguments of `tactile devices`; see its ``--help``."""
-
-    port: Annotated[
-        Optional[list[str]],
-        typer.Option(
-            help='Ask this serial port only; may be given several times. Needed for ports that '
-            'the computer does not list, such as those of `tactile_sim_rig --links`.'
-        ),
-    ] = None
-    net_ft: Annotated[
-        Optional[list[str]],
-        typer.Option(
-            metavar='HOST',
-            help='Ask an ATI Net F/T at this address; may be given several times.',
-        ),
-    ] = None
-    listen: Annotated[
-        float,
-        typer.Option(
-            min=0.1,
-            max=60.0,
-            help='Seconds to wait for a port that speaks by itself. A board that is reset by '
-            'opening its port needs two.',
-        ),
-    ] = 2.5
-    topics: Annotated[
-        bool,
-        typer.Option(
-            '--topics', help='List topics on which other nodes publish a force, instead of ports.'
-        ),
-    ] = False
-    quiet: Annotated[
-        bool, typer.Option('--quiet', help='Send nothing to serial ports: listen only.')
-    ] = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class CalibrateRequest:
-    """The arguments of `tactile calibrate`; see its ``--help``."""
-
-    weights: Annotated[
-        str, typer.Option(help='Known masses [kg], with commas, at least three: 0,0.2,0.5,1.')
-    ]
-    sensor: SensorOption = ''
-    params: Annotated[
-        Optional[Path],
-        typer.Option(
-            help='YAML file with ROS parameters. `scale` and `offset_n` of `tendon_sensor` are '
-            'set in it, the rest stays. Default: print only.'
-        ),
-    ] = None
-    gravity_m_s2: Annotated[
-        float,
-        typer.Option('--g', min=9.7, max=9.9, help='Acceleration of free fall where you are.'),
-    ] = 9.80665
-    down: Annotated[
-        bool, typer.Option(help='Also measure the weights on the way down: shows hysteresis.')
-    ] = True
-    simulated: SimulatedOption = False
     seed: SeedOption = 1
 
 

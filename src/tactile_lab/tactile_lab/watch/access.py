@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 import ipaddress
 import json
 import secrets
@@ -28,6 +28,19 @@ HEADERS = {
     'Cache-Control': 'no-store',
 }
 """Headers of every answer: nothing is loaded from elsewhere, no other page shows this one."""
+
+
+@dataclass(frozen=True)
+class WatchOptions:
+    """Address and port to listen on, and the token that moving needs.
+
+    Port 0 takes the usual one, or any that is free. Servers that follow each other with the same
+    options share the token.
+    """
+
+    host: str = '127.0.0.1'
+    port: int = 0
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(16))
 
 
 class CommandError(TactileError):

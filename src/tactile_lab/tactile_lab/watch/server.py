@@ -22,8 +22,8 @@ from tactile_lab.watch.access import (
     HEADERS,
     LONGEST_COMMAND,
     read_command,
+    WatchOptions,
 )
-from tactile_lab.watch.options import WatchOptions
 from tactile_lab.watch.state import Frames, WatchState
 from tactile_ros.errors import TactileError
 

@@ -13,8 +13,8 @@ import os
 from rclpy.context import Context
 
 from tactile_bringup.trial_protocols import TrialRequest
+from tactile_lab.watch.access import WatchOptions
 from tactile_lab.watch.node import WatchNode
-from tactile_lab.watch.options import WatchOptions
 from tactile_lab.watch.state import WatchState
 from tactile_ros.programs.node_group import NodeGroup
 

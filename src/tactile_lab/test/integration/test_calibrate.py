@@ -9,29 +9,29 @@ import json
 import pytest
 import yaml
 
-from tactile_lab.commands import calibrate
-from tactile_lab.commands.calibrate import run_calibrate
-from tactile_lab.commands.rig_requests import CalibrateRequest
+from tactile_lab.commands import calibrate as module
+from tactile_lab.commands.calibrate import calibrate
 from tactile_ros.errors import TactileError
+from tactile_sim import pty_server
 from tactile_sim.pty_server import WeightStand
 from tendon_sensor_driver.records import TendonSensorConfig
 
 GRAVITY = 9.81
 
 
-def request(**changes):
+def run(**changes):
     values = {'weights': '0,0.5,1', 'gravity_m_s2': GRAVITY, 'simulated': True}
-    return CalibrateRequest(**{**values, **changes})
+    calibrate(**{**values, **changes}, as_json=True)
 
 
 def test_the_truth_of_a_simulated_load_cell_is_found_and_written(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(calibrate, 'SETTLED_S', 0.5)
+    monkeypatch.setattr(module, 'SETTLED_S', 0.5)
     monkeypatch.setattr(
-        calibrate, 'WeightStand', lambda seed: WeightStand(seed=seed, hysteresis_n=0.2)
+        pty_server, 'WeightStand', lambda seed: WeightStand(seed=seed, hysteresis_n=0.2)
     )
     path = tmp_path / 'params.yaml'
     path.write_text('tendon_sensor:\n  ros__parameters:\n    rate_hz: 60.0  # mine\n')
-    run_calibrate(request(params=path), as_json=True)
+    run(params=path)
     found = json.loads(capsys.readouterr().out)
     assert found['simulated'] is True
     assert [r['is_rising'] for r in found['readings']] == [True, True, True, False, False]
@@ -51,9 +51,9 @@ def test_what_cannot_be_calibrated_is_refused(tmp_path, monkeypatch):
     path = tmp_path / 'params.yaml'
     path.write_text('tendon_sensor:\n  ros__parameters:\n    sensor: net_ft\n')
     with pytest.raises(TactileError, match='calibration of its maker'):
-        run_calibrate(request(simulated=False, params=path), as_json=True)
+        run(simulated=False, params=path)
     with pytest.raises(TactileError, match='leave --sensor out'):
-        run_calibrate(request(sensor='/dev/ttyUSB0'), as_json=True)
+        run(sensor='/dev/ttyUSB0')
     monkeypatch.setattr('sys.stdin', io.StringIO(''))
     with WeightStand() as stand, pytest.raises(TactileError, match='standard input has ended'):
-        run_calibrate(request(simulated=False, sensor=stand.port), as_json=True)
+        run(simulated=False, sensor=stand.port)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from tactile_lab.watch import server as server_module
-from tactile_lab.watch.options import WatchOptions
+from tactile_lab.watch.access import WatchOptions
 from tactile_lab.watch.server import FILES, FRAMES_HZ, MOST_PAGES, MOST_WAITING, WatchServer
 from tactile_lab.watch.state import WatchState
 from tactile_ros.errors import TactileError

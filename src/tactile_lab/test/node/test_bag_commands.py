@@ -7,12 +7,12 @@ import json
 
 import pytest
 from rclpy.serialization import serialize_message
+from tactile_command import tactile
 
 from tactile_bags import BagWriter, FEATURES_TOPIC, STRAIN, TactileBag
 from tactile_bags.recorded_setup import recorded_features
 from tactile_bags.replaying.replay import replay_windows
 from tactile_features.conversions import feature_window_to_msg
-from tactile_lab.commands.repair import run_repair
 from tactile_lab.commands.replay import run_replay
 
 
@@ -56,7 +56,7 @@ def test_replay_says_what_was_lost(stiffness_bag, tmp_path, capsys):
 
 
 @pytest.mark.parametrize('damage', [False, True])
-def test_repair_makes_a_closed_copy(stiffness_bag, tmp_path, capsys, damage):
+def test_repair_makes_a_closed_copy(stiffness_bag, tmp_path, damage):
     source = record(stiffness_bag, tmp_path / 'bag')
     (path,) = source.glob('*.mcap')
     data = bytearray(path.read_bytes())
@@ -65,8 +65,9 @@ def test_repair_makes_a_closed_copy(stiffness_bag, tmp_path, capsys, damage):
         path.write_bytes(data)
     else:
         path.write_bytes(data[: -len(data) // 50])
-    assert run_repair(source, tmp_path / 'copy', as_json=True) == (not damage)
-    result = json.loads(capsys.readouterr().out)
+    done = tactile('repair', source, '-o', tmp_path / 'copy', '--json')
+    assert done.returncode == damage
+    result = json.loads(done.stdout)
     assert bool(result['recovered']) == (not damage)
     with TactileBag(tmp_path / 'copy') as bag:
         assert bag.recovered == ''

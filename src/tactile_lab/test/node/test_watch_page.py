@@ -18,7 +18,7 @@ from tactile_bringup.nodes.operator_node import OperatorNode, StoppedError
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.running.live_trials import LiveRig, run_with_second_try
-from tactile_lab.watch.options import WatchOptions
+from tactile_lab.watch.access import WatchOptions
 from tactile_lab.watch.server import WatchServer
 from tactile_lab.watch.state import WatchState
 from tactile_lab.watch.watching import watching

@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from rich.console import Console
 
 from tactile_classifier.records import ClassificationResult, ModelInfo
 from tactile_classifier.records import Outcome as Answered
@@ -18,7 +17,6 @@ from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_features.records import FeatureWindow, Outcome, TrialEvent
 from tactile_lab.watch.finger import Finger
 from tactile_lab.watch.state import Frames, MOST_FINGERS, SPECTRUM_PERIOD_S, WatchState
-from tactile_lab.watch.terminal import draw, sparkline
 from tactile_ros.strain import StrainBlock, StrainStatus
 
 PERIOD_NS = 16_666_667
@@ -336,43 +334,12 @@ def test_untrusted_messages_cannot_fill_the_memory(state):
     assert len(description['said']) <= 30
 
 
-def test_the_terminal_shows_the_same(state, clock):
-    console = Console(width=100, record=True, file=open('/dev/null', 'w'))  # noqa: SIM115
-    console.print(draw(state, 100))
-    state.take_block('index', block(0, np.sin(np.arange(300))))
-    state.take_event('index', event(0, 'glide'))
-    state.take_answer('index', answer())
-    state.take_health('index/tendon_sensor', 2, 'The link is silent. Plug it in.', {})
-    clock.now_s += 3.0
-    console.print(draw(state, 100))
-    text = console.export_text()
-    for part in (
-        'Waiting for samples: no finger on ROS domain 3',
-        'index, SIMULATED',
-        'glide',
-        '60 Hz',
-        'R1',
-        '(0.90 probability)  right',
-        'The link is silent. Plug it in.',
-        'Waiting for samples for 3 s',
-    ):
-        assert part in text
-
-
-def test_a_sparkline_shows_the_largest_of_each_part():
-    assert sparkline([], 10) == ''
-    assert sparkline([0.0, 0.0], 10) == '  '
-    assert sparkline([0.0] * 50 + [1.0] + [0.0] * 49, 10) == ' ' * 5 + '█' + ' ' * 4
-
-
 def test_a_sample_that_is_no_number_breaks_the_line_and_keeps_the_spectrum_away(state):
     for number in range(200):
         value = np.nan if number == 100 else 1.0 + 0.1 * (number % 5)
         state.take_block('', block(number, (value,)))
         if number in (100, 103):
             assert state.finger('').spectrum() is None
-            draw(state, 80)
     frame = json.loads(json.dumps(Frames(state).next(), allow_nan=False))
     assert frame['live']['']['y'].count(None) == 1
     assert state.finger('').spectrum()
-    draw(state, 80)

@@ -35,7 +35,7 @@ from tactile_lab.commands.running.live_trials import LiveSetup, LiveTrial, run_l
 from tactile_lab.commands.simulate import make_bags
 from tactile_lab.datasets.traces import read_trace
 from tactile_lab.simulation.simulated_bags import paper_plans
-from tactile_lab.watch.options import WatchOptions
+from tactile_lab.watch.access import WatchOptions
 from tactile_ros.errors import TactileError
 from tactile_sim.descriptions.catalogue import list_objects
 from tactile_sim.rig_process import SimulatedRig

@@ -25,9 +25,8 @@ from tactile_classifier.records import ClassificationResult, ModelInfo, Outcome
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.replay import print_audits
 from tactile_lab.commands.rig_requests import ExperimentRequest, TrialsRequest
-from tactile_lab.commands.running.rig import open_ports, read_rig_parameters
-from tactile_lab.commands.running.watch import say_address
-from tactile_lab.watch.options import WatchOptions
+from tactile_lab.running import open_ports, read_rig_parameters, say_address
+from tactile_lab.watch.access import WatchOptions
 from tactile_lab.watch.watching import watching
 from tactile_ros.errors import TactileError
 from tactile_sim.rig_process import SimulatedRig
@@ -191,7 +190,9 @@ def open_rig(
     TactileError
         When ports are missing, or the parameters do not fit.
     """
-    ports, simulated_rig = open_ports(request.ports, request.seed, stack)
+    named = request.ports
+    given = Ports(named.guide, named.tendon, named.sensor, named.sensor_topic)
+    ports, simulated_rig = open_ports(given, named.simulated, request.seed, stack)
     if simulated_rig is not None:
         output.say('SIMULATED rig: no number is a measurement.')
     return LiveSetup(

@@ -1,0 +1,63 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""`tactile rig`: all nodes of the rig in one process."""
+
+from contextlib import ExitStack
+
+from tactile_lab.options import (
+    GuideOption,
+    ModelOption,
+    NamespaceOption,
+    ParamsOption,
+    QuietOption,
+    RecalibrateOption,
+    RecordOption,
+    SeedOption,
+    SensorOption,
+    SensorTopicOption,
+    SimulatedOption,
+    TendonOption,
+    WatchOption,
+)
+
+
+def rig(
+    models: ModelOption = None,
+    recalibrate: RecalibrateOption = 0,
+    guide: GuideOption = '',
+    tendon: TendonOption = '',
+    sensor: SensorOption = '',
+    sensor_topic: SensorTopicOption = '',
+    simulated: SimulatedOption = False,
+    params: ParamsOption = None,
+    namespace: NamespaceOption = '',
+    record: RecordOption = None,
+    watch: WatchOption = False,
+    quiet: QuietOption = False,
+    seed: SeedOption = 1,
+) -> None:
+    """Run all nodes of the rig in this process until Ctrl-C; print each classification.
+
+    Starts sensor, guide, tendon, trial runner, features and, with models, a classifier. Start
+    trials with the action ``trial_runner/run_trial``. To run trials without another program, use
+    `tactile trials`.
+    """
+    from tactile_bringup.launch_config.graph import ModelChoice, Ports, recorder_node, rig_graph
+    from tactile_lab.running import open_ports, read_rig_parameters, run_nodes
+    from tactile_ros.programs.signals import hold_signals
+
+    if hold_signals().received:
+        return
+    parameters = read_rig_parameters(params, namespace)
+    choice = ModelChoice.of_finger(str(models or ''), parameters, recalibrate=recalibrate)
+    with ExitStack() as stack:
+        given = Ports(guide, tendon, sensor, sensor_topic)
+        ports, simulated_rig = open_ports(given, simulated, seed, stack)
+        nodes = rig_graph(ports, choice, parameters, simulated=simulated)
+        if record:
+            finger = namespace.strip('/')
+            nodes.append(
+                recorder_node(record, namespaces=(finger,), classifier=choice is not None)
+            )
+        run_nodes(nodes, namespace, 'rig', watch=watch, quiet=quiet, simulated_rig=simulated_rig)

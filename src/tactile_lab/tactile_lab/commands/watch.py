@@ -1,0 +1,49 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""`tactile watch`: a live page beside nodes that run elsewhere."""
+
+from typing import Annotated
+
+import typer
+
+
+def watch(
+    host: Annotated[
+        str,
+        typer.Option(
+            help='Address to listen on. With another address than the default, everybody on the '
+            'network can see the page and press Stop: see docs/security.md.'
+        ),
+    ] = '127.0.0.1',
+    port: Annotated[
+        int,
+        typer.Option(min=0, max=65535, help='Port of the page. Default: 8642, or a free one.'),
+    ] = 0,
+) -> None:
+    """Show every finger live in a browser, until Ctrl-C.
+
+    Run it beside `tactile rig`, `tactile sense`, `tactile hand` or any launch file: it finds
+    fingers by their topics on the same ROS domain. Those commands also take ``--watch``, which
+    costs less than a process of its own.
+
+    For each finger the page shows tension with the phases of the trial, the spectrum of the
+    partial window, the label with its probabilities or *unknown*, slip, and the health of each
+    device with its remedy. Its buttons tare the sensor, home the guide and run a trial. They need
+    the token in the printed address. Without the token a page can only show and **stop**. Stop
+    does not replace the emergency stop of your rig.
+    """
+    from tactile_bringup.nodes.graph_runner import ros_context  # rclpy
+    from tactile_lab.commands.output import Output
+    from tactile_lab.running import say_address
+    from tactile_lab.watch.access import WatchOptions
+    from tactile_lab.watch.watching import watching
+    from tactile_ros.programs.signals import hold_signals
+
+    signals = hold_signals()
+    if signals.received:
+        return
+    with ros_context() as context, watching(context, WatchOptions(host, port)) as watched:
+        say_address(watched, Output(as_json=False))
+        while not signals.wait():
+            pass

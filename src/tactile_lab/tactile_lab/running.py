@@ -1,0 +1,166 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The rig of a command: its ports, its parameters, and its nodes in this process."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+import threading
+import time
+from typing import Any, TYPE_CHECKING
+
+from tactile_bringup.launch_config.graph import (
+    CLASSIFIER_NODE,
+    NodeDescription,
+    Ports,
+    RIG_NODES,
+)
+from tactile_bringup.launch_config.parameter_files import ParameterFile
+from tactile_bringup.records import PROTOCOLS
+from tactile_bringup.trial_protocols import TrialRequest
+from tactile_lab.commands.output import Output
+from tactile_lab.watch.access import WatchOptions
+from tactile_ros.errors import TactileError
+from tactile_ros.programs.signals import hold_signals
+from tactile_sim.descriptions.catalogue import list_objects
+from tactile_sim.rig_process import SimulatedRig
+
+if TYPE_CHECKING:
+    from tactile_lab.watch.watching import Watch
+
+
+def open_ports(
+    given: Ports, simulated: bool, seed: int, stack: ExitStack
+) -> tuple[Ports, SimulatedRig | None]:
+    """Return the ports, and the simulated rig behind them if it is one.
+
+    Parameters
+    ----------
+    given : Ports
+        Empty where an option was not given.
+    simulated : bool
+    seed : int
+        Of a simulated rig.
+    stack : contextlib.ExitStack
+        Ends the simulated rig.
+
+    Raises
+    ------
+    TactileError
+        When ports are missing, the sensor is given twice, or ports are given beside
+        ``--simulated``.
+    """
+    refuse_two_sensors(given)
+    named = {'--guide': given.guide, '--tendon': given.tendon, '--sensor': given.sensor}
+    if simulated:
+        if any(named.values()):
+            raise TactileError('--simulated brings its own ports; leave the others out')
+        rig = stack.enter_context(SimulatedRig(seed=seed))
+        return Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor, given.sensor_topic), rig
+    if given.sensor_topic:
+        del named['--sensor']
+    if missing := [option for option, port in named.items() if not port]:
+        raise TactileError(f'name the ports: {", ".join(missing)}; or use --simulated')
+    return given, None
+
+
+def refuse_two_sensors(given: Ports) -> None:
+    """Refuse a sensor's port beside a topic.
+
+    Raises
+    ------
+    TactileError
+        When both are given.
+    """
+    if given.sensor and given.sensor_topic:
+        raise TactileError('there are a --sensor and a --sensor-topic; give one')
+
+
+def read_rig_parameters(path: Path | None, namespace: str) -> dict[str, dict[str, Any]]:
+    """Return the parameters of the rig's nodes from a ROS parameter file, if one is given."""
+    file = ParameterFile(path)
+    file.refuse_others([namespace])
+    return {name: file.of(name, namespace) for name in (*RIG_NODES, CLASSIFIER_NODE)}
+
+
+def run_nodes(
+    nodes: Sequence[NodeDescription],
+    namespace: str,
+    title: str,
+    *,
+    watch: bool,
+    quiet: bool,
+    simulated_rig: SimulatedRig | None = None,
+    simulated: bool = False,
+) -> None:
+    """Run nodes in this process until SIGINT or SIGTERM, or until one of them fails.
+
+    Parameters
+    ----------
+    nodes : sequence of NodeDescription
+    namespace, title : str
+    watch : bool
+        Serve a live page.
+    quiet : bool
+        Print no line for each answer.
+    simulated_rig : SimulatedRig, optional
+        It gets what a trial of the live page names under its finger.
+    simulated : bool
+        Some sensor is simulated.
+
+    Raises
+    ------
+    TactileError
+        When a node cannot be started, or one fails later.
+    """
+    from tactile_bringup.nodes.graph_runner import ros_context, running_graph  # rclpy
+    from tactile_lab.watch.watching import watching
+
+    signals, ended, output = hold_signals(), threading.Event(), Output(as_json=False)
+    simulated = simulated or simulated_rig is not None
+    title = f'SIMULATED {title}' if simulated else title
+
+    def end() -> None:
+        ended.set()
+        signals.wake()
+
+    def mount(request: TrialRequest) -> None:
+        if simulated_rig is not None and request.object_label:
+            simulated_rig.mount(request.protocol, request.object_label, request.contact)
+
+    with ExitStack() as stack:
+        context = stack.enter_context(ros_context())
+        if watch or not quiet:
+            objects = {name: list(list_objects(name)) for name in PROTOCOLS}
+            watched = stack.enter_context(
+                watching(
+                    context,
+                    WatchOptions() if watch else None,
+                    simulated=simulated,
+                    objects=objects if simulated_rig else {},
+                    before_trial=mount,
+                    answers_only=not watch,
+                )
+            )
+            if not quiet:
+                watched.state.on_answer = lambda line: output.say(
+                    f'{time.strftime("%H:%M:%S")}  {line}'
+                )
+            say_address(watched, output)
+        stack.enter_context(
+            running_graph(nodes, context, namespace=namespace, on_end=end, signals=signals)
+        )
+        if not signals.received:
+            names = ', '.join(node.path for node in nodes)
+            output.say(f'{title} running: {names}. Ctrl-C ends it.')
+        while not (signals.wait() or ended.is_set()):
+            pass
+
+
+def say_address(watch: Watch, output: Output) -> None:
+    """Print where the live page is, if one is served."""
+    if watch.address:
+        output.say(f'Live page: [bold]{watch.address}[/bold]')
