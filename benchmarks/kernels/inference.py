@@ -46,8 +46,8 @@ def run_inference(quick: bool) -> Report:
                 lambda peer=peer, row=row: peer.predict(row),
                 rounds=5 if quick else 15,
             )
-            changed = np.array(model.predict(queries)) != peer.predict(queries)
             found, part = model.compute(queries), trained.stages[0]
+            changed = np.array(model.labels)[found.answer] != peer.predict(queries)
             scores = part.calibration.compute(compute_raw_scores(estimator, queries))
             difference = np.abs(found.scores - scores).max()
             novelty = np.abs(found.novelty - part.novelty.compute(queries)).max()

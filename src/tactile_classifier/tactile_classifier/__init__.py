@@ -28,6 +28,7 @@ _HOMES = {
     'evaluate': 'evaluation.cross_validation',
     'ModelSet': 'model_file.model_set',
     'TactileModel': 'model_file.inference',
+    'load_model': 'model_file.inference',
     'read_manifest': 'model_file.inference',
     'Manifest': 'model_file.manifest',
     'write_model': 'training.model_writer',

@@ -38,8 +38,8 @@ VOTES = 'votes'
 MARGIN = 'margin'
 PROBABILITY = 'probability'
 
-UNKNOWN, NO_ANSWER = '(unknown)', '(no answer)'
-"""In a column of answers, in place of a label: too novel, and no features or scores."""
+UNKNOWN, NO_ANSWER = 'unknown', 'no answer'
+"""In place of a label: too novel, and no features or scores."""
 
 
 class Outcome(IntEnum):

@@ -303,6 +303,8 @@ class CalibratedStage:
     novelty : NoveltyMeasure
         Fitted to all trials.
     novelty_threshold : float
+    held_out_novelty : ndarray of shape (trials,)
+        By measures fitted on the other folds; the threshold comes from these.
     error_before, error_after : float
         Expected calibration error; after: of ``confidence`` [1].
     confidence : ndarray of shape (trials,)
@@ -317,6 +319,7 @@ class CalibratedStage:
     calibration: Calibration
     novelty: NoveltyMeasure
     novelty_threshold: float
+    held_out_novelty: Matrix
     error_before: float
     error_after: float
     confidence: Matrix
@@ -344,6 +347,7 @@ def calibrate_stage(
         calibration=Calibration.fit(scores, true),
         novelty=measure,
         novelty_threshold=threshold,
+        held_out_novelty=novelty,
         error_before=compute_calibration_error(uncalibrated, true),
         error_after=compute_calibration_error(probabilities, true),
         confidence=np.where(novelty > threshold, -1.0, probabilities.max(axis=1)),

@@ -6,6 +6,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+import dataclasses
+from functools import cached_property
 import hashlib
 import math
 from pathlib import Path
@@ -15,14 +17,23 @@ import numpy as np
 import numpy.typing as npt
 
 from tactile_classifier.errors import DatasetError, ModelFileError
-from tactile_classifier.model_file.manifest import Manifest
+from tactile_classifier.model_file.manifest import Manifest, Stage
 from tactile_classifier.model_file.onnx_session import open_session
-from tactile_classifier.records import ClassificationResult, Outcome
-from tactile_features.model_contract import read_limited, refusals_of
+from tactile_classifier.records import (
+    ClassificationResult,
+    NO_ANSWER,
+    Outcome,
+    PROBABILITY,
+    UNKNOWN,
+)
+from tactile_features.config import FeatureConfig
+from tactile_features.errors import FeatureError, UndefinedFeatureError
+from tactile_features.feature_sets.feature_set import FeatureSet, WindowSamples
+from tactile_features.model_contract import LONGEST_BUFFER_S, read_limited, refusals_of
 from tactile_features.onnx_container import open_container
 from tactile_features.records import contacts_agree, FeatureWindow
 from tactile_features.records import Outcome as FeatureOutcome
-from tactile_features.spec import FeatureSpec
+from tactile_features.spec import FeatureSpec, set_for, WantedFeatures
 
 ROWS_AT_ONCE = 64
 BYTES_AT_ONCE = 16 * 2**20
@@ -31,6 +42,12 @@ differences to all training trials take memory in proportion to both."""
 
 INPUT, SAMPLES = 'features', 'samples'
 ANSWER, SCORES, NOVELTY = 'answer', 'scores', 'novelty'
+
+KNOWN_NOVELTY = 'held_out_novelty'
+"""Entry of a manifest's ``calibration``."""
+
+CHANNEL_0 = 'channel_000__'
+"""Before the names of the features of the first channel, where there are several."""
 
 _REMEDY = 'name its file in the parameter models of the feature node, or train it again'
 
@@ -53,6 +70,60 @@ class Answers(NamedTuple):
     novelty: npt.NDArray[np.float64]
 
 
+@dataclasses.dataclass(frozen=True)
+class Answer:
+    """Answer of a model on one window of samples.
+
+    Attributes
+    ----------
+    label : str
+        One of the model's labels, ``'unknown'`` (unlike all training trials) or ``'no answer'``.
+    reason : str
+        One sentence when the label is none of the model's; empty otherwise.
+    probabilities : mapping of str to float
+        By label, calibrated on held-out trials; empty: see ``missing``.
+    scores : mapping of str to float
+        The model's scores by label, larger is likelier; of a calibrated model its probabilities.
+    novelty, novelty_threshold : float or None
+        Distance to the training trials, and that above which a window is unknown [1].
+    p_value : float or None
+        Share of held-out trials of known labels that are at least as novel, in the sessions that
+        the threshold comes from [1]: small is novel.
+    is_decided : bool
+        Of the first part of a window: one need not wait for the rest.
+    missing : tuple of str
+        One sentence for each of probabilities, novelty and p-value that there is none of.
+    """
+
+    label: str
+    reason: str
+    probabilities: Mapping[str, float]
+    scores: Mapping[str, float]
+    novelty: float | None
+    novelty_threshold: float | None
+    p_value: float | None
+    is_decided: bool
+    missing: tuple[str, ...]
+
+
+class _Judged(NamedTuple):
+    """Outcome on one window of features; no scores and a novelty of -1 where there is none."""
+
+    outcome: Outcome
+    label: str = ''
+    reason: str = ''
+    scores: tuple[float, ...] = ()
+    novelty: float = -1.0
+    is_decided: bool = False
+
+
+class _KnownNovelty(NamedTuple):
+    """Novelties of held-out trials of each session, and the session that bounds a new one's."""
+
+    rank: int
+    sessions: list[npt.NDArray[np.float64]]
+
+
 class Correction(NamedTuple):
     """Correction of a session's features, by its known trials.
 
@@ -69,6 +140,13 @@ class Correction(NamedTuple):
     offset: npt.NDArray[np.float64]
     novelty_threshold: float
     trials: int
+
+
+def count_channels(spec: FeatureSpec) -> int:
+    """Return of how many channels the features are; those of each stand together."""
+    if not spec.names[0].startswith(CHANNEL_0):
+        return 1
+    return len({name.partition('__')[0] for name in spec.names})
 
 
 def read_model_card(path: str | Path) -> str:
@@ -95,10 +173,23 @@ def read_manifest(path: str | Path) -> Manifest:
         return Manifest.from_dict(open_container(read_limited(path)).manifest)
 
 
-class TactileModel:
-    """A trained classifier, ready to answer.
+def load_model(path: str | Path) -> TactileModel:
+    """Return the model in a file.
 
-    Use `load`.
+    Raises
+    ------
+    ModelFileError
+        With a sentence that says why the file is not used.
+    """
+    return TactileModel.load(path)
+
+
+class TactileModel:
+    """A trained classifier, ready to answer; `load` reads it from its file.
+
+    >>> model = TactileModel.load('texture.onnx')
+    >>> answer = model.classify(tension_n, rate_hz=60)
+    >>> answer.label, answer.probabilities, answer.p_value
 
     Parameters
     ----------
@@ -141,6 +232,7 @@ class TactileModel:
         self._announced: Mapping[str, FeatureSpec] = {}
         self._stages = {stage.sample_count: stage for stage in self.manifest.stages}
         self._offsets = _read_offsets(self.manifest)
+        self._known_novelty = _read_known_novelty(self.manifest)
         self._rows = max(1, min(ROWS_AT_ONCE, BYTES_AT_ONCE // len(data)))
         self._session = open_session(container.model)
         self._check_graph()
@@ -222,6 +314,10 @@ class TactileModel:
             rows = rows - self._offsets[sample_count]
         if sample_count not in self._stages:
             raise KeyError(sample_count)
+        if not len(rows):
+            return Answers(
+                np.empty(0, dtype=np.int64), np.empty((0, len(self.labels))), np.empty(0)
+            )
         feed = {SAMPLES: np.array(sample_count)} if self.partial_samples else {}
         blocks = [
             self._session.run(self._outputs, {INPUT: rows[i : i + self._rows], **feed})
@@ -229,13 +325,63 @@ class TactileModel:
         ]
         found = [np.concatenate(each) for each in zip(*blocks, strict=True)]
         answer, scores, *novelty = found
-        if len(answer) and not 0 <= answer.min() <= answer.max() < len(self.labels):
+        if not 0 <= answer.min() <= answer.max() < len(self.labels):
             raise ModelFileError(f'model {self.model_id} answers with a label that it lacks')
         return Answers(answer[:, 0], scores, novelty[0][:, 0] if novelty else np.empty(0))
 
-    def predict(self, values: npt.ArrayLike, sample_count: int = 0) -> list[str]:
-        """Return the answers for many windows; arguments as in `compute`."""
-        return [self.labels[i] for i in self.compute(values, sample_count).answer]
+    def classify(
+        self, samples: npt.ArrayLike, rate_hz: float, *, speed_m_s: float = 0.0
+    ) -> Answer:
+        """Return the answer on one window of samples, as the live classifier gives it.
+
+        Parameters
+        ----------
+        samples : array_like of shape (n,)
+            Tension in the unit of the training [N], evenly spaced: the part of a trial that the
+            model was trained on (``spec.sample_count`` samples; 0: of any length). With one of the
+            lengths in ``partial_samples``, the answer is on the first part of a window. A model of
+            several channels takes shape (channels, n).
+        rate_hz : float
+            Must be the model's, ``spec.rate_hz`` [Hz].
+        speed_m_s : float
+            Sliding speed, for features that need it [m/s].
+
+        Raises
+        ------
+        DatasetError
+            When shape, length, rate or speed are not those of the model's windows; the message
+            tells the remedy.
+        ModelFileError
+            When this installation computes other features than the model was trained on.
+        """
+        rows = self._check_samples(samples, rate_hz)
+        whole = self._count_samples(speed_m_s)
+        count = rows.shape[1]
+        part = count if count in self.partial_samples else 0
+        if whole and count != whole and not part:
+            raise DatasetError(self._format_length(count, whole))
+        values, reason = self._compute_features(rows, speed_m_s, part)
+        if reason:
+            judged = _Judged(Outcome.NO_FEATURES, reason=reason)
+        else:
+            judged = self._judge(values, self._stages[part], None)
+        return self._answer_of(judged, part)
+
+    def predict(self, values: npt.ArrayLike, sample_count: int = 0) -> npt.NDArray[np.str_]:
+        """Return a label, ``'unknown'`` or ``'no answer'`` for each window of features.
+
+        Arguments and errors as in `compute`.
+        """
+        found = self.compute(values, sample_count)
+        names = np.array(self.labels, dtype=object)[found.answer]
+        valid = np.isfinite(found.scores).all(axis=1)
+        threshold = self._stages[sample_count].novelty_threshold
+        if len(found.novelty):
+            valid &= np.isfinite(found.novelty)
+            if threshold >= 0.0:
+                names[found.novelty > threshold] = UNKNOWN
+        names[~valid] = NO_ANSWER
+        return names.astype(str)
 
     def accepts(self, window: FeatureWindow) -> bool:
         """Return whether the window is of its feature set, a known length, no other contact."""
@@ -244,10 +390,10 @@ class TactileModel:
         is_of_set = window.feature_set == self.spec.feature_set
         return is_of_set and contacts_agree(self.contact, window.contact)
 
-    def classify(
+    def classify_window(
         self, window: FeatureWindow, correction: Correction | None = None
     ) -> ClassificationResult:
-        """Return the answer on one window, or why there is none.
+        """Return the answer on one window of features, or why there is none.
 
         A window whose novelty is above the model's threshold is unknown. A partial window is
         decided when it is known and its answer's probability reaches the stopping rule's.
@@ -255,58 +401,61 @@ class TactileModel:
         Without a correction of the window's session, the model is used as its file is.
         """
         stage = self._stages[window.sample_count if window.partial else 0]
-        outcome, label, reason = Outcome.NO_FEATURES, '', self._why_not(window)
-        scores: tuple[float, ...] = ()
-        novelty = -1.0
-        decided = False
-        values, novelty_threshold = window.values, stage.novelty_threshold
-        if correction is not None:
-            novelty_threshold = correction.novelty_threshold
-        if not reason:
-            if correction is not None:
-                values = values - correction.offset
-            try:
-                found = self.compute(values[np.newaxis], stage.sample_count)
-            except ModelFileError as error:
-                reason = str(error)
-        if not reason:
-            scores = tuple(found.scores[0].tolist())
-            novelty = float(found.novelty[0]) if len(found.novelty) else -1.0
-            if not all(map(math.isfinite, (*scores, novelty))):
-                scores, novelty = (), -1.0
-                reason = 'the model gives no finite scores for these features'
-            elif novelty > novelty_threshold >= 0.0:
-                outcome = Outcome.UNKNOWN
-                reason = (
-                    f'unlike all that the model was trained on: novelty {novelty:.3g}, '
-                    f'the threshold is {novelty_threshold:.3g}'
-                )
-            else:
-                outcome, label = Outcome.LABEL, self.labels[int(found.answer[0])]
-                decided = max(scores) >= stage.stop_threshold >= 0.0
+        reason = self._why_not(window)
+        if reason:
+            judged = _Judged(Outcome.NO_FEATURES, reason=reason)
+        else:
+            judged = self._judge(window.values, stage, correction)
+        threshold = stage.novelty_threshold
         return ClassificationResult(
             task=self.manifest.task,
             trial_id=window.trial_id,
             contact=window.contact,
             model_id=self.model_id,
             simulated=window.simulated or self.manifest.simulated,
-            outcome=outcome,
-            label=label,
-            reason=reason,
+            outcome=judged.outcome,
+            label=judged.label,
+            reason=judged.reason,
             labels=self.labels,
-            scores=scores,
+            scores=judged.scores,
             score_kind=self.manifest.score_kind,
-            novelty=novelty,
-            novelty_threshold=novelty_threshold,
+            novelty=judged.novelty,
+            novelty_threshold=threshold if correction is None else correction.novelty_threshold,
             window_start_ns=window.window_start_ns,
             window_end_ns=window.window_end_ns,
             frame_id=window.frame_id,
             false_alarm_rate=self.manifest.false_alarm_rate,
             partial=window.partial,
-            decided=decided if window.partial else True,
+            decided=judged.is_decided if window.partial else True,
             error_rate=self.manifest.stop_error_rate if window.partial else -1.0,
             recalibration_trials=0 if correction is None else correction.trials,
         )
+
+    def _judge(
+        self, values: npt.NDArray[np.float64], stage: Stage, correction: Correction | None
+    ) -> _Judged:
+        """Return the answer on the features of one window, shape (k,)."""
+        threshold = stage.novelty_threshold
+        if correction is not None:
+            values, threshold = values - correction.offset, correction.novelty_threshold
+        try:
+            found = self.compute(values[np.newaxis], stage.sample_count)
+        except ModelFileError as error:
+            return _Judged(Outcome.NO_FEATURES, reason=str(error))
+        scores = tuple(found.scores[0].tolist())
+        novelty = float(found.novelty[0]) if len(found.novelty) else -1.0
+        if not all(map(math.isfinite, (*scores, novelty))):
+            reason = 'the model gives no finite scores for these features'
+            return _Judged(Outcome.NO_FEATURES, reason=reason)
+        if novelty > threshold >= 0.0:
+            reason = (
+                f'unlike all that the model was trained on: novelty {novelty:.3g}, '
+                f'the threshold is {threshold:.3g}'
+            )
+            return _Judged(Outcome.UNKNOWN, reason=reason, scores=scores, novelty=novelty)
+        label = self.labels[int(found.answer[0])]
+        is_decided = max(scores) >= stage.stop_threshold >= 0.0
+        return _Judged(Outcome.LABEL, label, '', scores, novelty, is_decided)
 
     def _why_not(self, window: FeatureWindow) -> str:
         if window.outcome != FeatureOutcome.OK:
@@ -352,6 +501,135 @@ class TactileModel:
             f'(digest {digest} instead of {spec.digest}, with {values}): {_REMEDY}'
         )
 
+    def _check_samples(self, samples: npt.ArrayLike, rate_hz: float) -> npt.NDArray[np.float64]:
+        """Return samples of shape (channels, n)."""
+        rows = np.array(samples, dtype=np.float64)
+        channels = count_channels(self.spec)
+        wanted = '(n,)' if channels == 1 else f'({channels}, n)'
+        if channels == 1 and rows.ndim == 1:
+            rows = rows[np.newaxis]
+        if rows.ndim != 2 or len(rows) != channels or rows.shape[1] < 2:
+            raise DatasetError(
+                f'the samples have shape {np.shape(samples)}; model {self.model_id} takes one '
+                f'window of shape {wanted}: for many windows call it once for each'
+            )
+        if rate_hz != self.spec.rate_hz:
+            raise DatasetError(
+                f'the rate is {rate_hz:g} Hz; model {self.model_id} takes {self.spec.rate_hz:g} '
+                'Hz: resample the samples, for example with LabelledTrials.resample'
+            )
+        return rows
+
+    @cached_property
+    def _feature_set(self) -> FeatureSet:
+        """The feature set of one channel, with the options of the model."""
+        channels = count_channels(self.spec)
+        k = len(self.spec.names) // channels
+        names = tuple(name.removeprefix(CHANNEL_0) for name in self.spec.names[:k])
+        spec = dataclasses.replace(self.spec, names=names, units=self.spec.units[:k])
+        try:
+            config = WantedFeatures(spec).bind(FeatureConfig(buffer_s=LONGEST_BUFFER_S))
+        except FeatureError as error:
+            raise ModelFileError(f'model {self.model_id} cannot be used: {error}') from error
+        return set_for(self.task, config)
+
+    def _count_samples(self, speed_m_s: float) -> int:
+        """Return the samples of a whole window; 0: any number."""
+        if not self._feature_set.needs_speed:
+            return self.spec.sample_count
+        if not speed_m_s > 0.0:
+            raise DatasetError(
+                f'{self.spec.feature_set} needs the sliding speed: give speed_m_s, above 0'
+            )
+        try:
+            return self._feature_set.window(self.spec.rate_hz, speed_m_s).sample_count
+        except FeatureError as error:
+            raise DatasetError(f'no features from these samples: {error}') from error
+
+    def _format_length(self, count: int, whole: int) -> str:
+        """Return why so many samples are no window, with the remedy."""
+        seconds = whole / self.spec.rate_hz
+        text = (
+            f'{count} samples are no window of model {self.model_id}, which takes {whole} '
+            f'({seconds:g} s at {self.spec.rate_hz:g} Hz)'
+        )
+        if self.partial_samples:
+            text += f', or the first {", ".join(map(str, self.partial_samples))} of these'
+        if count < whole:
+            return f'{text}: give that many'
+        crop_s = self.spec.parameters.get('texture_crop_start_s')
+        if not isinstance(crop_s, float):
+            return f'{text}: give the part that the training trials were cut to'
+        first = math.ceil(crop_s * self.spec.rate_hz)
+        return (
+            f'{text}: give that part; the live node takes samples[{first}:{first + whole}] of a '
+            f'glide, from {crop_s:g} s after its start'
+        )
+
+    def _compute_features(
+        self, rows: npt.NDArray[np.float64], speed_m_s: float, part: int
+    ) -> tuple[npt.NDArray[np.float64], str]:
+        """Return the features of one window, shape (k,), or the reason why there are none."""
+        if not np.isfinite(rows).all():
+            return np.empty(0), 'the samples are not all finite'
+        rate_hz = self.spec.rate_hz
+        times_ns = np.rint(np.arange(rows.shape[1]) * (1e9 / rate_hz)).astype(np.int64)
+        found = []
+        try:
+            for row in rows:
+                samples = WindowSamples(times_ns, row, rate_hz, speed_m_s)
+                if part:
+                    found.append(self._feature_set.compute_part(samples, self.spec.sample_count))
+                else:
+                    found.append(self._feature_set.compute(samples))
+        except UndefinedFeatureError as error:
+            return np.empty(0), str(error)
+        except FeatureError as error:
+            raise DatasetError(f'no features from these samples: {error}') from error
+        values = np.concatenate(found)
+        return values, '' if np.isfinite(values).all() else 'the features are not finite'
+
+    def _answer_of(self, judged: _Judged, part: int) -> Answer:
+        calibration, threshold = self.manifest.calibration, self._stages[part].novelty_threshold
+        scores = dict(zip(self.labels, judged.scores, strict=False))
+        is_probability = self.manifest.score_kind == PROBABILITY
+        has_novelty = judged.novelty >= 0.0
+        p_value = self._compute_p_value(judged.novelty, part) if has_novelty else None
+        missing = []
+        if judged.outcome != Outcome.NO_FEATURES:
+            why = calibration.get('reason', 'the raw scores were better in held-out sessions')
+            if not is_probability:
+                missing.append(f'no probabilities, scores are {self.manifest.score_kind}: {why}')
+            if not has_novelty:
+                missing.append(f'no novelty, never unknown: {calibration.get("reason", "")}')
+            elif p_value is None:
+                why = 'it is recalibrated for one session' if self._offsets else 'train it again'
+                missing.append(f'no p-value, the file states no held-out novelties: {why}')
+        names = {Outcome.UNKNOWN: UNKNOWN, Outcome.NO_FEATURES: NO_ANSWER}
+        return Answer(
+            label=names.get(judged.outcome, judged.label),
+            reason=judged.reason,
+            probabilities=scores if is_probability else {},
+            scores=scores,
+            novelty=judged.novelty if has_novelty else None,
+            novelty_threshold=threshold if threshold >= 0.0 else None,
+            p_value=p_value,
+            is_decided=judged.is_decided if part else judged.outcome == Outcome.LABEL,
+            missing=tuple(missing),
+        )
+
+    def _compute_p_value(self, novelty: float, part: int) -> float | None:
+        """Return the conformal p-value that the threshold is a quantile of, or None.
+
+        At most the rate of false alarms exactly where the novelty is above the threshold, if each
+        session has trials enough for that rate (`compute_session_threshold`).
+        """
+        if self._known_novelty is None:
+            return None
+        rank, sessions = self._known_novelty[part]
+        shares = sorted((1 + int((each >= novelty).sum())) / (1 + len(each)) for each in sessions)
+        return shares[rank - 1]
+
     def _check_graph(self) -> None:
         """Try the graph once: its width, its outputs and their types."""
         inputs = self._session.get_inputs()
@@ -396,3 +674,25 @@ def _read_offsets(manifest: Manifest) -> dict[int, npt.NDArray[np.float64]]:
         raise ModelFileError('its recalibration does not have one offset a stage')
     counts = [stage.sample_count for stage in manifest.stages]
     return dict(zip(counts, offsets, strict=False))
+
+
+def _read_known_novelty(manifest: Manifest) -> dict[int, _KnownNovelty] | None:
+    """Return the novelties of held-out trials by samples; None: not stated."""
+    entries = manifest.calibration.get(KNOWN_NOVELTY)
+    if entries is None or 'recalibrated' in manifest.calibration:
+        return None
+    try:
+        found = {
+            stage.sample_count: _KnownNovelty(
+                int(entry['rank']),
+                [np.array(session, dtype=np.float64) for session in entry['sessions']],
+            )
+            for stage, entry in zip(manifest.stages, entries, strict=True)
+        }
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise ModelFileError(f'its novelties of held-out trials are damaged: {error}') from error
+    for rank, sessions in found.values():
+        is_flat = all(each.ndim == 1 and len(each) for each in sessions)
+        if not is_flat or not 1 <= rank <= len(sessions):
+            raise ModelFileError('its novelties of held-out trials are damaged')
+    return found

@@ -67,12 +67,12 @@ class LiveRecalibration:
     def classify(self, window: FeatureWindow) -> ClassificationResult:
         """Return the answer on a window that the model accepts, and learn from it."""
         if not self._trials:
-            return self.model.classify(window)
+            return self.model.classify_window(window)
         stage = window.sample_count if window.partial else 0
         session = self._sessions.get(stage)
         if session is None or session.session_id != window.session_id:
             session = self._sessions[stage] = _Session(window.session_id)
-        answer = self.model.classify(window, session.correction)
+        answer = self.model.classify_window(window, session.correction)
         if session.correction is None and self._is_known(window):
             session.values.append(window.values)
             session.labels.append(self.model.labels.index(window.object_label))

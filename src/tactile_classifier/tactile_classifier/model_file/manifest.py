@@ -117,7 +117,8 @@ class Manifest:
         probabilities, and ``session_share``, the share of new sessions in which the thresholds
         hold (negative: there were no sessions), or ``reason`` why there are none. With
         sessions also ``session_statistics``, one entry a stage, for `recalibrate`; and
-        ``recalibrated``, what `recalibrate` took and found. ``scores``: which were ``kept``,
+        ``recalibrated``, what `recalibrate` took and found. ``held_out_novelty``: for each stage
+        the novelties of held-out trials, by session. ``scores``: which were ``kept``,
         ``raw`` or ``calibrated``, and the log losses behind the choice (`ScoreChoice`).
     false_alarm_rate : float
         Share of windows of known labels that the thresholds reject [1]; negative: no

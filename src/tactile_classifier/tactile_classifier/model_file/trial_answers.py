@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 from tactile_classifier.model_file.inference import TactileModel
 from tactile_classifier.model_file.live_recalibration import RECALIBRATED
-from tactile_classifier.records import NO_ANSWER, UNKNOWN
 
 SAME_TRIAL = 1e-4
 """Novelty below which a trial is one of the training: its distance to a training trial, against
@@ -18,25 +17,8 @@ what is usual between trials of that label. Rounding gives below 1e-6, new trial
 
 
 def name_trials(model: TactileModel, values: npt.NDArray[np.float64]) -> npt.NDArray[np.str_]:
-    """Return label, `UNKNOWN` or `NO_ANSWER` for each full window, as `TactileModel.classify`.
-
-    Parameters
-    ----------
-    model : TactileModel
-    values : ndarray of shape (trials, k)
-    """
-    if not len(values):
-        return np.array([], dtype=str)
-    found = model.compute(values)
-    names = np.array([model.labels[i] for i in found.answer], dtype=object)
-    valid = np.isfinite(found.scores).all(axis=1)
-    if len(found.novelty):
-        valid &= np.isfinite(found.novelty)
-        threshold = model.manifest.stages[0].novelty_threshold
-        if threshold >= 0.0:
-            names[found.novelty > threshold] = UNKNOWN
-    names[~valid] = NO_ANSWER
-    return names.astype(str)
+    """Return `TactileModel.predict` of full windows."""
+    return model.predict(values)
 
 
 def find_training_trials(

@@ -33,7 +33,7 @@ from tactile_classifier.model_file.inference import (
     SCORES,
     TactileModel,
 )
-from tactile_classifier.records import ROCKET
+from tactile_classifier.records import NO_ANSWER, ROCKET, UNKNOWN
 from tactile_classifier.training.trainer import FittedStage, Trained
 from tactile_features.model_contract import MAX_MODEL_BYTES
 from tactile_features.onnx_container import pack_container
@@ -94,7 +94,14 @@ def _check_answers(path: str | Path, model: TactileModel, stage: FittedStage) ->
         raise ModelFileError(
             f"model {path} is not written: the labels of the manifest are not the estimator's"
         )
-    found = np.array(model.predict(stage.values, stage.sample_count))
+    taken = sorted({UNKNOWN, NO_ANSWER} & set(model.labels))
+    if taken:
+        raise ModelFileError(
+            f'model {path} is not written: the label "{taken[0]}" is the name of an answer '
+            'without a label; rename it'
+        )
+    answer = model.compute(stage.values, stage.sample_count).answer
+    found = np.array(model.labels)[answer]
     changed = np.flatnonzero(found != stage.estimator.predict(stage.values))
     if len(changed):
         raise ModelFileError(

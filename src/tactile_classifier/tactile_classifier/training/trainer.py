@@ -24,7 +24,7 @@ from tactile_classifier.confidence.calibration import (
     Calibration,
     make_group_folds,
 )
-from tactile_classifier.confidence.novelty import NoveltyMeasure
+from tactile_classifier.confidence.novelty import NoveltyMeasure, rank_of_sessions
 from tactile_classifier.confidence.recalibration import fit_session_statistics
 from tactile_classifier.confidence.stopping import fit_stop_threshold
 from tactile_classifier.datasets.dataset import FeatureTable
@@ -222,6 +222,7 @@ def _calibrate(
         'groups': folds.groups,
         'trials': len(tables[0]),
         'session_share': folds.session_share,
+        'held_out_novelty': [_state_novelty(stage, folds.session) for stage in stages],
     }
     statistics = [
         fit_session_statistics(table, folds, stage.novelty.metric, false_alarm_rate)
@@ -230,6 +231,16 @@ def _calibrate(
     if all(statistics):
         stated['session_statistics'] = [each.to_dict() for each in statistics if each]
     return stages, stated, folds.session
+
+
+def _state_novelty(stage: CalibratedStage, session: npt.NDArray[np.intp] | None) -> dict[str, Any]:
+    """Return the novelties of held-out trials, for p-values."""
+    group = np.zeros(len(stage.held_out_novelty), dtype=int) if session is None else session
+    sessions = [np.sort(stage.held_out_novelty[group == i]) for i in np.unique(group)]
+    return {
+        'rank': rank_of_sessions(len(sessions)) if len(sessions) > 1 else 1,
+        'sessions': [each.tolist() for each in sessions],
+    }
 
 
 def _fit_stop_threshold(

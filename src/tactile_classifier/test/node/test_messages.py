@@ -33,14 +33,14 @@ def test_record_has_the_fields_of_the_message(model_path, make_window):
 
 @pytest.mark.parametrize('changes', [{}, {'rate_hz': 1.0}])
 def test_message_round_trip(model_path, make_window, changes):
-    result = TactileModel.load(model_path).classify(make_window(**changes))
+    result = TactileModel.load(model_path).classify_window(make_window(**changes))
     message = classification_to_msg(result)
     assert classification_from_msg(message) == result
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == (10**9 + 2, 983_333_334)
 
 
 def test_a_partial_answer_keeps_its_fields(model_path, make_window):
-    whole = TactileModel.load(model_path).classify(make_window())
+    whole = TactileModel.load(model_path).classify_window(make_window())
     changes = {'partial': True, 'decided': False, 'error_rate': 0.05, 'false_alarm_rate': 0.1}
     result = dataclasses.replace(whole, **changes)
     assert classification_from_msg(classification_to_msg(result)) == result

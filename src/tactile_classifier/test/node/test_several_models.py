@@ -120,7 +120,7 @@ def answer_alone(path):
     windows += [w for block in blocks() for w in extractor.add_block(strain_block_from_msg(block))]
     model = TactileModel.load(path)
     digest = contract.wanted.spec.digest
-    return [model.classify(w) for w in windows if w.specification_digest == digest]
+    return [model.classify_window(w) for w in windows if w.specification_digest == digest]
 
 
 class Finger:

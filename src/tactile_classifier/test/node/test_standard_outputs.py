@@ -99,14 +99,14 @@ def test_answers_are_said_in_the_standard_message_too(make_node, peer, make_wind
     window = next(  # one that the model does not take for unknown
         window
         for window in map(make_window, range(30))
-        if node.answering.models.models[0].classify(window).outcome == Answer.LABEL
+        if node.answering.models.models[0].classify_window(window).outcome == Answer.LABEL
     )
     features.publish(feature_window_to_msg(window))
     features.publish(
         feature_window_to_msg(make_window(1, outcome=Outcome.GAP, reason='12 samples are missing'))
     )
     spin_until(lambda: len(heard) == 2, node, peer)
-    answer = node.answering.models.models[0].classify(window)
+    answer = node.answering.models.models[0].classify_window(window)
     scores = {result.class_id: result.score for result in heard[0].results}
     assert heard[0].results[0].class_id == answer.label
     assert scores == dict(zip(answer.labels, answer.scores, strict=True))

@@ -5,6 +5,7 @@
 
 from functools import partial
 
+import numpy as np
 import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -18,6 +19,7 @@ from tactile_classifier.tactile_classifier_node import TactileClassifierNode
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.conversions import feature_window_to_msg
+from tactile_features.extraction.extractor import features_from_trials
 from tactile_features.records import Outcome as FeatureOutcome
 from tactile_msgs.msg import Classification, TactileFeatures
 from tactile_ros.qos import RESULTS
@@ -116,7 +118,7 @@ def test_windows_are_classified_over_the_wire(make_graph, model_path, make_windo
     graph.spin_until(lambda: len(graph.answers) == 4, 'the answers')
     answers = [classification_from_msg(message) for message in graph.answers]
     model = TactileModel.load(model_path)
-    assert answers == [model.classify(windows[i]) for i in (0, 3, 4, 5)]
+    assert answers == [model.classify_window(windows[i]) for i in (0, 3, 4, 5)]
     assert [a.outcome for a in answers] == [
         Outcome.LABEL,
         Outcome.NO_FEATURES,
@@ -127,6 +129,27 @@ def test_windows_are_classified_over_the_wire(make_graph, model_path, make_windo
     assert 'rate in Hz is 100.0' in answers[1].reason
     assert (graph.node.answering.ignored_count, graph.node.answering.published_count) == (2, 4)
     assert graph.node.answering.models.models[0].model_id == model.model_id
+
+
+def test_samples_alone_are_answered_as_the_node_answers_their_window(
+    make_graph, model_path, make_window
+):
+    graph = make_graph(models=str(model_path))
+    assert graph.node.bring_up()
+    graph.connect()
+    rng = np.random.default_rng(4)
+    windows = rng.normal(3.0, 0.1, (2, 180))
+    windows[1, 90] = 4.0
+    for values in features_from_trials('texture', windows, 60.0)[0]:
+        graph.features.publish(feature_window_to_msg(make_window(values=values)))
+    graph.spin_until(lambda: len(graph.answers) == 2, 'the answers')
+    model = TactileModel.load(model_path)
+    for samples, message in zip(windows, graph.answers, strict=True):
+        answer = model.classify(samples, 60)
+        live = classification_from_msg(message)
+        assert tuple(answer.scores.values()) == live.scores
+        assert (answer.novelty, answer.reason) == (live.novelty, live.reason)
+        assert answer.label == (live.label or 'unknown')
 
 
 def test_partial_windows_are_answered_on_a_topic_of_their_own(
@@ -147,7 +170,7 @@ def test_partial_windows_are_answered_on_a_topic_of_their_own(
     graph.features.publish(feature_window_to_msg(make_window(values=table.values[0])))
     graph.spin_until(lambda: graph.answers and len(graph.partial_answers) == 2, 'the answers')
     answers = [classification_from_msg(message) for message in graph.partial_answers]
-    assert answers == [model.classify(windows[0]), model.classify(windows[2])]
+    assert answers == [model.classify_window(windows[0]), model.classify_window(windows[2])]
     assert all(answer.partial and answer.decided for answer in answers)
     assert not classification_from_msg(graph.answers[0]).partial
     assert graph.node.answering.partial_count == 2

@@ -183,7 +183,7 @@ def test_a_rocket_with_weights_that_are_not_finite_names_nothing(rocket_path, va
         values=np.arange(float(len(model.spec.names))),
         specification_digest=model.spec.digest,
     )
-    answer = model.classify(window)
+    answer = model.classify_window(window)
     assert (answer.outcome, answer.label) == (Outcome.NO_FEATURES, '')
     assert 'no finite scores' in answer.reason
 

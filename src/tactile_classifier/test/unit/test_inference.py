@@ -22,7 +22,7 @@ def model(model_path):
 
 
 def test_classification_repeats_the_window_and_names_the_model(model, make_window, small_table):
-    result = model.classify(make_window(30))
+    result = model.classify_window(make_window(30))
     assert result.outcome == Outcome.LABEL
     assert result.label == small_table.labels[30]
     assert result.reason == ''
@@ -47,15 +47,15 @@ def test_values_of_another_shape_are_refused(model, small_table):
     for wrong in (small_table.values[:, 1:], 3.0, small_table.values[np.newaxis]):
         with pytest.raises(DatasetError, match=r'takes \(windows, 91\)'):
             model.predict(wrong)
-    assert model.predict(one[np.newaxis]) == [small_table.labels[30]]
+    assert model.predict(one[np.newaxis]).tolist() == [small_table.labels[30]]
 
 
 def test_simulated_comes_from_the_window_too(make_window, small_table, tmp_path):
     columns = {'simulated': np.zeros(len(small_table), dtype=bool)}
     table = type(small_table)(small_table.values, small_table.labels, small_table.spec, columns)
     model = write_model(tmp_path / 'm.onnx', train(table, 'tree'))
-    assert not model.classify(make_window()).simulated
-    assert model.classify(make_window(simulated=True)).simulated
+    assert not model.classify_window(make_window()).simulated
+    assert model.classify_window(make_window(simulated=True)).simulated
 
 
 @pytest.mark.parametrize(
@@ -83,7 +83,7 @@ def test_simulated_comes_from_the_window_too(make_window, small_table, tmp_path)
     ],
 )
 def test_window_that_gives_no_answer_says_why(model, make_window, changes, reason):
-    result = model.classify(make_window(**changes))
+    result = model.classify_window(make_window(**changes))
     assert result.outcome == Outcome.NO_FEATURES
     assert reason in result.reason
     assert (result.label, result.scores) == ('', ())

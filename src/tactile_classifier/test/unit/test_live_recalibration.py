@@ -68,13 +68,13 @@ def test_answers_are_those_of_the_file_for_the_same_trials(trained, make, tmp_pa
     for count in tables:
         for trial in sorted(KNOWN):
             window = make(trial, count)
-            assert live.classify(window) == live.model.classify(window)  # before it counts
+            assert live.classify(window) == live.model.classify_window(window)  # before it counts
         for trial in LATER:
             found = live.classify(make(trial, count))
-            wanted = today.classify(make(trial, count))
+            wanted = today.classify_window(make(trial, count))
             names = {'model_id': live.model.model_id, 'recalibration_trials': TRIALS}
             assert found == dataclasses.replace(wanted, **names)
-            plain = live.model.classify(make(trial, count))
+            plain = live.model.classify_window(make(trial, count))
             assert found.novelty != plain.novelty
             assert found.novelty_threshold != plain.novelty_threshold
     assert path.read_bytes() == data
@@ -91,7 +91,7 @@ def test_a_new_session_begins_with_the_model_as_trained(trained, make):
     live = learn(trained[0], make)
     assert live.classify(make(66)).recalibration_trials == TRIALS
     tomorrow = make(66, session_id='tomorrow')
-    assert live.classify(tomorrow) == live.model.classify(tomorrow)
+    assert live.classify(tomorrow) == live.model.classify_window(tomorrow)
 
 
 @pytest.mark.parametrize(

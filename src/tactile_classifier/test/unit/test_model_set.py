@@ -94,10 +94,13 @@ def test_each_model_answers_its_windows_as_if_alone(folder, window_of, full):
     models.set_specifications([full, SHORT, LATER])
     for trial in range(3):
         whole, short = window_of(full, trial), window_of(SHORT, trial)
-        assert models.classify(whole) == [alone['a'].classify(whole), alone['d'].classify(whole)]
-        assert models.classify(short) == [alone['b'].classify(short)]
+        assert models.classify(whole) == [
+            alone['a'].classify_window(whole),
+            alone['d'].classify_window(whole),
+        ]
+        assert models.classify(short) == [alone['b'].classify_window(short)]
         part = window_of(full, trial, partial=True, sample_count=60)
-        assert models.classify(part) == [alone['d'].classify(part)]
+        assert models.classify(part) == [alone['d'].classify_window(part)]
     assert models.classify(window_of(full, partial=True, sample_count=90)) == []
     assert models.classify(window_of(LATER)) == []  # of a model for another contact
     lost = window_of(SHORT, outcome=FeatureOutcome.GAP, reason='lost', values=np.empty(0))

@@ -11,7 +11,7 @@ pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 from tactile_classifier.errors import DatasetError
 from tactile_classifier.estimators.classifiers import CLASSIFIERS, compute_raw_scores
 from tactile_classifier.model_file.manifest import Manifest
-from tactile_classifier.records import Outcome
+from tactile_classifier.records import Outcome, UNKNOWN
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 
@@ -45,7 +45,11 @@ def test_every_part_answers_as_scikit_learn_does(trained, model):
         raw = compute_raw_scores(part.estimator, rows)
         np.testing.assert_allclose(found.scores, part.calibration.compute(raw), atol=1e-12)
         np.testing.assert_allclose(found.novelty, part.novelty.compute(rows), rtol=1e-9)
-        assert model.predict(rows, part.sample_count) == list(part.estimator.predict(rows))
+        named = np.array(model.labels)[found.answer]
+        np.testing.assert_array_equal(named, part.estimator.predict(rows))
+        is_new = found.novelty > model.manifest.stages[part.sample_count // 60].novelty_threshold
+        expected = np.where(is_new, UNKNOWN, named)
+        np.testing.assert_array_equal(model.predict(rows, part.sample_count), expected)
     with pytest.raises(KeyError):
         model.compute(rows, 90)
 
@@ -65,7 +69,7 @@ def test_partial_window_is_decided_by_its_probability(model, partial, make_windo
     for trial in range(0, 240, 7):
         window = make_window(values=partial[60].values[trial], partial=True, sample_count=60)
         assert model.accepts(window)
-        result = model.classify(window)
+        result = model.classify_window(window)
         assert (result.partial, result.error_rate) == (True, 0.05)
         is_known = result.outcome == Outcome.LABEL
         assert is_known == (result.novelty <= result.novelty_threshold)
@@ -80,7 +84,7 @@ def test_partial_window_is_decided_by_its_probability(model, partial, make_windo
 def test_what_is_unlike_all_training_is_unknown(model, table, make_window, sample_count):
     values = table.values[0] + 1.0
     is_partial = sample_count < 180
-    result = model.classify(
+    result = model.classify_window(
         make_window(values=values, partial=is_partial, sample_count=sample_count)
     )
     assert (result.outcome, result.label) == (Outcome.UNKNOWN, '')
@@ -94,7 +98,7 @@ def test_what_is_unlike_all_training_is_unknown(model, table, make_window, sampl
 @pytest.mark.parametrize('trained', ['knn'], indirect=True)
 def test_partial_window_without_features_is_not_decided(model, make_window):
     window = make_window(values=np.full(91, np.nan), partial=True, sample_count=60)
-    result = model.classify(window)
+    result = model.classify_window(window)
     assert (result.outcome, result.decided) == (Outcome.NO_FEATURES, False)
 
 
@@ -105,6 +109,9 @@ def test_manifest_states_rates_and_how_they_were_found(trained):
     stated = dict(manifest.calibration)
     assert len(stated.pop('session_statistics')) == len(manifest.stages)
     assert stated.pop('scores')['kept'] == 'calibrated'
+    known = stated.pop('held_out_novelty')
+    assert [each['rank'] for each in known] == [3, 3, 3]
+    assert [sum(map(len, each['sessions'])) for each in known] == [240, 240, 240]
     assert stated == {
         'split': 'one session held out',
         'groups': 3,

@@ -19,7 +19,7 @@ def test_answers_are_those_of_the_node(small_table, make_window, tmp_path, class
     outcomes = {Outcome.UNKNOWN: UNKNOWN, Outcome.NO_FEATURES: NO_ANSWER}
     expected = []
     for row in values:
-        result = model.classify(make_window(0, values=row))
+        result = model.classify_window(make_window(0, values=row))
         expected.append(outcomes.get(result.outcome, result.label))
     assert name_trials(model, values).tolist() == expected
     assert name_trials(model, values[:0]).shape == (0,)

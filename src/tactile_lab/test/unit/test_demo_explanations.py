@@ -41,7 +41,7 @@ def live(trained, label, values):
         np.asarray(values), 0, 3_000_000_000, 0, 60.0, 180, 0, 0, '',
         specification_digest=spec.digest,
     )  # fmt: skip
-    answer = TactileModel.load(trained.path).classify(window)
+    answer = TactileModel.load(trained.path).classify_window(window)
     return LiveTrial(TrialRequest('stiffness', 'flexion', label), (answer,))
 
 

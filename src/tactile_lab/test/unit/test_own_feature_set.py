@@ -108,7 +108,7 @@ def test_a_model_of_it_answers_and_is_refused_where_the_set_is_missing(
     (window,) = stream(roughness, np.random.default_rng(2).normal(5.0, 3.0, 300))
     assert model.accepts(window)
     assert model.format_mismatch(window) == ''
-    assert model.classify(window).label == 'rough'
+    assert model.classify_window(window).label == 'rough'
     longer = dataclasses.replace(roughness, texture_samples=180)
     with pytest.raises(ModelFileError, match='window in samples'):
         model.check_fits(spec_for('texture', longer))

@@ -1,0 +1,255 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""One window of samples to an answer: the same as from the stream, and what is refused."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
+
+from tactile_classifier import load_model, write_model
+from tactile_classifier.datasets.archive import LabelledTrials
+from tactile_classifier.datasets.dataset import FeatureTable, table_from_trials
+from tactile_classifier.errors import DatasetError, ModelFileError
+from tactile_classifier.records import NO_ANSWER, UNKNOWN
+from tactile_classifier.training.trainer import train
+from tactile_features.config import FeatureConfig
+from tactile_features.extraction.extractor import features_from_trials, TrialFeatureExtractor
+from tactile_features.onnx_container import open_container, replace_manifest
+from tactile_features.records import TrialEvent
+from tactile_features.spec import spec_for, WantedFeatures
+from tactile_ros.strain import StrainBlock
+
+START_NS = 10**18
+SPEED_M_S = 0.02
+
+
+def make_rows(label, seed, count, rate_hz, samples):
+    """Return trials of samples: a wave of the label's own frequency on a falling level."""
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(samples) / rate_hz
+    phase = rng.uniform(0.0, 2 * np.pi, (count, 1))
+    wave = 0.1 * np.sin(2 * np.pi * (4.0 + 5.0 * label) * time_s + phase)
+    fall = (0.3 + 0.2 * label + rng.normal(0.0, 0.02, (count, 1))) * time_s
+    return 6.0 - label - fall + wave + rng.normal(0.0, 0.02, (count, samples))
+
+
+def make_table(task, config, samples, sessions=3, each=10):
+    """Return the features of ready-cut windows, under the specification of a feature node."""
+    spec = spec_for(task, config)
+    values, labels = [], []
+    for label in range(3):
+        rows = make_rows(label, label, sessions * each, config.rate_hz, samples)
+        speeds = np.full(len(rows), SPEED_M_S)
+        found = features_from_trials(task, rows, config.rate_hz, config=config, speeds_m_s=speeds)
+        values.append(found[0])
+        labels += len(rows) * [f'plate {label}']
+    session = np.tile(np.repeat([f's{i}' for i in range(sessions)], each), 3)
+    return FeatureTable(np.concatenate(values), labels, spec, {'session_id': session})
+
+
+def stream(task, config, tension_n, phase, end_s):
+    """Return the windows that come from samples and events, one phase from the first sample."""
+    wanted = [WantedFeatures(spec_for(task, config), config.partial_samples)]
+    extractor = TrialFeatureExtractor(config, wanted)
+    events = [
+        TrialEvent(
+            START_NS + round(time_s * 1e9), 't', 's', task, 'flexion', '', name,
+            glide_speed_m_s=SPEED_M_S,
+        )
+        for time_s, name in ((0.0, phase), (end_s, 'return'))
+    ]  # fmt: skip
+    extractor.add_event(events[0])
+    period_ns = round(1e9 / config.rate_hz)
+    windows = extractor.add_block(StrainBlock(START_NS, 0, period_ns, tension_n))
+    windows += extractor.add_event(events[1])
+    return windows + extractor.finish()
+
+
+CASES = {
+    'spectrum': ('texture', FeatureConfig(), 'knn', 180),
+    'waveform': ('texture', FeatureConfig(texture_features='glide_waveform'), 'svm_rbf', 180),
+    'over distance': (
+        'texture', FeatureConfig(rate_hz=100.0, texture_features='texture_spatial'), 'tree', 300
+    ),
+    'stiffness': ('stiffness', FeatureConfig(rate_hz=100.0), 'svm_linear', 300),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize('case', CASES)
+def test_the_answer_is_that_on_the_window_of_the_stream_bit_for_bit(case, tmp_path):
+    task, config, classifier, samples = CASES[case]
+    write_model(tmp_path / 'm.onnx', train(make_table(task, config, samples), classifier))
+    model = load_model(tmp_path / 'm.onnx')
+    phase, crop_s = ('glide', config.texture_crop_start_s)
+    if task == 'stiffness':
+        phase, crop_s = ('hold', config.stiffness_settle_s)
+    lead = np.full(round(crop_s * config.rate_hz), 6.0)
+    end_s = crop_s + samples / config.rate_hz + config.stiffness_crop_end_s
+    seen = set()
+    for label in range(4):  # the last is none of the model's
+        row = make_rows(label, 90 + label, 1, config.rate_hz, samples + 200)[0]
+        tension_n = np.concatenate([lead, row])
+        (window,) = stream(task, config, tension_n, phase, end_s)
+        first = window.first_sequence
+        part = tension_n[first : first + window.sample_count]
+        live = model.classify_window(window)
+        answer = model.classify(part, config.rate_hz, speed_m_s=SPEED_M_S)
+        assert answer.scores == dict(zip(live.labels, live.scores, strict=True))
+        assert answer.novelty == live.novelty
+        assert answer.novelty_threshold == live.novelty_threshold
+        assert answer.label == (live.label or UNKNOWN)
+        assert answer.reason == live.reason
+        seen.add(answer.label)
+    # Waveforms of another phase are like none of the training.
+    assert seen > {UNKNOWN} or case in ('waveform', 'over distance')
+
+
+@pytest.fixture(scope='module')
+def partial_model(tmp_path_factory):
+    config = FeatureConfig(partial_samples=(60, 120))
+    tables = {}
+    for count in (60, 120):
+        rows = [make_rows(i, i, 30, 60.0, 180) for i in range(3)]
+        parts = [features_from_trials('texture', r, 60.0, first_samples=count)[0] for r in rows]
+        whole = make_table('texture', config, 180)
+        tables[count] = dataclasses.replace(whole, values=np.concatenate(parts))
+    path = tmp_path_factory.mktemp('partial') / 'm.onnx'
+    return write_model(path, train(whole, 'knn', partial=tables))
+
+
+def test_the_first_part_of_a_window_is_answered_as_on_the_stream(partial_model):
+    config = FeatureConfig(partial_samples=(60, 120))
+    tension_n = make_rows(1, 91, 1, 60.0, 300)[0]
+    windows = stream('texture', config, tension_n, 'glide', 4.5)
+    assert [w.sample_count for w in windows] == [60, 120, 180]
+    for window in windows:
+        part = tension_n[window.first_sequence :][: window.sample_count]
+        live, answer = partial_model.classify_window(window), partial_model.classify(part, 60)
+        assert (tuple(answer.scores.values()), answer.label) == (live.scores, live.label)
+        assert answer.is_decided == live.decided
+    with pytest.raises(DatasetError, match=r'which takes 180 .* or the first 60, 120 of these'):
+        partial_model.classify(tension_n[:90], 60)
+
+
+@pytest.fixture(scope='module')
+def model(tmp_path_factory):
+    path = tmp_path_factory.mktemp('samples') / 'm.onnx'
+    return write_model(path, train(make_table('texture', FeatureConfig(), 180), 'knn'))
+
+
+def test_the_remedy_for_too_many_samples_is_the_window_of_the_live_node(model):
+    tension_n = make_rows(1, 91, 1, 60.0, 300)[0]
+    (window,) = stream('texture', FeatureConfig(), tension_n, 'glide', 4.5)
+    first = window.first_sequence
+    with pytest.raises(DatasetError, match=rf'takes samples\[{first}:{first + 180}\] of a glide'):
+        model.classify(tension_n, 60)
+
+
+@pytest.mark.parametrize(
+    ('samples', 'rate_hz', 'sentence'),
+    [
+        (np.ones(179), 60, r'179 samples are no window of model .*, which takes 180 \(3 s at 60'),
+        (np.ones(180), 100, r'the rate is 100 Hz; model .* takes 60 Hz: resample the samples'),
+        (
+            np.ones((2, 180)),
+            60,
+            r'shape \(2, 180\); model .* one window of shape \(n,\): for many',
+        ),
+        (3.0, 60, r'shape \(\); model .* takes one window'),
+    ],
+)
+def test_samples_that_are_no_window_are_refused_with_the_remedy(model, samples, rate_hz, sentence):
+    with pytest.raises(DatasetError, match=sentence):
+        model.classify(samples, rate_hz)
+
+
+def test_a_window_without_features_gives_the_reason(model, tmp_path):
+    answer = model.classify(np.full(180, np.nan), 60)
+    assert (answer.label, answer.reason) == (NO_ANSWER, 'the samples are not all finite')
+    assert (answer.scores, answer.novelty, answer.p_value) == ({}, None, None)
+    config = FeatureConfig(rate_hz=100.0)
+    hold = write_model(tmp_path / 'm.onnx', train(make_table('stiffness', config, 300), 'knn'))
+    flat = hold.classify(np.full(300, 5.0), 100)
+    assert flat.label == NO_ANSWER
+    assert 'constant' in flat.reason
+
+
+def test_features_over_distance_need_the_speed(tmp_path):
+    _, config, _, samples = CASES['over distance']
+    table = make_table('texture', config, samples)
+    model = write_model(tmp_path / 'm.onnx', train(table, 'tree'))
+    with pytest.raises(DatasetError, match='needs the sliding speed: give speed_m_s, above 0'):
+        model.classify(np.ones(samples), 100)
+
+
+def test_a_model_of_several_channels_takes_all_of_them(tmp_path):
+    rows = np.concatenate([make_rows(i, i, 20, 60.0, 180) for i in range(3)])
+    x = np.stack([rows, rows[::-1]], axis=1)
+    trials = LabelledTrials(x, np.repeat(['a', 'b', 'c'], 20), 60.0, {})
+    table = table_from_trials('texture', trials, 'all')
+    model = write_model(tmp_path / 'm.onnx', train(table, 'knn'))
+    for row, values in zip(x[::7], table.values[::7], strict=True):
+        expected = model.compute(values[np.newaxis]).scores[0].tolist()
+        assert list(model.classify(row, 60).scores.values()) == expected
+    with pytest.raises(DatasetError, match=r'one window of shape \(2, n\)'):
+        model.classify(x[0, 0], 60)
+
+
+@pytest.mark.parametrize('sessions', [1, 3])
+def test_the_p_value_is_at_most_the_rate_where_the_window_is_unknown(sessions, tmp_path):
+    table = make_table('texture', FeatureConfig(), 180, sessions=sessions, each=60 // sessions)
+    model = write_model(tmp_path / 'm.onnx', train(table, 'knn'))
+    p_values = []
+    for share in np.linspace(0.0, 0.5, 40):
+        known, strange = (make_rows(label, 95, 1, 60.0, 180)[0] for label in (1, 5))
+        answer = model.classify((1 - share) * known + share * strange, 60)
+        assert (answer.label == UNKNOWN) == (answer.p_value <= 0.05)
+        assert answer.missing == ()
+        p_values.append(answer.p_value)
+    assert min(p_values) < 0.05 < max(p_values) <= 1.0
+
+
+def test_a_file_without_held_out_novelties_says_so(model):
+    container = open_container(open(model.path, 'rb').read())  # noqa: SIM115
+    manifest = model.manifest
+    calibration = {k: v for k, v in manifest.calibration.items() if k != 'held_out_novelty'}
+
+    def change(new):
+        changed = dataclasses.replace(manifest, calibration={**calibration, **new}).to_dict()
+        data = replace_manifest(open(model.path, 'rb').read(), changed, container.card)  # noqa: SIM115
+        return type(model)(data)
+
+    samples = make_rows(1, 91, 1, 60.0, 180)[0]
+    old, new = change({}).classify(samples, 60), model.classify(samples, 60)
+    assert (old.p_value, new.p_value > 0.05) == (None, True)
+    assert old.missing == ('no p-value, the file states no held-out novelties: train it again',)
+    assert dataclasses.replace(new, p_value=None, missing=old.missing) == old
+    for entry in ([], 3, [{'rank': 4, 'sessions': [[1.0]]}], [{'rank': 1, 'sessions': [[]]}],
+                  [{'rank': 1, 'sessions': ['x']}]):  # fmt: skip
+        with pytest.raises(ModelFileError, match='novelties of held-out trials are damaged'):
+            change({'held_out_novelty': entry})
+
+
+def test_an_uncalibrated_model_says_what_is_missing(tmp_path):
+    table = make_table('texture', FeatureConfig(), 180, sessions=1, each=4)
+    answer = write_model(tmp_path / 'm.onnx', train(table, 'knn')).classify(
+        make_rows(1, 91, 1, 60.0, 180)[0], 60
+    )
+    assert answer.label == 'plate 1'
+    assert (answer.probabilities, answer.novelty, answer.p_value) == ({}, None, None)
+    assert max(answer.scores, key=answer.scores.get) == 'plate 1'
+    probabilities, novelty = answer.missing
+    assert probabilities.startswith('no probabilities, scores are votes: 12 trials cannot bound')
+    assert novelty.startswith('no novelty, never unknown: 12 trials cannot bound')
+
+
+def test_a_label_that_is_the_name_of_no_label_is_refused(tmp_path):
+    table = make_table('texture', FeatureConfig(), 180)
+    labels = np.where(table.labels == 'plate 0', UNKNOWN, table.labels)
+    trained = train(dataclasses.replace(table, labels=labels), 'knn')
+    with pytest.raises(ModelFileError, match='the label "unknown" is the name of an answer'):
+        write_model(tmp_path / 'm.onnx', trained)
