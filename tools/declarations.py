@@ -44,6 +44,7 @@ LIBRARIES = {
     'dynamixel_sdk': Library('dynamixel_sdk', 'dynamixel-sdk'),
     'google': Library('', 'onnx'),  # protobuf, which onnx requires
     'hypothesis': Library('python3-hypothesis', 'hypothesis'),
+    'jinja2': Library('python3-jinja2', 'Jinja2'),
     'joblib': Library('python3-joblib', 'joblib'),
     'lz4': Library('python3-rosbags-pip', 'lz4'),  # no key of its own; rosbags requires it
     'matplotlib': Library('python3-matplotlib', 'matplotlib'),

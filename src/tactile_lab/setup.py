@@ -9,7 +9,7 @@ setup(
     name=package_name,
     version='0.1.0',
     packages=find_packages(exclude=['test*']),
-    package_data={package_name: ['py.typed', 'report/page.html', 'watch/page/*']},
+    package_data={package_name: ['py.typed', 'report/templates/*', 'watch/page/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
@@ -17,6 +17,7 @@ setup(
     install_requires=[
         'setuptools',
         'aiohttp',
+        'Jinja2',
         'joblib',
         'matplotlib',
         'numpy',

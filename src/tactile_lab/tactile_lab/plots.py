@@ -94,6 +94,11 @@ def draw_strain(
     axes.set_xlim(phases[0][1], phases[-1][2])
 
 
+def label_axis(quantity: str, unit: str) -> str:
+    """Return the label of an axis; an empty unit or ``raw`` is not known."""
+    return f'{quantity}, unit not known' if unit in ('', 'raw') else f'{quantity} [{unit}]'
+
+
 def shade_phases(axes: Axes, phases: Sequence[tuple[str, float, float]]) -> None:
     """Colour each phase, grey where nothing is touched, and write the names of long ones."""
     for name, start, end in phases:

@@ -1,37 +1,37 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The order of the report: what stands where, and under which sentence."""
+"""The report as one HTML file that needs no other; its order and its prose are the templates'."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-from tactile_classifier.evaluation.cross_validation import Evaluation
-from tactile_classifier.evaluation.feature_selection import SelectionResult
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from tactile_classifier.evaluation.early_answers import StoppingEvaluation
+from tactile_classifier.evaluation.open_set import OpenSetEvaluation
 from tactile_classifier.names import CLASSIFIER_TITLES, describe_features, short_scaling
 from tactile_lab.datasets.tables import tell_interval, tell_warnings
+from tactile_lab.report import drawings
 from tactile_lab.report.analysis import SetResult
-from tactile_lab.report.answer_sections import add_answers
-from tactile_lab.report.components import find_components
-from tactile_lab.report.figures import accuracy as figures_accuracy
-from tactile_lab.report.figures import signals as figures_signals
-from tactile_lab.report.figures.drawing import Drawing
-from tactile_lab.report.figures.significance import (
-    draw_mean_p,
-    draw_p_matrices,
-    explain_mean_p,
-)
-from tactile_lab.report.figures.summary import draw_summary
-from tactile_lab.report.page import Page
+from tactile_lab.report.answers import MeasureSummary
 from tactile_lab.report.provenance import describe_sources, find_versions, Source
-from tactile_lab.report.published import compare_with_paper, is_the_papers, tell_design
-from tactile_lab.report.summary import tell_accuracy
+from tactile_lab.report.published import compare_with_paper, format_design, is_the_papers
+from tactile_lab.report.significance import find_components, format_alike_pairs
+from tactile_lab.report.summary import (
+    format_accuracy,
+    format_first_sentence,
+    format_raw_scores,
+)
 from tactile_ros.errors import TactileError
 
 TITLE = 'Touch through the tendon: evaluation'
 FILE_NAME = 'report.html'
+
+_SHOWN_UNITS = {'m': ('mm', 1e3), 'N/m': ('N/mm', 1e-3)}
 
 
 def report_path(path: Path) -> Path:
@@ -80,202 +80,142 @@ def build_page(
     settings, versions : mapping of str to str
         What the numbers depend on besides.
     """
-    page = Page(TITLE, simulated=any(result.recordings.simulated for result in results))
-    for result in results:
-        page.heading(result.recordings.title)
-        page.drawing(draw_summary(result))
-        page.items([tell_accuracy(result), *tell_warnings(result.evaluations)])
-    _add_figures(page, 'What the finger felt', _signals(results), folded=False)
-    _add_accuracy(page, results)
-    _add_comparison(page, [result for result in results if is_the_papers(result)])
     holds = [result for result in results if result.units]
-    if holds:
-        page.heading('What scaling does on stiffness', folded=True)
-        page.drawing(figures_accuracy.draw_scaling_cause(holds))
-    _add_figures(
-        page, 'What is taken for what', (figures_accuracy.draw_confusion(r) for r in results)
-    )
-    _add_figures(page, 'Which features tell the classes apart', _significance(results))
-    _explain_significance(page, results)
-    _add_selection(page, results)
-    add_answers(page, results)
-    _add_provenance(page, results, sources, settings, versions)
-    return page.to_html()
-
-
-def _add_comparison(page: Page, results: Sequence[SetResult]) -> None:
-    if not results:
-        return
-    page.heading('Beside the paper', folded=True)
-    page.paragraph(
-        'Cheng et al., "Tactile Sensing with a Tendon-Driven Soft Robotic Finger", section IV: '
-        'what its text states, and whether these trials agree by the rule beside it. The paper '
-        'does not say whether it scaled its features.'
-        + (
-            ' It subtracts the mean before the Fourier transform, and so do the texture features '
-            'of this comparison. The other sections have the features that they name.'
-            if any(result.published for result in results)
-            else ''
-        )
-    )
-    page.paragraph(tell_design(results))
-    comparisons = compare_with_paper([result.as_published for result in results])
-    page.table(
-        f'accuracies in %: {results[0].plain.split}',
-        ['the paper states', 'agrees when', 'here', ''],
-        [[c.statement, c.rule, c.measured, c.verdict] for c in comparisons],
-        words=3,
-    )
-
-
-def _add_accuracy(page: Page, results: Sequence[SetResult]) -> None:
-    page.heading('Accuracy', folded=True)
-    page.drawing(figures_accuracy.draw_accuracies(results))
-    for result in results:
-        page.subheading(result.recordings.title)
-        page.paragraph(describe_features(result.recordings.table.spec))
-        for evaluation in result.evaluations:
-            _add_scores(page, evaluation)
-
-
-def _add_scores(page: Page, evaluation: Evaluation) -> None:
-    rows = [
-        [
-            CLASSIFIER_TITLES[score.classifier],
-            short_scaling(score.scaling),
-            f'{100 * score.mean:.1f}',
-            f'± {100 * score.spread:.1f}',
-            tell_interval(score.interval),
-        ]
-        for score in evaluation.scores
-    ]
-    if (nested := evaluation.nested) is not None:
-        folds = sum(count for *_, count in nested.picks)
-        picks = ', '.join(
-            f'{CLASSIFIER_TITLES[name]}, {short_scaling(scaling)} ({count} of {folds})'
-            for name, scaling, count in nested.picks
-        )
-        interval = tell_interval(nested.interval)
-        rows.append(['chosen inside the folds', picks, f'{100 * nested.mean:.1f}', '', interval])
-    first = evaluation.scores[0]
-    page.table(
-        f'accuracy in %: {evaluation.split}; {evaluation.trials} trials; '
-        f'chance {100 * evaluation.chance:.1f}; interval: {first.interval.method or "none"}',
-        ['classifier', 'features', 'mean', f'spread over {first.spread_of}', '95 % interval'],
-        rows,
-        words=2,
-    )
-
-
-def _add_figures(
-    page: Page, heading: str, drawings: Iterator[Drawing], *, folded: bool = True
-) -> None:
-    for i, drawing in enumerate(drawings):
-        if i == 0:
-            page.heading(heading, folded=folded)
-        page.drawing(drawing)
-
-
-def _significance(results: Sequence[SetResult]) -> Iterator[Drawing]:
-    for result in results:
-        components = find_components(result.recordings.table.spec)
-        if result.units:
-            yield draw_p_matrices(result)
-        elif components is not None:
-            yield draw_mean_p(result, components)
-
-
-def _explain_significance(page: Page, results: Sequence[SetResult]) -> None:
-    explained = [
-        explain_mean_p(result, components)
-        for result in results
-        if not result.units
-        and (components := find_components(result.recordings.table.spec)) is not None
-    ]
-    if explained:
-        page.paragraph(
-            'How many components have a mean p over 0.05 depends on which pairs of classes are '
-            'averaged. Where two classes do not differ in a component, p is 0.5 on average, so '
-            'that a tenth of the pairs being alike lifts the mean to 0.05, however small p is for '
-            'all others. p also falls with the number of trials. The paper gives means '
-            'alone, so whether its plates differ more, or its trials scatter less, cannot be told '
-            'from it. A high mean p does not say that classes are confused: classifiers see all '
-            'components together.'
-        )
-        page.items(explained)
-
-
-def _signals(results: Sequence[SetResult]) -> Iterator[Drawing]:
-    for result in results:
-        recordings = result.recordings
-        components = find_components(recordings.table.spec)
-        if recordings.examples and components is not None:
-            yield figures_signals.draw_textures(result, components)
-        if recordings.trial is not None:
-            yield figures_signals.draw_trial(result, recordings.trial)
-        if recordings.examples and result.units:
-            yield figures_signals.draw_holds(result)
-
-
-def _add_selection(page: Page, results: Sequence[SetResult]) -> None:
-    if not any(result.selections for result in results):
-        return
-    page.heading('Does choosing features help?', folded=True)
-    page.paragraph(
-        'The paper suggests to keep the components with low mean p. Here ranking and number of '
-        'features are chosen on the training trials of each fold alone. It helps or hurts where '
-        'the interval of the paired difference leaves zero out.'
-    )
-    for result in results:
-        if result.selections:
-            page.subheading(result.recordings.title)
-        for split in dict.fromkeys(selection.split for selection in result.selections):
-            rows = [_tell_selection(s) for s in result.selections if s.split == split]
-            page.table(
-                f'accuracy in %: {split}; with all {len(result.recordings.table.spec.names)} '
-                'features and with those selected; 95 % interval of the difference in points',
-                ['classifier', 'features', 'all', 'selected', 'kept', 'difference', ''],
-                rows,
-                words=2,
+    return fill_template(
+        'report.html',
+        title=TITLE,
+        simulated=any(result.recordings.simulated for result in results),
+        results=results,
+        sets=[_summarise(result) for result in results],
+        signals=[
+            drawing
+            for result in results
+            for drawing in drawings.draw_signals(
+                result, find_components(result.recordings.table.spec)
             )
+        ],
+        accuracies=drawings.draw_accuracies(results),
+        confusions=[drawings.draw_confusion(result) for result in results],
+        scaling_cause=drawings.draw_scaling_cause(holds) if holds else None,
+        significance=list(drawings.draw_significance(results)),
+        alike_pairs=[
+            format_alike_pairs(result, components)
+            for result in results
+            if not result.units
+            and (components := find_components(result.recordings.table.spec)) is not None
+        ],
+        sources=sources,
+        settings=settings,
+        versions=versions,
+        **_compare([result for result in results if is_the_papers(result)]),
+        **_answer(results),
+    )
 
 
-def _tell_selection(selection: SelectionResult) -> list[str]:
-    counts = sorted(selection.chosen_counts)
+def fill_template(name: str, **values: Any) -> str:
+    """Return a page from a template of the folder ``templates``; all text is escaped."""
+    environment = Environment(
+        loader=PackageLoader('tactile_lab.report'),
+        autoescape=True,
+        extensions=['jinja2.ext.do'],
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    filters: dict[str, Callable[..., str]] = {
+        'percent': lambda share: f'{100 * share:.1f}',
+        'interval': tell_interval,
+        'classifier': CLASSIFIER_TITLES.__getitem__,
+        'scaling': short_scaling,
+    }
+    environment.filters |= filters
+    return environment.get_template(name).render(values, contents=[])
+
+
+def _summarise(result: SetResult) -> dict[str, Any]:
+    return {
+        'title': result.recordings.title,
+        'simulated': result.recordings.simulated,
+        'first_sentence': format_first_sentence(result),
+        'pictures': [drawings.draw_split_accuracies(result), drawings.draw_answers(result)],
+        'facts': [format_accuracy(result), *tell_warnings(result.evaluations)],
+        'features': describe_features(result.recordings.table.spec),
+        'preparation': result.recordings.tell_preparation(),
+        'table_sha256': result.recordings.table.compute_sha256(),
+    }
+
+
+def _compare(results: Sequence[SetResult]) -> dict[str, Any]:
+    return {
+        'comparisons': compare_with_paper([result.as_published for result in results])
+        if results
+        else [],
+        'design': format_design(results) if results else '',
+        'compared_split': results[0].plain.split if results else '',
+        'others_features': any(result.published for result in results),
+    }
+
+
+def _answer(results: Sequence[SetResult]) -> dict[str, Any]:
+    """Return the values of the sections on answers besides a label; empty lists without these."""
+    answered = [(result, result.answers) for result in results if result.answers is not None]
+    stopping = [(r, a.stopping) for r, a in answered if a.stopping is not None]
+    return {
+        'open_sets': [
+            {
+                'result': result,
+                'found': answers.open_set,
+                'drawing': drawings.draw_open_set(result, answers.open_set),
+                'split': _format_split(result, answers.open_set),
+                'raw_scores': format_raw_scores(answers) if answers.raw_scores else '',
+            }
+            for result, answers in answered
+            if answers.open_set is not None
+        ],
+        'stopping': [
+            {'result': result, 'found': found, 'split': _format_split(result, found)}
+            for result, found in stopping
+        ],
+        'stopping_drawing': drawings.draw_stopping(stopping) if stopping else None,
+        'measures': [
+            {
+                'result': result,
+                'rows': [_format_measure(each) for each in answers.measures],
+                'unmeasured': list_unmeasured(answers.measures),
+            }
+            for result, answers in answered
+            if answers.measures
+        ],
+    }
+
+
+def _format_split(result: SetResult, each: OpenSetEvaluation | StoppingEvaluation) -> str:
+    return (
+        f'{result.recordings.table.task}: {CLASSIFIER_TITLES[each.classifier]}, '
+        f'{short_scaling(each.scaling)}, {each.split}'
+    )
+
+
+def _format_measure(each: MeasureSummary) -> list[str]:
+    unit, factor = _SHOWN_UNITS.get(each.unit, (each.unit, 1.0))
+    numbers = (each.median, each.spread, each.standard_uncertainty)
+    absent = 'too few' if each.measured else 'none'
     return [
-        CLASSIFIER_TITLES[selection.classifier],
-        short_scaling(selection.scaling),
-        f'{100 * selection.all_mean:.1f}',
-        f'{100 * selection.selected_mean:.1f}',
-        f'{counts[0]} to {counts[-1]}' if counts[0] < counts[-1] else f'{counts[0]}',
-        'no spread' if selection.difference.reason else tell_interval(selection.difference),
-        selection.verdict,
+        f'{each.name.replace("_", " ")} [{unit}]',
+        each.label,
+        f'{each.measured} of {each.trials}',
+        *(absent if number is None else f'{factor * number:.3f}' for number in numbers),
     ]
 
 
-def _add_provenance(
-    page: Page,
-    results: Sequence[SetResult],
-    sources: Sequence[Source],
-    settings: Mapping[str, str],
-    versions: Mapping[str, str],
-) -> None:
-    page.heading('Where this comes from', folded=True)
-    rows = []
-    for source in sources:
-        facts = ', '.join(f'{key} {value}' for key, value in sorted(source.facts.items()))
-        rows.append([source.name, source.sha256[:16], facts])
-    page.table('recordings', ['name', 'SHA-256 begins with', 'it says'], rows, words=3)
-    tables = [(r.recordings.title, r.recordings.table) for r in results]
-    rows = [[title, str(len(table)), table.compute_sha256()[:16]] for title, table in tables]
-    page.table('feature tables', ['set', 'trials', 'SHA-256 begins with'], rows, words=3)
-    page.items(
-        [f'{name}: {value}' for name, value in settings.items()]
-        + ['versions: ' + ', '.join(f'{name} {version}' for name, version in versions.items())]
-        + [
-            f'{r.recordings.title}: {line}'
-            for r in results
-            for line in r.recordings.tell_preparation()
-        ]
-        + [f'not done: {r.recordings.title}: {line}' for r in results for line in r.not_done]
-    )
+def list_unmeasured(summaries: Sequence[MeasureSummary]) -> list[str]:
+    """Return why there are trials without a value: a sentence for each measure and reason."""
+    labels: dict[tuple[str, str], list[str]] = {}
+    for each in summaries:
+        if each.reason:
+            missing = f'{each.label} ({each.trials - each.measured} of {each.trials})'
+            labels.setdefault((each.name.replace('_', ' '), each.reason), []).append(missing)
+    return [
+        f'No {name} of {", ".join(found)}, most often because: {reason}.'
+        for (name, reason), found in labels.items()
+    ]

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The summary of one set of trials: its accuracy in one line, its answers in rows.
+"""The summary of one set of trials: its accuracy as a plain sentence, its answers in rows.
 
 The accuracy is that of the classifier that `tactile train` writes: by default, so it was not
 chosen by the accuracies that are shown; or the chosen one, with the accuracy of such a choice.
@@ -12,12 +12,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tactile_classifier.datasets.dataset import plain_name
 from tactile_classifier.estimators.classifiers import default_scaling
 from tactile_classifier.evaluation.cross_validation import Evaluation, Score
 from tactile_classifier.names import CLASSIFIER_TITLES
 from tactile_lab.datasets.tables import name_candidate, tell_interval, tell_nested
 from tactile_lab.report.analysis import SetResult
 from tactile_lab.report.answers import Answers, CLASSIFIER
+
+_RANDOM = 'stratified '
+"""Beginning of the names of random splits."""
 
 
 def shown_score(result: SetResult, evaluation: Evaluation) -> Score:
@@ -29,21 +33,56 @@ def shown_score(result: SetResult, evaluation: Evaluation) -> Score:
 
 
 def hardest_evaluation(result: SetResult) -> Evaluation:
-    """Return the split in which that classifier does worst; of equals, the last.
+    """Return the held-out split in which that classifier does worst; of equals, the last.
 
-    Random folds come first, so a held-out group counts before them. Where features were chosen on
-    stated trials to train on, it is the split that tests on the others: these did not choose.
+    Random folds count only where there is no other split. Where features were chosen on stated
+    trials to train on, it is the split that tests on the others: these did not choose.
     """
     if result.recordings.choice is not None and result.recordings.splits:
         return result.evaluations[-1]
-    return min(reversed(result.evaluations), key=lambda each: shown_score(result, each).mean)
+    held_out = [each for each in result.evaluations if not each.split.startswith(_RANDOM)]
+    return min(
+        reversed(held_out or result.evaluations), key=lambda each: shown_score(result, each).mean
+    )
 
 
-def tell_accuracy(result: SetResult) -> str:
+def format_first_sentence(result: SetResult) -> str:
+    """Return touches of 100 that are named right in a plain sentence, for the hardest split."""
+    choice = result.recordings.choice
+    if choice is not None and not result.recordings.splits:
+        split, mean = choice[1].split, choice[1].nested_accuracy
+    else:
+        evaluation = hardest_evaluation(result)
+        split, mean = evaluation.split, shown_score(result, evaluation).mean
+    rounded = round(100 * mean)
+    # 99.7 is not all of 100.
+    count = 'more than 99' if rounded == 100 and mean < 1 else f'{rounded}'
+    right = f'this model names {count} of 100 touches right'
+    if split in (stated.name for stated in result.recordings.splits):
+        return f'On the stated test trials, {right}.'
+    if split.startswith(_RANDOM):
+        return (
+            f'By random folds, {right}. It was trained on other trials of the same recordings, '
+            'so this is no forecast for a new session.'
+        )
+    columns = {
+        f'one {" and ".join(map(plain_name, columns))} held out': columns
+        for columns in (('session_id',), ('trial_block',), *result.recordings.hold_out)
+    }[split]
+    if columns == ('session_id',):
+        return f'In a new session, {right}.'
+    if columns == ('trial_block',):
+        return (
+            f'In another part of the same session, {right}. This is no forecast for a new session.'
+        )
+    return f'With a new {" and ".join(map(plain_name, columns))}, {right}.'
+
+
+def format_accuracy(result: SetResult) -> str:
     """Return accuracy, split, interval, chance and the most frequent confusion in one line."""
     evaluation = hardest_evaluation(result)
     score = shown_score(result, evaluation)
-    confusion = f'most frequent confusion: {tell_confusion(score)}'
+    confusion = f'most frequent confusion: {format_confusion(score)}'
     chosen = ''
     if result.recordings.choice is not None:
         candidate, choice = result.recordings.choice
@@ -71,7 +110,7 @@ def confusion_shares(score: Score) -> NDArray[np.float64]:
     return np.asarray(score.confusion / np.maximum(score.confusion.sum(axis=1, keepdims=True), 1))
 
 
-def tell_confusion(score: Score) -> str:
+def format_confusion(score: Score) -> str:
     """Return the most frequent confusion, such as ``pla as sponge in 33 % of its trials``."""
     shares = confusion_shares(score)
     shares *= 1 - np.eye(len(shares))
@@ -84,7 +123,7 @@ def tell_confusion(score: Score) -> str:
     )
 
 
-def tell_raw_scores(answers: Answers) -> str:
+def format_raw_scores(answers: Answers) -> str:
     """Return which classifiers would keep raw scores, and why."""
     names = ' and '.join(CLASSIFIER_TITLES[name] for name in answers.raw_scores)
     return (
@@ -109,7 +148,7 @@ def answer_rows(answers: Answers) -> list[tuple[str, str]]:
             ('calibration error after', f'{100 * unknown.calibration_error_after:.1f} %'),
         ]
     if answers.raw_scores:
-        rows.append(('calibration', tell_raw_scores(answers)))
+        rows.append(('calibration', format_raw_scores(answers)))
     for rule in answers.stopping.rules if answers.stopping is not None else ():
         rows.append(
             (

@@ -8,6 +8,7 @@ import html.parser
 import json
 import re
 
+import jinja2
 import numpy as np
 import pytest
 
@@ -17,14 +18,19 @@ from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_features.spec import spec_for
 from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.datasets.feature_options import select_features
+from tactile_lab.plots import label_axis
 from tactile_lab.report.analysis import analyse, in_unit
-from tactile_lab.report.build import build_page, report_path, write_report
-from tactile_lab.report.components import find_components
-from tactile_lab.report.figures.drawing import INK, render
-from tactile_lab.report.page import Page
-from tactile_lab.report.published import compare_with_paper, tell_design
+from tactile_lab.report.build import build_page, fill_template, report_path, write_report
+from tactile_lab.report.published import compare_with_paper, format_design, LABELS
 from tactile_lab.report.recordings import array_examples, bag_sets, RecordingSet
-from tactile_lab.report.summary import hardest_evaluation, tell_accuracy, tell_confusion
+from tactile_lab.report.significance import find_components
+from tactile_lab.report.summary import (
+    format_accuracy,
+    format_confusion,
+    format_first_sentence,
+    hardest_evaluation,
+)
+from tactile_lab.report.svg import INK, render
 from tactile_ros.errors import TactileError
 
 
@@ -99,13 +105,14 @@ def test_page_stands_alone_escapes_labels_and_names_the_split_of_every_table(pag
     collector.feed(page)
     assert [link for link in collector.links if not link.startswith('#')] == []
     assert not {'script', 'link', 'img', 'iframe', 'b'} & set(collector.tags)
-    assert collector.tags.count('svg') == 5
+    assert collector.tags.count('svg') == 6
     assert '@import' not in page
     assert 'url(http' not in page
     assert 'fine &lt;b&gt;' in page
     assert 'Early predictions' not in page
-    for target in (link[1:] for link in collector.links if link.startswith('#s')):
-        assert f'id="{target}"' in page
+    targets = re.findall('<a href="#([^"]+)">', page)
+    assert 'accuracy' in targets
+    assert all(page.count(f'id="{target}"') == 1 for target in targets)
 
     captions = [part.split('</caption>')[0] for part in page.split('<caption>')[1:]]
     of_accuracies = [caption for caption in captions if caption.startswith('accurac')]
@@ -115,13 +122,65 @@ def test_page_stands_alone_escapes_labels_and_names_the_split_of_every_table(pag
     assert 'SIMULATED' not in page
 
 
-def test_all_but_picture_summary_and_signals_is_folded(page):
+def test_sentence_picture_signals_tables_come_in_this_order_and_the_rest_is_folded(page, textures):
     whole, *folded = page.split('<details>')
-    assert '<table' not in whole
-    assert whole.count('<figure>') == 2
-    assert whole.index('<figure>') < whole.index('accuracy ')
+    sentence = format_first_sentence(textures)
+    assert sentence.startswith('With a new day, this model names ')
+    order = [sentence, '<svg', '>Signals</h2>', '>Accuracy</h2>', '<table']
+    places = [whole.index(text) for text in order]
+    assert places == sorted(places)
+    assert whole[: places[0]].count('<p') == 1
     assert all(part.count('</details>') == 1 for part in folded)
-    assert page.count('<h2') == 2
+    # Paper shows what no click can unfold.
+    shown = whole + page.split('</details>')[-1]
+    assert 'details:not([open]) { display: none; }' in page.split('@media print')[1]
+    assert shown.count('<caption>accuracy in %') == 2
+    assert textures.recordings.table.compute_sha256()[:16] in shown
+    assert 'folds: 6' in shown
+
+
+def test_each_figure_has_the_numbers_of_its_message_as_text(page, textures):
+    labels = re.findall(r'<svg role="img" aria-label="([^"]+)"', page)
+    assert len(labels) == page.count('<svg') == 6
+    assert all(re.search(r'\d', label) for label in labels)
+    accuracy, confusion, signals = labels[:3]
+    assert f'{100 * textures.plain.score("knn", "none").mean:.1f} %, stratified' in accuracy
+    assert 'coarse 100 %' in confusion
+    assert re.search(r'coarse: [\d.]+ raw, 5 Hz', signals)
+
+
+def test_figures_that_a_phone_cannot_show_whole_say_that_they_scroll(page):
+    figures = page.split('<figure')[1:]
+    widths = [int(re.match(r' style="--least: (\d+)px"', each).group(1)) for each in figures]
+    # The picture at the top, confusion matrix included, fits into 390 px less the margins.
+    assert max(widths[:2]) <= 350
+    assert max(widths) > 390
+    assert all('Scroll sideways' in each for each in figures)
+
+
+@pytest.mark.parametrize(
+    ('split', 'mean', 'sentence'),
+    [
+        ('one session held out', 0.74, 'In a new session, this model names 74 of 100 touches'),
+        ('one session held out', 0.997, 'names more than 99 of 100 touches right.'),
+        (
+            'one block of trials held out',
+            1.0,
+            'this model names 100 of 100 touches right. This is',
+        ),
+        ('stratified 6-fold, once', 0.5, 'By random folds, this model names 50 of 100 touches'),
+        ('stratified 6-fold, once', 0.5, 'no forecast for a new session.'),
+    ],
+)
+def test_first_sentence_says_how_many_of_100_and_what_was_held_out(
+    easy_holds, split, mean, sentence
+):
+    scores = tuple(
+        dataclasses.replace(score, split=split, mean=mean) for score in easy_holds.plain.scores
+    )
+    evaluation = dataclasses.replace(easy_holds.plain, split=split, scores=scores)
+    result = dataclasses.replace(easy_holds, evaluations=(evaluation,))
+    assert sentence in format_first_sentence(result)
 
 
 def test_simulated_trials_are_marked_in_every_figure_and_table(stiffness_bag, tmp_path):
@@ -131,11 +190,13 @@ def test_simulated_trials_are_marked_in_every_figure_and_table(stiffness_bag, tm
     path = tmp_path / 'report.html'
     write_report(path, [result], [stiffness_bag.parent], {'folds': '3'})
     page = path.read_text(encoding='utf-8')
-    figures = page.split('<figure>')[1:]
-    assert len(figures) == 7
+    figures = page.split('<figure ')[1:]
+    assert len(figures) == 8
     for figure in figures:
-        assert figure.startswith('<figcaption>SIMULATED. ')
+        assert '<figcaption>SIMULATED. ' in figure
+        assert 'aria-label="SIMULATED. ' in figure
         assert '>SIMULATED</text>' in figure
+    assert '<p class="lead">SIMULATED. In another part of the same session' in page
     tables = page.split('<caption>')[1:]
     assert all(table.startswith('SIMULATED. ') for table in tables)
     assert 'slope -0.90, intercept 12.62, correlation -0.99' in page
@@ -161,6 +222,9 @@ def test_unscaled_rbf_machine_is_told_from_the_others_and_its_cause_is_seen(easy
     assert rows['Stiffness: the RBF SVM is dramatically lower (scaled)'].verdict == (
         'does not agree'
     )
+    for statement in ('the tree stably', 'the SVM depends on its kernel; the linear one is lower'):
+        found = [row for text, row in rows.items() if text.startswith(f'Texture: {statement}')]
+        assert [row.verdict for row in found] == ['not tested', 'not tested']
     assert rows['Texture: flexion and abduction do equally well'].verdict == 'not tested'
     # In a unit in which slope and correlation count as much as the intercept: all is well.
     assert min(easy_holds.units.values()) < 0.6
@@ -183,29 +247,30 @@ def test_design_of_the_trials_is_told_beside_the_papers(easy_holds, mountings, s
         'mounting_id': np.array([mountings(label, i) for i, label in enumerate(labels)]),
         'session_id': np.array([sessions(i) for i in range(len(labels))]),
     }
-    assert re.search(words, tell_design([with_table(easy_holds, columns=columns)]))
+    assert re.search(words, format_design([with_table(easy_holds, columns=columns)]))
 
 
 def test_summary_states_the_hardest_split_in_one_line(textures, easy_holds):
-    line = tell_accuracy(textures)
+    line = format_accuracy(textures)
     held_out = textures.evaluations[1].score('knn', 'none')
-    assert held_out.mean <= textures.plain.score('knn', 'none').mean
     assert hardest_evaluation(textures).score('knn', 'none').mean == held_out.mean
     assert line.startswith(f'accuracy {100 * held_out.mean:.1f} % (one day held out; ')
     assert f'chance {100 * textures.plain.chance:.1f} %; most frequent confusion: ' in line
-    assert 'the only split' in tell_accuracy(easy_holds)
+    assert 'the only split' in format_accuracy(easy_holds)
     score = easy_holds.plain.score('knn', 'standard')
     confusion = np.array([[70, 2, 0], [0, 48, 24], [9, 0, 63]])
-    told = tell_confusion(dataclasses.replace(score, confusion=confusion))
+    told = format_confusion(dataclasses.replace(score, confusion=confusion))
     one, other = score.labels[1:]
     assert told == f'{one} as {other} in 33 % of its trials'
 
 
 def test_papers_statements_stand_beside_the_papers_labels_alone(easy_holds):
-    assert 'Beside the paper' not in build_page([easy_holds], [], {}, {})
+    assert 'Comparison with the paper' not in build_page([easy_holds], [], {}, {})
     names = np.array(['none', 'pla', 'rubber_shell', 'solid_rubber', 'sponge'])
     labels = names[np.arange(len(easy_holds.recordings.table)) % 5]
-    assert 'Beside the paper' in build_page([with_table(easy_holds, labels=labels)], [], {}, {})
+    assert 'Comparison with the paper' in build_page(
+        [with_table(easy_holds, labels=labels)], [], {}, {}
+    )
 
 
 def test_units_change_forces_and_nothing_else():
@@ -224,7 +289,13 @@ def test_one_feature_is_evaluated_and_says_what_cannot_be_done():
 
 def test_figures_take_the_colour_of_the_page_and_have_no_names_twice():
     drawings = [
-        render(lambda figure: figure.subplots().plot([1, 2]), (3, 2), 'a line', simulated=False)
+        render(
+            lambda figure: figure.subplots().plot([1, 2]),
+            (3, 2),
+            'a',
+            'up to "2"',
+            simulated=False,
+        )
         for _ in range(2)
     ]
     assert drawings[0] == drawings[1]
@@ -232,7 +303,7 @@ def test_figures_take_the_colour_of_the_page_and_have_no_names_twice():
     assert 'currentColor' in svg
     assert INK not in svg
     assert 'id="figure' not in svg
-    assert svg.startswith('<svg ')
+    assert svg.startswith('<svg role="img" aria-label="up to &quot;2&quot;" ')
 
 
 def test_report_goes_to_a_file_or_into_a_folder(tmp_path):
@@ -244,15 +315,35 @@ def test_report_goes_to_a_file_or_into_a_folder(tmp_path):
         report_path(tmp_path / 'file' / 'a.html')
 
 
-def test_page_escapes_whatever_it_is_given():
-    page = Page('<title>', simulated=False)
-    page.heading('<i>')
-    page.paragraph('a & b')
-    page.table('<caption>', ['<'], [['>']])
-    text = page.to_html()
+def test_page_escapes_whatever_it_is_given(textures):
+    text = build_page([textures], [], {'<i>': 'a & b'}, {})
     assert '<i>' not in text
-    assert '&lt;title&gt;' in text
-    assert 'a &amp; b' in text
+    assert '&lt;i&gt;: a &amp; b' in text
+    with pytest.raises(jinja2.UndefinedError):
+        fill_template('report.html', title='a page without its values')
+
+
+def test_axes_name_the_unit_or_say_that_it_is_not_known():
+    assert label_axis('signal', 'mN') == 'signal [mN]'
+    assert label_axis('signal', '') == 'signal, unit not known'
+
+
+def test_textures_of_the_paper_are_held_against_its_figure_8(textures):
+    names = np.array(sorted(LABELS['texture']))
+    labels = names[np.arange(len(textures.recordings.table)) % 8]
+    result = with_table(textures, labels=labels)
+    means = {'tree': 0.96, 'svm_linear': 0.8, 'svm_rbf': 0.99}
+    scores = tuple(
+        dataclasses.replace(score, mean=means.get(score.classifier, 1.0))
+        for score in textures.plain.scores
+    )
+    evaluation = dataclasses.replace(textures.plain, scores=scores)
+    rows = compare_with_paper([dataclasses.replace(result, evaluations=(evaluation,))])
+    verdicts = {row.statement.partition(' (')[0]: row.verdict for row in rows}
+    assert verdicts['Texture: the tree stably reaches high accuracy'] == 'agrees'
+    linear = 'Texture: the SVM depends on its kernel; the linear one is lower'
+    assert verdicts[linear] == 'agrees'
+    assert verdicts['Texture: neighbours and the RBF SVM reach 100 %'] == 'does not agree'
 
 
 def test_components_are_known_by_the_names_of_the_features():

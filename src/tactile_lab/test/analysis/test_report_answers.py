@@ -24,12 +24,10 @@ from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.datasets.feature_options import select_features
 from tactile_lab.datasets.reread import read_measures
 from tactile_lab.report.analysis import analyse
-from tactile_lab.report.answer_sections import list_unmeasured
 from tactile_lab.report.answers import AnswersPlan, summarise_measures
-from tactile_lab.report.build import build_page
-from tactile_lab.report.components import find_components
-from tactile_lab.report.figures.significance import explain_mean_p
+from tactile_lab.report.build import build_page, list_unmeasured
 from tactile_lab.report.recordings import bag_sets
+from tactile_lab.report.significance import find_components, format_alike_pairs
 from tactile_lab.report.summary import answer_rows
 from tactile_ros.errors import TactileError
 
@@ -185,10 +183,10 @@ def test_sections_stand_in_page_and_json_with_split_and_mark(answered):
     assert len(ours) == 4
     assert all(c.startswith('SIMULATED. ') for c in captions)
     assert all(result.answers.open_set.split in c for c in ours)
-    figures = [part.split('</figure>')[0] for part in page.split('<figure>')[1:]]
+    figures = [part.split('</figure>')[0] for part in page.split('<figure ')[1:]]
     for words in ('left out of the training', 'hollow marks'):
         (figure,) = (figure for figure in figures if words in figure)
-        assert figure.startswith('<figcaption>SIMULATED. ')
+        assert '<figcaption>SIMULATED. ' in figure
         assert '>SIMULATED</text>' in figure
     document = json.loads(json.dumps(result.to_dict(), allow_nan=False))
     assert document['answers']['stopping']['seconds'] == [0.5, 1.0, 1.5, 2.0, 2.5, 3.0]
@@ -203,10 +201,10 @@ def test_mean_p_is_explained_by_counting_pairs(answered):
     components = find_components(result.recordings.table.spec)
     p = result.significance.p[components.columns]
     over = np.array([[p[k, i, j] > 0.05 for i in range(8) for j in range(i)] for k in range(90)])
-    sentence = explain_mean_p(result, components)
+    sentence = format_alike_pairs(result, components)
     assert f'of the 28 pairs of classes, {np.median(over.sum(axis=1)):g} have p over' in sentence
     assert f'{int((over.sum(axis=1) < 14).sum())} of 90 components' in sentence
     few = sum(p[:, i, j].min() <= 0.05 / 90 for i in range(8) for j in range(i))
     assert f'. {few} pairs differ in some component at 0.05 over' in sentence
     assert f'over 0.05 in {over.sum(axis=0).max()} components' in sentence
-    assert 'depends on which pairs of classes are averaged' in page
+    assert 'depends on the pairs of labels that are averaged' in page

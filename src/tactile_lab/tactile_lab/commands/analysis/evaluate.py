@@ -30,7 +30,7 @@ from tactile_lab.datasets.tables import accuracy_caption, accuracy_table, tell_w
 from tactile_lab.experiment.folder import list_recordings
 from tactile_lab.report.analysis import analyse, SetResult
 from tactile_lab.report.recordings import array_examples, bag_sets, RecordingSet
-from tactile_lab.report.summary import answer_rows, tell_accuracy
+from tactile_lab.report.summary import answer_rows, format_accuracy
 from tactile_ros.errors import TactileError
 
 PAPER: Mapping[str, Any] = MappingProxyType(
@@ -83,7 +83,7 @@ def _print_result(result: SetResult, output: Output) -> None:
     output.say(f'  {describe_features(result.recordings.table.spec)}')
     lines = (
         *result.recordings.tell_preparation(most=10),
-        tell_accuracy(result),
+        format_accuracy(result),
         *(': '.join(row) for row in (answer_rows(result.answers) if result.answers else ())),
         *result.not_done,
         *tell_warnings(result.evaluations),

@@ -12,10 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
 
-from tactile_classifier.names import CLASSIFIER_TITLES, short_scaling
-from tactile_lab.report.figures.drawing import Drawing, INK, legend_below, render
-from tactile_lab.report.page import Page
+from tactile_lab.report.build import fill_template
 from tactile_lab.report.provenance import find_versions
+from tactile_lab.report.svg import Drawing, INK, legend_below, render
 from tactile_lab.simulation.robustness import Point
 from tactile_lab.simulation.robustness_axes import Axis
 
@@ -44,6 +43,8 @@ def _draw_robustness(axes_of: Sequence[Axis], points: Sequence[Point]) -> Drawin
         'Share of all tested trials that are named correctly while one condition gets worse. '
         'Lines: trained under the usual conditions (upright thin line). Dashes: trained under '
         'the same conditions as tested. A trial without features counts as not named.',
+        'Share of trials named correctly. '
+        + '; '.join(line for axis in axes_of for line in tell_axis(axis, points)),
         simulated=True,
     )
 
@@ -94,43 +95,27 @@ def build_robustness_page(
     axes_of: Sequence[Axis], points: Sequence[Point], document: Mapping[str, Any]
 ) -> str:
     """Return the study as an HTML file that needs no other."""
-    page = Page('Touch through the tendon: how good must sensor and rig be?', simulated=True)
-    page.heading('At a glance')
-    page.drawing(_draw_robustness(axes_of, points))
-    page.heading('Numbers')
-    for axis in axes_of:
-        rows = [
-            [
-                p.protocol,
-                f'{p.value:.3g}',
-                _percent(p.nominal),
-                _percent(p.matched),
-                _percent(p.refused),
-            ]
-            for p in points
-            if p.axis == axis.name
-        ]
-        page.table(
-            f'{axis.name} [{axis.unit}]; {document["split"]}',
-            ['task', axis.name, 'trained as usual', 'trained as tested', 'without features'],
-            rows,
-        )
-    page.heading('Where this comes from')
-    scalings = ', '.join(
-        f'{task} {short_scaling(scaling)}' for task, scaling in document['scaling'].items()
+    return fill_template(
+        'robustness.html',
+        title='Touch through the tendon: how good must sensor and rig be?',
+        simulated=True,
+        drawing=_draw_robustness(axes_of, points),
+        tables=[
+            (
+                f'{axis.name} [{axis.unit}]; {document["split"]}',
+                ['task', axis.name, 'trained as usual', 'trained as tested', 'without features'],
+                [
+                    [
+                        p.protocol,
+                        f'{p.value:.3g}',
+                        *map(_percent, (p.nominal, p.matched, p.refused)),
+                    ]
+                    for p in points
+                    if p.axis == axis.name
+                ],
+            )
+            for axis in axes_of
+        ],
+        document=document,
+        versions=find_versions(),
     )
-    settings = ', '.join(f'{key} {value}' for key, value in document['study'].items())
-    page.items(
-        [
-            f'classifier: {CLASSIFIER_TITLES[document["classifier"]]}; {scalings}',
-            f'simulated trials: {settings}',
-            f'descriptions: SHA-256 {document["description_sha256"]}',
-            'versions: ' + ', '.join(f'{n} {v}' for n, v in find_versions().items()),
-            'Tested are some hundred trials a point: differences of less than about ten points '
-            'may be chance.',
-            'A model refuses another sample rate than its own, so there is no line for one.',
-            'Jitter moves the time of sampling on a spline through clean samples, while stamps '
-            'stay even.',
-        ]
-    )
-    return page.to_html()

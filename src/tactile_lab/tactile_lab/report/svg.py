@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from html import escape
 import io
 import re
 
@@ -25,6 +26,11 @@ CLASSIFIER_COLOURS = {
     'rocket': '#7b5aa6',
 }
 """Told apart with red-green blindness, too, and on white as on black."""
+
+_LEAST_SCALE = 0.7
+"""Smallest scale at which the texts of a figure can be read on a phone [1]."""
+
+_MOST_SCALE = 1.15
 
 _STYLE = {
     'axes.edgecolor': INK,
@@ -53,19 +59,23 @@ class Drawing:
     Attributes
     ----------
     svg : str
-        An element that may stand inside HTML.
+        An element that may stand inside HTML; its label is the text alternative.
     caption : str
-        What one sees, in a sentence or two.
+        The quantities and marks of the figure.
+    least_px : int
+        Width below which its texts cannot be read, so that it scrolls [px].
     """
 
     svg: str
     caption: str
+    least_px: int
 
 
 def render(
     draw: Callable[[Figure], None],
     size_in: tuple[float, float],
     caption: str,
+    message: str,
     *,
     simulated: bool,
 ) -> Drawing:
@@ -77,8 +87,10 @@ def render(
         Draws on the empty figure that it is given.
     size_in : tuple of float
         Width and height [inch].
+    message : str
+        Text alternative: the message of the figure with its numbers.
     simulated : bool
-        Whether what it shows comes from a simulation: then it says so all across.
+        Whether it shows simulated data: the figure and both texts then say so.
     """
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=size_in, layout='constrained')
@@ -99,7 +111,13 @@ def render(
         stream = io.StringIO()
         figure.savefig(stream, format='svg', metadata={'Date': None, 'Creator': None})
     prefix = 'SIMULATED. ' if simulated else ''
-    return Drawing(_clean(stream.getvalue()), prefix + caption)
+    width_px = 96 * size_in[0]
+    head = (
+        f'<svg role="img" aria-label="{escape(prefix + message)}" '
+        f'style="max-width:{_MOST_SCALE * width_px:.0f}px" '
+    )
+    svg = _clean(stream.getvalue()).replace('<svg ', head, 1)
+    return Drawing(svg, prefix + caption, round(_LEAST_SCALE * width_px))
 
 
 def legend_below(figure: Figure, axes: Axes, columns: int) -> None:
@@ -116,8 +134,4 @@ def _clean(svg: str) -> str:
     svg = re.sub(r' id="(?![mp][0-9a-f]{10}")[^"]*"', '', svg)
     svg = svg.replace(INK, 'currentColor')
     svg = re.sub(r"font: ([^;\"]*?)'[^;\"]*(sans-serif)", r'font: \1\2', svg)
-    width = re.search(r'width="([\d.]+)pt" height="[\d.]+pt"', svg)
-    if width is not None:
-        style = f'style="min-width:{0.8 * float(width.group(1)):.0f}px"'
-        svg = svg.replace(width.group(0), style, 1)
-    return svg.replace('<svg ', '<svg role="img" ', 1)
+    return re.sub(r' width="[\d.]+pt" height="[\d.]+pt"', '', svg, count=1)

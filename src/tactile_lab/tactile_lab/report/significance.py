@@ -1,0 +1,114 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Rank-sum tests of single features in words: Fourier components, pairs of classes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_features.spec import FeatureSpec
+from tactile_lab.report.analysis import SetResult
+
+LEVEL = 0.05
+"""The paper's line of significance (Fig. 9)."""
+
+_KINDS = (
+    ('__spectrum__hz_', 1.0, 'frequency', 'Hz'),
+    ('__spatial_spectrum__per_m_', 1e-3, 'spatial frequency', 'cycles/mm'),
+)
+
+
+@dataclass(frozen=True)
+class Components:
+    """The Fourier components above zero among the features of a set.
+
+    Attributes
+    ----------
+    columns : ndarray of int, shape (k,)
+        Their columns in the table.
+    frequency : ndarray of shape (k,)
+        In ``unit``.
+    name, unit : str
+        Of the frequency.
+    """
+
+    columns: NDArray[np.intp]
+    frequency: NDArray[np.float64]
+    name: str
+    unit: str
+
+    @property
+    def title(self) -> str:
+        """Label of an axis."""
+        return f'{self.name} [{self.unit}]'
+
+
+def find_components(spec: FeatureSpec) -> Components | None:
+    """Return the components by the features' names, or None where there are fewer than two.
+
+    The one at zero is left out: the mean has been taken off.
+    """
+    for mark, factor, name, unit in _KINDS:
+        found = {
+            i: factor * float(feature.rpartition(mark)[2])
+            for i, feature in enumerate(spec.names)
+            if mark in feature
+        }
+        above = {i: value for i, value in found.items() if value > 0}
+        if len(above) > 1:
+            columns = np.array(list(above), dtype=np.intp)
+            return Components(columns, np.array(list(above.values())), name, unit)
+    return None
+
+
+def format_tested_trials(result: SetResult) -> str:
+    """Return the trials that the tests compare, in words."""
+    trials, strata = len(result.recordings.table), result.significance.strata
+    if strata == 1:
+        return f'over all {trials} trials'
+    return f'of {trials} trials within their {strata} sessions (van Elteren)'
+
+
+def format_alike_pairs(result: SetResult, components: Components) -> str:
+    """Return the causes of high mean p-values, by counting pairs instead of averaging."""
+    significance = result.significance
+    one, other = np.triu_indices(len(significance.labels), 1)
+    p = significance.p[components.columns][:, one, other]
+    alike = p > LEVEL
+    pairs, worst = alike.shape[1], int(alike.sum(axis=0).argmax())
+    counts = alike.sum(axis=1)
+    # Of many components one is below the level by chance alone: Bonferroni's bound.
+    differ = (p.min(axis=0) <= LEVEL / len(p)).sum()
+    return (
+        f'{result.recordings.title}: of the {pairs} pairs of classes, {np.median(counts):g} have '
+        f'p over {LEVEL} in the median component; {int((2 * counts < pairs).sum())} of '
+        f'{len(counts)} components differ between more than half of the pairs at that level. '
+        f'{int(differ)} pairs differ in some component at {LEVEL} over the number of components. '
+        f'Most alike are {significance.labels[one[worst]]} and '
+        f'{significance.labels[other[worst]]}: over {LEVEL} in {int(alike[:, worst].sum())} '
+        'components.'
+    )
+
+
+def list_alike_pairs(result: SetResult) -> list[str]:
+    """Return the pairs of classes between which a feature does not differ, in words."""
+    significance = result.significance
+    found = []
+    for name, p in zip(result.recordings.table.spec.names, significance.p, strict=True):
+        pairs = [
+            f'{significance.labels[i]} and {significance.labels[j]} (p = {p[i, j]:.2g})'
+            for i, j in zip(*np.triu_indices(len(p), 1), strict=True)
+            if p[i, j] > LEVEL
+        ]
+        if pairs:
+            found.append(f'{short_name(name)} of {", ".join(pairs)}')
+    return found
+
+
+def short_name(feature: str) -> str:
+    """Return the name of a feature without its channel and set."""
+    return feature.rpartition('__')[2]
