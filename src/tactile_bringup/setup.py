@@ -19,6 +19,7 @@ setup(
         (f'share/{package_name}/config', sorted(glob('config/*.yaml'))),
         (f'share/{package_name}/layouts', sorted(glob('layouts/*'))),
         (f'share/{package_name}/udev', sorted(glob('udev/*.rules'))),
+        (f'share/{package_name}/urdf', sorted(glob('urdf/*.xacro'))),
         (f'share/{package_name}/systemd', sorted(glob('systemd/*.service'))),
     ],
     install_requires=[
