@@ -69,7 +69,7 @@ LIBRARIES = {
 
 OPTIONAL = {
     'tactile_classifier': {'skl2onnx', 'vision_msgs'},
-    'tactile_lab': {'distributed', 'pyarrow'},
+    'tactile_lab': {'distributed'},
 }
 """By package: what it runs without. In ``setup.py`` these are extras, not requirements."""
 

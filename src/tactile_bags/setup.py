@@ -18,6 +18,7 @@ setup(
         'setuptools',
         'lz4',
         'numpy',
+        'pyarrow',
         'PyYAML',
         'rosbags',
         'zstandard',

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 import hashlib
@@ -291,6 +291,27 @@ class TactileBag:
         around = [name for name in namespaces if topic.startswith(join_topic(name, ''))]
         return max(around, key=len, default=None)
 
+    def choose_topics(self, type_names: Collection[str], namespace: str | None) -> set[str]:
+        """Return the topics of these types, of any when none is named, and of a finger or all."""
+        finger = None if namespace is None else namespace.strip('/')
+        namespaces = self.namespaces
+        return {
+            topic.name
+            for topic in self.stored_topics
+            if (not type_names or topic.type_name in type_names)
+            and (finger is None or self._finger_of(topic.name, namespaces) == finger)
+        }
+
+    @property
+    def foreign(self) -> frozenset[str]:
+        """Types that were recorded with another definition than the one installed here."""
+        return frozenset(self._foreign)
+
+    @property
+    def size_bytes(self) -> int:
+        """Size of the data files [byte]."""
+        return sum(file.path.stat().st_size for file in self._files)
+
     def messages(
         self, *type_names: str, namespace: str | None = None, since_ns: int = 0
     ) -> Iterator[BagMessage]:
@@ -318,14 +339,7 @@ class TactileBag:
                 raise BagError(
                     f'{self.path}: {self._foreign[type_name]}; use the release that recorded it'
                 )
-        finger = None if namespace is None else namespace.strip('/')
-        namespaces = self.namespaces
-        chosen = {
-            topic.name
-            for topic in self.stored_topics
-            if (not type_names or topic.type_name in type_names)
-            and (finger is None or self._finger_of(topic.name, namespaces) == finger)
-        }
+        chosen = self.choose_topics(type_names, namespace)
         try:
             for received_at_ns, topic, data in self._merged.messages(chosen, since_ns):
                 if received_at_ns < since_ns:

@@ -6,6 +6,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
 import logging
 from typing import Any
 
@@ -36,7 +38,22 @@ _CONVERSIONS: dict[str, Callable[[Any], Any]] = {
     MODELS: model_infos_from_msg,
 }
 
+RECORDED_TYPES = tuple(_CONVERSIONS)
+"""Types of message that have a record."""
+
 _logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class KeptMessage(BagMessage):
+    """A message that keeps its record once it is decoded; ``correct`` may change that first."""
+
+    correct: Callable[[Any], Any] | None = None
+
+    @cached_property
+    def record(self) -> Any:
+        record = _CONVERSIONS[self.type_name](self.decode())
+        return record if self.correct is None else self.correct(record)
 
 
 def read_records(messages: Iterable[BagMessage]) -> Iterator[tuple[BagMessage, Any]]:
@@ -50,7 +67,10 @@ def read_records(messages: Iterable[BagMessage]) -> Iterator[tuple[BagMessage, A
     refused = 0
     for message in messages:
         try:
-            record = _CONVERSIONS[message.type_name](message.decode())
+            if isinstance(message, KeptMessage):
+                record = message.record
+            else:
+                record = _CONVERSIONS[message.type_name](message.decode())
         except MessageError as error:
             refused += 1
             if refused == 1:

@@ -25,6 +25,7 @@ from tactile_classifier.datasets.archive_layout import (
     decode_text,
     find_arrays,
     LAYOUT,
+    take_unit,
     unpack_signals,
 )
 from tactile_classifier.datasets.archive_quality import describe_doubts, find_unusable
@@ -68,6 +69,8 @@ class LabelledTrials:
     label : ndarray of str, shape (trials,)
     rate_hz : float
         Sample rate [Hz].
+    unit : str
+        Of the signals, such as ``N``; empty: not known.
     columns : mapping of str to ndarray of shape (trials,)
     lengths : ndarray of int, shape (trials,)
         Samples of each trial that count; what follows is padding. Left out: all.
@@ -90,6 +93,7 @@ class LabelledTrials:
     skip_bad: bool = False
     skipped: tuple[Skipped, ...] = ()
     steps: tuple[str, ...] = ()
+    unit: str = ''
 
     def __post_init__(self) -> None:
         if not len(self.lengths):
@@ -279,18 +283,28 @@ def load_archive(
         With a sentence that says what is wrong with the file.
     """
     path = Path(path)
+    return trials_from_arrays(path, read_arrays(path), folds, skip_bad=skip_bad, rate_hz=rate_hz)
+
+
+def read_arrays(path: Path) -> dict[str, Array]:
+    """Return the arrays of an archive by name, none of them looked at.
+
+    Raises
+    ------
+    DatasetError
+        When it is no archive, too large, or holds pickled objects.
+    """
     try:
         with zipfile.ZipFile(path) as archive:
             _check_headers(path, archive)
         with np.load(path, allow_pickle=False) as content:
-            arrays = {name: content[name] for name in content.files}
+            return {name: content[name] for name in content.files}
     except FileNotFoundError:
         raise DatasetError(f'{path} does not exist') from None
     except DatasetError:
         raise
     except Exception as error:  # zipfile, zlib and NumPy each have their own
         raise DatasetError(f'{path} is not a readable .npz archive: {error}') from error
-    return trials_from_arrays(path, arrays, folds, skip_bad=skip_bad, rate_hz=rate_hz)
 
 
 def save_archive(path: Path, trials: LabelledTrials) -> None:
@@ -301,6 +315,8 @@ def save_archive(path: Path, trials: LabelledTrials) -> None:
         'label': trials.label,
         'rate_hz': np.array(trials.rate_hz),
     }
+    if trials.unit:
+        arrays['unit'] = np.array(trials.unit)
     if (trials.lengths != trials.x.shape[2]).any():
         arrays['length'] = trials.lengths
     # Not by numpy.savez: it cannot hold a column that is named as one of its arguments.
@@ -364,6 +380,7 @@ def trials_from_arrays(
             f'label in {path} is {label.dtype} of shape {label.shape}; '
             f'it must be strings or integers of shape ({trials},), one a trial'
         )
+    unit = take_unit(path, arrays)
     if rate.size != 1 or rate.dtype.kind not in 'fiu' or not 0 < float(rate.item()) < math.inf:
         raise DatasetError(f'rate_hz in {path} must be one positive number')
     columns = {}
@@ -382,6 +399,7 @@ def trials_from_arrays(
         np.arange(trials, dtype=np.intp),
         skip_bad,
         steps=steps,
+        unit=unit,
     )
     loaded = loaded.drop(find_unusable(path, x, lengths))
     if folds and len(np.unique(loaded.label)) < 2:

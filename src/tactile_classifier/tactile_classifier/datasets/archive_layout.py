@@ -20,6 +20,7 @@ LAYOUT = """an archive holds, with one entry a trial where not said otherwise:
   x        numbers of shape (trials, channels, samples), or (trials, samples); or X
   label    strings or integers; or y
   rate_hz  one number; or fs, or --rate-hz
+  unit     optional, one string: of x, as in N
   and any further columns
 For trials of unequal length, either pad x with anything and add
   length   samples of each trial that count
@@ -77,6 +78,22 @@ def find_arrays(
         steps.append(f'took the {x.shape} numbers of {path.name} as trials x samples, one channel')
         x = x[:, np.newaxis, :]
     return x, label, rate, tuple(steps)
+
+
+def take_unit(path: Path, arrays: dict[str, Array]) -> str:
+    """Return the unit of the signals, and take it out of the arrays; a column of units stays.
+
+    Raises
+    ------
+    DatasetError
+        When it is no string.
+    """
+    if 'unit' not in arrays or arrays['unit'].ndim:
+        return ''
+    unit = decode_text(path, 'unit', arrays.pop('unit'))
+    if unit.dtype.kind != 'U':
+        raise DatasetError(f'unit in {path} must be one string, as in N')
+    return str(unit.item())
 
 
 def _find_name(key: str, arrays: dict[str, Array]) -> str:

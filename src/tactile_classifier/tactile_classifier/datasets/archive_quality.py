@@ -55,13 +55,19 @@ def describe_doubts(
     Raises
     ------
     DatasetError
-        When every channel of every trial is constant.
+        When every channel of every trial is constant, or all trials hold the same samples.
     """
     # A channel that keeps its first value up to the trial's end is constant.
     padding = np.arange(x.shape[2]) >= lengths[:, None, None]
     constant = ((x == x[:, :, :1]) | padding).all(axis=2)
     if constant.all():
         raise DatasetError(f'{path}: every trial is constant, so it holds no signal')
+    same = lengths[0] == lengths.min() == lengths.max()
+    if same and len(x) > 1 and all(np.array_equal(x[0], trial) for trial in x[1:]):
+        raise DatasetError(
+            f'{path}: all {len(x)} trials hold the same samples, so they were read or written '
+            'wrongly; look at the columns that were taken, and at the separator of a text table'
+        )
     doubts = [
         f'warning: channel {channel} is constant in {_name_rows(rows[flat])}'
         for channel, flat in enumerate(constant.T)

@@ -110,38 +110,48 @@ def folders(tmp_path):
     return tmp_path / 'lab'
 
 
+GERMAN = ('--separator', 'semicolon', '--decimal', ',', '--header-rows', 4)
+
+
 def test_a_file_a_trial_in_folders_named_as_the_label(tmp_path, folders):
-    found, trials = import_json(tmp_path, folders)
+    said = refusal(tmp_path, folders)
+    assert 'likely is --separator semicolon --decimal , --header-rows 4' in said
+    found, trials = import_json(tmp_path, folders, *GERMAN)
     check_holds(trials, column='source', pattern='lab/{label}/{i:02d}.csv')
     assert 'took signal: Kraft [N]; time: Zeit [ms] in ms' in found['notes']
     assert 'label: the folder of each file (pla, rubber)' in found['notes']
 
 
-def test_a_signal_that_could_be_another_column_is_asked_for(tmp_path, folders):
+def test_a_signal_that_could_be_another_column_must_be_stated(tmp_path, folders):
     path = folders / 'pla' / '00.csv'
     path.write_bytes(path.read_bytes().replace(b'21,000', b'21,500', 1))
-    said = refusal(tmp_path, folders)
+    said = refusal(tmp_path, folders, *GERMAN)
     assert 'State it with --column value=NAME' in said
-    assert said.count('\n') <= 8
+    assert said.count('\n') <= 9
     assert 'R1/01.csv' in said
-    _, trials = import_json(tmp_path, folders, '--column', 'value=Kraft [N]')
+    _, trials = import_json(tmp_path, folders, *GERMAN, '--column', 'value=Kraft [N]')
     assert len(trials) == 12
-    _, both = import_json(tmp_path, folders, '--column', 'value=Kraft [N],Temperatur [°C]')
+    _, both = import_json(
+        tmp_path, folders, *GERMAN, '--column', 'value=Kraft [N],Temperatur [°C]'
+    )
     assert both.x.shape[1] == 2
 
 
-def test_labels_from_names_of_files_are_asked_for(tmp_path):
+def test_labels_from_names_of_files_must_be_stated(tmp_path):
     for label, i, time_s, tension_n in all_holds():
         table = np.column_stack([time_s, tension_n])
         np.savetxt(tmp_path / f'{label}_{i:02d}.txt', table, header='time_s force_n')
-    said = refusal(tmp_path, tmp_path)
+    blanks = ('--separator', 'space')
+    said = refusal(tmp_path, tmp_path, *blanks)
     assert 'pla_00.txt would be pla' in said
     assert '--label-from file' in said
-    for how in (['--yes'], ['--label-from', 'file'], ['--label-from', r'/(\w+)_\d+']):
-        _, trials = import_json(tmp_path, *sorted(tmp_path.glob('*.txt')), *how)
+    for how in (['--label-from', 'file'], ['--label-from', r'/(\w+)_\d+']):
+        _, trials = import_json(tmp_path, *sorted(tmp_path.glob('*.txt')), *blanks, *how)
         assert trials.label.tolist() == ['pla'] * 6 + ['rubber'] * 6
     named = r'/(?P<label>\w+)_(?P<turn>\d+)'
-    _, trials = import_json(tmp_path, *sorted(tmp_path.glob('*.txt')), '--label-from', named)
+    _, trials = import_json(
+        tmp_path, *sorted(tmp_path.glob('*.txt')), *blanks, '--label-from', named
+    )
     assert trials.columns['turn'].tolist() == ['00', '01', '02', '03', '04', '05'] * 2
 
 

@@ -5,17 +5,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-import sys
-
 import numpy as np
-import typer
 
+from tactile_bags.recording import Recording
 from tactile_classifier.datasets.archive import save_archive
 from tactile_lab.commands.analysis.requests import ImportRequest
 from tactile_lab.commands.output import Output, refuse_to_replace
-from tactile_lab.datasets.sources.load import load_trials, split_sources
-from tactile_lab.datasets.sources.questions import Questions
 from tactile_ros.errors import TactileError
 
 
@@ -32,14 +27,13 @@ def run_import(request: ImportRequest, *, as_json: bool) -> None:
     if archive.suffix != '.npz':
         raise TactileError(f'--output is {archive}; the name of an archive ends in .npz')
     refuse_to_replace([archive], force=request.force)
-    own, leaves = split_sources(request.recordings, request.sources)
-    if own:
-        raise TactileError(
-            f'{own[0]} is a bag with trial events: train, evaluate and features take it as it is'
-        )
-    asks = not (as_json or request.yes) and sys.stdin.isatty()
-    questions = Questions(_ask if asks else None, request.yes)
-    trials = load_trials(leaves, request.sources, questions, folds=0, skip_bad=request.skip_bad)
+    with Recording.load(request.recordings, request.sources) as recording:
+        if recording.is_own:
+            raise TactileError(
+                f'{recording.paths[0]} is a bag with trial events: train, evaluate and features '
+                'take it as it is'
+            )
+        trials = recording.to_arrays(skip_bad=request.skip_bad)
     for line in trials.steps:
         output.say(line, plain=True)
     for each in trials.skipped:
@@ -74,8 +68,3 @@ def run_import(request: ImportRequest, *, as_json: bool) -> None:
             'skipped': [{'row': each.row, 'reason': each.reason} for each in trials.skipped],
         }
     )
-
-
-def _ask(question: str, choices: Sequence[str], guess: str) -> str:
-    offered = f' ({", ".join(choices[:12])})' if choices else ''
-    return str(typer.prompt(f'{question}{offered}', default=guess or None, err=True)).strip()

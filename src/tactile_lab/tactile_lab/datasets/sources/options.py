@@ -5,15 +5,11 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-import re
 from typing import Annotated, Optional
 
 import typer
 
-from tactile_lab.datasets.sources.questions import SourceError
-
-ROLES = ('time', 'trial', 'label', 'value')
-"""Possible roles of a column of a table."""
+from tactile_bags.sources import files
 
 _OTHERS = 'Recordings of others'
 
@@ -28,8 +24,8 @@ SkipBadOption = Annotated[
 
 
 @dataclass(frozen=True)
-class SourceOptions:
-    """Statements about recordings; each is empty or None where nothing is stated."""
+class SourceOptions(files.SourceOptions):
+    """The statements about recordings as options of a command."""
 
     columns: Annotated[
         Optional[list[str]],
@@ -51,6 +47,13 @@ class SourceOptions:
             help='Sample rate in Hz of recordings without times. With times it must fit them.',
         ),
     ] = None
+    unit: Annotated[
+        str,
+        typer.Option(
+            rich_help_panel=_OTHERS,
+            help='Unit of the signal where no heading says it, as in --unit mN.',
+        ),
+    ] = ''
     label: Annotated[
         str, typer.Option(rich_help_panel=_OTHERS, help='The label of all these trials.')
     ] = ''
@@ -87,46 +90,28 @@ class SourceOptions:
             'several with commas are several channels.',
         ),
     ] = ''
-
-    @property
-    def roles(self) -> dict[str, tuple[str, ...]]:
-        """Names of columns by role.
-
-        Raises
-        ------
-        SourceError
-            When a text is not ``ROLE=NAME``.
-        """
-        roles: dict[str, tuple[str, ...]] = {}
-        for text in self.columns or ():
-            role, _, names = text.partition('=')
-            if role not in ROLES or not names:
-                raise SourceError(
-                    f'--column is "{text}"; it must be ROLE=NAME with a role of '
-                    f'{", ".join(ROLES)}, as in --column value=force_n'
-                )
-            roles[role] = tuple(name.strip() for name in names.split(','))
-        return roles
-
-    def compile_label_pattern(self) -> re.Pattern[str] | None:
-        """Return ``label_from`` as a pattern; None where it is none.
-
-        Raises
-        ------
-        SourceError
-            When it is no regular expression with a group.
-        """
-        if self.label_from in ('', 'folder', 'file'):
-            return None
-        try:
-            pattern = re.compile(self.label_from)
-        except re.error as error:
-            raise SourceError(
-                f'--label-from: "{self.label_from}" is no pattern: {error}'
-            ) from error
-        if not pattern.groups:
-            raise SourceError(
-                f'--label-from: "{self.label_from}" must be folder, file, or a regular '
-                r'expression with the label in brackets, as in "(\w+)_\d+"'
-            )
-        return pattern
+    separator: Annotated[
+        str,
+        typer.Option(
+            rich_help_panel=_OTHERS,
+            help='What stands between the columns of a text table: comma, semicolon, tab, space, '
+            'or the character. Default: comma; in .tsv a tab. LabVIEW files (.lvm) state it.',
+        ),
+    ] = ''
+    decimal: Annotated[
+        str,
+        typer.Option(
+            rich_help_panel=_OTHERS,
+            help='Decimal mark of a text table, . or , as in --decimal , . Default: a point.',
+        ),
+    ] = ''
+    header_rows: Annotated[
+        Optional[int],
+        typer.Option(
+            min=0,
+            max=1000,
+            rich_help_panel=_OTHERS,
+            help='Lines of a text table above its numbers. The last one names the columns; one '
+            'with their units may follow. Default: 1.',
+        ),
+    ] = None

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_lab.datasets.sources.questions import LAYOUT, Questions, SourceError
+from tactile_bags.sources.files import LAYOUT, Notes, SourceError
 
 GAP_PERIODS = 3.5
 """Longest pause between samples that is filled by a straight line, in periods: two are lost."""
@@ -21,7 +21,7 @@ GAP_PERIODS = 3.5
 RATE_TOLERANCE = 0.01
 """Largest relative difference between a stated rate and that of the stamps."""
 
-RESERVED = ('x', 'rate_hz', 'length', 'offsets')
+RESERVED = ('x', 'rate_hz', 'length', 'offsets', 'unit')
 """Names of arrays that are no columns in an archive."""
 
 Floats = NDArray[np.float64]
@@ -41,16 +41,36 @@ class RawTrial:
         Time of each sample, from any zero [s]; None where the source has no times.
     columns : mapping of str to str, int, float or bool
         What is known of it: ``label``, ``source``, and others.
+    channels, units : tuple of str
+        Name and unit of each channel, where they are known; a unit may be empty.
+    stated_rate_hz : float, optional
+        Sample rate that the source states [Hz].
     """
 
     name: str
     values: Floats
     time_s: Floats | None = None
     columns: Mapping[str, Any] = field(default_factory=dict)
+    channels: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+    stated_rate_hz: float | None = None
+
+    @property
+    def unit(self) -> str:
+        """The unit of all channels; empty: it is not known, or they have several."""
+        return self.units[0] if len(set(self.units)) == 1 else ''
+
+    @property
+    def rate_hz(self) -> float | None:
+        """The sample rate that the source or the stamps say [Hz]; None: neither does."""
+        if self.stated_rate_hz is not None:
+            return self.stated_rate_hz
+        period_s = _period_s(self.time_s)
+        return _round_rate(1.0 / period_s) if period_s > 0.0 else None
 
 
 def arrays_from_trials(
-    trials: Sequence[RawTrial], rate_hz: float | None, questions: Questions, *, skip_bad: bool
+    trials: Sequence[RawTrial], rate_hz: float | None, notes: Notes, *, skip_bad: bool
 ) -> dict[str, NDArray[Any]]:
     """Return ``x``, ``label``, ``rate_hz``, ``length`` and columns, as an archive holds them.
 
@@ -61,7 +81,7 @@ def arrays_from_trials(
     ----------
     rate_hz : float or None
         The stated rate [Hz]; None: that of the stamps.
-    questions : Questions
+    notes : Notes
         Is told what was done.
     skip_bad : bool
         Leave out trials with pauses or without a second sample; otherwise they are refused.
@@ -73,7 +93,7 @@ def arrays_from_trials(
     """
     if not trials:
         raise SourceError(f'there are no trials\n{LAYOUT}')
-    rate_hz = _choose_rate(trials, rate_hz, questions)
+    rate_hz = _choose_rate(trials, rate_hz, notes)
     kept: list[RawTrial] = []
     signals: list[Floats] = []
     filled = 0
@@ -83,13 +103,13 @@ def arrays_from_trials(
         except SourceError as error:
             if not skip_bad:
                 raise SourceError(f'{error}; --skip-bad leaves such trials out') from error
-            questions.note(f'left out: {error}')
+            notes.add(f'left out: {error}')
             continue
         kept.append(trial)
         signals.append(values)
         filled += changed
     if filled:
-        questions.note(
+        notes.add(
             f'{filled} of {len(trials)} trials have uneven stamps or lost samples: interpolated '
             f'by straight lines to an even {rate_hz:g} Hz'
         )
@@ -105,13 +125,20 @@ def arrays_from_trials(
     x = np.zeros((len(kept), channels.pop(), int(lengths.max())))
     for row, values in enumerate(signals):
         x[row, :, : values.shape[1]] = values
-    arrays = {'x': x, 'rate_hz': np.array(rate_hz), **_join_columns(kept, questions)}
+    arrays = {
+        'x': x,
+        'rate_hz': np.array(rate_hz),
+        **join_columns([(t.columns, t.name) for t in kept], notes),
+    }
     if (lengths != lengths[0]).any():
         arrays['length'] = lengths
     return arrays
 
 
-def _choose_rate(trials: Sequence[RawTrial], rate_hz: float | None, questions: Questions) -> float:
+def _choose_rate(trials: Sequence[RawTrial], rate_hz: float | None, notes: Notes) -> float:
+    stated = {trial.stated_rate_hz for trial in trials}
+    if rate_hz is None and len(stated) == 1 and (one := stated.pop()) is not None:
+        return one
     found = [(1.0 / period_s, t) for t in trials if (period_s := _period_s(t.time_s)) > 0.0]
     if not found:
         if rate_hz is None:
@@ -132,12 +159,12 @@ def _choose_rate(trials: Sequence[RawTrial], rate_hz: float | None, questions: Q
         return rate_hz
     groups = _group_by_rate(rates)
     if len(groups) > 1:
-        told = _tell_rates([(rate, [found[i][1] for i in rows]) for rate, rows in groups])
+        told = _format_rates([(rate, [found[i][1] for i in rows]) for rate, rows in groups])
         raise SourceError(
             f'the trials have different rates: {told}; take the recordings of one rate at a time'
         )
     rate_hz = _round_rate(float(np.median(rates)))
-    questions.note(f'rate: {rate_hz:g} Hz, from the stamps')
+    notes.add(f'rate: {rate_hz:g} Hz, from the stamps')
     return rate_hz
 
 
@@ -152,7 +179,7 @@ def _group_by_rate(rates: Floats) -> list[tuple[float, NDArray[np.intp]]]:
     return sorted(groups, key=lambda group: -len(group[1]))
 
 
-def _tell_rates(groups: Sequence[tuple[float, Sequence[RawTrial]]]) -> str:
+def _format_rates(groups: Sequence[tuple[float, Sequence[RawTrial]]]) -> str:
     """Return each rate with its files; with its trials where one file has several rates."""
     sources = [{str(t.columns.get('source', '')) for t in trials} for _, trials in groups]
     is_of_one_rate = len(set().union(*sources)) == sum(map(len, sources))
@@ -210,19 +237,32 @@ def _make_even(trial: RawTrial, rate_hz: float) -> tuple[Floats, bool]:
     return np.stack([np.interp(grid, places, channel) for channel in trial.values]), True
 
 
-def _join_columns(trials: Sequence[RawTrial], questions: Questions) -> dict[str, NDArray[Any]]:
-    """Return the columns that every trial has, the label among them."""
-    shared = [name for name in trials[0].columns if all(name in t.columns for t in trials)]
-    lost = sorted({name for trial in trials for name in trial.columns} - set(shared))
-    if lost:
-        questions.note(f'left out, not known of every trial: {", ".join(lost)}')
+def join_columns(
+    trials: Sequence[tuple[Mapping[str, Any], str]], notes: Notes | None = None
+) -> dict[str, NDArray[Any]]:
+    """Return the columns that every trial has, the label and the name of the trial among them.
+
+    Parameters
+    ----------
+    trials : sequence of (mapping, str)
+        What is known of each trial, and its name.
+    notes : Notes, optional
+        Is told what was left out.
+    """
+    first = trials[0][0]
+    shared = [name for name in first if all(name in columns for columns, _ in trials)]
+    lost = sorted({name for columns, _ in trials for name in columns} - set(shared))
+    if lost and notes is not None:
+        notes.add(f'left out, not known of every trial: {", ".join(lost)}')
     # The names that an archive gives a meaning are not those of columns.
-    columns = {
-        f'{name}_' if name in RESERVED else name: np.array([t.columns[name] for t in trials])
+    found = {
+        f'{name}_' if name in RESERVED else name: np.array(
+            [columns[name] for columns, _ in trials]
+        )
         for name in shared
     }
-    if 'session' in columns and 'session_id' not in columns:
-        columns['session_id'] = columns.pop('session')  # the name that splits look for
-    columns['trial'] = np.array([trial.name for trial in trials])
-    columns['label'] = columns['label'].astype(str)
-    return columns
+    if 'session' in found and 'session_id' not in found:
+        found['session_id'] = found.pop('session')  # the name that splits look for
+    found['trial'] = np.array([name for _, name in trials])
+    found['label'] = found['label'].astype(str)
+    return found

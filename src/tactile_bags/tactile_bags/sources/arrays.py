@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reads ``.npy`` files: all trials with their labels beside them, or a file a trial."""
+"""Trials of ``.npy`` files: all with their labels beside them, or a file a trial."""
 
 from __future__ import annotations
 
@@ -13,12 +13,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tactile_bags.sources.files import (
+    decode_text,
+    LAYOUT,
+    Leaf,
+    name_labels,
+    Notes,
+    SourceError,
+    SourceOptions,
+)
+from tactile_bags.sources.raw_trials import RawTrial
 from tactile_classifier.datasets.archive import MAX_ARCHIVE_BYTES
-from tactile_lab.datasets.sources.leaves import Leaf, name_labels
-from tactile_lab.datasets.sources.options import SourceOptions
-from tactile_lab.datasets.sources.questions import LAYOUT, Questions, SourceError
-from tactile_lab.datasets.sources.raw_trials import RawTrial
-from tactile_lab.datasets.sources.table_files import decode_text
 
 _LABEL_SUFFIXES = ('.npy', '.txt', '.csv')
 
@@ -78,7 +83,7 @@ def _read_lines(path: Path) -> NDArray[np.str_]:
 
 
 def read_array_trials(
-    leaves: Sequence[Leaf], options: SourceOptions, questions: Questions
+    leaves: Sequence[Leaf], options: SourceOptions, notes: Notes
 ) -> list[RawTrial]:
     """Read a file a trial, of shape (samples,) or (channels, samples).
 
@@ -93,7 +98,7 @@ def read_array_trials(
             f'name their file with --labels\n{LAYOUT}'
         )
     trials = []
-    named = name_labels(leaves, options, questions)
+    named = name_labels(leaves, options, notes)
     for leaf, columns in zip(leaves, named, strict=True):
         values = _load_array(leaf.path)
         if values.ndim not in (1, 2) or values.dtype.kind not in 'fiub' or not values.size:
@@ -103,7 +108,7 @@ def read_array_trials(
             )
         values = np.atleast_2d(values).astype(np.float64)
         if len(values) > values.shape[1]:
-            questions.note('took the longer side of an array as its samples')
+            notes.add('took the longer side of an array as its samples')
             values = values.T
         trials.append(RawTrial(leaf.name, values, None, {**columns, 'source': leaf.name}))
     return trials

@@ -7,17 +7,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_bags import EVENT, JOINT_STATE, STRAIN, TactileBag, WRENCH
-from tactile_lab.datasets.sources.leaves import Leaf, name_labels
-from tactile_lab.datasets.sources.options import SourceOptions
-from tactile_lab.datasets.sources.questions import Questions, SourceError
-from tactile_lab.datasets.sources.raw_trials import RawTrial
+from tactile_bags.bag_reader import TactileBag
+from tactile_bags.recorded_topics import JOINT_STATE, STRAIN, WRENCH
+from tactile_bags.sources.files import (
+    ambiguity,
+    Leaf,
+    name_labels,
+    Notes,
+    SourceError,
+    SourceOptions,
+)
+from tactile_bags.sources.raw_trials import RawTrial
 
 FLOATS = ('std_msgs/msg/Float64', 'std_msgs/msg/Float32')
 TYPES = (WRENCH, *FLOATS, JOINT_STATE, STRAIN)
@@ -30,21 +35,8 @@ Samples = list[tuple[int, float]]
 """Stamps [ns] and values."""
 
 
-def is_own(path: Path) -> bool:
-    """Return whether a bag has strain and trial events of ours, which say what a trial is.
-
-    Raises
-    ------
-    BagError
-        When it is no readable bag.
-    """
-    with TactileBag(path, needs_strain=False) as bag:
-        counts = {type_name: count for type_name, count in bag.topics.values() if count}
-        return STRAIN in counts and EVENT in counts
-
-
 def read_bag_trials(
-    leaves: Sequence[Leaf], options: SourceOptions, questions: Questions
+    leaves: Sequence[Leaf], options: SourceOptions, notes: Notes
 ) -> list[RawTrial]:
     """Read bags of which each is one trial.
 
@@ -57,50 +49,53 @@ def read_bag_trials(
     BagError
         When a bag cannot be read.
     """
-    named = name_labels(leaves, options, questions)
+    named = name_labels(leaves, options, notes)
     topic, fields = options.topic, [f.strip() for f in options.field.split(',') if f.strip()]
     trials = []
     for leaf, columns in zip(leaves, named, strict=True):
         with TactileBag(leaf.path, needs_strain=False) as bag:
-            topic = topic or _choose_topic(bag, questions)
+            topic = topic or _choose_topic(bag)
             found = bag.topics.get(topic)
             if found is None or found[0] not in TYPES:
                 raise SourceError(
-                    f'{leaf.path} has no topic {topic} of a known type; it has: {_describe(bag)}'
+                    f'{leaf.path} has no topic {topic} of a known type; it has: '
+                    f'{_format_topics(bag)}'
                 )
             of_topic = [m for m in bag.messages(found[0]) if m.topic == topic]
             messages = [m.decode() for m in of_topic]
             received = [m.received_at_ns for m in of_topic]
         if not messages:
             raise SourceError(f'{leaf.path}: there are no messages on {topic}')
-        fields = fields or _choose_fields(found[0], messages[0], questions)
+        fields = fields or _choose_fields(found[0], messages[0])
         values, stamps_ns = _read_fields(leaf, found[0], fields, messages, received)
-        values, stamps_ns = _put_in_order(values, stamps_ns, questions)
+        values, stamps_ns = _put_in_order(values, stamps_ns, notes)
         time_s = (stamps_ns - stamps_ns[0]) * 1e-9
-        trials.append(RawTrial(leaf.name, values, time_s, {**columns, 'source': leaf.name}))
-    questions.note(f'took {", ".join(fields)} of the messages on {topic}; a bag is a trial')
+        known = {**columns, 'source': leaf.name}
+        units = tuple(_unit(found[0], field) for field in fields)
+        trials.append(RawTrial(leaf.name, values, time_s, known, tuple(fields), units))
+    notes.add(f'took {", ".join(fields)} of the messages on {topic}; a bag is a trial')
     return trials
 
 
-def _describe(bag: TactileBag) -> str:
+def _format_topics(bag: TactileBag) -> str:
     return ', '.join(f'{name} ({kind})' for name, (kind, _) in sorted(bag.topics.items()))
 
 
-def _choose_topic(bag: TactileBag, questions: Questions) -> str:
+def _choose_topic(bag: TactileBag) -> str:
     found = [name for name, (kind, count) in sorted(bag.topics.items()) if kind in TYPES and count]
     if not found:
         raise SourceError(
             f'{bag.path} has no messages with a force ({", ".join(TYPES)}); it has: '
-            f'{_describe(bag)}'
+            f'{_format_topics(bag)}'
         )
     if len(found) == 1:
         return str(found[0])
-    return questions.choose(
+    raise ambiguity(
         f'{bag.path} has several topics with a force', found, '--topic NAME', with_layout=False
     )
 
 
-def _choose_fields(type_name: str, message: Any, questions: Questions) -> list[str]:
+def _choose_fields(type_name: str, message: Any) -> list[str]:
     if type_name in FLOATS:
         return ['data']
     if type_name == STRAIN:
@@ -110,13 +105,12 @@ def _choose_fields(type_name: str, message: Any, questions: Questions) -> list[s
         choices = tuple(f'effort.{name}' for name in message.name)
         if len(choices) == 1:
             return list(choices)
-    answer = questions.choose(
+    raise ambiguity(
         f'which field of {type_name} is the signal is not known',
         choices,
         '--field NAME[,NAME...]',
         with_layout=False,
     )
-    return [name.strip() for name in answer.split(',')]
 
 
 def _read_fields(
@@ -157,6 +151,15 @@ def _stamp_ns(message: Any, received_at_ns: int) -> int:
     return (header.stamp.sec * 10**9 + header.stamp.nanosec) or received_at_ns
 
 
+def _unit(type_name: str, field: str) -> str:
+    """Return the unit that the definition of the message states; empty: it states none."""
+    if type_name == STRAIN:
+        return 'N'
+    if type_name != WRENCH:
+        return ''
+    return 'N' if field.removeprefix('wrench.').startswith('force') else 'N m'
+
+
 def _find_reader(type_name: str, field: str) -> Callable[[Any], float]:
     part, _, rest = field.removeprefix('wrench.').partition('.')
     if type_name in FLOATS and field == 'data':
@@ -176,12 +179,12 @@ def _norm(vector: Any) -> float:
 
 
 def _put_in_order(
-    values: NDArray[np.float64], stamps_ns: NDArray[np.int64], questions: Questions
+    values: NDArray[np.float64], stamps_ns: NDArray[np.int64], notes: Notes
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return samples by their stamps, each stamp once."""
     in_order, first = np.unique(stamps_ns, return_index=True)
     if len(in_order) < len(stamps_ns):
-        questions.note('left out messages whose stamp came before: the first one counts')
+        notes.add('left out messages whose stamp came before: the first one counts')
     if (np.diff(first) < 0).any():
-        questions.note('messages that came out of order were put in the order of their stamps')
+        notes.add('messages that came out of order were put in the order of their stamps')
     return values[:, first], in_order

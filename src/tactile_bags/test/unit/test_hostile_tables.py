@@ -8,8 +8,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from tactile_lab.datasets.sources.questions import SourceError
-from tactile_lab.datasets.sources.table_files import read_table
+from tactile_bags.sources.files import SourceError
+from tactile_bags.sources.table_files import read_table
 
 
 def test_numbers_that_runs_pack_without_limit_are_counted_before_they_are_read(tmp_path):
@@ -63,9 +63,9 @@ def test_a_long_text_in_a_csv_is_refused_too(tmp_path):
         read_table(path)
 
 
-def test_a_field_beyond_the_limit_of_csv_is_one_sentence(tmp_path):
+def test_a_name_beyond_the_limit_of_csv_is_one_sentence(tmp_path):
     path = tmp_path / 'field.csv'
-    path.write_text(f'force_n,note\n1.0,{"x" * 140_000}\n')
+    path.write_text(f'force_n,{"x" * 140_000}\n1.0,2.0\n')
     with pytest.raises(SourceError, match=r'field\.csv cannot be read as a table: field larger'):
         read_table(path)
 

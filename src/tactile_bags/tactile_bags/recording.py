@@ -1,0 +1,607 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A recording: read once, and everything else is a function of it.
+
+```python
+recording = Recording.load('bags')
+for trial in recording.trials:
+    trial.label, trial.session_id, trial.why_not, trial.signal, trial.events, trial.answers
+```
+
+It may be one of our bags, several, an experiment's folder, an archive (``.npz``), files or folders
+of CSV, Parquet and ``.npy``, bags of others, or a list file of these.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_bags.bag_reader import BagMessage, TactileBag
+from tactile_bags.errors import BagDamageError
+from tactile_bags.experiment_journal import Correction, experiment_of, read_corrections
+from tactile_bags.message_records import KeptMessage, read_records, RECORDED_TYPES
+from tactile_bags.recorded_setup import nominal_rate_hz
+from tactile_bags.recorded_topics import CLASSIFICATION, EVENT, STRAIN
+from tactile_bags.sources.files import find_leaves, Kind, Leaf, Notes, SourceError, SourceOptions
+from tactile_bags.sources.raw_trials import arrays_from_trials, RawTrial
+from tactile_bags.trial import Signal, Trial
+from tactile_classifier.datasets.archive import (
+    LabelledTrials,
+    read_arrays,
+    trials_from_arrays,
+)
+from tactile_features.records import PHASE_ABORTED, PHASE_DONE, TrialEvent
+
+if TYPE_CHECKING:
+    import pyarrow
+
+MAX_KEPT_BYTES = 2**28
+"""Largest bag whose messages are kept in memory [byte]; those of a larger one are read anew."""
+
+OWN = 'bags with trial events'
+"""Kind of a recording of our own bags; others are `Kind` values."""
+
+
+class RecordedBag(TactileBag):
+    """A bag of ours that is read once: messages and their records are kept.
+
+    Its events carry the labels and the names of sessions that the experiment's journal and the
+    other recordings demand. Whatever takes a `TactileBag` takes it, and opens no file.
+
+    Parameters
+    ----------
+    path : Path
+    needs_strain : bool
+        Refuse a bag without strain blocks.
+    """
+
+    def __init__(self, path: Path, *, needs_strain: bool = True) -> None:
+        super().__init__(path, needs_strain=needs_strain)
+        self.corrections: Mapping[str, Correction] = {}
+        self._prefix = ''
+        self._kept: list[BagMessage] | None = None
+        self._damage: BagDamageError | None = None
+        self._strain: dict[str, tuple[NDArray[Any], ...]] = {}
+
+    def messages(
+        self, *type_names: str, namespace: str | None = None, since_ns: int = 0
+    ) -> Iterator[BagMessage]:
+        """Yield messages as `TactileBag.messages` does; those of our types from memory."""
+        is_kept = bool(type_names) and set(type_names) <= set(RECORDED_TYPES)
+        if not is_kept or since_ns or not self._keep(type_names):
+            yield from super().messages(*type_names, namespace=namespace, since_ns=since_ns)
+            return
+        chosen = self.choose_topics(type_names, namespace)
+        yield from (message for message in self._kept or () if message.topic in chosen)
+        if self._damage is not None:
+            raise self._damage
+
+    def _keep(self, type_names: Sequence[str]) -> bool:
+        """Read the messages of our types, once; return whether those asked for are there."""
+        known = [name for name in RECORDED_TYPES if name not in self.foreign]
+        if not set(type_names) <= set(known) or self.size_bytes > MAX_KEPT_BYTES:
+            return False
+        if self._kept is None:
+            self._kept = []
+            try:
+                for m in super().messages(*known):
+                    self._kept.append(
+                        KeptMessage(
+                            m.topic,
+                            m.type_name,
+                            m.received_at_ns,
+                            m.data,
+                            m.store,
+                            self._correct if m.type_name == EVENT and self._is_changed else None,
+                        )
+                    )
+            except BagDamageError as error:
+                self._damage = error
+        return True
+
+    @property
+    def is_own(self) -> bool:
+        """True where strain and trial events of ours say what a trial is."""
+        counts = {type_name: count for type_name, count in self.topics.values() if count}
+        return STRAIN in counts and EVENT in counts
+
+    def correct(self, corrections: Mapping[str, Correction], prefix: str = '') -> None:
+        """Correct what is read from now on.
+
+        Parameters
+        ----------
+        corrections : mapping of str to Correction
+            By trial id.
+        prefix : str
+            Put before the names of sessions and mountings, which keeps those of experiments
+            apart.
+        """
+        self.corrections, self._prefix, self._kept = corrections, prefix, None
+
+    @property
+    def _is_changed(self) -> bool:
+        return bool(self._prefix) or any(each.label for each in self.corrections.values())
+
+    def _correct(self, event: TrialEvent) -> TrialEvent:
+        correction = self.corrections.get(event.trial_id, Correction())
+        return replace(
+            event,
+            object_label=correction.label or event.object_label,
+            session_id=self._prefix + event.session_id,
+            mounting_id=self._prefix + event.mounting_id if event.mounting_id else '',
+        )
+
+    def strain(self, namespace: str = '') -> tuple[NDArray[Any], ...]:
+        """Return stamps [ns], tension [N] and status of all samples of a finger."""
+        if namespace not in self._strain:
+            stamps: list[NDArray[np.int64]] = [np.empty(0, dtype=np.int64)]
+            values: list[NDArray[np.float64]] = [np.empty(0)]
+            status: list[NDArray[np.intp]] = [np.empty(0, dtype=np.intp)]
+            for _, block in read_records(self.messages(STRAIN, namespace=namespace)):
+                count = len(block.tension_n)
+                stamps.append(block.stamp_ns + np.arange(count) * block.period_ns)
+                values.append(np.asarray(block.tension_n, dtype=np.float64))
+                status.append(np.full(count, int(block.status), dtype=np.intp))
+            self._strain[namespace] = (
+                np.concatenate(stamps),
+                np.concatenate(values),
+                np.concatenate(status),
+            )
+        return self._strain[namespace]
+
+    def signal_between(self, namespace: str, start_ns: int, end_ns: int) -> Signal:
+        """Return the samples from ``start_ns`` to ``end_ns``; time counts from the start."""
+        stamps_ns, tension_n, status = self.strain(namespace)
+        inside = (stamps_ns >= start_ns) & (stamps_ns <= end_ns)
+        return Signal(
+            1e-9 * (stamps_ns[inside] - start_ns),
+            tension_n[inside][np.newaxis],
+            ('tension_n',),
+            'N',
+            self.rate_hz(namespace),
+            status[inside],
+        )
+
+    def rate_hz(self, namespace: str) -> float | None:
+        """Return the sample rate that the recording states, or else its stamps [Hz]."""
+        return nominal_rate_hz(self, namespace) or self._measured_rate_hz(namespace)
+
+    def _measured_rate_hz(self, namespace: str) -> float | None:
+        stamps_ns = self.strain(namespace)[0]
+        return RawTrial('', np.empty((1, 0)), 1e-9 * (stamps_ns - stamps_ns[:1])).rate_hz
+
+    def trials(self, namespace: str) -> list[Trial]:
+        """Return the trials of a finger in the order of their first events."""
+        found: list[list[TrialEvent]] = []
+        running: dict[str, list[TrialEvent]] = {}
+        for _, event in read_records(self.messages(EVENT, namespace=namespace)):
+            if event.trial_id not in running:
+                running[event.trial_id] = []
+                found.append(running[event.trial_id])
+            running[event.trial_id].append(event)
+            if event.phase in (PHASE_DONE, PHASE_ABORTED):
+                del running[event.trial_id]  # what follows is another trial of that name
+        return [self._make_trial(namespace, events) for events in found]
+
+    def _make_trial(self, namespace: str, events: Sequence[TrialEvent]) -> Trial:
+        first, last = events[0], events[-1]
+        simulated = self.metadata.get('simulated') is True or any(e.simulated for e in events)
+        known = {
+            'session_id': first.session_id,
+            'mounting_id': first.mounting_id,
+            'contact': first.contact,
+            'task': first.protocol,
+            'glide_speed_m_s': max(event.glide_speed_m_s for event in events),
+            'simulated': simulated,
+            'bag': str(self.path),
+            'namespace': namespace,
+        }
+        return Trial(
+            name=first.trial_id,
+            source=str(self.path),
+            label=first.object_label,
+            session_id=first.session_id,
+            mounting_id=first.mounting_id,
+            contact=first.contact,
+            task=first.protocol,
+            namespace=namespace,
+            why_not=self._find_why_not(events),
+            columns=known,
+            events=tuple(events),
+            begin_ns=first.stamp_ns,
+            load_signal=lambda: self.signal_between(namespace, first.stamp_ns, last.stamp_ns),
+            load_answers=lambda: tuple(
+                answer
+                for _, answer in read_records(self.messages(CLASSIFICATION, namespace=namespace))
+                if answer.trial_id == first.trial_id
+                and first.stamp_ns <= answer.window_start_ns <= last.stamp_ns
+            ),
+        )
+
+    def _find_why_not(self, events: Sequence[TrialEvent]) -> str:
+        first, last = events[0], events[-1]
+        if why_not := self.corrections.get(first.trial_id, Correction()).why_not:
+            return why_not
+        if last.phase == PHASE_ABORTED:
+            return f'the trial was aborted: {last.message or "no reason given"}'
+        if len(events) < 2:
+            return 'the recording ends at its first event'
+        return '' if first.object_label else 'the trial has no label'
+
+
+class Recording:
+    """Trials of one or several recordings. A context manager; closed, it reads no more.
+
+    Make one by `load`.
+
+    Attributes
+    ----------
+    kind : str
+        `OWN`, or a value of `Kind`: ``archive``, ``array``, ``table``, ``bag`` (of others).
+    name : str
+        Of the first named path.
+    paths : tuple of Path
+        Bags and files that were read.
+    bags : tuple of RecordedBag
+        Our own bags, open; whatever takes a `TactileBag` takes them.
+    notes : list of str
+        What could not be known, then what was taken for what.
+    """
+
+    def __init__(
+        self,
+        kind: str,
+        name: str,
+        paths: Sequence[Path],
+        *,
+        bags: Sequence[RecordedBag] = (),
+        arrays: Mapping[str, NDArray[Any]] | None = None,
+        raw: Sequence[RawTrial] = (),
+        options: SourceOptions | None = None,
+        notes: Notes | None = None,
+    ) -> None:
+        self.kind = kind
+        self.name = name
+        self.paths = tuple(paths)
+        self.bags = tuple(bags)
+        self._arrays = arrays
+        self._raw = tuple(raw)
+        self._options = options or SourceOptions()
+        self._found = notes or Notes()
+
+    @classmethod
+    def load(
+        cls, paths: str | Path | Sequence[str | Path], options: SourceOptions | None = None
+    ) -> Recording:
+        """Read a recording.
+
+        Parameters
+        ----------
+        paths : path or sequence of paths
+            All of one kind.
+        options : SourceOptions, optional
+            Statements about what the recording does not say; our own bags need none.
+
+        Raises
+        ------
+        SourceError
+            When it holds no recording, or something is not known of it.
+        BagError, DatasetError
+            When a bag or an archive cannot be read.
+        """
+        options = options or SourceOptions()
+        named = [paths] if isinstance(paths, (str, Path)) else paths
+        leaves = find_leaves([Path(path) for path in named])
+        own = _open_own(leaves, options)
+        if own:
+            files = [bag.path for bag in own]
+            return cls(OWN, leaves[0].root.name, files, bags=own, options=options)
+        kinds = {leaf.kind for leaf in leaves}
+        if len(kinds) > 1:
+            raise SourceError(
+                f'these are recordings of several kinds: {_examples(leaves)}; import each kind '
+                'apart'
+            )
+        (kind,) = kinds
+        notes = Notes()
+        arrays, raw = _read_others(kind, leaves, options, notes)
+        files = [leaf.path for leaf in leaves]
+        root = leaves[0].root if raw else leaves[0].path
+        return cls(
+            kind.value, root.name or str(root), files, arrays=arrays, raw=raw, options=options,
+            notes=notes,
+        )  # fmt: skip
+
+    def __enter__(self) -> Recording:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the bags. Harmless when called twice."""
+        for bag in self.bags:
+            bag.close()
+
+    @property
+    def is_own(self) -> bool:
+        """True for our own bags, which state phases and features."""
+        return self.kind == OWN
+
+    @cached_property
+    def trials(self) -> tuple[Trial, ...]:
+        """All trials; those with ``why_not`` do not count."""
+        if self.is_own:
+            fingers = ((bag, namespace) for bag in self.bags for namespace in bag.namespaces)
+            return tuple(t for bag, namespace in fingers for t in bag.trials(namespace))
+        if self._raw:
+            return tuple(self._raw_trial(raw) for raw in self._raw)
+        return self._archive_trials()
+
+    @property
+    def unit(self) -> str:
+        """Unit of all signals; empty: it is not known, or they have several."""
+        if self.is_own:
+            return 'N'
+        if self._options.unit:
+            return self._options.unit
+        if self._raw:
+            units = {raw.unit for raw in self._raw}
+            return units.pop() if len(units) == 1 else ''
+        return self._whole.unit
+
+    @property
+    def notes(self) -> list[str]:
+        """What could not be known, in the first line; then what was taken for what."""
+        unknown = list(self._found.unknown)
+        if not self.unit:
+            unknown.append('unit of the signal (--unit N)')
+        if self._raw and self._options.rate_hz is None and not any(r.rate_hz for r in self._raw):
+            unknown.append('sample rate (--rate-hz)')
+        first = [f'not known: {", ".join(unknown)}'] if unknown else []
+        return [*first, *self._found.lines]
+
+    def records(self, type_name: str, namespace: str | None = None) -> Iterator[Any]:
+        """Yield the records of a type of message, of one finger or all, bag by bag."""
+        for bag in self.bags:
+            for _, record in read_records(bag.messages(type_name, namespace=namespace)):
+                yield record
+
+    # -- trials of others ------------------------------------------------------------------
+
+    @cached_property
+    def _whole(self) -> LabelledTrials:
+        """An archive with all trials that can be used."""
+        assert self._arrays is not None
+        return self._from_arrays(folds=0, skip_bad=True)
+
+    def _from_arrays(self, *, folds: int, skip_bad: bool) -> LabelledTrials:
+        trials = trials_from_arrays(
+            self.paths[0],
+            dict(self._arrays or {}),
+            folds,
+            skip_bad=skip_bad,
+            rate_hz=self._options.rate_hz,
+        )
+        return replace(trials, unit=self._options.unit or trials.unit)
+
+    def _raw_trial(self, raw: RawTrial) -> Trial:
+        def load() -> Signal:
+            rate_hz = self._options.rate_hz or raw.rate_hz
+            time_s = raw.time_s
+            if time_s is None and rate_hz is not None:
+                time_s = np.arange(raw.values.shape[1]) / rate_hz
+            names = raw.channels or tuple(f'channel_{i}' for i in range(len(raw.values)))
+            return Signal(time_s, raw.values, names, self._options.unit or raw.unit, rate_hz)
+
+        return _other_trial(raw.name, str(raw.columns.get('source', '')), raw.columns, load)
+
+    def _archive_trials(self) -> tuple[Trial, ...]:
+        whole = self._whole
+        trials = []
+        for i in range(len(whole)):
+            columns = {name: column[i].item() for name, column in whole.columns.items()}
+            known = {**columns, 'label': str(whole.label[i])}
+            name = str(columns.get('trial', whole.rows[i]))
+
+            def load(i: int = i) -> Signal:
+                values = whole.x[i, :, : whole.lengths[i]].astype(np.float64)
+                times_s = np.arange(values.shape[1]) / whole.rate_hz
+                channels = tuple(f'channel_{k}' for k in range(len(values)))
+                return Signal(times_s, values, channels, whole.unit, whole.rate_hz)
+
+            trials.append(_other_trial(name, str(self.paths[0]), known, load))
+        for each in whole.skipped:
+            why_not = f'row {each.row}: {each.reason}'
+            trials.append(Trial(str(each.row), str(self.paths[0]), '', why_not=why_not))
+        return tuple(trials)
+
+    # -- the trials as others take them ----------------------------------------------------
+
+    def to_arrays(self, *, folds: int = 0, skip_bad: bool = False) -> LabelledTrials:
+        """Return the trials that count at one even rate, as an archive holds them.
+
+        Parameters
+        ----------
+        folds : int
+            Fewer trials than this are refused; 0: any number.
+        skip_bad : bool
+            Leave out trials that cannot be used; otherwise the first one is an error.
+
+        Raises
+        ------
+        SourceError
+            When rates or channels of the trials do not fit, or a trial cannot be used.
+        DatasetError
+            When the trials cannot be used.
+        """
+        if self._arrays is not None:
+            trials = self._from_arrays(folds=folds, skip_bad=skip_bad)
+            return replace(trials, steps=(*self.notes, *trials.steps))
+        raw, notes = self._raw, Notes(self.notes)
+        if self.is_own:
+            raw = tuple(_raw_of(trial, name) for trial, name in self._named_trials())
+        arrays = arrays_from_trials(raw, self._options.rate_hz, notes, skip_bad=skip_bad)
+        trials = trials_from_arrays(Path(self.name), arrays, folds, skip_bad=skip_bad)
+        return replace(trials, unit=self.unit, steps=(*notes.lines, *trials.steps))
+
+    def _named_trials(self) -> list[tuple[Trial, str]]:
+        """Return the trials that count, each with a name that no other one has."""
+        counting = [trial for trial in self.trials if not trial.why_not]
+        names = [trial.name for trial in counting]
+        if len(set(names)) < len(names):
+            names = [f'{Path(t.source).name}/{t.namespace}/{t.name}' for t in counting]
+        turns: Counter[str] = Counter()
+        for i, name in enumerate(names):
+            turns[name] += 1
+            names[i] = f'{name}#{turns[name]}' if turns[name] > 1 else name
+        return list(zip(counting, names, strict=True))
+
+    def to_table(self) -> pyarrow.Table:
+        """Return the samples of the trials that count as one long table, a row a sample.
+
+        Columns: ``trial``, ``label``, ``time_s``, one a channel, and what is known of each trial.
+        The metadata of a channel state its ``unit``; ``tactile``, of the table, the rate as JSON.
+
+        Raises
+        ------
+        SourceError
+            When no trial counts, or channels differ, or times are not known.
+        """
+        from tactile_bags.sources.long_table import build_long_table  # pyarrow is slow to import
+
+        return build_long_table(self._named_trials(), self.rate_hz)
+
+    def to_frame(self) -> Any:
+        """Return `to_table` as a pandas.DataFrame.
+
+        Raises
+        ------
+        SourceError
+            When pandas is not installed.
+        """
+        try:
+            return self.to_table().to_pandas()
+        except ImportError as error:
+            raise SourceError('to_frame needs pandas: pip install pandas') from error
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Sample rate of all trials [Hz]; None: it is not known, or they have several."""
+        if self._options.rate_hz is not None:
+            return self._options.rate_hz
+        if self._arrays is not None:
+            return self._whole.rate_hz
+        if self.is_own:
+            rates = {bag.rate_hz(namespace) for bag in self.bags for namespace in bag.namespaces}
+        else:
+            rates = {raw.rate_hz for raw in self._raw}
+        return rates.pop() if len(rates) == 1 else None
+
+
+def _other_trial(
+    name: str, source: str, columns: Mapping[str, Any], load: Callable[[], Signal]
+) -> Trial:
+    def known(*names: str) -> str:
+        return str(next((columns[n] for n in names if n in columns), ''))
+
+    return Trial(
+        name=name,
+        source=source,
+        label=known('label'),
+        session_id=known('session_id', 'session'),
+        mounting_id=known('mounting_id', 'mounting'),
+        contact=known('contact'),
+        task=known('task'),
+        columns=columns,
+        load_signal=load,
+    )
+
+
+def _raw_of(trial: Trial, name: str) -> RawTrial:
+    signal = trial.signal
+    time_s = signal.time_s
+    assert time_s is not None
+    columns = {**trial.columns, 'label': trial.label}
+    units = (signal.unit,) * len(signal.channels)
+    return RawTrial(name, signal.values, time_s, columns, signal.channels, units)
+
+
+def _open_own(leaves: Sequence[Leaf], options: SourceOptions) -> list[RecordedBag]:
+    """Open the bags with trial events; none: the leaves are others. With a topic, none is."""
+    if options.topic:
+        return []
+    with ExitStack() as stack:
+        own: list[RecordedBag] = []
+        others: list[Leaf] = []
+        for leaf in leaves:
+            if leaf.kind is Kind.BAG:
+                bag = RecordedBag(leaf.path, needs_strain=False)
+                if bag.is_own:
+                    stack.callback(bag.close)
+                    own.append(bag)
+                    continue
+                bag.close()
+            others.append(leaf)
+        if own and others:
+            raise SourceError(
+                f'take bags with trial events or other recordings, not both: {own[0].path} is the '
+                f'one, {others[0].path} the other'
+            )
+        _correct(own)
+        stack.pop_all()
+    return own
+
+
+def _correct(bags: Sequence[RecordedBag]) -> None:
+    """Correct bags by the journals of their experiments; several have their sessions apart."""
+    folders = [experiment_of(bag.path) for bag in bags]
+    experiments = list(dict.fromkeys(folder for folder in folders if folder))
+    names = [folder.name for folder in experiments]
+    if len(set(names)) < len(names):
+        names = [f'{name}#{i + 1}' for i, name in enumerate(names)]
+    prefixes = dict(zip(experiments, names, strict=True)) if len(experiments) > 1 else {}
+    corrections = {folder: read_corrections(folder) for folder in experiments}
+    for bag, folder in zip(bags, folders, strict=True):
+        if folder is not None:
+            prefix = f'{prefixes[folder]}/' if folder in prefixes else ''
+            bag.correct(corrections[folder], prefix)
+
+
+def _read_others(
+    kind: Kind, leaves: Sequence[Leaf], options: SourceOptions, notes: Notes
+) -> tuple[Mapping[str, NDArray[Any]] | None, list[RawTrial]]:
+    """Return the arrays of an archive, or the trials of other files."""
+    if kind is Kind.ARCHIVE:
+        if len(leaves) > 1:
+            raise SourceError(f'take one archive at a time, not {_examples(leaves)}')
+        return read_arrays(leaves[0].path), []
+    if kind is Kind.TABLE:
+        from tactile_bags.sources.table_trials import read_table_trials  # pyarrow is slow
+
+        return None, read_table_trials(leaves, options, notes)
+    if kind is Kind.BAG:
+        from tactile_bags.sources.other_bags import read_bag_trials
+
+        return None, read_bag_trials(leaves, options, notes)
+    from tactile_bags.sources.arrays import read_array_trials, read_labelled_array
+
+    if len(leaves) == 1:
+        arrays = read_labelled_array(leaves[0], options)
+        if arrays is not None:
+            return arrays, []
+    return None, read_array_trials(leaves, options, notes)
+
+
+def _examples(leaves: Sequence[Leaf]) -> str:
+    return ', '.join({leaf.kind: leaf.name for leaf in leaves}.values())

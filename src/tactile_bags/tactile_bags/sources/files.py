@@ -1,0 +1,389 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Files and bags below the named paths, and the labels that their names give."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from pathlib import Path
+import re
+
+from tactile_bags.experiment_journal import BAGS, is_experiment
+from tactile_ros.errors import TactileError
+
+LAYOUT = """recordings can be, all with their sample rate or with times:
+  R1/01.csv, R1/02.csv, C1/01.csv ...   a file a trial, in folders named as the label
+  one CSV or Parquet table              columns trial, label, time_s, and one a channel
+  x.npy and x_labels.npy, or one .npz   numbers (trials, samples), and one label a trial
+  R1/bag_1, C1/bag_2 ...                a bag a trial, with --topic and --field
+  bags of this package                  with strain and trial events
+  recordings.txt                        a list: one of these paths a line"""
+
+ROLES = ('time', 'trial', 'label', 'value')
+"""Possible roles of a column of a table."""
+
+
+class SourceError(TactileError):
+    """A recording cannot be taken as labelled trials; says what to do."""
+
+
+@dataclass(frozen=True)
+class SourceOptions:
+    """Statements about recordings; each is empty or None where nothing is stated.
+
+    Attributes
+    ----------
+    columns : sequence of str, optional
+        ``ROLE=NAME`` of columns of a table; a role is one of `ROLES`.
+    rate_hz : float, optional
+        Sample rate of recordings without times [Hz]. With times it must fit them.
+    unit : str
+        Unit of the signal, such as ``N``, where no heading says it.
+    label : str
+        The label of all trials.
+    label_from : str
+        ``folder``, ``file``, or a regular expression for the path with the label in brackets.
+    labels : Path, optional
+        File with one label a trial, for a ``.npy`` file.
+    topic, field : str
+        Topic of a bag of others, and field of its messages.
+    separator, decimal : str
+        Of the columns of a text table, and in its numbers. Empty: a comma (in ``.tsv`` a tab), and
+        a point.
+    header_rows : int, optional
+        Lines of a text table above its numbers; the last one names the columns, and may be
+        followed by one with their units. None: 1.
+    """
+
+    columns: Sequence[str] | None = None
+    rate_hz: float | None = None
+    unit: str = ''
+    label: str = ''
+    label_from: str = ''
+    labels: Path | None = None
+    topic: str = ''
+    field: str = ''
+    separator: str = ''
+    decimal: str = ''
+    header_rows: int | None = None
+
+    @property
+    def roles(self) -> dict[str, tuple[str, ...]]:
+        """Names of columns by role.
+
+        Raises
+        ------
+        SourceError
+            When a text is not ``ROLE=NAME``.
+        """
+        roles: dict[str, tuple[str, ...]] = {}
+        for text in self.columns or ():
+            role, _, names = text.partition('=')
+            if role not in ROLES or not names:
+                raise SourceError(
+                    f'--column is "{text}"; it must be ROLE=NAME with a role of '
+                    f'{", ".join(ROLES)}, as in --column value=force_n'
+                )
+            roles[role] = tuple(name.strip() for name in names.split(','))
+        return roles
+
+    def compile_label_pattern(self) -> re.Pattern[str] | None:
+        """Return ``label_from`` as a pattern; None where it is none.
+
+        Raises
+        ------
+        SourceError
+            When it is no regular expression with a group.
+        """
+        if self.label_from in ('', 'folder', 'file'):
+            return None
+        try:
+            pattern = re.compile(self.label_from)
+        except re.error as error:
+            raise SourceError(
+                f'--label-from: "{self.label_from}" is no pattern: {error}'
+            ) from error
+        if not pattern.groups:
+            raise SourceError(
+                f'--label-from: "{self.label_from}" must be folder, file, or a regular '
+                r'expression with the label in brackets, as in "(\w+)_\d+"'
+            )
+        return pattern
+
+
+@dataclass
+class Notes:
+    """Sentences on what was taken for what, each once; ``unknown`` names what is not known."""
+
+    lines: list[str] = field(default_factory=list)
+    unknown: list[str] = field(default_factory=list)
+
+    def add(self, sentence: str) -> None:
+        """Keep a sentence, once."""
+        if sentence not in self.lines:
+            self.lines.append(sentence)
+
+
+def ambiguity(
+    sentence: str,
+    choices: Sequence[str],
+    option: str,
+    likely: str = '',
+    *,
+    with_layout: bool = True,
+) -> SourceError:
+    """Return the refusal of a recording that does not say something.
+
+    Parameters
+    ----------
+    sentence : str
+        What is not known, without its end.
+    choices : sequence of str
+        What it may be.
+    option : str
+        How the command line says it, with its value.
+    likely : str
+        The likely answer; empty: there is none.
+    with_layout : bool
+        Whether `LAYOUT` follows.
+    """
+    offered = f': {", ".join(choices[:12])}' if choices else ''
+    guess = f'; likely is {likely}' if likely else ''
+    layout = f'\n{LAYOUT}' if with_layout else ''
+    return SourceError(f'{sentence}{offered}. State it with {option}{guess}{layout}')
+
+
+BAG_SUFFIXES = ('.mcap', '.db3')
+MAX_LIST_BYTES = 2**20
+"""Largest file that lists recordings [byte]."""
+
+_LABEL_FILES = re.compile(r'^(labels?|y|.+_(labels?|y))$')
+_NUMBER_AT_END = re.compile(r'[-_ .]*\d*$')
+MAX_LEAVES = 100_000
+"""Most files in the named folders."""
+
+
+class Kind(Enum):
+    """Kind of recording at a path."""
+
+    ARCHIVE = 'archive'
+    ARRAY = 'array'
+    TABLE = 'table'
+    BAG = 'bag'
+
+
+_KINDS = {
+    '.npz': Kind.ARCHIVE,
+    '.npy': Kind.ARRAY,
+    **dict.fromkeys(('.csv', '.tsv', '.txt', '.lvm', '.parquet'), Kind.TABLE),
+    **dict.fromkeys(BAG_SUFFIXES, Kind.BAG),
+}
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """One file or bag.
+
+    Attributes
+    ----------
+    root : Path
+        The path that was named, in which it lies.
+    """
+
+    path: Path
+    root: Path
+    kind: Kind
+
+    @property
+    def name(self) -> str:
+        """The path below the named folder, the folder included."""
+        if self.path == self.root:
+            return self.path.name
+        return f'{self.root.name}/{self.path.relative_to(self.root).as_posix()}'.lstrip('/')
+
+    @property
+    def folder(self) -> str:
+        """Name of the folder that it lies in."""
+        return self.path.absolute().parent.name
+
+    @property
+    def word(self) -> str:
+        """Name of the file without ending and number."""
+        return _NUMBER_AT_END.sub('', self.path.stem)
+
+
+def find_leaves(paths: Sequence[Path]) -> list[Leaf]:
+    """Return the files and bags of the named paths, in the order of names within each.
+
+    Raises
+    ------
+    SourceError
+        When a path does not exist, holds nothing that is known, or too much.
+    """
+    leaves: list[Leaf] = []
+    for path in expand_lists(paths):
+        if is_experiment(path):
+            leaves += _list_experiment(path)
+            continue
+        found = list(_walk(path, path))
+        if not found:
+            what = (
+                'there are no recordings in it'
+                if path.is_dir()
+                else f'files of the kind "{path.suffix}" are not known'
+            )
+            raise SourceError(f'{path}: {what}\n{LAYOUT}')
+        leaves += found
+    return leaves
+
+
+def expand_lists(paths: Sequence[Path]) -> list[Path]:
+    """Return the paths, with those that a list file names in its place.
+
+    A list file ends in ``.txt`` and holds one path a line, relative to itself; empty lines and
+    those that begin with ``#`` do not count.
+
+    Raises
+    ------
+    SourceError
+        When a list names a path that does not exist.
+    """
+    found: list[Path] = []
+    for path in paths:
+        lines = _read_list(path)
+        for number, line in lines.items():
+            if not (path.parent / line).exists():
+                raise SourceError(
+                    f'{path}, line {number}: {path.parent / line} does not exist; a path in a '
+                    'list of recordings is relative to the list'
+                )
+        found += [path.parent / line for line in lines.values()] or [path]
+    return found
+
+
+def _read_list(path: Path) -> Mapping[int, str]:
+    """Return the paths in a list file by line number; none where it is a table."""
+    if path.suffix.lower() != '.txt' or not path.is_file():
+        return {}
+    if path.stat().st_size > MAX_LIST_BYTES:
+        return {}
+    try:
+        lines = enumerate(path.read_text('utf-8').splitlines(), start=1)
+    except (OSError, UnicodeDecodeError):
+        return {}
+    named = {n: line.strip() for n, line in lines if line.strip() and line.strip()[0] != '#'}
+    # The first line of a table is no path of a file that exists.
+    first = next(iter(named.values()), '')
+    try:
+        return named if first and (path.parent / first).exists() else {}
+    except OSError:  # such as a name that is too long
+        return {}
+
+
+def _list_experiment(path: Path) -> list[Leaf]:
+    """Return the bags of an experiment, by name."""
+    bags = sorted(each for each in (path / BAGS).glob('*') if each.is_dir())
+    if not bags:
+        raise SourceError(f'{path} has no bags yet; run it with `tactile experiment`')
+    return [Leaf(bag, path, Kind.BAG) for bag in bags]
+
+
+def _walk(path: Path, root: Path) -> Iterator[Leaf]:
+    if not path.exists():
+        raise SourceError(f'{path} does not exist')
+    if path.is_file():
+        kind = _KINDS.get(path.suffix.lower())
+        if kind is not None:
+            yield Leaf(path, root, kind)
+        return
+    if is_experiment(path):
+        yield from (Leaf(leaf.path, root, Kind.BAG) for leaf in _list_experiment(path))
+        return
+    inside = sorted(path.iterdir())
+    if len(inside) > MAX_LEAVES:
+        raise SourceError(f'{path} holds {len(inside)} files; the limit is {MAX_LEAVES}')
+    if any(p.name == 'metadata.yaml' or p.name.endswith(BAG_SUFFIXES) for p in inside):
+        yield Leaf(path, root, Kind.BAG)
+        return
+    for child in inside:
+        if not child.name.startswith('.') and not _LABEL_FILES.match(child.stem):
+            yield from _walk(child, root)
+
+
+def name_labels(
+    leaves: Sequence[Leaf], options: SourceOptions, notes: Notes
+) -> list[dict[str, str]]:
+    """Return the label of each file, and what else a pattern finds in its path.
+
+    Raises
+    ------
+    SourceError
+        When the names do not say it.
+    """
+    if options.label:
+        notes.add(f'label: "{options.label}" for all, as stated')
+        return [{'label': options.label} for _ in leaves]
+    pattern = options.compile_label_pattern()
+    if pattern is not None:
+        return [_match(pattern, leaf) for leaf in leaves]
+    how = options.label_from or _how_labelled(leaves)
+    if how == 'folder':
+        labels = [leaf.folder for leaf in leaves]
+        notes.add(f'label: the folder of each file ({_name_some(labels)})')
+    else:
+        labels = [leaf.word for leaf in leaves]
+        notes.add(f'label: the name of each file without its number ({_name_some(labels)})')
+    if '' in labels:
+        empty = leaves[labels.index('')].name
+        raise SourceError(f'{empty} has no name beside its number; --label-from folder or --label')
+    outer = [leaf.path.absolute().parent.parent.name for leaf in leaves]
+    if how == 'folder' and len(set(outer)) > 1:
+        notes.add(f'column folder: the folder around those ({_name_some(outer)})')
+        return [{'label': a, 'folder': b} for a, b in zip(labels, outer, strict=True)]
+    return [{'label': label} for label in labels]
+
+
+def _how_labelled(leaves: Sequence[Leaf]) -> str:
+    if len({leaf.folder for leaf in leaves}) > 1:
+        return 'folder'
+    words = {leaf.word for leaf in leaves}
+    guess = 'file' if 1 < len(words) < len(leaves) and '' not in words else ''
+    first = leaves[0]
+    example = f' ({first.path.name} would be {first.word})' if guess else ''
+    raise ambiguity(
+        f'the label of each file is not known{example}',
+        ('folder', 'file'),
+        '--label-from folder, --label-from file, --label-from PATTERN, or --label NAME',
+        guess,
+    )
+
+
+def _match(pattern: re.Pattern[str], leaf: Leaf) -> dict[str, str]:
+    # Of a file that is named itself, the folder counts as well.
+    path = leaf.name if leaf.path != leaf.root else f'{leaf.folder}/{leaf.path.name}'
+    found = pattern.search(path)
+    if found is None:
+        raise SourceError(f'--label-from: "{pattern.pattern}" is not found in {leaf.name}')
+    named = {name: text or '' for name, text in found.groupdict().items()}
+    named.setdefault('label', found.group(1) or '')
+    if not named['label']:
+        raise SourceError(f'--label-from: "{pattern.pattern}" finds an empty label in {leaf.name}')
+    return named
+
+
+def _name_some(names: Sequence[str]) -> str:
+    different = list(dict.fromkeys(names))
+    return ', '.join(different[:6]) + (' ...' if len(different) > 6 else '')
+
+
+def decode_text(data: bytes) -> str:
+    """Return the text of a file: UTF-8 or UTF-16 by its mark, otherwise Latin-1."""
+    if data[:2] in (b'\xff\xfe', b'\xfe\xff'):
+        return data.decode('utf-16')
+    try:
+        return data.decode('utf-8-sig')
+    except UnicodeDecodeError:
+        return data.decode('latin-1')

@@ -1,0 +1,147 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Recordings of any kind as one class: what was written must come back, and be read once."""
+
+import json
+
+import numpy as np
+import pyarrow.csv
+import pyarrow.parquet
+import pytest
+
+from tactile_bags import Recording, SourceError, SourceOptions
+from tactile_classifier.datasets.archive import load_archive, save_archive
+from tactile_classifier.errors import DatasetError
+
+
+def write_archive(path, **more):
+    x = np.random.default_rng(3).normal(size=(6, 2, 40))
+    x[3:, :, 30:] = 0.0
+    arrays = {
+        'x': x,
+        'label': np.repeat(['pla', 'rubber'], 3),
+        'rate_hz': 100.0,
+        'length': np.repeat([40, 30], 3),
+        'session_id': np.array(['a', 'b', 'c'] * 2),
+        'speed_mm_s': np.arange(6.0),
+        **more,
+    }
+    np.savez(path, **arrays)
+    return path
+
+
+def test_an_archive_is_trials_and_the_same_archive_again(tmp_path):
+    path = write_archive(tmp_path / 'a.npz', unit='mN')
+    recording = Recording.load(path)
+    assert recording.kind == 'archive'
+    assert recording.unit == 'mN'
+    assert recording.rate_hz == 100.0
+    assert [trial.label for trial in recording.trials] == ['pla'] * 3 + ['rubber'] * 3
+    last = recording.trials[-1]
+    assert last.session_id == 'c'
+    assert last.columns['speed_mm_s'] == 5.0
+    assert last.signal.values.shape == (2, 30)
+    assert last.signal.unit == 'mN'
+    assert last.signal.time_s[-1] == pytest.approx(0.29)
+    whole, loaded = recording.to_arrays(), load_archive(path, folds=0)
+    np.testing.assert_array_equal(whole.x, loaded.x)
+    assert whole.unit == loaded.unit == 'mN'
+    save_archive(tmp_path / 'b.npz', whole)
+    assert load_archive(tmp_path / 'b.npz', folds=0).unit == 'mN'
+
+
+def test_a_unit_that_is_not_known_is_the_first_note(tmp_path):
+    recording = Recording.load(write_archive(tmp_path / 'a.npz'))
+    assert recording.notes[0] == 'not known: unit of the signal (--unit N)'
+    stated = Recording.load(tmp_path / 'a.npz', SourceOptions(unit='N'))
+    assert stated.unit == stated.to_arrays().unit == stated.trials[0].signal.unit == 'N'
+    assert not stated.notes
+
+
+def test_a_column_of_units_stays_a_column(tmp_path):
+    path = write_archive(tmp_path / 'a.npz', unit=np.array(['N'] * 6))
+    recording = Recording.load(path)
+    assert recording.unit == ''
+    assert recording.trials[0].columns['unit'] == 'N'
+    with pytest.raises(DatasetError, match=r'unit in .* must be one string'):
+        Recording.load(write_archive(tmp_path / 'b.npz', unit=3)).to_arrays()
+
+
+def test_a_trial_that_cannot_be_used_says_why(tmp_path):
+    x = np.random.default_rng(0).normal(size=(3, 1, 20))
+    x[1, 0, 4] = np.nan
+    np.savez(tmp_path / 'a.npz', x=x, label=['a', 'b', 'c'], rate_hz=10.0)
+    trials = Recording.load(tmp_path / 'a.npz').trials
+    assert [bool(trial.why_not) for trial in trials] == [False, False, True]
+    assert 'is not finite at 1 of 20 samples' in trials[2].why_not
+
+
+def test_equal_trials_are_refused(tmp_path):
+    x = np.tile(np.sin(np.arange(30.0)), (4, 1, 1))
+    np.savez(tmp_path / 'a.npz', x=x, label=['a', 'b'] * 2, rate_hz=10.0)
+    with pytest.raises(DatasetError, match='all 4 trials hold the same samples'):
+        Recording.load(tmp_path / 'a.npz').to_arrays()
+
+
+@pytest.mark.parametrize('heading', ['force_mN', 'tension [mN]', 'Kraft (mN)'])
+def test_the_unit_of_a_heading_is_that_of_the_recording(tmp_path, heading):
+    for label in ('pla', 'rubber'):
+        (tmp_path / 'lab' / label).mkdir(parents=True)
+        rows = [f'{i / 100},{i % 7 + len(label)}' for i in range(50)]
+        text = '\n'.join([f'time_s,{heading}', *rows])
+        (tmp_path / 'lab' / label / '01.csv').write_text(text)
+    recording = Recording.load(tmp_path / 'lab')
+    assert recording.unit == 'mN'
+    assert recording.trials[0].signal.channels == (heading,)
+    assert recording.trials[0].signal.rate_hz == 100.0
+    assert recording.to_arrays().unit == 'mN'
+    save_archive(tmp_path / 'lab.npz', recording.to_arrays())
+    assert Recording.load(tmp_path / 'lab.npz').unit == 'mN'
+
+
+@pytest.mark.parametrize('suffix', ['.parquet', '.csv'])
+def test_the_long_table_is_read_back_equal(tmp_path, suffix):
+    write_archive(tmp_path / 'a.npz', unit='mN')
+    first = Recording.load(tmp_path / 'a.npz')
+    table = first.to_table()
+    assert table.column_names[:4] == ['trial', 'label', 'session_id', 'time_s']
+    assert table.schema.field('channel_1').metadata[b'unit'] == b'mN'
+    assert table.num_rows == 3 * 40 + 3 * 30
+    path = tmp_path / f'trials{suffix}'
+    options = SourceOptions()
+    if suffix == '.parquet':
+        pyarrow.parquet.write_table(table, path)
+    else:
+        pyarrow.csv.write_csv(table, path)
+        options = SourceOptions(columns=['value=channel_0,channel_1'], unit='mN')
+    again = Recording.load(path, options)
+    one, two = first.to_arrays(), again.to_arrays()
+    np.testing.assert_array_equal(one.lengths, two.lengths)
+    for row, count in enumerate(one.lengths):
+        np.testing.assert_array_equal(one.x[row, :, :count], two.x[row, :, :count])
+    assert one.rate_hz == two.rate_hz
+    assert one.unit == two.unit == again.unit
+    assert one.label.tolist() == two.label.tolist()
+    for name, column in one.columns.items():
+        assert column.tolist() == two.columns[name].tolist()
+
+
+def test_a_list_file_stands_for_its_recordings(tmp_path):
+    for label in ('pla', 'rubber'):
+        (tmp_path / 'data').mkdir(exist_ok=True)
+        rows = [f'{i / 100},{(i * len(label)) % 7}' for i in range(50)]
+        text = '\n'.join(['time_s,force_n', *rows])
+        (tmp_path / 'data' / f'{label}_01.csv').write_text(text)
+    (tmp_path / 'recordings.txt').write_text('# mine\ndata/pla_01.csv\n\ndata/rubber_01.csv\n')
+    recording = Recording.load(tmp_path / 'recordings.txt', SourceOptions(label_from='file'))
+    assert [trial.label for trial in recording.trials] == ['pla', 'rubber']
+    (tmp_path / 'recordings.txt').write_text('data/pla_01.csv\ndata/gone.csv\n')
+    with pytest.raises(SourceError, match=r'recordings\.txt, line 2: .*gone\.csv does not exist'):
+        Recording.load(tmp_path / 'recordings.txt')
+
+
+def test_what_the_table_states_is_json(tmp_path):
+    table = Recording.load(write_archive(tmp_path / 'a.npz')).to_table()
+    assert json.loads(table.schema.metadata[b'tactile']) == {'rate_hz': 100.0}
+    assert table.schema.field('time_s').metadata == {b'unit': b's'}

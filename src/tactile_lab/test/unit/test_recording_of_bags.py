@@ -1,0 +1,126 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Our own bags as a recording: read once, and corrected by the journal of their experiment."""
+
+import builtins
+import json
+from pathlib import Path
+import shutil
+
+import numpy as np
+import pytest
+
+from tactile_bags import EVENT, Recording, STRAIN, TactileBag
+from tactile_bags.message_records import read_records
+from tactile_bags.recorded_setup import recorded_features
+from tactile_bags.replaying.replay import replay_windows
+
+
+@pytest.fixture
+def opened(monkeypatch):
+    """Return the names of the data files that are opened, in their order."""
+    found = []
+    for place, name in ((builtins, 'open'), (Path, 'open')):
+        original = getattr(place, name)
+
+        def spy(path, *arguments, original=original, **options):
+            if str(path).endswith(('.mcap', '.db3')):
+                found.append(str(path))
+            return original(path, *arguments, **options)
+
+        monkeypatch.setattr(place, name, spy)
+    return found
+
+
+def test_trials_have_labels_events_and_signals(stiffness_bag):
+    with Recording.load(stiffness_bag) as recording, TactileBag(stiffness_bag) as bag:
+        assert recording.is_own
+        assert len(recording.trials) == 15
+        blocks = [block for _, block in read_records(bag.messages(STRAIN))]
+        stamps_ns = np.concatenate(
+            [b.stamp_ns + np.arange(len(b.tension_n)) * b.period_ns for b in blocks]
+        )
+        tension_n = np.concatenate([block.tension_n for block in blocks])
+        for trial in recording.trials:
+            assert trial.why_not == ''
+            assert trial.simulated
+            assert trial.phases[-1][2] == pytest.approx(
+                (trial.events[-1].stamp_ns - trial.begin_ns) * 1e-9
+            )
+            inside = (stamps_ns >= trial.begin_ns) & (stamps_ns <= trial.events[-1].stamp_ns)
+            np.testing.assert_array_equal(trial.signal.values[0], tension_n[inside])
+            assert trial.signal.unit == 'N'
+            assert trial.signal.rate_hz == 60.0
+        assert len({trial.label for trial in recording.trials}) == 5
+        assert len(list(recording.records(EVENT))) == sum(len(t.events) for t in recording.trials)
+
+
+def test_a_bag_is_opened_once_and_replayed_as_ever(stiffness_bag, opened):
+    with TactileBag(stiffness_bag) as bag:
+        expected = replay_windows(bag, recorded_features(bag), finish=True)
+    del opened[:]
+    with Recording.load(stiffness_bag) as recording:
+        (bag,) = recording.bags
+        for _ in range(2):
+            assert replay_windows(bag, recorded_features(bag), finish=True) == expected
+        recording.to_arrays()
+        assert [trial.signal.values.shape for trial in recording.trials]
+    assert len(opened) == 1
+
+
+def make_experiment(folder, bag, entries):
+    """Put a bag into the folder of an experiment with these entries in its journal."""
+    (folder / 'bags').mkdir(parents=True)
+    shutil.copytree(bag, folder / 'bags' / 's1-01')
+    (folder / 'plan.yaml').touch()
+    (folder / 'order.csv').touch()
+    lines = [json.dumps(entry) for entry in entries]
+    (folder / 'journal.jsonl').write_text('\n'.join([*lines, '{"kind": "cut of']))
+    return folder
+
+
+def test_the_journal_of_an_experiment_says_what_counts(stiffness_bag, tmp_path):
+    with Recording.load(stiffness_bag) as recording:
+        ids = [trial.name for trial in recording.trials]
+        sessions = {trial.session_id for trial in recording.trials}
+    entries = [{'kind': 'began', 'key': each, 'trial_id': each} for each in ids]
+    verdicts = ['failed', 'outlier', '', *['good'] * 12]
+    entries += [
+        {'kind': 'ended', 'trial_id': each, 'verdict': verdict}
+        for each, verdict in zip(ids, verdicts, strict=True)
+        if verdict
+    ]
+    entries += [
+        {'kind': 'kept', 'trial_id': ids[1]},
+        {'kind': 'excluded', 'trial_id': ids[3], 'why': 'the plate was loose'},
+        {'kind': 'excluded', 'trial_id': ids[4], 'why': 'by mistake'},
+        {'kind': 'included', 'trial_id': ids[4]},
+        {'kind': 'relabelled', 'trial_id': ids[5], 'label': 'cork'},
+    ]
+    one = make_experiment(tmp_path / 'one', stiffness_bag, entries)
+    with Recording.load(one) as recording:
+        why_not = [trial.why_not for trial in recording.trials]
+        assert why_not[:5] == [
+            'another attempt counts (failed)',
+            '',
+            'another attempt counts (interrupted)',
+            'excluded: the plate was loose',
+            '',
+        ]
+        assert not any(why_not[5:])
+        assert recording.trials[5].label == 'cork'
+        assert {event.object_label for event in recording.trials[5].events} == {'cork'}
+        assert {trial.session_id for trial in recording.trials} == sessions
+    two = make_experiment(tmp_path / 'two', stiffness_bag, entries)
+    with Recording.load([one, two]) as recording:
+        assert {trial.session_id for trial in recording.trials} == {
+            f'{name}/{session}' for name in ('one', 'two') for session in sessions
+        }
+        assert {event.session_id.partition('/')[0] for event in recording.records(EVENT)} == {
+            'one',
+            'two',
+        }
+    (tmp_path / 'recordings.txt').write_text('one\ntwo\n')
+    with Recording.load(tmp_path / 'recordings.txt') as recording:
+        assert len(recording.trials) == 30
