@@ -48,6 +48,7 @@ LIBRARIES = {
     'joblib': Library('python3-joblib', 'joblib'),
     'lz4': Library('python3-rosbags-pip', 'lz4'),  # no key of its own; rosbags requires it
     'matplotlib': Library('python3-matplotlib', 'matplotlib'),
+    'mcap': Library('', 'mcap'),
     'numba': Library('python3-numba', 'numba'),
     'numpy': Library('python3-numpy', 'numpy'),
     'onnx': Library('', 'onnx'),

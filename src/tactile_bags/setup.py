@@ -17,6 +17,7 @@ setup(
     install_requires=[
         'setuptools',
         'lz4',
+        'mcap',
         'numpy',
         'pyarrow',
         'PyYAML',

@@ -34,8 +34,7 @@ from tactile_bags.storage.bag_metadata import (
     parse_metadata,
     read_metadata,
 )
-from tactile_bags.storage.mcap_format import MAX_CHUNK_BYTES, StoredTopic
-from tactile_bags.storage.mcap_reader import McapFile, unpack_zstd
+from tactile_bags.storage.mcap_reader import MAX_CHUNK_BYTES, McapFile, StoredTopic, unpack_zstd
 from tactile_bags.storage.merged_files import MergedFiles
 from tactile_bags.storage.sqlite_reader import SqliteFile
 from tactile_ros.errors import TactileError
@@ -109,9 +108,10 @@ class TactileBag:
         try:
             metadata = self._open()
             self._check_types(metadata)
-            difference = self._compare_counts(metadata)
+            self._damage = self._find_damage()
+            difference = self._damage or self._compare_counts(metadata)
             if difference and needs_all:
-                raise BagError(f'{difference}. `tactile repair` copies those that are there')
+                raise BagError(f'{difference}. `tactile repair` copies what is there')
             self.metadata = _read_metadata(metadata.custom)
         except (BagError, OSError) as error:
             self.close()
@@ -174,6 +174,8 @@ class TactileBag:
         kind = _SUFFIXES.get(path.suffix)
         if kind is None:
             raise BagError(f'files of the kind "{path.suffix}" are not known')
+        if not path.is_file():  # a pipe would wait for its other end
+            raise BagError('it is no file' if path.exists() else 'it does not exist')
         return kind(path)
 
     def _unpack_file(self, path: Path) -> Path:
@@ -216,13 +218,14 @@ class TactileBag:
             return ''  # it is told what an unfinished one may lack
         there: Counter[str] = Counter()
         for file in self._files:
-            found = {n: file.counts[n] for n in file.topics}
-            stated = file.stated_counts if isinstance(file, McapFile) else None
-            for number, topic in file.topics.items():
-                there[topic.name] += found[number]
-                if stated is not None and stated[number] != found[number]:
+            stated = file.counts if file.stated_counts is None else file.stated_counts
+            for number in sorted({*file.topics, *stated}, key=str):
+                topic = file.topics.get(number)
+                name = topic.name if topic else f'no known topic (number {number})'
+                there[name] += file.counts[number]
+                if stated[number] != file.counts[number]:
                     return (
-                        f'{file.path.name} holds {found[number]} messages on {topic.name}, and '
+                        f'{file.path.name} holds {file.counts[number]} messages on {name}, and '
                         f'its own statistics say {stated[number]}: it was damaged after it was '
                         'closed'
                     )
@@ -235,6 +238,11 @@ class TactileBag:
                 )
         return ''
 
+    def _find_damage(self) -> str:
+        """Return where finished files are damaged; empty: nowhere."""
+        found = [f'{file.path.name}: {file.damage}' for file in self._files if file.damage]
+        return f'it was damaged after it was closed: {"; ".join(found)}' if found else ''
+
     def _describe_recovery(self) -> str:
         unfinished = [file.path.name for file in self._files if not file.is_finished]
         if unfinished:
@@ -245,6 +253,9 @@ class TactileBag:
                 if lost
                 else 'what came in its last second may be missing'
             )
+            unread_bytes = sum(file.unread_bytes for file in self._files)
+            if unread_bytes:
+                missing += f'; {unread_bytes} bytes at the end of the data are no whole messages'
             return (
                 f'{self.path} was never closed, as when its recorder is killed, or still '
                 f'writes. Its {count} whole messages are read; {missing}. '
@@ -349,12 +360,13 @@ class TactileBag:
                 yield BagMessage(topic.name, topic.type_name, received_at_ns, data, self._store)
         except (BagError, OSError) as error:
             raise BagDamageError(f'{self.path} is damaged: {error}') from error
+        if self._damage:
+            raise BagDamageError(f'{self.path}: {self._damage}')
 
     @property
     def end_ns(self) -> int:
         """When the last message arrived [ns]; 0: there is none."""
-        since_ns = max((file.newest_ns for file in self._files), default=0)
-        return max((m.received_at_ns for m in self.messages(since_ns=since_ns)), default=0)
+        return max((file.newest_ns for file in self._files), default=0)
 
     def sha256(self) -> str:
         """Return the hash of the bag's data files, as hex digits."""

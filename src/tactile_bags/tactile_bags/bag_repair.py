@@ -15,8 +15,8 @@ import yaml
 from tactile_bags.bag_reader import TactileBag
 from tactile_bags.bag_writer import BagWriter
 from tactile_bags.errors import BagDamageError
-from tactile_bags.plain_yaml import parse_plain_yaml
 from tactile_bags.recorded_topics import qos_text
+from tactile_bags.yaml_files import load_yaml
 from tactile_ros.errors import TactileError
 
 
@@ -78,7 +78,7 @@ def _usable_qos(text: str) -> str:
     Older bags have numbers where this one has words.
     """
     try:
-        profiles = parse_plain_yaml(text)
+        profiles = load_yaml(text)
         if all(isinstance(profile['history'], str) for profile in profiles):
             return yaml.safe_dump(profiles, sort_keys=False).rstrip()
         return qos_text(latched=any(profile['durability'] == 1 for profile in profiles))

@@ -21,7 +21,7 @@ from tactile_bags.recorded_topics import (
     RecordedTopic,
 )
 from tactile_bags.storage.bag_metadata import format_metadata, write_metadata
-from tactile_bags.storage.mcap_format import StoredTopic
+from tactile_bags.storage.mcap_reader import StoredTopic
 from tactile_bags.storage.mcap_writer import McapWriter
 
 METADATA_KEY = 'tactile'
@@ -169,7 +169,7 @@ class BagWriter:
                 return
             try:
                 with closing(writer):
-                    writer.cut()
+                    writer.flush()
                     text = self._metadata_text(writer)
                     writer.write_metadata(text)
                 write_metadata(self.path, text)

@@ -14,8 +14,8 @@ from textwrap import indent
 from typing import Any
 
 from tactile_bags.errors import BagError
-from tactile_bags.plain_yaml import parse_plain_yaml, read_text
-from tactile_bags.storage.mcap_format import MAX_METADATA_BYTES, StoredTopic
+from tactile_bags.storage.mcap_reader import MAX_METADATA_BYTES, StoredTopic
+from tactile_bags.yaml_files import load_yaml, read_text
 from tactile_ros.errors import TactileError
 
 VERSION = 9
@@ -78,7 +78,7 @@ def parse_metadata(text: str) -> BagMetadata:
     BagError
         When it is not of rosbag2's form.
     """
-    document = parse_plain_yaml(text)
+    document = load_yaml(text)
     if isinstance(document, dict):
         # The copy within a data file begins one level further down.
         document = document.get(_TOP, document)

@@ -3,61 +3,127 @@
 
 """Reads an MCAP file from its beginning, whether or not it was ever finished.
 
-The index at the end of a file is not used: it is absent where a recorder was killed, and
-need not be true in an untrusted file. The index behind each chunk says which topics are in it;
-where the statistics at the end of a finished file say otherwise, all chunks are looked into. What
-is read is bounded by `mcap_format`.
+The library ``mcap`` decodes the records. Its readers give no message of a chunk that was cut off,
+unpack whatever a chunk holds, and take 10 times as long for a message; so the messages themselves
+are found here. No index is used: what is read is what is there. What a record may hold is bounded.
 """
 
 from __future__ import annotations
 
-from array import array
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
-from contextlib import suppress
+from dataclasses import dataclass
 import io
 from pathlib import Path
-from typing import BinaryIO
+import struct
+from typing import BinaryIO, NamedTuple, TypeVar
 import zlib
 
 from lz4.frame import LZ4FrameDecompressor
-import numpy as np
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, DataEnd, Header, Metadata, Schema, Statistics
 import zstandard
 
 from tactile_bags.errors import BagError
-from tactile_bags.storage.mcap_format import (
-    CHANNEL,
-    CHUNK,
-    CHUNK_START,
-    DATA_END,
-    FOOTER,
-    HEADER,
-    MAGIC,
-    MAX_CHUNK_BYTES,
-    MAX_DEFINITION_BYTES,
-    MAX_METADATA_BYTES,
-    MAX_SCHEMA_BYTES,
-    MESSAGE,
-    MESSAGE_INDEX,
-    MESSAGE_START,
-    METADATA,
-    METADATA_KEY,
-    METADATA_NAME,
-    RECORD_START,
-    RecordFields,
-    records_within,
-    SCHEMA,
-    STATISTICS,
-    StoredTopic,
-)
-from tactile_bags.storage.mcap_segments import PACKINGS, Segment, SegmentTable
+
+MAGIC = b'\x89MCAP0\r\n'
+
+METADATA_NAME, METADATA_KEY = 'rosbag2', 'serialized_metadata'
+"""Where rosbag2 keeps a copy of ``metadata.yaml`` in the file."""
+
+MAX_CHUNK_BYTES = 64 * 2**20
+"""Largest chunk that is unpacked, and largest message [byte]; rosbag2 writes 0.75 to 4 MiB."""
+
+MAX_DEFINITION_BYTES = 16 * 2**20
+"""Most that all definitions and channels of a file may hold together [byte]."""
+
+MAX_METADATA_BYTES = 4 * 2**20
+"""Longest ``metadata.yaml`` and longest copy of it within a file [byte]."""
+
+MAX_SEGMENTS = 500_000
+"""Most chunks of a file, and runs of `RUN_BYTES` outside of chunks; 200 bytes of memory each."""
+
+MAX_CHANNELS = 1_000_000
+"""Most channels in all different sets of channels that chunks have."""
 
 RUN_BYTES = 2**20
 """Messages outside of chunks are read in runs of about this size [byte]."""
 
+MAX_RECORD_BYTES = 2**20
+"""Longest message definition, and longest description of a channel [byte]."""
+
+MAX_NS = 2**63 - 1
+
+MAX_OPCODE, MIN_PRIVATE_OPCODE = 0x0F, 0x80
+"""What lies between is reserved; private records are passed over."""
+
+_RECORD = struct.Struct('<BQ')
+_MESSAGE = struct.Struct('<HIQQ')
+_PACKING_OFFSET = _RECORD.size + 28
+_CHUNK_HEAD_BYTES = _PACKING_OFFSET + 4 + 8  # of one that is not packed
+_TAKEN = {
+    Opcode.SCHEMA,
+    Opcode.CHANNEL,
+    Opcode.CHUNK,
+    Opcode.METADATA,
+    Opcode.STATISTICS,
+    Opcode.DATA_END,
+}
 
 Message = tuple[int, int, bytes]
 """Time of arrival [ns], channel, serialised message."""
+
+_Record = TypeVar('_Record')
+
+
+@dataclass(frozen=True)
+class StoredTopic:
+    """A topic as a bag holds it.
+
+    Attributes
+    ----------
+    name, type_name : str
+    type_hash : str
+        ``RIHS01_`` and 64 hex digits; empty when the recorder did not know it.
+    definition : str
+        Text of the message's definition with those that it needs.
+    definition_format : str
+        ``ros2msg`` or ``ros2idl``.
+    qos : str
+        The offered quality of service, as YAML.
+    serialization : str
+    """
+
+    name: str
+    type_name: str
+    type_hash: str = ''
+    definition: str = ''
+    definition_format: str = 'ros2msg'
+    qos: str = ''
+    serialization: str = 'cdr'
+
+
+class Segment(NamedTuple):
+    """A part of the file whose messages are read at once: a chunk, or records without one.
+
+    Attributes
+    ----------
+    first_ns, last_ns : int
+        Times of arrival.
+    offset, size : int
+        Where it begins in the file, and its bytes when it is unpacked.
+    is_packed : bool
+        Whether it is a chunk that is compressed.
+    channels : frozenset of int
+    """
+
+    first_ns: int
+    last_ns: int
+    offset: int
+    size: int
+    is_packed: bool
+    channels: frozenset[int]
 
 
 class McapFile:
@@ -69,11 +135,15 @@ class McapFile:
         By channel.
     counts : Counter of int
         Messages by channel.
+    segments : list of Segment
+        In the order of the file.
     is_finished : bool
         Whether its writer came to the end. Otherwise the file is read up to its last
         whole record.
-    segments : SegmentTable
-        In the order of the file.
+    unread_bytes : int
+        Bytes of an unfinished file behind its last whole record.
+    damage : str
+        Where a finished file is damaged; it is read up to there. Empty: nowhere.
     metadata : str
         The copy of ``metadata.yaml`` in it; empty when there is none.
     stated_counts : Counter of int or None
@@ -82,34 +152,30 @@ class McapFile:
     Raises
     ------
     BagError
-        When it is no MCAP file of ROS 2, is damaged, or goes beyond a limit.
+        When it is no MCAP file of ROS 2.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.topics: dict[int, StoredTopic] = {}
         self.counts: Counter[int] = Counter()
+        self.segments: list[Segment] = []
         self.is_finished = False
-        self.segments = SegmentTable()
-        self.metadata = ''
+        self.unread_bytes = 0
+        self.damage = self.metadata = ''
         self.stated_counts: Counter[int] | None = None
-        self._last: Segment | None = None  # the newest, which is not in the table yet
-        self._last_counts: Counter[int] | None = None
-        self._is_cut = False
-        self._schemas: dict[int, tuple[str, str, str]] = {}
+        self._schemas: dict[int, Schema] = {}
         self._definition_bytes = 0
+        self._is_in_partial_chunk = False
+        self._channel_sets: dict[frozenset[int], frozenset[int]] = {}
+        self._channel_count = 0  # of all these sets
         self._file: BinaryIO = path.open('rb')
         try:
             self._size = self._file.seek(0, io.SEEK_END)
+            self._file.seek(max(0, self._size - len(MAGIC)))
+            self._claims_end = self._size > 2 * len(MAGIC) and self._file.read() == MAGIC
+            self._check_start()
             self._scan()
-            self._look_into_chunks()
-            if self.stated_counts not in (None, self.counts):
-                self.segments.forget_counts()
-                self._look_into_chunks()
-            if unknown := sorted(self.counts.keys() - self.topics.keys()):
-                raise BagError(
-                    f'messages are on channel {unknown[0]}, which no channel record defines'
-                )
         except BaseException:
             self._file.close()
             raise
@@ -120,250 +186,241 @@ class McapFile:
 
     @property
     def newest_ns(self) -> int:
-        """No later than the arrival of the last message [ns]."""
-        return self.segments.newest_ns
+        """When the last message arrived [ns]; 0: there is none."""
+        return min(max((s.last_ns for s in self.segments), default=0), MAX_NS)
+
+    def _read(self, offset: int, size: int) -> bytes:
+        self._file.seek(offset)
+        return self._file.read(size)
+
+    def _head(self, position: int) -> tuple[int, int, int]:
+        """Return opcode, length and end of the record at a position."""
+        head = self._read(position, _RECORD.size).ljust(_RECORD.size, b'\0')
+        opcode, length = _RECORD.unpack(head)
+        return opcode, length, position + _RECORD.size + length
 
     # -- one pass over the file ------------------------------------------------------
 
-    def _scan(self) -> None:
-        self._file.seek(max(0, self._size - len(MAGIC)))
-        claims_end = self._size > 2 * len(MAGIC) and self._file.read() == MAGIC
-        self._file.seek(0)
-        if self._file.read(len(MAGIC)) != MAGIC:
+    def _check_start(self) -> None:
+        if self._read(0, len(MAGIC)) != MAGIC:
             raise BagError('it does not begin as an MCAP file does')
-        position, has_data_end = len(MAGIC), False
-        while position + RECORD_START.size <= self._size:
-            self._file.seek(position)
-            opcode, length = RECORD_START.unpack(self._file.read(RECORD_START.size))
-            contents = position + RECORD_START.size
-            if contents + length > self._size:
-                if opcode == CHUNK and not claims_end:
-                    self._take_chunk(contents, self._size - contents, is_cut=True)
-                break
-            if position == len(MAGIC):
-                self._check_header(opcode, length)
-            elif opcode == 0:
-                break  # a file system gives zeros where the data did not come to the disk
-            elif opcode == FOOTER:
-                self.is_finished = has_data_end and claims_end
-                break
-            has_data_end |= opcode == DATA_END
-            self._take(opcode, contents, length)
-            position = contents + length
-        if self._last is None and position == len(MAGIC):
-            raise BagError('it ends before its header does')
-        if claims_end and not self.is_finished:
-            raise BagError(f'the record at byte {position} cannot be read')
-        if not self.is_finished:
-            self._drop_damaged_end()
-            # The index of the last chunk may be incomplete: its messages are counted instead.
-            self._last_counts = None
-        self._keep_last()
-
-    def _check_header(self, opcode: int, length: int) -> None:
-        if opcode != HEADER or length > MAX_SCHEMA_BYTES:
+        opcode, length, end = self._head(len(MAGIC))
+        if opcode != Opcode.HEADER or length > MAX_RECORD_BYTES:
             raise BagError('it does not begin with the header of an MCAP file')
-        profile = RecordFields(self._file.read(length)).text()
-        if profile != 'ros2':
+        if end > self._size:
+            raise BagError('it ends before its header does')
+        header = _decode(Header.read, self._read(end - length, length))
+        if header.profile != 'ros2':
             raise BagError('it is an MCAP file, but not one of ROS 2')
 
-    def _take(self, opcode: int, offset: int, length: int) -> None:
-        if opcode == MESSAGE:
-            self._take_loose_message(offset, length)
-        elif opcode == CHUNK:
-            self._take_chunk(offset, length)
-        elif opcode == MESSAGE_INDEX:
-            self._take_index()
-        elif opcode in (SCHEMA, CHANNEL):
-            _check_size('a definition', length, MAX_SCHEMA_BYTES)
-            self._learn(opcode, self._file.read(length))
-        elif opcode == METADATA:
-            self._take_metadata(length)
-        elif opcode == STATISTICS:
-            self._take_statistics(length)
-
-    def _take_loose_message(self, offset: int, length: int) -> None:
-        _check_size('a message', length, MAX_CHUNK_BYTES)
-        if length < MESSAGE_START.size:
-            raise BagError('a message is shorter than its own header')
-        channel, _, received_at_ns, _ = MESSAGE_START.unpack(self._file.read(MESSAGE_START.size))
-        start, whole = offset - RECORD_START.size, length + RECORD_START.size
-        last = self._last
-        if (
-            last is None
-            or self._last_counts is None  # a chunk without an index
-            or last.offset + last.stored_bytes != start
-            or last.size + whole > RUN_BYTES
-        ):
-            self._keep_last()
-            last = self._last = Segment(received_at_ns, received_at_ns, start, 0, 0)
-            self._last_counts = Counter()
-        last.first_ns = min(last.first_ns, received_at_ns)
-        last.last_ns = max(last.last_ns, received_at_ns)
-        last.stored_bytes += whole
-        last.size += whole
-        assert self._last_counts is not None
-        self._last_counts[channel] += 1
-
-    def _take_chunk(self, offset: int, length: int, *, is_cut: bool = False) -> None:
-        """Take a chunk; of one whose end is not there, what is there."""
-        _check_size('a packed chunk', length, 2 * MAX_CHUNK_BYTES)
-        head = self._file.read(min(length, CHUNK_START.size + 4 + 32 + 8))
-        fields = RecordFields(head)
+    def _scan(self) -> None:
+        position = len(MAGIC)
         try:
-            first_ns, last_ns, size = fields.number(8), fields.number(8), fields.number(8)
-            checksum, compression = fields.number(4), fields.text()
-            stored_bytes = fields.number(8)
-        except BagError:
-            if is_cut:
-                return  # within its head
-            raise
-        if compression not in PACKINGS:
-            raise BagError(
-                f'a chunk is packed as "{compression[:16]}"; known are zstd, lz4 and none'
-            )
-        start = offset + CHUNK_START.size + 4 + len(compression.encode()) + 8
-        if is_cut and compression:
-            return
-        if is_cut:
-            size = stored_bytes = offset + length - start
-        _check_size('a chunk', size, MAX_CHUNK_BYTES)
-        if start + stored_bytes != offset + length:
-            raise BagError('the length of a chunk is not that of its record')
-        self._keep_last()
-        self._last = Segment(first_ns, last_ns, start, stored_bytes, size, compression, checksum)
-        self._last_counts, self._is_cut = None, is_cut
+            while not self.is_finished:
+                opcode, length, end = self._head(position)
+                if opcode == 0 or end > self._size:
+                    if opcode != Opcode.CHUNK or not self._is_partial(position, end):
+                        break
+                    end = position + _CHUNK_HEAD_BYTES  # on with its records
+                elif opcode == Opcode.MESSAGE:
+                    end = self._take_run(position, length)
+                elif opcode == Opcode.FOOTER:
+                    self.is_finished = self._claims_end
+                else:
+                    try:
+                        self._take(opcode, end - length, length)
+                    except BagError:
+                        if opcode != Opcode.CHUNK or not self._is_partial(position, end):
+                            raise
+                        end = position + _CHUNK_HEAD_BYTES
+                position = end
+            if self._claims_end and not self.is_finished:
+                raise BagError('it goes beyond the end of the file, or is none')
+        except BagError as error:
+            if self._claims_end:
+                self.is_finished = True
+                self.damage = f'the record at byte {position} cannot be used: {error}'
+        if not self.is_finished:
+            self.unread_bytes = self._size - position
 
-    def _keep_last(self) -> None:
-        if self._last is not None:
-            self.segments.add(self._last, self._last_counts)
-        self._last = None
+    def _is_partial(self, position: int, end: int) -> bool:
+        """Return whether a chunk that is not packed came to the disk in part.
 
-    def _take_index(self) -> None:
-        head = RecordFields(self._file.read(6))
-        channel, array_bytes = head.number(2), head.number(4)
-        if self._last is not None and array_bytes:
-            self._last_counts = self._last_counts or Counter()
-            self._last_counts[channel] += array_bytes // 16
+        Its end is missing, or consists of the zeros that a file system gives in its place.
+        """
+        if self._claims_end or self._read(position + _PACKING_OFFSET, 4) != bytes(4):
+            return False
+        self._is_in_partial_chunk = end > self._size or self._read(end - 1, 1) == b'\0'
+        return self._is_in_partial_chunk
 
-    def _take_metadata(self, length: int) -> None:
-        if length > MAX_METADATA_BYTES:
+    def _take(self, opcode: int, offset: int, length: int) -> None:
+        """Take the contents of a record that is no message."""
+        if opcode == Opcode.METADATA and length > MAX_METADATA_BYTES:
             return  # anything may stand there; what rosbag2 writes is shorter
-        fields = RecordFields(self._file.read(length))
-        if fields.text() == METADATA_NAME:
-            self.metadata = fields.texts().get(METADATA_KEY, '')
+        if opcode not in _TAKEN:
+            if MAX_OPCODE < opcode < MIN_PRIVATE_OPCODE:
+                raise BagError(f'records of kind {opcode} are not known')
+            return
+        is_chunk = opcode == Opcode.CHUNK
+        _check_size('a record', length, MAX_CHUNK_BYTES if is_chunk else MAX_METADATA_BYTES)
+        contents = self._read(offset, length)
+        if opcode == Opcode.CHUNK:
+            chunk = _decode(Chunk.read, contents)
+            packed = chunk.compression != ''
+            start = offset - _RECORD.size if packed else offset + length - len(chunk.data)
+            self._add(start, _unpack_chunk(chunk), packed)
+        elif opcode == Opcode.METADATA:
+            metadata = _decode(Metadata.read, contents)
+            if metadata.name == METADATA_NAME:
+                self.metadata = metadata.metadata.get(METADATA_KEY, '')
+        elif opcode == Opcode.STATISTICS:
+            counts = _decode(Statistics.read, contents).channel_message_counts
+            self.stated_counts = +Counter(counts)  # without those that are zero
+        elif opcode == Opcode.DATA_END:
+            self._check_data(offset - _RECORD.size, _decode(DataEnd.read, contents))
+        else:
+            self._learn(opcode, contents)
 
-    def _take_statistics(self, length: int) -> None:
-        _check_size('the statistics', length, MAX_METADATA_BYTES)
-        fields = RecordFields(self._file.read(length))
-        for size in (8, 2, 4, 4, 4, 4, 8, 8):  # totals and times
-            fields.number(size)
-        fields.number(4)  # bytes of the counts
+    def _take_run(self, position: int, length: int) -> int:
+        """Take messages that follow each other outside of chunks; return where they end."""
+        _check_size('a message', length, MAX_CHUNK_BYTES)
+        data = self._read(position, max(RUN_BYTES, length + _RECORD.size))
+        end = 0
+        for opcode, _, record_end in _records(data):
+            if opcode != Opcode.MESSAGE:
+                break
+            end = record_end
+        behind = self._read(position + end, _RECORD.size)
+        if not self._claims_end and not any(behind):
+            # Zeros where the data did not come to the disk: the last message may lack its end.
+            there = len(data[:end].rstrip(b'\0'))
+            if behind or self._is_in_partial_chunk:
+                end = max((e for _, _, e in _records(data[:end]) if e <= there), default=0)
+        self._add(position, data[:end], packed=False)
+        if not end:
+            raise BagError('its end did not come to the disk')
+        return position + end
+
+    def _add(self, offset: int, data: bytes, packed: bool) -> None:
+        """Add a segment with these records."""
         counts: Counter[int] = Counter()
-        while not fields.is_at_end:
-            channel = fields.number(2)
-            counts[channel] = fields.number(8)
-        self.stated_counts = +counts  # without those that are zero
+        first_ns, last_ns, end = 2**64, 0, 0
+        for opcode, start, end in _records(data):
+            if opcode == Opcode.MESSAGE:
+                channel, received_at_ns = _message_start(data, start, end)
+                counts[channel] += 1
+                if received_at_ns < first_ns:
+                    first_ns = received_at_ns
+                if received_at_ns > last_ns:
+                    last_ns = received_at_ns
+            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                self._learn(opcode, data[start:end])
+        if end < len(data):
+            raise BagError('a chunk ends within a record')
+        if not counts:
+            return
+        if unknown := sorted(counts.keys() - self.topics.keys()):
+            raise BagError(
+                f'messages are on channel {unknown[0]}, which no channel record defines'
+            )
+        channels = frozenset(counts)
+        self._channel_count += 0 if channels in self._channel_sets else len(channels)
+        channels = self._channel_sets.setdefault(channels, channels)
+        if len(self.segments) >= MAX_SEGMENTS or self._channel_count > MAX_CHANNELS:
+            raise BagError(f'it has so many chunks ({len(self.segments)}) that they are not kept')
+        self.segments.append(Segment(first_ns, last_ns, offset, len(data), packed, channels))
+        self.counts += counts
 
     def _learn(self, opcode: int, contents: bytes) -> None:
-        fields = RecordFields(contents)
-        number = fields.number(2)
-        known = self._schemas if opcode == SCHEMA else self.topics
-        if number in known:
-            return  # the copy behind the data, or one for each chunk
-        self._definition_bytes += len(contents)
+        _check_size('a definition', len(contents), MAX_RECORD_BYTES)
+        if opcode == Opcode.SCHEMA:
+            schema = _decode(Schema.read, contents)
+            is_new = schema.id not in self._schemas
+            is_same = self._schemas.setdefault(schema.id, schema) == schema
+        else:
+            channel = _decode(Channel.read, contents)
+            topic = self._topic_of(channel)
+            is_new = channel.id not in self.topics
+            is_same = self.topics.setdefault(channel.id, topic) == topic
+        if not is_same:  # the copy behind the data, or one for each chunk
+            raise BagError('a channel or a message is defined twice, and not alike')
+        self._definition_bytes += len(contents) * is_new
         _check_size('all definitions', self._definition_bytes, MAX_DEFINITION_BYTES)
-        if opcode == SCHEMA:
-            name, form, text = fields.text(), fields.text(), fields.text()
-            self._schemas[number] = (name, form, text)
-            return
-        name, form, text = self._schemas.get(fields.number(2), ('', '', ''))
-        topic, serialization, facts = fields.text(), fields.text(), fields.texts()
-        self.topics[number] = StoredTopic(
-            topic,
-            name,
-            facts.get('topic_type_hash', ''),
-            text,
-            form,
-            facts.get('offered_qos_profiles', ''),
-            serialization,
+
+    def _topic_of(self, channel: Channel) -> StoredTopic:
+        schema = self._schemas.get(channel.schema_id, Schema(0, b'', '', ''))
+        return StoredTopic(
+            channel.topic,
+            schema.name,
+            channel.metadata.get('topic_type_hash', ''),
+            schema.data.decode(errors='replace'),
+            schema.encoding,
+            channel.metadata.get('offered_qos_profiles', ''),
+            channel.message_encoding,
         )
 
-    def _look_into_chunks(self) -> None:
-        """Unpack those chunks whose channels or counts are not known without."""
-        for i, has_counts in self.segments.unknown(self.topics.keys()):
-            counts: Counter[int] = Counter()
-            for opcode, data, start, end in self._records(self.segments[i]):
-                if opcode in (SCHEMA, CHANNEL):
-                    self._learn(opcode, data[start:end])
-                elif opcode == MESSAGE and not has_counts:
-                    counts[_message_start(data, start, end)[0]] += 1
-            if not has_counts:
-                self.segments.set_counts(i, counts)
-        self.counts = self.segments.counts
-
-    def _drop_damaged_end(self) -> None:
-        """Of the last chunk, keep what came to the disk."""
-        last = self._last
-        if last is None:
-            return
-        if not self._is_cut:
-            try:
-                for _ in self._records(last):
-                    pass
-                return
-            except BagError:
-                self._last = None
-        if last.compression:
-            return
-        self._file.seek(last.offset)
-        data = self._file.read(last.stored_bytes)
-        # A file system gives zeros where data did not come to the disk; a record that ends in
-        # them may lack its own end. Damage of another kind can lie anywhere.
-        there = len(data.rstrip(b'\0'))
-        last.size = 0
-        with suppress(BagError):
-            for _, _, end in records_within(data):
-                if end > there:
-                    break
-                last.size = end
-        last.stored_bytes, last.checksum = last.size, 0
-        is_known = last.size and (self._is_cut or there < len(data))
-        self._last = last if is_known else None
+    def _check_data(self, end: int, data_end: DataEnd) -> None:
+        checksum, expected = 0, data_end.data_section_crc
+        for offset in range(0, end if expected else 0, RUN_BYTES):
+            checksum = zlib.crc32(self._read(offset, min(RUN_BYTES, end - offset)), checksum)
+        if checksum != expected:
+            self.damage = 'its checksum is not that of its contents; the place is not known'
 
     # -- messages -----------------------------------------------------------------------
 
     def messages_of(self, segment: Segment, channels: Collection[int]) -> Iterator[Message]:
         """Yield the messages of a segment that are on these channels, by time of arrival."""
-        times_ns, starts = array('q'), array('q')
-        data = b''
-        for opcode, data, start, end in self._records(segment):
-            if opcode == MESSAGE:
+        if segment.is_packed:
+            _, length, end = self._head(segment.offset)
+            data = _unpack_chunk(_decode(Chunk.read, self._read(end - length, length)))
+        else:
+            data = self._read(segment.offset, segment.size)
+        found = []
+        for opcode, start, end in _records(data):
+            if opcode == Opcode.MESSAGE:
                 channel, received_at_ns = _message_start(data, start, end)
                 if channel in channels:
-                    times_ns.append(min(received_at_ns, 2**63 - 1))
-                    starts.append(start)
-        for i in np.argsort(np.frombuffer(times_ns, np.int64), kind='stable'):
-            start = starts[i]
-            (_, length) = RECORD_START.unpack_from(data, start - RECORD_START.size)
-            (channel,) = MESSAGE_START.unpack_from(data, start)[:1]
-            yield times_ns[i], channel, data[start + MESSAGE_START.size : start + length]
+                    found.append((received_at_ns, start + _MESSAGE.size, end, channel))
+        found.sort()
+        for received_at_ns, start, end, channel in found:
+            yield min(received_at_ns, MAX_NS), channel, data[start:end]
 
-    def _records(self, segment: Segment) -> Iterator[tuple[int, bytes, int, int]]:
-        self._file.seek(segment.offset)
-        data = unpack_chunk(
-            self._file.read(segment.stored_bytes), segment.compression, segment.size
-        )
-        if segment.checksum and zlib.crc32(data) != segment.checksum:
-            raise BagError('the checksum of a chunk is not that of its contents')
-        for opcode, start, end in records_within(data):
-            yield opcode, data, start, end
+
+class _Contents(io.BytesIO):
+    """Contents of a record, that do not end silently where a field of it does not."""
+
+    def read(self, size: int | None = -1) -> bytes:
+        data = super().read(size)
+        if size is not None and len(data) < size:
+            raise BagError('a field goes beyond the end of its record')
+        return data
+
+
+def _decode(read: Callable[[ReadDataStream], _Record], contents: bytes) -> _Record:
+    """Return a record as the library decodes it."""
+    try:
+        return read(ReadDataStream(_Contents(contents)))
+    except UnicodeDecodeError:
+        raise BagError('a text in it is not UTF-8') from None
+
+
+def _records(data: bytes) -> Iterator[tuple[int, int, int]]:
+    """Yield opcode, start and end of the contents of each whole record."""
+    position, last = 0, len(data) - _RECORD.size
+    while position <= last:
+        opcode, length = _RECORD.unpack_from(data, position)
+        start = position + _RECORD.size
+        position = start + length
+        if position > len(data):
+            return
+        yield opcode, start, position
 
 
 def _message_start(data: bytes, start: int, end: int) -> tuple[int, int]:
-    if end - start < MESSAGE_START.size:
+    """Return channel and time of arrival of a message [ns]."""
+    if end - start < _MESSAGE.size:
         raise BagError('a message is shorter than its own header')
-    channel, _, received_at_ns, _ = MESSAGE_START.unpack_from(data, start)
+    channel, _, received_at_ns, _ = _MESSAGE.unpack_from(data, start)
     return channel, received_at_ns
 
 
@@ -372,22 +429,23 @@ def _check_size(what: str, size: int, limit: int) -> None:
         raise BagError(f'{what} of {size} bytes is in it, the limit is {limit}')
 
 
-def unpack_chunk(packed: bytes, compression: str, size: int) -> bytes:
-    """Return the contents of a chunk, of which there must be exactly ``size`` bytes.
-
-    No more than that is ever unpacked, whatever the packed data say of themselves.
-
-    Raises
-    ------
-    BagError
-        When they are more or less, or cannot be unpacked.
-    """
+def _unpack_chunk(chunk: Chunk) -> bytes:
+    """Return the contents of a chunk; no more is ever unpacked than is written on it."""
+    size = chunk.uncompressed_size
+    _check_size('a chunk', size, MAX_CHUNK_BYTES)
     try:
-        data = _UNPACK[compression](packed, size + 1)
+        unpack = _UNPACK[chunk.compression]
+        data = unpack(chunk.data, size + 1)
+    except KeyError:
+        raise BagError(
+            f'a chunk is packed as "{chunk.compression[:16]}"; known are zstd, lz4 and none'
+        ) from None
     except (zstandard.ZstdError, RuntimeError, EOFError) as error:
         raise BagError(f'a chunk cannot be unpacked: {error}') from error
     if len(data) != size:
         raise BagError('a chunk holds more or less than is written on it')
+    if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
+        raise BagError('the checksum of a chunk is not that of its contents')
     return data
 
 

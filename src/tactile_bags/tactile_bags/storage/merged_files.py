@@ -9,9 +9,11 @@ from collections.abc import Collection, Iterator, Sequence
 import heapq
 
 from tactile_bags.errors import BagError
-from tactile_bags.storage.mcap_format import MAX_OPEN_BYTES, StoredTopic
-from tactile_bags.storage.mcap_reader import McapFile, Message
+from tactile_bags.storage.mcap_reader import McapFile, Message, Segment, StoredTopic
 from tactile_bags.storage.sqlite_reader import SqliteFile
+
+MAX_OPEN_BYTES = 256 * 2**20
+"""Most that chunks which overlap in time may hold together [byte]."""
 
 _Place = tuple[int, int]
 """Number of a file, and of a part in it."""
@@ -57,13 +59,17 @@ class MergedFiles:
         if isinstance(file, SqliteFile):
             yield 0, (number, 0), file.messages(channels)
             return
-        for first_ns, i in file.segments.in_time(channels, since_ns):
-            yield first_ns, (number, i), self._open_segment(file, i, channels)
+        due = [
+            (segment.first_ns, i, segment)
+            for i, segment in enumerate(file.segments)
+            if segment.last_ns >= since_ns and not segment.channels.isdisjoint(channels)
+        ]
+        for first_ns, i, segment in sorted(due):
+            yield first_ns, (number, i), self._open_segment(file, segment, channels)
 
     def _open_segment(
-        self, file: McapFile, number: int, channels: Collection[int]
+        self, file: McapFile, segment: Segment, channels: Collection[int]
     ) -> Iterator[Message]:
-        segment = file.segments[number]
         self._open_bytes += segment.size
         try:
             if self._open_bytes > MAX_OPEN_BYTES:

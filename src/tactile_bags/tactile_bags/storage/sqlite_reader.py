@@ -12,15 +12,22 @@ import sqlite3
 from urllib.parse import quote
 
 from tactile_bags.errors import BagError
-from tactile_bags.storage.mcap_format import MAX_CHUNK_BYTES, StoredTopic
-from tactile_bags.storage.mcap_reader import Message
+from tactile_bags.storage.mcap_reader import MAX_CHUNK_BYTES, Message, StoredTopic
 
 MAX_TOPICS = 65_536
 """Most topics in a file, as many as MCAP can have."""
 
+_MESSAGES = (
+    'FROM messages WHERE typeof(timestamp) = "integer" AND typeof(data) = "blob" '
+    f'AND length(data) <= {MAX_CHUNK_BYTES}'
+)
+_FAULTS = (sqlite3.Error, TypeError, ValueError, OverflowError)
+
 
 class SqliteFile:
     """A ``.db3`` file for reading, with the attributes of `McapFile`.
+
+    ``counts`` are the rows that can be messages, ``stated_counts`` all rows.
 
     Raises
     ------
@@ -32,17 +39,17 @@ class SqliteFile:
         self.path = path
         self.topics: dict[int, StoredTopic] = {}
         self.counts: Counter[int] = Counter()
+        self.stated_counts: Counter[int] = Counter()
         self.is_finished = True  # SQLite itself rolls back what was not finished
-        self.metadata = ''
-        if not path.is_file():
-            raise BagError('it does not exist')
+        self.metadata = self.damage = ''
+        self.newest_ns = self.unread_bytes = 0
         # Read only: opening must not change the file.
         self._database = sqlite3.connect(
             f'file:{quote(str(path.resolve()))}?mode=ro', uri=True, check_same_thread=False
         )
         try:
             self._read_topics()
-        except (sqlite3.Error, TypeError) as error:
+        except _FAULTS as error:
             self._database.close()
             raise BagError(f'SQLite cannot read it: {error}') from error
         except BaseException:
@@ -68,27 +75,21 @@ class SqliteFile:
             self.topics[int(number)] = StoredTopic(
                 str(name), str(type_name), serialization=str(serialization)
             )
-        counts = 'SELECT topic_id, COUNT(*) FROM messages GROUP BY topic_id'
-        for number, count in self._database.execute(counts):
+        count = 'SELECT topic_id, COUNT(*), MAX(timestamp)'
+        rows = f'{count} FROM messages GROUP BY topic_id'
+        self.stated_counts = Counter({i: n for i, n, _ in self._database.execute(rows)})
+        usable = f'{count} {_MESSAGES} GROUP BY topic_id'
+        for number, messages, newest_ns in self._database.execute(usable):
             if number in self.topics:
-                self.counts[number] = count
-
-    @property
-    def newest_ns(self) -> int:
-        """When the last message arrived [ns]."""
-        (newest_ns,) = self._database.execute('SELECT MAX(timestamp) FROM messages').fetchone()
-        return int(newest_ns or 0)
+                self.counts[number] = messages
+                self.newest_ns = max(self.newest_ns, newest_ns)
 
     def messages(self, channels: Collection[int]) -> Iterator[Message]:
         """Yield the messages on these channels, by time of arrival."""
-        query = (
-            'SELECT timestamp, topic_id, data FROM messages '
-            f'WHERE typeof(data) = "blob" AND length(data) <= {MAX_CHUNK_BYTES} '
-            'ORDER BY timestamp, id'
-        )
+        query = f'SELECT timestamp, topic_id, data {_MESSAGES} ORDER BY timestamp, id'
         try:
             for received_at_ns, number, data in self._database.execute(query):
                 if number in channels:
-                    yield int(received_at_ns), number, data
-        except (sqlite3.Error, TypeError, ValueError) as error:
+                    yield received_at_ns, number, data
+        except _FAULTS as error:
             raise BagError(f'SQLite cannot read it: {error}') from error

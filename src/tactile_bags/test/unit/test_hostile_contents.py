@@ -5,6 +5,7 @@
 
 from contextlib import suppress
 import json
+import os
 import sqlite3
 
 from hypothesis import given, HealthCheck, settings
@@ -22,6 +23,7 @@ from tactile_bags import (
     TactileBag,
 )
 from tactile_bags.auditing.auditor import FingerAuditor
+from tactile_bags.bag_repair import repair_bag
 from tactile_bags.errors import BagError
 from tactile_bags.recorded_topics import message_store
 from tactile_features.config import FeatureConfig
@@ -72,7 +74,7 @@ def test_files_outside_of_the_bag_are_not_opened(small_bag, tmp_path):
     (tmp_path / 'outside.mcap').write_bytes(b'secret')
     path = small_bag / 'metadata.yaml'
     path.write_text(path.read_text().replace('bag_0.mcap', '../outside.mcap'))
-    with pytest.raises(BagError, match=r'outside\.mcap: No such file|No such file'):
+    with pytest.raises(BagError, match=r'outside\.mcap: it does not exist'):
         TactileBag(small_bag)
 
 
@@ -120,9 +122,46 @@ def make_database(path, script, messages=()):
 
 
 def test_a_database_is_read_in_the_order_of_arrival(tmp_path):
-    messages = [(1, 7, b'late'), (1, 3, b'early'), (1, 5, None), (1, 6, 'text'), (9, 4, b'?')]
+    messages = [(1, 7, b'late'), (1, 3, b'early')]
     with TactileBag(make_database(tmp_path / 'a.db3', TABLES, messages)) as bag:
         assert [m.data for m in bag.messages()] == [b'early', b'late']
+        assert bag.end_ns == 7
+
+
+NO_MESSAGES = {
+    'no data': (1, 5, None),
+    'a text': (1, 6, 'text'),
+    'an unknown topic': (9, 4, b'?'),
+    'a topic that is a text': ('x', 4, b'?'),
+    'a time that is a text': (1, 'noon', b'?'),
+    'a time beyond all bounds': (1, float('inf'), b'?'),
+    'no time': (1, None, b'?'),
+}
+
+
+@pytest.mark.parametrize('row', NO_MESSAGES.values(), ids=NO_MESSAGES)
+def test_rows_of_a_database_that_are_no_messages_are_told(tmp_path, row):
+    path = make_database(tmp_path / 'a.db3', TABLES, [(1, 3, b'good'), row])
+    with pytest.raises(BagError, match=r'a\.db3 holds \d messages on .*, and its own statistics'):
+        TactileBag(path)
+    repair_bag(path, tmp_path / 'copy')
+    with TactileBag(tmp_path / 'copy') as bag:
+        assert [m.data for m in bag.messages()] == [b'good']
+
+
+@pytest.mark.parametrize('column', ['name', 'type', 'serialization_format'])
+def test_a_database_with_broken_text_is_refused(tmp_path, column):
+    broken = f"{TABLES} UPDATE topics SET {column} = CAST(x'fffe80' AS TEXT);"
+    with pytest.raises(BagError, match='SQLite cannot read it'):
+        TactileBag(make_database(tmp_path / 'a.db3', broken))
+
+
+@pytest.mark.parametrize('name', ['a.mcap', 'a.db3'])
+def test_a_pipe_in_place_of_a_file_is_refused(tmp_path, name):
+    os.mkfifo(tmp_path / name)
+    for path in (tmp_path, tmp_path / name):
+        with pytest.raises(BagError, match='it is no file'):
+            TactileBag(path)
 
 
 @pytest.mark.parametrize('script', [ENDLESS, 'CREATE TABLE x(y)'])

@@ -19,9 +19,9 @@ import re
 from typing import Any, NamedTuple
 
 from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
-from tactile_bags.plain_yaml import parse_plain_yaml, read_text
 from tactile_bags.recorded_topics import join_topic
 from tactile_bags.records import PlayerConfig, RecorderConfig
+from tactile_bags.yaml_files import load_yaml, read_text
 from tactile_bringup.records import TrialConfig
 from tactile_classifier.records import ClassifierConfig
 from tactile_features.config import FeaturesNodeConfig
@@ -87,7 +87,7 @@ class ParameterFile:
         if path is None:
             return
         try:
-            document = parse_plain_yaml(read_text(path, MAX_BYTES))
+            document = load_yaml(read_text(path, MAX_BYTES))
         except TactileError as error:
             raise TactileError(f'cannot read the parameters in {path}: {error}') from error
         if not isinstance(document, dict):

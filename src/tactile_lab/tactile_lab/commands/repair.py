@@ -23,7 +23,7 @@ def repair(
     Every other command reads such a bag as it is, and says so. Other programs may need the index
     at the end of the copy. The copy holds the same messages, byte for byte, and names its source.
     The bag itself is not changed. Exits with 1 when the bag is
-    damaged in its middle: the copy ends there.
+    damaged: the copy holds what could be read.
     """
     from tactile_bags.auditing.audit import summarise_audits
     from tactile_bags.auditing.auditor import audit_bag
@@ -36,7 +36,7 @@ def repair(
     if not repaired.recovered:
         output.say(f'{bag} was closed in order; a copy was made all the same')
     if repaired.damage:
-        output.say(f'{repaired.damage}; the copy ends there')
+        output.say(f'{repaired.damage}; the copy holds what could be read')
     audits = audit_bag(target)
     output.say(f'{target}: {repaired.message_count} messages')
     print_audits(audits, output)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import yaml
 
-from tactile_bags.plain_yaml import parse_plain_yaml, read_text
+from tactile_bags.yaml_files import load_yaml, read_text
 from tactile_lab.experiment.journal import write_atomically
 from tactile_ros.errors import TactileError
 
@@ -45,7 +45,7 @@ def edit_parameters(text: str, node: str, values: Mapping[str, float]) -> str:
     TactileError
         When it is no parameter file, or this would change anything else in it.
     """
-    before = parse_plain_yaml(text)
+    before = load_yaml(text)
     if before is not None and not isinstance(before, dict):
         raise TactileError('it is no ROS parameter file: node names are expected on top')
     new = text
@@ -53,7 +53,7 @@ def edit_parameters(text: str, node: str, values: Mapping[str, float]) -> str:
         new = _edit(new, node, name, repr(float(value)))
     wanted = _expected(before or {}, node, values)
     try:
-        is_right = parse_plain_yaml(new) == wanted
+        is_right = load_yaml(new) == wanted
     except TactileError:
         is_right = False
     if not is_right:

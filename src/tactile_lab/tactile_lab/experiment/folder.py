@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
-from tactile_bags.plain_yaml import read_text
+from tactile_bags.yaml_files import read_text
 from tactile_lab.experiment.journal import Journal, read_journal, write_atomically
 from tactile_lab.experiment.plan import (
     ExperimentError,

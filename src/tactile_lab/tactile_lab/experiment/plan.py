@@ -14,7 +14,7 @@ import random
 import re
 from typing import Any
 
-from tactile_bags.plain_yaml import parse_plain_yaml, read_text
+from tactile_bags.yaml_files import load_yaml, read_text
 from tactile_bringup.records import PROTOCOLS
 from tactile_classifier.records import CONTACTS
 from tactile_ros.errors import TactileError
@@ -193,7 +193,7 @@ def read_plan(path: Path) -> ExperimentPlan:
         When it cannot be read, or a value is not usable.
     """
     try:
-        return parse_plan(parse_plain_yaml(read_text(path, MAX_BYTES)), path.stem)
+        return parse_plan(load_yaml(read_text(path, MAX_BYTES)), path.stem)
     except TactileError as error:
         raise ExperimentError(f'the plan {path}: {error}') from error
 
@@ -298,7 +298,7 @@ def _quote(value: Any) -> str:
     if not isinstance(value, str):
         return str(value)
     try:
-        is_same = parse_plain_yaml(value) == value
+        is_same = load_yaml(value) == value
     except TactileError:  # it looks like a number and is none: 0b_
         is_same = False
     return value if is_same else f'"{value}"'

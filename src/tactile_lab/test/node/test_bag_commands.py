@@ -68,7 +68,8 @@ def test_repair_makes_a_closed_copy(stiffness_bag, tmp_path, damage):
     done = tactile('repair', source, '-o', tmp_path / 'copy', '--json')
     assert done.returncode == damage
     result = json.loads(done.stdout)
-    assert bool(result['recovered']) == (not damage)
+    assert result['recovered']
+    assert bool(result['damage']) == damage
     with TactileBag(tmp_path / 'copy') as bag:
         assert bag.recovered == ''
         assert len(list(bag.messages())) == result['message_count']

@@ -364,7 +364,7 @@ def test_a_recorder_in_a_process_of_its_own_ends_with_1_on_a_full_disk(context, 
         'from tactile_bags.nodes.bag_recorder_node import main\n'
         'from tactile_bags.storage.mcap_writer import McapWriter\n'
         'def full(writer):\n'
-        '    if writer._new.size: raise OSError(28, "No space left on device")\n'
+        '    if writer._new_ns: raise OSError(28, "No space left on device")\n'
         'McapWriter.flush = full\n'
         'sys.exit(main())'
     )

@@ -13,7 +13,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 import pytest
 
-from tactile_bags.plain_yaml import parse_plain_yaml
+from tactile_bags.yaml_files import load_yaml
 from tactile_lab.experiment.folder import (
     ExperimentFolder,
     find_dropped,
@@ -51,7 +51,7 @@ PLANS = st.builds(
 @example(ExperimentPlan('0b_', 'texture', ('0b_', '1e3', 'no')))
 @given(PLANS)
 def test_a_plan_is_read_as_it_was_written(plan):
-    assert parse_plan(parse_plain_yaml(format_plan(plan)), 'other') == plan
+    assert parse_plan(load_yaml(format_plan(plan)), 'other') == plan
 
 
 @given(PLANS)
