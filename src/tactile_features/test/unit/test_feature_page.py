@@ -1,0 +1,286 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Every feature recomputed from docs/feature_sets.md alone, with NumPy and SciPy.
+
+Nothing here uses a helper of the package. The sums run in extended precision, so that an offset
+of 1e9 times the signal costs the page's side no digit.
+"""
+
+import math
+import os
+from pathlib import Path
+import re
+
+import numpy as np
+import pytest
+from scipy.stats.mstats import mquantiles
+
+from tactile_features import FeatureConfig, features_from_trials
+from tactile_features.extraction.extractor import TrialFeatureExtractor
+from tactile_features.feature_sets.registry import BUILT_IN
+from tactile_features.records import Outcome, TrialEvent
+from tactile_ros.strain import StrainBlock
+
+REPOSITORY = Path(__file__).resolve().parents[4]
+PAGE = REPOSITORY / 'docs' / 'feature_sets.md'
+RECORDINGS = Path(os.environ.get('TACTILE_DATA', REPOSITORY.parent / 'shared' / 'data'))
+wide = np.longdouble
+PI = wide('3.14159265358979323846264338327950288')
+
+
+def remove(x, what):
+    if what == 'none':
+        return x
+    x = x - x.mean()
+    if what == 'mean':
+        return x
+    i = np.arange(len(x), dtype=wide) - wide(len(x) - 1) / 2
+    return x - i * (i @ x) / (i @ i)
+
+
+def turn(angle):
+    return np.cos(angle) + 1j * np.sin(angle)
+
+
+def texture_spectrum(x, n, detrend='linear', window='none'):
+    d = remove(x, detrend)
+    w = np.sin(PI * np.arange(len(x), dtype=wide) / len(x)) ** 2
+    if window == 'none':
+        w = np.ones(len(x))
+    k = np.arange(n // 2 + 1)
+    # k i modulo n, so that the angle keeps its digits.
+    angle = 2 * PI * (np.outer(k, np.arange(len(x))) % n).astype(wide) / n
+    amplitude = 2 * np.abs(turn(-angle) @ (w * d)) / w.sum()
+    amplitude[0] = 0
+    if n % 2 == 0:
+        amplitude[-1] /= 2
+    return amplitude
+
+
+def place(length_m, finest_m, step_m):
+    """The page's lines, in double precision: their rounding decides at borders."""
+    n = math.ceil(length_m / step_m - 1e-9) + 1
+    p = step_m * np.arange(n)
+    p -= (p[-1] - length_m) / 2
+    g = np.arange(0, length_m * (1 + 1e-9), finest_m / 4)
+    reach = min(n, math.ceil(8 * finest_m / step_m) + 1)
+    first = np.minimum(np.searchsorted(p, g - 4 * finest_m), n - reach)
+    return p, g, reach, first
+
+
+def spatial_waveform(x, length_m, finest_m, step_m):
+    p, g, reach, first = place(length_m, finest_m, step_m)
+    assert len(x) == len(p)
+    near = first[:, None] + np.arange(reach)
+    apart = (p[near].astype(wide) - g[:, None]) / wide(finest_m)
+    kernel = np.exp(-apart * apart / 2)
+    return (kernel * x[near]).sum(axis=1) / kernel.sum(axis=1)
+
+
+def texture_spatial(x, length_m, finest_m, step_m):
+    p = place(length_m, finest_m, step_m)[0].astype(wide)
+    k = np.arange(1, math.floor(length_m / (2 * finest_m) + 1e-9) + 1)
+    h = np.where((p > 0) & (p < length_m), np.sin(PI * p / length_m) ** 2, 0)
+    amplitude = 2 * np.abs(turn(2 * PI * np.outer(k, p) / length_m) @ (h * (x - x.mean())))
+    y = spatial_waveform(x - x.mean(), length_m, finest_m, step_m)
+    octaves = math.floor(math.log2(length_m / (4 * finest_m)) + 1e-9)
+    lags = [4 * 2**octave for octave in range(octaves + 1)]
+    groups = [y - y.mean()]
+    groups += [y[lag:] - y[:-lag] for lag in lags]
+    groups += [y[2 * lag :] - 2 * y[lag:-lag] + y[: -2 * lag] for lag in lags]
+    # SciPy's plotting positions with alphap = betap = 1: the least at 0, the largest at 1.
+    levels = np.arange(13) / 12
+    quantiles = [mquantiles(group.astype(float), levels, 1, 1) for group in groups]
+    return np.concatenate([amplitude / h.sum(), *quantiles])
+
+
+def hold_waveform(x):
+    n = len(x)
+    if n <= 100:
+        return x
+    edges = np.arange(101, dtype=wide) * n / 100
+    i = np.arange(n)
+    overlap = np.minimum(i + 1, edges[1:, None]) - np.maximum(i, edges[:-1, None])
+    return np.maximum(overlap, 0) @ x * 100 / n
+
+
+def stiffness_relaxation(t, x):
+    t = t - t[0]
+    t_, x_ = t - t.mean(), x - x.mean()
+    slope = (t_ @ x_) / (t_ @ t_)
+    intercept = x.mean() - slope * t.mean()
+    correlation = (t_ @ x_) / np.sqrt((t_ @ t_) * (x_ @ x_))
+    return np.array([slope, intercept, correlation, slope / intercept])
+
+
+def recompute(name, x, rate_hz, config, speed_m_s=0.0):
+    """Features of a ready-cut window, by the page."""
+    x = np.asarray(x, dtype=wide)
+    t = np.rint(np.arange(len(x)) * (1e9 / rate_hz)).astype(wide) / 1_000_000_000
+    over = config.spatial_length_m, config.spatial_finest_m, speed_m_s / rate_hz
+    return {
+        'texture_spectrum': lambda: texture_spectrum(
+            x, len(x), config.spectrum_detrend, config.spectrum_window
+        ),
+        'texture_spatial': lambda: texture_spatial(x, *over),
+        'spatial_waveform': lambda: spatial_waveform(x, *over),
+        'glide_waveform': lambda: x,
+        'hold_waveform': lambda: hold_waveform(x),
+        'stiffness_regression': lambda: stiffness_relaxation(t, x)[:3],
+        'stiffness_relaxation': lambda: stiffness_relaxation(t, x),
+    }[name]()
+
+
+def check(values, expected, scale_n):
+    """To 1e-9 of the value, or of the signal's own size where it vanishes."""
+    np.testing.assert_allclose(values, expected.astype(float), rtol=1e-9, atol=1e-9 * scale_n)
+
+
+def hard_windows(samples):
+    """Noise, a steep line, an offset of 1e9 times the signal, steps, a tiny and a huge signal."""
+    noise = np.random.default_rng(4).standard_normal((6, samples)).cumsum(axis=1)
+    noise[1] += 1e3 * np.arange(samples)
+    noise[2] += 1e9
+    noise[3] = np.sign(np.sin(np.arange(samples) / 9.0)) + 1e-3 * noise[3]
+    noise[4] *= 1e-150
+    noise[5] *= 1e60
+    return noise
+
+
+def real_windows(task):
+    path = RECORDINGS / ('fabric_slide.npz' if task == 'texture' else 'phac_hold.npz')
+    if not path.is_file():
+        pytest.skip(f'{path.name} is not in the folder TACTILE_DATA; see docs/real_recordings.md')
+    with np.load(path) as archive:
+        rate_hz = float(archive['rate_hz'])
+        if task == 'texture':
+            return archive['x'][archive['balanced'].astype(bool)].mean(axis=1)[::9], rate_hz
+        return archive['x'][:, 0, 100:500].astype(float), rate_hz
+
+
+SETS = [pytest.param(each, id=each.name) for each in BUILT_IN]
+
+
+def compare(feature_set, windows, rate_hz, config, speed_m_s=0.0):
+    task = {'glide': 'texture', 'hold': 'stiffness'}[feature_set.phase]
+    speeds = [speed_m_s] * len(windows) if feature_set.needs_speed else None
+    values, spec = features_from_trials(task, windows, rate_hz, config=config, speeds_m_s=speeds)
+    assert len(spec.names) == values.shape[1]
+    for x, row in zip(windows, values, strict=True):
+        if feature_set.needs_speed:  # the middle of each row
+            length_m, step_m = config.spatial_length_m, speed_m_s / rate_hz
+            count = len(place(length_m, config.spatial_finest_m, step_m)[0])
+            x = x[(len(x) - count) // 2 :][:count]
+        expected = recompute(feature_set.name, x, rate_hz, config, speed_m_s)
+        check(row, expected, np.ptp(x))
+
+
+def configure(feature_set, **options):
+    chosen = {'glide': 'texture_features', 'hold': 'stiffness_features'}[feature_set.phase]
+    return FeatureConfig(**{chosen: feature_set.name, **options})
+
+
+@pytest.mark.parametrize('feature_set', SETS)
+def test_the_page_has_every_set_with_its_version(feature_set):
+    parts = [part for part in PAGE.read_text().split('\n## ')[1:] if feature_set.name in part]
+    assert re.match(r'.*\n\nVersions? [\d and]*\b' + str(feature_set.version), parts[0])
+
+
+@pytest.mark.parametrize('feature_set', SETS)
+@pytest.mark.parametrize('samples', [30, 100, 180, 251, 399])
+def test_hard_windows(feature_set, samples):
+    windows = hard_windows(samples)
+    if not feature_set.needs_speed:
+        compare(feature_set, windows, 60.0, configure(feature_set))
+        return
+    # The length over the surface follows: a whole and a broken number of steps, finest scales
+    # that are a step and several.
+    for finest_m, speed_m_s in ((0.0005, 0.015), (0.0007, 0.0137), (0.00025, 0.015)):
+        step_m = speed_m_s / 60.0
+        for length_m in (step_m * (samples - 1), step_m * (samples - 1.37)):
+            if length_m < 4 * finest_m:
+                continue
+            config = configure(feature_set, spatial_length_m=length_m, spatial_finest_m=finest_m)
+            compare(feature_set, windows, 60.0, config, speed_m_s)
+
+
+@pytest.mark.parametrize('feature_set', SETS)
+def test_real_recordings(feature_set):
+    windows, rate_hz = real_windows('texture' if feature_set.phase == 'glide' else 'stiffness')
+    over = {'spatial_length_m': 0.06, 'spatial_finest_m': 0.003} if feature_set.needs_speed else {}
+    compare(feature_set, windows, rate_hz, configure(feature_set, **over), 0.03)
+
+
+@pytest.mark.parametrize('feature_set', SETS)
+@pytest.mark.parametrize('offset_ns', [0, 1, 5_000_000])
+def test_windows_begin_where_the_page_says(feature_set, offset_ns):
+    """By the defaults of the page; samples every 1/64 s, so that crops can end on one."""
+    rate_hz, period_ns, start_ns = 64.0, 15_625_000, 10**18
+    config = configure(feature_set, rate_hz=rate_hz, measures=False)
+    tension_n = np.random.default_rng(5).standard_normal(600).cumsum()
+    extractor = TrialFeatureExtractor(config)
+    begin_ns, end_ns = start_ns + 64 * period_ns - offset_ns, start_ns + 560 * period_ns
+    for stamp_ns, phase in ((begin_ns, feature_set.phase), (end_ns, 'release')):
+        extractor.add_event(
+            TrialEvent(stamp_ns, 't', 's', 'texture', 'flexion', 'F', phase, '', 0.015)
+        )
+    found = extractor.add_block(StrainBlock(start_ns, 0, period_ns, tension_n))
+    (window,) = [*found, *extractor.finish()]
+    assert window.outcome == Outcome.OK
+    stamps_ns = start_ns + period_ns * np.arange(600)
+    crop_s = {'glide': 0.6, 'hold': 0.5}[feature_set.phase]
+    count, until_ns = 180, end_ns
+    if feature_set.needs_speed:
+        crop_s, count = 0.009 / 0.015, len(place(0.045, 0.0005, 0.015 / rate_hz)[0])
+    if feature_set.name.startswith('stiffness'):
+        count, until_ns = 600, end_ns - 100_000_000
+    taken = (stamps_ns >= begin_ns + round(crop_s * 1e9)) & (stamps_ns <= until_ns)
+    x = tension_n[taken][:count]
+    check(window.values, recompute(feature_set.name, x, rate_hz, config, 0.015), np.ptp(x))
+
+
+def test_names_are_those_of_the_page():
+    def name(feature_set, samples=180, **options):
+        config = configure(feature_set, **options)
+        return [each.name for each in feature_set(config).describe(samples, 60.0)]
+
+    sets = {each.name: each for each in BUILT_IN}
+    assert name(sets['texture_spectrum']) == [
+        f'tension__spectrum__hz_{k / 3:.3f}' for k in range(91)
+    ]
+    scales = ['0.5', '1', '2', '4', '8']
+    groups = ['value', *(f'{what}__mm_{mm}' for what in ('change', 'bend') for mm in scales)]
+    assert name(sets['texture_spatial']) == [
+        *(f'tension__spatial_spectrum__per_m_{k / 0.045:.3f}' for k in range(1, 46)),
+        *(f'tension__spatial_{group}__q_{j / 12:.3f}' for group in groups for j in range(13)),
+    ]
+    assert name(sets['glide_waveform']) == [
+        f'tension__waveform__s_{i / 60:.4f}' for i in range(180)
+    ]
+    assert name(sets['spatial_waveform']) == [
+        f'tension__waveform__mm_{m / 8:.4f}' for m in range(361)
+    ]
+    assert name(sets['hold_waveform']) == [
+        f'tension__waveform__s_{j * 1.8 / 60:.4f}' for j in range(100)
+    ]
+    line = ['slope', 'intercept', 'correlation', 'relative_slope']
+    line = [f'tension__regression__{each}' for each in line]
+    assert name(sets['stiffness_regression']) == line[:3]
+    assert name(sets['stiffness_relaxation']) == line
+
+
+@pytest.mark.parametrize('detrend', ['none', 'mean', 'linear'])
+@pytest.mark.parametrize('window', ['none', 'hann'])
+@pytest.mark.parametrize('samples', [180, 77])
+def test_spectra_of_whole_and_partial_windows(detrend, window, samples):
+    config = FeatureConfig(spectrum_detrend=detrend, spectrum_window=window)
+    windows = hard_windows(180)
+    values, _ = features_from_trials(
+        'texture', windows, 60.0, config=config, first_samples=samples
+    )
+    for x, row in zip(windows.astype(wide), values, strict=True):
+        expected = texture_spectrum(x[:samples], 180, detrend, window)
+        # Without anything subtracted, the level leaks, and its rounding with it.
+        scale_n = np.abs(x).max() if detrend == 'none' else np.ptp(x)
+        check(row, expected, float(scale_n))
