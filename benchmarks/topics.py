@@ -55,6 +55,7 @@ TOPICS = (
     Topic('paths', 'simulator.paths', 'readings, stiffness trials, the live rig'),
     Topic('twin', 'simulator.twin', 'error beside the same scene in MuJoCo (needs mujoco)', LONG),
     Topic('twin-speed', 'simulator.twin', 'speed beside the same scene in MuJoCo', LONG),
+    Topic('robustness', 'simulator.robustness', 'accuracy by condition of sensor and rig'),
     Topic('published', 'accuracy.published', "the paper's statements, by setting", LONG),
     Topic('hard-plates', 'accuracy.twelve_plates', 'twelve plates, pitches 5 % apart', LONG),
     Topic('speeds', 'accuracy.speeds', 'public recordings at a speed never seen', LONG),

@@ -35,7 +35,7 @@ COMMANDS = {
         'Run everything from training to live trials on the **simulated** rig, in about a minute.',
     ),
     'simulate': (
-        'tactile_lab.cli.recordings',
+        'tactile_lab.commands.simulate',
         'Make bags of **simulated** trials, without waiting in real time.',
     ),
     'import': (
@@ -57,10 +57,6 @@ COMMANDS = {
     'features': (
         'tactile_lab.cli.recordings',
         'Write the features of recordings as a table, for notebooks and other programs.',
-    ),
-    'robustness': (
-        'tactile_lab.cli.recordings',
-        'Find out on **simulated** trials how good sensor and rig must be.',
     ),
     'replay': (
         'tactile_lab.cli.recordings',

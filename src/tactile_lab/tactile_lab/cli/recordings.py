@@ -14,8 +14,6 @@ from tactile_lab.commands.analysis.requests import (
     EvaluateRequest,
     FeaturesRequest,
     ImportRequest,
-    RobustnessRequest,
-    SimulateRequest,
     TrainRequest,
 )
 from tactile_lab.options import (
@@ -25,30 +23,6 @@ from tactile_lab.options import (
     RecordingsArgument,
     WatchOption,
 )
-
-
-@spread
-def simulate(
-    request: SimulateRequest, cluster: ClusterOption = '', as_json: JsonOption = False
-) -> None:
-    """Make bags of **simulated** trials, without waiting in real time.
-
-    Writes one bag for each kind of contact, with plates or objects times sessions times trials in
-    it. The bags hold the same messages as live recordings, marked as simulated. The same
-    seed gives the same bytes with the same NumPy, whatever the number of processes.
-
-    Exits with 3 when the simulator found no equilibrium in some trial: such trials are in
-    the bag up to that time, end as aborted, and give no features. **slip** trials, in which
-    the object is pulled sideways, are only simulated: no rig can run them, and there are no
-    slip features yet. Their bag says when each object truly began to slip.
-    """
-    check_paths(request.description)
-    from tactile_lab.commands.cluster import on_cluster
-    from tactile_lab.commands.simulate import run_simulate
-
-    with on_cluster(cluster):
-        complete = run_simulate(request, as_json=as_json)
-    raise typer.Exit(0 if complete else 3)
 
 
 @spread
@@ -146,23 +120,6 @@ def compare(request: CompareRequest, as_json: JsonOption = False) -> None:
     from tactile_lab.commands.analysis.compare import run_compare
 
     run_compare(request, as_json=as_json)
-
-
-@spread
-def robustness(
-    request: RobustnessRequest, cluster: ClusterOption = '', as_json: JsonOption = False
-) -> None:
-    """Find out on **simulated** trials how good sensor and rig must be.
-
-    Noise, drift, lost samples, jitter, glide speed, contact depth and sample rate are made
-    worse one at a time: accuracy of a model that was trained under good conditions, and of
-    one that was trained under the bad ones. Takes about a minute at most.
-    """
-    from tactile_lab.commands.analysis.robustness import run_robustness
-    from tactile_lab.commands.cluster import on_cluster
-
-    with on_cluster(cluster):
-        run_robustness(request, as_json=as_json)
 
 
 def replay(

@@ -1,117 +1,190 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile simulate`: bags of simulated trials."""
-
-from __future__ import annotations
+"""`tactile simulate`: bags of simulated trials, made without waiting in real time."""
 
 from collections.abc import Sequence
 from pathlib import Path
 import time
+from typing import Annotated, Optional, TYPE_CHECKING
 
-from tactile_bags.errors import BagError
-from tactile_bringup.records import TrialConfig
-from tactile_features.config import FeatureConfig
-from tactile_features.records import PROTOCOL_TEXTURE
-from tactile_lab.commands.analysis.requests import SimulateRequest
-from tactile_lab.commands.output import make_output_folder, Output
-from tactile_lab.simulation.simulated_bags import (
-    count_trials,
-    SimulatedBag,
-    write_simulated_bag,
+import typer
+
+from tactile_lab.options import (
+    choice,
+    ClusterOption,
+    DescriptionOption,
+    JobsOption,
+    JsonOption,
+    SeedOption,
 )
-from tactile_lab.simulation.simulated_trials import SimulationPlan
 from tactile_ros.errors import TactileError
-from tactile_sim.descriptions.catalogue import Catalogue
+
+if TYPE_CHECKING:
+    from tactile_lab.commands.output import Output
+    from tactile_lab.simulation.simulated_bags import SimulatedBag
+    from tactile_lab.simulation.simulated_trials import SimulationPlan
+    from tactile_sim.descriptions.catalogue import Catalogue
 
 CROSSED = 'crossed'
 AS_PUBLISHED = 'as-published'
+SESSIONS = 6
+"""Sessions of the crossed design: as many as the unknown objects' threshold needs."""
+
+ALL_TRIALS = 60
+"""Trials of each plate in the paper (section III.A)."""
 
 
-def run_simulate(request: SimulateRequest, *, as_json: bool) -> bool:
-    """Write one bag for each kind of contact; return whether every trial was computed."""
-    output = Output(as_json)
-    if request.plot is not None and not request.plot.parent.is_dir():
+def simulate(
+    protocol: Annotated[
+        str,
+        typer.Argument(**choice('texture', 'stiffness', 'slip'), help='Which kind of trial.'),
+    ],
+    folder: Annotated[Path, typer.Option('--output', '-o', help='Folder to write the bags into.')],
+    contact: Annotated[
+        Optional[list[str]],
+        typer.Option(
+            **choice('flexion', 'abduction'),
+            help='How the finger touches; give it twice for both. Default: both.',
+        ),
+    ] = None,
+    trials: Annotated[
+        Optional[int],
+        typer.Option(
+            min=1,
+            max=100_000,
+            help='Trials on each plate or object in each session. Default: 60 over all sessions.',
+        ),
+    ] = None,
+    sessions: Annotated[
+        Optional[int],
+        typer.Option(
+            min=1,
+            max=1000,
+            help='How often the rig is set up anew: trials of one session share its finger and '
+            'temperature. A model needs several to tell unknown objects from new sessions. '
+            'Default: 6; as-published has 1.',
+        ),
+    ] = None,
+    design: Annotated[
+        str,
+        typer.Option(
+            **choice(CROSSED, AS_PUBLISHED),
+            help='crossed: the plate or object is fixed anew before each trial. as-published: '
+            'once, for all its trials, in one session: label and mounting coincide.',
+        ),
+    ] = CROSSED,
+    speed: Annotated[
+        Optional[list[float]],
+        typer.Option(
+            min=1,
+            max=200,
+            help='Sliding speed over the plate in mm/s; give it several times for a bag of each. '
+            'Default: 15.',
+        ),
+    ] = None,
+    seed: SeedOption = 1,
+    description: DescriptionOption = None,
+    jobs: JobsOption = -1,
+    plot: Annotated[
+        Optional[Path],
+        typer.Option(help='Draw one of the trials into this PNG file.'),
+    ] = None,
+    cluster: ClusterOption = '',
+    as_json: JsonOption = False,
+) -> None:
+    """Make bags of **simulated** trials, without waiting in real time.
+
+    Writes one bag for each kind of contact, with plates or objects times sessions times trials in
+    it. The bags hold the same messages as live recordings, marked as simulated. The same
+    seed gives the same bytes with the same NumPy, whatever the number of processes.
+
+    Exits with 3 when the simulator found no equilibrium in some trial: such trials are in
+    the bag up to that time, end as aborted, and give no features. **slip** trials, in which
+    the object is pulled sideways, are only simulated: no rig can run them, and there are no
+    slip features yet. Their bag says when each object truly began to slip.
+    """
+    if plot is not None and not plot.parent.is_dir():
         raise TactileError(
-            f'cannot write {request.plot}: there is no folder {request.plot.parent}; make it, '
-            'or name another file'
+            f'cannot write {plot}: there is no folder {plot.parent}; make it, or name another file'
         )
-    if request.jobs == 0:
+    if jobs == 0:
         raise TactileError('--jobs is 0; it must be a number of processes, or -1 for all cores')
-    if request.speeds_m_s and request.protocol != PROTOCOL_TEXTURE:
+    if speed and protocol != 'texture':
         raise TactileError('--speed is for texture: nothing else glides over a plate')
-    if request.design == AS_PUBLISHED and request.sessions != 1:
+    is_published = design == AS_PUBLISHED
+    if is_published and sessions not in (None, 1):
         raise TactileError(
-            f'--sessions is {request.sessions}, but --design {AS_PUBLISHED} has one session, '
+            f'--sessions is {sessions}, but --design {AS_PUBLISHED} has one session, '
             f'as the paper states none; omit --sessions, or use --design {CROSSED}'
         )
-    per_mounting = request.trials_per_label if request.design == AS_PUBLISHED else 1
-    catalogue = Catalogue(request.description)
-    labels = catalogue.labels(request.protocol)
+    sessions = sessions or (1 if is_published else SESSIONS)
+    trials = trials or max(1, ALL_TRIALS // sessions)
+
+    from tactile_bringup.records import TrialConfig
+    from tactile_lab.commands.cluster import on_cluster
+    from tactile_lab.commands.output import Output
+    from tactile_lab.simulation.simulated_bags import count_trials
+    from tactile_lab.simulation.simulated_trials import SimulationPlan
+    from tactile_sim.descriptions.catalogue import Catalogue
+
+    output = Output(as_json)
+    catalogue = Catalogue(description)
+    contacts = tuple(dict.fromkeys(contact or ('flexion', 'abduction')))
+    speeds_m_s = [mm_s / 1e3 for mm_s in dict.fromkeys(speed or ())]
+    per_mounting = trials if is_published else 1
     plans = [
-        SimulationPlan(
-            request.protocol,
-            contact,
-            request.trials_per_label,
-            request.seed,
-            request.sessions,
-            speed_m_s,
-            per_mounting,
-        )
-        for contact in request.contacts
-        for speed_m_s in request.speeds_m_s or (None,)
+        SimulationPlan(protocol, one, trials, seed, sessions, speed_m_s, per_mounting)
+        for one in contacts
+        for speed_m_s in speeds_m_s or (None,)
     ]
     total = sum(count_trials(plan, catalogue) for plan in plans)
     output.say(
-        f'SIMULATED {request.protocol} trials, {" and ".join(request.contacts)}: {total} in all; '
-        f'{len(plans)} x {request.sessions} x {request.trials_per_label} '
-        f'(bags, sessions, trials) on each of {", ".join(labels)}; design {request.design}'
+        f'SIMULATED {protocol} trials, {" and ".join(contacts)}: {total} in all; '
+        f'{len(plans)} x {sessions} x {trials} (bags, sessions, trials) on each of '
+        f'{", ".join(catalogue.labels(protocol))}; design {design}'
     )
     started = time.monotonic()
-    bags = make_bags(request.folder, plans, output, catalogue=catalogue, jobs=request.jobs)
+    with on_cluster(cluster):
+        bags = make_bags(folder, plans, output, catalogue=catalogue, jobs=jobs)
     elapsed_s = time.monotonic() - started
     for bag in bags:
         output.say(f'{bag.path}: {bag.trials} simulated trials')
-    trials = sum(bag.trials for bag in bags)
-    output.say(f'{trials} trials in {elapsed_s:.1f} s: {trials / elapsed_s:.0f} a second')
-    if request.plot is not None:
-        from tactile_lab.simulation.simulation_plots import plot_simulated_trial
+    output.say(f'{total} trials in {elapsed_s:.1f} s: {total / elapsed_s:.0f} a second')
+    if plot is not None:
+        from tactile_lab.simulation.trial_picture import plot_simulated_trial
 
         config = plans[0].configure(TrialConfig(simulated=True))
-        plot_simulated_trial(request.plot, plans[0], config, catalogue)
-        output.say(f'{request.plot}: one of them as a figure')
-    output.result(
+        plot_simulated_trial(plot, plans[0], config, catalogue)
+        output.say(f'{plot}: one of them as a figure')
+    described = [
         {
-            'simulated': True,
-            'bags': [
-                {
-                    'path': str(bag.path),
-                    'protocol': plan.protocol,
-                    'contact': plan.contact,
-                    'glide_speed_m_s': plan.glide_speed_m_s,
-                    'design': request.design,
-                    'trials_per_mounting': plan.trials_per_mounting,
-                    'sessions': plan.sessions,
-                    'trials_per_label_and_session': plan.trials_per_label,
-                    'trials': bag.trials,
-                    'aborted': dict(bag.aborted),
-                    'seed': plan.seed,
-                }
-                for bag, plan in zip(bags, plans, strict=True)
-            ],
+            'path': str(bag.path),
+            'protocol': plan.protocol,
+            'contact': plan.contact,
+            'glide_speed_m_s': plan.glide_speed_m_s,
+            'design': design,
+            'trials_per_mounting': plan.trials_per_mounting,
+            'sessions': plan.sessions,
+            'trials_per_label_and_session': plan.trials_per_label,
+            'trials': bag.trials,
+            'aborted': dict(bag.aborted),
+            'seed': plan.seed,
         }
-    )
-    return not any(bag.aborted for bag in bags)
+        for bag, plan in zip(bags, plans, strict=True)
+    ]
+    output.result({'simulated': True, 'bags': described})
+    raise typer.Exit(3 if any(bag.aborted for bag in bags) else 0)
 
 
 def make_bags(
     folder: Path,
-    plans: Sequence[SimulationPlan],
-    output: Output,
+    plans: 'Sequence[SimulationPlan]',
+    output: 'Output',
     *,
-    catalogue: Catalogue | None = None,
+    catalogue: 'Catalogue | None' = None,
     jobs: int = -1,
-) -> list[SimulatedBag]:
+) -> 'list[SimulatedBag]':
     """Write the plans' bags with progress; name the trials that could not be computed.
 
     Raises
@@ -119,16 +192,21 @@ def make_bags(
     BagError
         When one of the bags exists already: nothing is simulated then.
     """
+    from tactile_bags.errors import BagError
+    from tactile_bringup.records import TrialConfig
+    from tactile_features.config import FeatureConfig
+    from tactile_lab.commands.output import make_output_folder
+    from tactile_lab.simulation.simulated_bags import count_trials, write_simulated_bag
+    from tactile_sim.descriptions.catalogue import Catalogue
+
     make_output_folder(folder)
     for plan in plans:
         if (folder / plan.name).exists():
             raise BagError(f'{folder / plan.name} exists already; name another folder')
     catalogue = catalogue or Catalogue(None)
     config, features = TrialConfig(simulated=True), FeatureConfig()
-    bags = []
-    started = time.monotonic()
+    started, done = time.monotonic(), 0
     total = sum(count_trials(plan, catalogue) for plan in plans)
-    done = 0
     with output.progress('simulating trials') as show:
 
         def advance(count: int) -> None:
@@ -137,30 +215,20 @@ def make_bags(
             rate = done / max(time.monotonic() - started, 1e-3)
             show(done, total, f'simulating trials, {rate:.0f} a second')
 
-        for plan in plans:
-            bags.append(  # noqa: PERF401 - each takes minutes
-                write_simulated_bag(
-                    folder,
-                    plan,
-                    config,
-                    features,
-                    catalogue=catalogue,
-                    jobs=jobs,
-                    on_trials=advance,
-                )
+        bags = [
+            write_simulated_bag(
+                folder, plan, config, features, catalogue=catalogue, jobs=jobs, on_trials=advance
             )
+            for plan in plans
+        ]
     for bag in bags:
-        _name_aborted(bag, output)
+        if bag.aborted:
+            output.say(
+                f'{bag.path}: {len(bag.aborted)} of {bag.trials} trials ABORTED, because the '
+                'simulation found no equilibrium; they give no features'
+            )
+        for trial_id, failed_at_s in bag.aborted[:5]:
+            output.say(f'   {trial_id} at {failed_at_s:.3f} s')
+        if len(bag.aborted) > 5:
+            output.say(f'   and {len(bag.aborted) - 5} more; --json names all of them')
     return bags
-
-
-def _name_aborted(bag: SimulatedBag, output: Output) -> None:
-    if bag.aborted:
-        output.say(
-            f'{bag.path}: {len(bag.aborted)} of {bag.trials} trials ABORTED, because the '
-            'simulation found no equilibrium; they give no features'
-        )
-    for trial_id, failed_at_s in bag.aborted[:5]:
-        output.say(f'   {trial_id} at {failed_at_s:.3f} s')
-    if len(bag.aborted) > 5:
-        output.say(f'   and {len(bag.aborted) - 5} more; --json names all of them')

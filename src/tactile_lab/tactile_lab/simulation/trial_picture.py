@@ -1,28 +1,53 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One simulated trial, and the shapes of the finger in it, as they are drawn."""
+"""One simulated trial as a figure: the finger's shapes to scale, its tension, its spectrum."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 import math
+from pathlib import Path
 
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Polygon
 import numpy as np
 from numpy.typing import NDArray
 
 from tactile_bringup.records import TrialConfig
-from tactile_lab.simulation.simulated_trials import plan_trial, PlannedTrial, SimulationPlan
+from tactile_features.config import FeatureConfig
+from tactile_features.feature_sets.texture_spectrum import compute_spectrum
+from tactile_lab.plots import draw_spectrum, shade_phases
+from tactile_lab.simulation.simulated_trials import (
+    find_onset_s,
+    plan_trial,
+    PlannedTrial,
+    SimulationPlan,
+)
 from tactile_ros.errors import TactileError
 from tactile_sim.descriptions.catalogue import Catalogue
 from tactile_sim.descriptions.description import Finger
 from tactile_sim.physics.equations import compute_curve
-from tactile_sim.physics.scene import build_scene
+from tactile_sim.physics.scene import build_scene, compute_plate_profile
 from tactile_sim.physics.trials import simulate_motion
 from tactile_sim.physics.variation import Variation
 
 FloatArray = NDArray[np.float64]
+
+MM = 1e3
+SHAPE_STYLES = {
+    'at rest': ('0.65', '-'),
+    'start': ('#1f4e79', '-'),
+    'middle': ('#2e8b57', '-'),
+    'end': ('#d2691e', '--'),
+}
+"""Colour and line of each moment; start and end of a hold lie on each other."""
+
+BODY_DEPTH_M = 0.012
+"""Drawn depth of plates and objects [m]; the model has only their surface."""
 
 
 @dataclass(frozen=True)
@@ -132,3 +157,210 @@ def surface_drop_m(finger: Finger) -> float:
     in the middle of the tip, which moves the top down by its radius and changes nothing else.
     """
     return compute_touching_tip(finger)[1] + finger.tip_radius_m
+
+
+def plot_simulated_trial(
+    path: Path, plan: SimulationPlan, config: TrialConfig, catalogue: Catalogue
+) -> None:
+    """Simulate a trial exactly as described, without variation or noise, and draw it.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        PNG to write.
+    plan : SimulationPlan
+        Says protocol and contact.
+
+    Raises
+    ------
+    TactileError
+        When the file cannot be written, or the simulator finds no solution.
+    """
+    figure = draw_picture(simulate_picture(plan, config, catalogue))
+    try:
+        figure.savefig(path, dpi=130, format='png')
+    except OSError as error:
+        raise TactileError(f'cannot write {path}: {error.strerror}; name another file') from error
+
+
+def draw_picture(picture: TrialPicture) -> Figure:
+    """Draw the finger's shapes, the tension, and what else the protocol has to show."""
+    extra: dict[str, Callable[[Axes, TrialPicture], None]] = {
+        'texture': _draw_spectrum,
+        'stiffness': _draw_force,
+        'slip': _draw_slip,
+    }
+    figure = Figure(figsize=(9, 9.5), layout='constrained')
+    shapes, tension, last = figure.subplots(3, 1, height_ratios=(1.5, 1.0, 0.8))
+    _draw_shapes(shapes, picture)
+    _draw_tension(tension, picture)
+    extra[picture.plan.protocol](last, picture)
+    figure.suptitle(
+        f'SIMULATED {picture.plan.protocol} trial: {picture.plan.contact} on {picture.label}\n'
+        'exactly as described, without variation or noise; no number is a measurement'
+    )
+    return figure
+
+
+def _draw_shapes(axes: Axes, picture: TrialPicture) -> None:
+    finger = picture.catalogue.finger(picture.plan.contact)
+    _draw_touched(axes, picture)
+    measured = find_measured_phase(picture.planned)
+    for shape in picture.shapes:
+        colour, line = SHAPE_STYLES[shape.moment]
+        of_phase = '' if shape.moment == 'at rest' else f' of the {measured}'
+        outline_m = _outline(shape.curve_m, finger.tip_radius_m)
+        axes.add_patch(Polygon(MM * outline_m, facecolor=colour, alpha=0.12, lw=0, zorder=2))
+        axes.plot(
+            *(MM * shape.curve_m.T),
+            color=colour,
+            ls=line,
+            lw=1.8,
+            zorder=3,
+            label=f'{shape.moment}{of_phase}, {shape.at_s:.2f} s',
+        )
+        base_mm, tip_mm = MM * shape.curve_m[0], MM * shape.curve_m[-1]
+        radius_mm = MM * finger.tip_radius_m
+        circle = Circle(tuple(tip_mm), radius_mm, fill=False, ec=colour, ls=line, lw=1.5, zorder=3)
+        axes.add_patch(circle)
+        axes.plot(*base_mm, marker='s', ms=7, color=colour, zorder=4)
+    axes.set(
+        xlabel='along the guide [mm], to scale; square: base, circle: fingertip',
+        ylabel='drop below the base [mm]',
+    )
+    axes.set_aspect('equal', adjustable='datalim')
+    axes.invert_yaxis()
+    axes.legend(loc='lower center', bbox_to_anchor=(0.5, 1.0), ncols=4, frameon=False, fontsize=9)
+
+
+def _outline(curve_m: FloatArray, half_width_m: float) -> FloatArray:
+    """Return the finger's outline about its centre line; the model knows no thickness."""
+    tangent = np.gradient(curve_m, axis=0)
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    across_m = half_width_m * np.column_stack([-tangent[:, 1], tangent[:, 0]])
+    return np.concatenate([curve_m + across_m, (curve_m - across_m)[::-1]])
+
+
+def _draw_touched(axes: Axes, picture: TrialPicture) -> None:
+    """Draw the plate or object where it lies under the finger."""
+    catalogue, protocol = picture.catalogue, picture.plan.protocol
+    finger, place = catalogue.finger(picture.plan.contact), catalogue.rig().placement
+    reach_m, top_m = compute_touching_tip(finger)[0], surface_drop_m(finger)
+    middle_m, half_m = place.object_guide_m + reach_m, place.object_half_width_m
+    what, pull_m = f'object {picture.label}', 0.0
+    outline_m = _block_outline(middle_m, half_m, top_m)
+    if protocol == 'texture':
+        plate, what = catalogue.plate(picture.label), f'plate {picture.label}'
+        along_m = np.linspace(0.0, plate.length_m, 4000, dtype=np.float64)
+        edge_m = place.texture_guide_m + reach_m - place.texture_lead_m
+        middle_m = edge_m + plate.length_m / 2
+        profile_m = compute_plate_profile(plate, along_m, place.tray_depth_m)
+        outline_m = np.column_stack([edge_m + along_m, top_m - profile_m])
+        ends = [[outline_m[-1, 0], top_m + BODY_DEPTH_M], [edge_m, top_m + BODY_DEPTH_M]]
+        outline_m = np.concatenate([outline_m, ends])
+    elif protocol == 'slip':
+        pull_m = catalogue.rig().pull.distance_m
+        what += f', pulled by {MM * pull_m:g} mm'
+        held = catalogue.held_object(picture.label)
+        if held.motion == 'roll':
+            angle = np.linspace(0.0, 2 * np.pi, 181)
+            circle = np.column_stack([np.sin(angle), 1.0 - np.cos(angle)])
+            outline_m = np.array([middle_m, top_m]) + held.radius_m * circle
+    elif catalogue.body(picture.label).stiffness_n_m == 0:
+        what = 'no object'
+    if what != 'no object':
+        axes.add_patch(Polygon(MM * outline_m, fc='0.85', ec='0.4', lw=1, zorder=1))
+    if pull_m > 0:
+        pulled_m = outline_m + np.array([pull_m, 0.0])
+        colour = SHAPE_STYLES['end'][0]
+        axes.add_patch(Polygon(MM * pulled_m, fill=False, ec=colour, ls='--', zorder=1))
+    deepest_m = outline_m[:, 1].max()
+    axes.text(MM * middle_m, MM * deepest_m + 1.0, what, ha='center', va='top', fontsize=9)
+    axes.update_datalim(MM * np.array([[middle_m, deepest_m + 6e-3]]))
+
+
+def _block_outline(middle_m: float, half_m: float, top_m: float) -> FloatArray:
+    left, right, low = middle_m - half_m, middle_m + half_m, top_m + BODY_DEPTH_M
+    return np.array([[left, top_m], [right, top_m], [right, low], [left, low]])
+
+
+def _draw_tension(axes: Axes, picture: TrialPicture) -> None:
+    _shade_phases(axes, picture)
+    axes.plot(picture.times_s, picture.truth['tension_n'], color='#1f4e79', lw=1)
+    for shape in picture.shapes:
+        value = np.interp(shape.at_s, picture.times_s, picture.truth['tension_n'])
+        colour = SHAPE_STYLES[shape.moment][0]
+        axes.plot(shape.at_s, value, 'o', color=colour, ms=6, mec='white', zorder=3)
+    axes.set(xlabel='time [s]', ylabel='tendon tension [N]')
+    if picture.plan.protocol == 'texture':
+        times_s, window_n = _texture_window(picture)
+        ripple = axes.inset_axes((0.28, 0.12, 0.5, 0.38))
+        ripple.plot(times_s, MM * (window_n - np.mean(window_n)), color='#1f4e79', lw=1)
+        ripple.set_title('the window of the features, without its mean [mN]', fontsize=9)
+        ripple.tick_params(labelsize=8)
+        ripple.margins(x=0)
+
+
+def _texture_window(picture: TrialPicture) -> tuple[FloatArray, FloatArray]:
+    """Return times [s] and tension [N] of the window that texture features come from."""
+    config = FeatureConfig()
+    starts = dict(picture.planned.phases)
+    first = int(np.searchsorted(picture.times_s, starts['glide'] + config.texture_crop_start_s))
+    window = slice(first, first + config.texture_samples)
+    return picture.times_s[window], picture.truth['tension_n'][window]
+
+
+def _shade_phases(axes: Axes, picture: TrialPicture) -> None:
+    phases = pairwise(picture.planned.phases)
+    shade_phases(axes, [(name, start_s, end_s) for (name, start_s), (_, end_s) in phases])
+    axes.set_xlim(0.0, picture.times_s[-1])
+    axes.margins(y=0.18)
+
+
+def _draw_spectrum(axes: Axes, picture: TrialPicture) -> None:
+    """Draw the amplitude spectrum of the window that texture features come from."""
+    config = FeatureConfig()
+    amplitude_n = compute_spectrum(
+        _texture_window(picture)[1], config.spectrum_detrend, config.spectrum_window
+    )
+    frequency_hz = np.arange(len(amplitude_n)) * config.rate_hz / config.texture_samples
+    # A signal without any change would have nothing to draw.
+    draw_spectrum(axes, frequency_hz, np.maximum(MM * amplitude_n, 1e-3))
+    plate = picture.catalogue.plate(picture.label)
+    if plate.groove not in ('none', 'profile'):
+        speed_m_s = picture.planned.timeline.guide_moves[-1].speed_m_s
+        groove_hz = speed_m_s * MM / plate.pitch_mm
+        axes.axvline(
+            groove_hz,
+            color='#c00000',
+            lw=0.9,
+            ls='--',
+            label=f'grooves every {plate.pitch_mm:g} mm at {speed_m_s * MM:g} mm/s: '
+            f'{groove_hz:.2f} Hz',
+        )
+        axes.legend(frameon=False)
+    axes.set(xlabel='frequency [Hz]', ylabel='amplitude [mN]')
+    axes.set_xlim(0.0, frequency_hz[-1])
+    axes.set_title(
+        f'amplitude spectrum of this window of {config.texture_samples} samples', fontsize=10
+    )
+
+
+def _draw_force(axes: Axes, picture: TrialPicture) -> None:
+    """Draw the contact force, which no sensor of the rig sees."""
+    _shade_phases(axes, picture)
+    axes.plot(picture.times_s, picture.truth['contact_force_n'], color='#2e8b57', lw=1)
+    axes.set(xlabel='time [s]', ylabel='true contact force [N]')
+
+
+def _draw_slip(axes: Axes, picture: TrialPicture) -> None:
+    """Draw how far the fingertip has slipped over the object, which no sensor sees."""
+    _shade_phases(axes, picture)
+    slip_m = picture.truth['slip_m']
+    axes.plot(picture.times_s, MM * slip_m, color='#2e8b57', lw=1)
+    onset_s = find_onset_s(picture.planned, picture.times_s, slip_m)
+    if onset_s is not None:
+        at_s = onset_s + picture.planned.phases[0][1]
+        axes.axvline(at_s, color='#c00000', lw=0.9, ls='--', label=f'onset of slip, {at_s:.2f} s')
+        axes.legend(loc='center left', frameon=False)
+    axes.set(xlabel='time [s]', ylabel='true slip [mm]')

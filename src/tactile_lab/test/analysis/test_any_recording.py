@@ -383,7 +383,7 @@ def test_features_as_tables_with_units(tmp_path, long_table):
 
 def test_features_of_our_bags_have_a_file_for_each_kind(tmp_path):
     for protocol in ('texture', 'stiffness'):
-        options = ('--contact', 'flexion', '--trials', 1, '--jobs', 1)
+        options = ('--contact', 'flexion', '--trials', 1, '--sessions', 1, '--jobs', 1)
         hear_tactile('simulate', protocol, '-o', tmp_path / 'bags', *options)
     hear_tactile('features', tmp_path / 'bags', '-o', tmp_path / 'f.parquet')
     table = pyarrow.parquet.read_table(tmp_path / 'f_texture_flexion.parquet')

@@ -3,7 +3,6 @@
 
 import dataclasses
 import json
-from pathlib import Path
 import threading
 
 import joblib
@@ -17,10 +16,7 @@ from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_features.config import FeatureConfig
 from tactile_features.conversions import event_from_msg, strain_block_from_msg
-from tactile_lab.commands import simulate
-from tactile_lab.commands.analysis.requests import SimulateRequest
 from tactile_lab.commands.replay import run_replay
-from tactile_lab.commands.simulate import run_simulate
 from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.simulation import simulated_bags, simulated_trials
 from tactile_lab.simulation.simulated_bags import write_simulated_bag
@@ -88,9 +84,11 @@ def simulator(monkeypatch):
     return simulator
 
 
-def make_request(folder, protocol='stiffness', **fields):
-    given = {'contact': ['flexion'], 'trials_per_label': 2, 'seed': 7, 'jobs': 1, **fields}
-    return SimulateRequest(protocol=protocol, folder=folder, **given)
+def run_simulate(folder, *options, task='stiffness'):
+    """Run the command on two trials of each label in one session."""
+    usual = {'--contact': 'flexion', '--trials': 2, '--sessions': 1, '--seed': 7, '--jobs': 1}
+    stated = {k: v for k, v in usual.items() if k not in options}
+    return tactile('simulate', task, '-o', folder, *sum(stated.items(), ()), *options)
 
 
 def test_samples_follow_without_gap_and_events_are_in_order_and_marked(stiffness_bag):
@@ -207,24 +205,21 @@ def test_trial_aborted_in_or_after_its_hold_gives_no_features(simulator, tmp_pat
         assert 'no equilibrium at' in sentence
 
 
-def test_the_command_names_aborted_trials_and_tells_its_caller(simulator, tmp_path, capsys):
+def test_the_command_names_aborted_trials_and_tells_its_caller(simulator, tmp_path):
     simulator.failures = {('sponge', 1): 2.0}
-    request = make_request(tmp_path, contact=['flexion', 'abduction'])
-    assert run_simulate(request, as_json=True) is False
-    told = capsys.readouterr()
-    assert '1 of 10 trials ABORTED' in told.err
-    bags = json.loads(told.out)['bags']
+    both = ('--contact', 'flexion', '--contact', 'abduction')
+    told = run_simulate(tmp_path, *both, '--json')
+    assert told.returncode == 3
+    assert '1 of 10 trials ABORTED' in told.stderr
+    bags = json.loads(told.stdout)['bags']
     assert bags[0]['aborted'] == {'stiffness_flexion-7-0-sponge-0001': 2.0}
     assert bags[1]['aborted'] == {'stiffness_abduction-7-0-sponge-0001': 2.0}
 
 
-def test_as_published_mounts_each_object_once_and_crossed_for_each_trial(
-    simulator, tmp_path, capsys
-):
-    def simulate_design(design, **fields):
+def test_as_published_mounts_each_object_once_and_crossed_for_each_trial(simulator, tmp_path):
+    def simulate_design(design):
         folder = tmp_path / design
-        request = make_request(folder, trials_per_label=3, design=design, **fields)
-        run_simulate(request, as_json=True)
+        assert run_simulate(folder, '--trials', 3, '--design', design).returncode == 0
         (table,) = read_tables([folder / 'stiffness_flexion']).tables.values()
         return table
 
@@ -234,31 +229,43 @@ def test_as_published_mounts_each_object_once_and_crossed_for_each_trial(
         (label, f'simulated-7-0-flexion-{label}-0') for label in sorted(set(table.labels))
     ]
     assert len(set(simulate_design('crossed').columns['mounting_id'])) == 15
-    capsys.readouterr()
-    with pytest.raises(TactileError, match='--sessions is 2'):
-        simulate_design('as-published', sessions=2)
-
-
-@pytest.mark.parametrize(('complete', 'code'), [(True, 0), (False, 3)])
-def test_exit_code_tells_scripts_about_aborted_trials(monkeypatch, tmp_path, complete, code):
-    monkeypatch.setattr(simulate, 'run_simulate', lambda request, as_json: complete)
-    assert tactile('simulate', 'slip', '-o', tmp_path).returncode == code
+    refused = run_simulate(tmp_path / 'two', '--design', 'as-published', '--sessions', 2)
+    assert (refused.returncode, '--sessions is 2' in refused.stderr) == (2, True)
 
 
 @pytest.mark.parametrize(
-    ('changes', 'sentence'),
+    ('options', 'sessions', 'trials'),
     [
-        ({'plot': Path('/no/such/folder/trial.png')}, 'there is no folder /no/such/folder'),
-        ({'jobs': 0}, '--jobs is 0'),
-        ({'folder': 'taken'}, 'taken.*exists already'),
+        ((), 6, 10),
+        (('--sessions', 4), 4, 15),
+        (('--sessions', 100), 100, 1),
+        (('--trials', 1), 6, 1),
+        (('--design', 'as-published'), 1, 60),
     ],
 )
-def test_the_command_refuses_with_a_sentence(simulator, tmp_path, changes, sentence):
+def test_by_default_sixty_trials_come_from_six_sessions(
+    simulator, tmp_path, options, sessions, trials
+):
+    done = tactile('simulate', 'slip', '-o', tmp_path, '--jobs', 1, '--json', *options)
+    assert done.returncode == 0
+    for bag in json.loads(done.stdout)['bags']:
+        assert (bag['sessions'], bag['trials_per_label_and_session']) == (sessions, trials)
+
+
+@pytest.mark.parametrize(
+    ('options', 'sentence'),
+    [
+        (('--plot', '/no/such/folder/trial.png'), 'there is no folder /no/such/folder'),
+        (('--jobs', 0), '--jobs is 0'),
+        (('-o', 'taken'), 'exists already'),
+    ],
+)
+def test_the_command_refuses_with_a_sentence(simulator, tmp_path, options, sentence):
+    folder = tmp_path / ('taken' if '-o' in options else 'free')
     (tmp_path / 'taken' / 'slip_flexion').mkdir(parents=True)
-    request = make_request(tmp_path / changes.get('folder', 'free'), 'slip')
-    changes = {name: value for name, value in changes.items() if name != 'folder'}
-    with pytest.raises(TactileError, match=sentence):
-        run_simulate(dataclasses.replace(request, **changes), as_json=False)
+    told = run_simulate(folder, *(() if '-o' in options else options), task='slip')
+    assert told.returncode == 2
+    assert sentence in told.stderr
     assert simulator.finished == 0
 
 

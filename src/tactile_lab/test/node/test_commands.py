@@ -83,7 +83,7 @@ def test_evaluate_refuses_with_one_sentence(archive, arguments, sentence):
 
 
 def test_simulated_bags_become_models(tmp_path):
-    options = ('--contact', 'flexion', '--trials', 6, '--json')
+    options = ('--contact', 'flexion', '--trials', 1, '--json')
     done = tactile('simulate', 'stiffness', '-o', tmp_path / 'bags', *options)
     assert done.returncode == 0, done.stderr
     document = json.loads(done.stdout)

@@ -6,7 +6,7 @@ import pytest
 
 from tactile_bringup.records import TrialConfig
 from tactile_lab.simulation.simulated_trials import SimulationPlan
-from tactile_lab.simulation.simulation_plots import (
+from tactile_lab.simulation.trial_picture import (
     draw_picture,
     plot_simulated_trial,
     simulate_picture,

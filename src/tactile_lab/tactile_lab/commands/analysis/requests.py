@@ -13,9 +13,6 @@ from tactile_lab.datasets.sources.options import SkipBadOption, SourceOptions
 from tactile_lab.datasets.trial_options import TrialOptions
 from tactile_lab.options import (
     choice,
-    ContactOption,
-    DescriptionOption,
-    JobsOption,
     RecordingsArgument,
     SeedOption,
 )
@@ -256,87 +253,6 @@ class TrainRequest(TrialOptions):
                 f'--partial is "{self.partial}"; it must be seconds with commas between them, '
                 'such as 0.5,1,1.5'
             ) from None
-
-
-@dataclass(frozen=True, kw_only=True)
-class SimulateRequest:
-    """The arguments of `tactile simulate`; see its ``--help``."""
-
-    protocol: Annotated[
-        str,
-        typer.Argument(**choice('texture', 'stiffness', 'slip'), help='Which kind of trial.'),
-    ]
-    folder: Annotated[Path, typer.Option('--output', '-o', help='Folder to write the bags into.')]
-    contact: Annotated[
-        Optional[list[str]],
-        typer.Option(
-            **choice('flexion', 'abduction'),
-            help='How the finger touches; give it twice for both. Default: both.',
-        ),
-    ] = None
-    trials_per_label: Annotated[
-        int,
-        typer.Option(
-            '--trials', min=1, max=100_000, help='Trials on each plate or object in each session.'
-        ),
-    ] = 60
-    sessions: Annotated[
-        int,
-        typer.Option(
-            min=1,
-            max=1000,
-            help='How often the rig is set up anew: trials of one session share its finger and '
-            'temperature.',
-        ),
-    ] = 1
-    design: Annotated[
-        str,
-        typer.Option(
-            **choice('crossed', 'as-published'),
-            help='crossed: the plate or object is fixed anew before each trial. as-published: '
-            'once, for all its trials, in one session: label and mounting coincide.',
-        ),
-    ] = 'crossed'
-    speed: Annotated[
-        Optional[list[float]],
-        typer.Option(
-            min=1,
-            max=200,
-            help='Sliding speed over the plate in mm/s; give it several times for a bag of each. '
-            'Default: 15.',
-        ),
-    ] = None
-    seed: SeedOption = 1
-    description: DescriptionOption = None
-    jobs: JobsOption = -1
-    plot: Annotated[
-        Optional[Path],
-        typer.Option(help='Draw one of the trials into this PNG file.'),
-    ] = None
-
-    @property
-    def contacts(self) -> tuple[str, ...]:
-        """Each kind of contact once."""
-        return tuple(dict.fromkeys(self.contact or ('flexion', 'abduction')))
-
-    @property
-    def speeds_m_s(self) -> tuple[float, ...]:
-        """Each sliding speed once [m/s]."""
-        return tuple(mm_s / 1e3 for mm_s in dict.fromkeys(self.speed or ()))
-
-
-@dataclass(frozen=True, kw_only=True)
-class RobustnessRequest:
-    """The arguments of `tactile robustness`; see its ``--help``."""
-
-    report: Annotated[
-        Path,
-        typer.Option('--report', '-o', help='Report to write: a folder, or an HTML file.'),
-    ]
-    contact: ContactOption = 'flexion'
-    description: DescriptionOption = None
-    seed: SeedOption = 1
-    jobs: JobsOption = -1
 
 
 @dataclass(frozen=True, kw_only=True)
