@@ -90,6 +90,8 @@ class TactileBag:
         Empty, or a sentence that says that the bag was never finished, or is damaged, and what it
         may lack.
         It is also logged as a warning.
+    damage : str
+        Where closed files are damaged; empty: nowhere.
 
     Raises
     ------
@@ -108,8 +110,8 @@ class TactileBag:
         try:
             metadata = self._open()
             self._check_types(metadata)
-            self._damage = self._find_damage()
-            difference = self._damage or self._compare_counts(metadata)
+            self.damage = self._find_damage()
+            difference = self.damage or self._compare_counts(metadata)
             if difference and needs_all:
                 raise BagError(f'{difference}. `tactile repair` copies what is there')
             self.metadata = _read_metadata(metadata.custom)
@@ -360,8 +362,8 @@ class TactileBag:
                 yield BagMessage(topic.name, topic.type_name, received_at_ns, data, self._store)
         except (BagError, OSError) as error:
             raise BagDamageError(f'{self.path} is damaged: {error}') from error
-        if self._damage:
-            raise BagDamageError(f'{self.path}: {self._damage}')
+        if self.damage:
+            raise BagDamageError(f'{self.path}: {self.damage}')
 
     @property
     def end_ns(self) -> int:

@@ -62,6 +62,7 @@ _RECORD = struct.Struct('<BQ')
 _MESSAGE = struct.Struct('<HIQQ')
 _PACKING_OFFSET = _RECORD.size + 28
 _CHUNK_HEAD_BYTES = _PACKING_OFFSET + 4 + 8  # of one that is not packed
+_MESSAGE_CODE = int(Opcode.MESSAGE)
 _TAKEN = {
     Opcode.SCHEMA,
     Opcode.CHANNEL,
@@ -124,6 +125,15 @@ class Segment(NamedTuple):
     size: int
     is_packed: bool
     channels: frozenset[int]
+
+
+class _Index(NamedTuple):
+    """Messages by channel, their first and last time [ns], and where the records end [byte]."""
+
+    counts: Counter[int]
+    first_ns: int
+    last_ns: int
+    size: int
 
 
 class McapFile:
@@ -222,7 +232,7 @@ class McapFile:
                     if opcode != Opcode.CHUNK or not self._is_partial(position, end):
                         break
                     end = position + _CHUNK_HEAD_BYTES  # on with its records
-                elif opcode == Opcode.MESSAGE:
+                elif opcode == _MESSAGE_CODE:
                     end = self._take_run(position, length)
                 elif opcode == Opcode.FOOTER:
                     self.is_finished = self._claims_end
@@ -268,7 +278,11 @@ class McapFile:
             chunk = _decode(Chunk.read, contents)
             packed = chunk.compression != ''
             start = offset - _RECORD.size if packed else offset + length - len(chunk.data)
-            self._add(start, _unpack_chunk(chunk), packed)
+            data = _unpack_chunk(chunk)
+            index = _index_of(data, self._learn)
+            if index.size < len(data):
+                raise BagError('a chunk ends within a record')
+            self._keep(start, index, packed)
         elif opcode == Opcode.METADATA:
             metadata = _decode(Metadata.read, contents)
             if metadata.name == METADATA_NAME:
@@ -285,51 +299,37 @@ class McapFile:
         """Take messages that follow each other outside of chunks; return where they end."""
         _check_size('a message', length, MAX_CHUNK_BYTES)
         data = self._read(position, max(RUN_BYTES, length + _RECORD.size))
-        end = 0
-        for opcode, _, record_end in _records(data):
-            if opcode != Opcode.MESSAGE:
-                break
-            end = record_end
-        behind = self._read(position + end, _RECORD.size)
-        if not self._claims_end and not any(behind):
-            # Zeros where the data did not come to the disk: the last message may lack its end.
-            there = len(data[:end].rstrip(b'\0'))
-            if behind or self._is_in_partial_chunk:
-                end = max((e for _, _, e in _records(data[:end]) if e <= there), default=0)
-        self._add(position, data[:end], packed=False)
-        if not end:
-            raise BagError('its end did not come to the disk')
-        return position + end
+        index = _index_of(data)
+        if not self._claims_end:
+            behind = self._read(position + index.size, _RECORD.size)
+            if not any(behind) and (behind or self._is_in_partial_chunk):
+                # Zeros where data did not come to the disk: the last message may lack its end.
+                data = data[: index.size]
+                there = len(data.rstrip(b'\0'))
+                whole = max((e for _, _, e in _records(data) if e <= there), default=0)
+                index = _index_of(data[:whole])
+                if not whole:
+                    raise BagError('its end did not come to the disk')
+        self._keep(position, index, packed=False)
+        return position + index.size
 
-    def _add(self, offset: int, data: bytes, packed: bool) -> None:
-        """Add a segment with these records."""
-        counts: Counter[int] = Counter()
-        first_ns, last_ns, end = 2**64, 0, 0
-        for opcode, start, end in _records(data):
-            if opcode == Opcode.MESSAGE:
-                channel, received_at_ns = _message_start(data, start, end)
-                counts[channel] += 1
-                if received_at_ns < first_ns:
-                    first_ns = received_at_ns
-                if received_at_ns > last_ns:
-                    last_ns = received_at_ns
-            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                self._learn(opcode, data[start:end])
-        if end < len(data):
-            raise BagError('a chunk ends within a record')
-        if not counts:
+    def _keep(self, offset: int, index: _Index, packed: bool) -> None:
+        """Keep where a segment lies, and what is in it."""
+        if not index.counts:
             return
-        if unknown := sorted(counts.keys() - self.topics.keys()):
+        if unknown := sorted(index.counts.keys() - self.topics.keys()):
             raise BagError(
                 f'messages are on channel {unknown[0]}, which no channel record defines'
             )
-        channels = frozenset(counts)
+        channels = frozenset(index.counts)
         self._channel_count += 0 if channels in self._channel_sets else len(channels)
         channels = self._channel_sets.setdefault(channels, channels)
         if len(self.segments) >= MAX_SEGMENTS or self._channel_count > MAX_CHANNELS:
             raise BagError(f'it has so many chunks ({len(self.segments)}) that they are not kept')
-        self.segments.append(Segment(first_ns, last_ns, offset, len(data), packed, channels))
-        self.counts += counts
+        self.segments.append(
+            Segment(index.first_ns, index.last_ns, offset, index.size, packed, channels)
+        )
+        self.counts += index.counts
 
     def _learn(self, opcode: int, contents: bytes) -> None:
         _check_size('a definition', len(contents), MAX_RECORD_BYTES)
@@ -377,8 +377,8 @@ class McapFile:
             data = self._read(segment.offset, segment.size)
         found = []
         for opcode, start, end in _records(data):
-            if opcode == Opcode.MESSAGE:
-                channel, received_at_ns = _message_start(data, start, end)
+            if opcode == _MESSAGE_CODE:
+                channel, _, received_at_ns, _ = _MESSAGE.unpack_from(data, start)
                 if channel in channels:
                     found.append((received_at_ns, start + _MESSAGE.size, end, channel))
         found.sort()
@@ -416,12 +416,35 @@ def _records(data: bytes) -> Iterator[tuple[int, int, int]]:
         yield opcode, start, position
 
 
-def _message_start(data: bytes, start: int, end: int) -> tuple[int, int]:
-    """Return channel and time of arrival of a message [ns]."""
-    if end - start < _MESSAGE.size:
-        raise BagError('a message is shorter than its own header')
-    channel, _, received_at_ns, _ = _MESSAGE.unpack_from(data, start)
-    return channel, received_at_ns
+def _index_of(data: bytes, learn: Callable[[int, bytes], None] | None = None) -> _Index:
+    """Return what is in whole records, up to the first that is not whole.
+
+    Parameters
+    ----------
+    data : bytes
+    learn : callable, optional
+        Takes definitions; where left out, the index ends before what is no message.
+    """
+    counts: dict[int, int] = {}
+    first_ns, last_ns, size = 2**64, 0, 0
+    for opcode, start, end in _records(data):
+        if opcode == _MESSAGE_CODE:
+            if end - start < _MESSAGE.size:
+                if learn is None and counts:
+                    break  # the next index begins with it
+                raise BagError('a message is shorter than its own header')
+            channel, _, received_at_ns, _ = _MESSAGE.unpack_from(data, start)
+            counts[channel] = counts.get(channel, 0) + 1
+            if received_at_ns < first_ns:
+                first_ns = received_at_ns
+            if received_at_ns > last_ns:
+                last_ns = received_at_ns
+        elif learn is None:
+            break
+        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            learn(opcode, data[start:end])
+        size = end
+    return _Index(Counter(counts), first_ns, last_ns, size)
 
 
 def _check_size(what: str, size: int, limit: int) -> None:
