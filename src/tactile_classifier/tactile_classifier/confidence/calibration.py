@@ -19,6 +19,7 @@ from sklearn.model_selection import StratifiedKFold
 
 from tactile_classifier.confidence.novelty import (
     choose_metric,
+    compute_auroc,
     compute_session_threshold,
     compute_threshold,
     NoveltyMeasure,
@@ -166,11 +167,18 @@ def hold_out_scores(
     return scores, true
 
 
-def hold_out_novelty(table: FeatureTable, fold: Indices, metric: str) -> Matrix:
-    """Return novelties, shape (trials,), by measures fitted on the other folds."""
+def hold_out_novelty(
+    table: FeatureTable,
+    fold: Indices,
+    metric: str,
+    known: npt.NDArray[np.bool_] | slice = slice(None),
+) -> Matrix:
+    """Return novelties, shape (trials,), by measures fitted on the known trials of other folds."""
     novelty = np.zeros(len(table))
     for i in np.unique(fold):
-        inside = fold != i
+        inside = np.zeros(len(table), dtype=bool)
+        inside[known] = True
+        inside &= fold != i
         measure = NoveltyMeasure.fit(
             table.values[inside], table.labels[inside], fold[inside], metric
         )
@@ -195,11 +203,65 @@ def fit_novelty(
     fold = folds.fold
     metric = choose_metric(table.values, table.labels, fold)
     novelty = hold_out_novelty(table, fold, metric)
-    if folds.session is None:
-        threshold = compute_threshold(novelty, false_alarm_rate)
-    else:
-        threshold = compute_session_threshold(novelty, folds.session, false_alarm_rate)
+    threshold = _threshold(novelty, folds.session, false_alarm_rate)
     return NoveltyMeasure.fit(table.values, table.labels, fold, metric), novelty, threshold
+
+
+def _threshold(novelty: Matrix, session: Indices | None, false_alarm_rate: float) -> float:
+    if session is None:
+        return compute_threshold(novelty, false_alarm_rate)
+    return compute_session_threshold(novelty, session, false_alarm_rate)
+
+
+@dataclasses.dataclass(frozen=True)
+class UnlearnedLabels:
+    """Rejection of labels that were left out of the training, one after another.
+
+    Attributes
+    ----------
+    labels : int
+    auroc : float
+        Probability that a trial of such a label is more novel than one of a known label [1].
+    miss_rate : float
+        Share of their trials below the threshold, which get a known name [1].
+    """
+
+    labels: int
+    auroc: float
+    miss_rate: float
+
+
+def leave_labels_out(
+    table: FeatureTable, folds: GroupFolds, metric: str, false_alarm_rate: float
+) -> UnlearnedLabels | None:
+    """Return what a model without one of the labels would make of it, for each label in turn.
+
+    The trials are those of a fold that is held out, too. None where fewer than two labels would
+    be left, or too few trials for the rate.
+    """
+    missed, areas = [], []
+    labels = np.unique(table.labels)
+    if len(labels) < 3:
+        return None
+    for label in labels:
+        is_new = table.labels == label
+        novelty = hold_out_novelty(table, folds.fold, metric, ~is_new)
+        try:
+            threshold = _threshold(
+                novelty[~is_new],
+                None if folds.session is None else folds.session[~is_new],
+                false_alarm_rate,
+            )
+        except TooFewTrialsError:
+            return None
+        missed.append(float(np.mean(novelty[is_new] <= threshold)))
+        areas += [
+            compute_auroc(is_new[part], novelty[part])
+            for part in (folds.fold == i for i in np.unique(folds.fold))
+            if is_new[part].any() and not is_new[part].all()
+        ]
+    auroc = float(np.mean(areas)) if areas else -1.0
+    return UnlearnedLabels(len(labels), auroc, float(np.mean(missed)))
 
 
 @dataclasses.dataclass(frozen=True)

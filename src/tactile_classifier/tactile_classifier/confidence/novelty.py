@@ -17,31 +17,49 @@ from tactile_classifier.errors import TooFewTrialsError
 Matrix = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
-METRICS = ('whitened', 'scaled', 'plain')
-"""Spaces that distances are taken in. Whitened by the covariance of the trials about the mean of
-their own label, shrunk after Ledoit and Wolf (2004): what differs between trials of one thing
-counts little, what hardly ever differs counts much. Scaled: the same feature by feature. Plain:
-the features as they are, which is right where all are amplitudes of one unit and noise is even.
+RELATIVE = 'relative'
+METRICS = ('plain', 'scaled', 'whitened', RELATIVE)
+"""Kinds of novelty, the usual one first.
+
+The first three are spaces of the distance to the nearest trial. Plain: the features as they are,
+which is right where all are amplitudes of one unit and noise is even. Scaled: each divided by its
+spread within a label. Whitened: by the covariance within labels, shrunk after Ledoit and Wolf
+(2004). Relative: without a distance to trials. docs/answers.md has the measurements.
 """
+
+MOST_FEATURES = 400
+"""Most features for which each left-out label has a covariance of its own, and `RELATIVE` is
+compared: its time grows with their third power."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class NoveltyMeasure:
-    """Distance to the nearest training trial, in units of the usual distance within its label.
+    """Distance to the nearest training trial times the relative distance to the nearest label.
 
-    The distance is divided by the median distance that trials of the same label have to the
-    nearest of another fold of the training, such as another session.
+    The distance to the nearest trial is divided by the median distance that trials of its label
+    have to the nearest of another fold of the training, such as another session. The second
+    factor is d / D: the Mahalanobis distance to the nearest label's mean, with one covariance
+    within labels, over that to the mean of all, with the covariance of all. Both covariances are
+    shrunk after Ledoit and Wolf.
+
+    The metric `RELATIVE` has the difference of the squares alone, r = (d^2 - D^2) / 2k (Ren et
+    al. 2021, "A simple fix to Mahalanobis distance", arXiv:2106.09022), as the positive
+    r + sqrt(1 + r^2).
 
     Attributes
     ----------
     centre : ndarray of shape (k,)
         Mean of all training trials, in the features' units.
-    transform : ndarray of shape (k, k)
-        From features to the space of the distance; see `METRICS`.
+    transform : ndarray of shape (k,) or (k, k)
+        From features to the space of the distance to trials, factors or a matrix; see `METRICS`.
     references : ndarray of shape (trials, k)
         The training trials in that space.
     scale : ndarray of shape (trials,)
         What the distance to each of them is divided by.
+    within, total : ndarray of shape (k, k)
+        From features to the spaces in which their covariance within labels, or of all, is one.
+    means : ndarray of shape (labels, k)
+        Means of the labels in the space of ``within``.
     metric : str
         One of `METRICS`.
     """
@@ -50,11 +68,19 @@ class NoveltyMeasure:
     transform: Matrix
     references: Matrix
     scale: Matrix
+    within: Matrix
+    total: Matrix
+    means: Matrix
     metric: str
 
     @classmethod
     def fit(
-        cls, values: Matrix, labels: npt.NDArray[np.str_], fold: Indices, metric: str = 'whitened'
+        cls,
+        values: Matrix,
+        labels: npt.NDArray[np.str_],
+        fold: Indices,
+        metric: str = METRICS[0],
+        spaces: Spaces | None = None,
     ) -> NoveltyMeasure:
         """Return the measure for training trials.
 
@@ -68,64 +94,116 @@ class NoveltyMeasure:
             Fold that each trial belongs to, such as its session.
         metric : str
             One of `METRICS`.
+        spaces : Spaces, optional
+            Fitted to the same trials, or to these and more.
         """
         classes, owner = np.unique(labels, return_inverse=True)
-        centre = values.mean(axis=0)
-        transform = _fit_transform(values, owner, metric)
-        references = (values - centre) @ transform
-        scales = [
-            _median_distance(references[owner == i], fold[owner == i]) for i in range(len(classes))
-        ]
-        return cls(centre, transform, references, np.array(scales)[owner], metric)
+        spaces = spaces or Spaces.fit(values, labels)
+        transform = {'plain': spaces.plain, 'scaled': spaces.scaled}.get(metric, spaces.within)
+        rows = values - spaces.centre
+        references, whitened = _project(rows, transform), rows @ spaces.within
+        each = [owner == i for i in range(len(classes))]
+        scales = [_median_distance(references[one], fold[one]) for one in each]
+        means = np.stack([whitened[one].mean(axis=0) for one in each])
+        return cls(
+            spaces.centre,
+            transform,
+            references,
+            np.array(scales)[owner],
+            spaces.within,
+            spaces.total,
+            means,
+            metric,
+        )
 
     def compute(self, values: Matrix) -> Matrix:
         """Return the novelty of windows of shape (windows, k), one a window [1]."""
-        return self._nearest(_distances((values - self.centre) @ self.transform, self.references))
+        rows = values - self.centre
+        to_label = _squares(rows @ self.within, self.means).min(axis=1)
+        to_all = ((rows @ self.total) ** 2).sum(axis=1)
+        if self.metric == RELATIVE:
+            excess = (to_label - to_all) / (2 * values.shape[1])
+            return np.asarray(excess + np.sqrt(1.0 + excess**2))
+        squares = _squares(_project(rows, self.transform), self.references)
+        nearest = squares.argmin(axis=1)
+        distance = np.sqrt(squares[np.arange(len(squares)), nearest]) / self.scale[nearest]
+        return np.asarray(distance * np.sqrt(to_label / np.maximum(to_all, NEAREST_TO_ALL)))
 
-    def compute_without(self, values: Matrix, labels: npt.NDArray[np.str_], label: str) -> Matrix:
-        """Return the novelty as if the trials of one label had not been there.
 
-        Parameters
-        ----------
-        values : ndarray of shape (windows, k)
-        labels : ndarray of str, shape (trials,)
-            Of the training trials.
-        label : str
-        """
-        distance = _distances((values - self.centre) @ self.transform, self.references)
-        distance[:, labels == label] = np.inf
-        return self._nearest(distance)
+NEAREST_TO_ALL = 1e-6
+"""Least squared distance to the mean of all, so that a window there has a finite novelty [1]."""
 
-    def _nearest(self, distance: Matrix) -> Matrix:
-        nearest = distance.argmin(axis=1)
-        return np.asarray(distance[np.arange(len(distance)), nearest] / self.scale[nearest])
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Spaces:
+    """Transforms of features, from training trials; see `NoveltyMeasure` and `METRICS`."""
+
+    centre: Matrix
+    plain: Matrix
+    scaled: Matrix
+    within: Matrix
+    total: Matrix
+
+    @classmethod
+    def fit(cls, values: Matrix, labels: npt.NDArray[np.str_]) -> Spaces:
+        """Return the transforms for trials of shape (trials, k)."""
+        classes, owner = np.unique(labels, return_inverse=True)
+        means = np.stack([values[owner == i].mean(axis=0) for i in range(len(classes))])
+        residuals, centre = values - means[owner], values.mean(axis=0)
+        spread = np.sqrt((residuals**2).mean(axis=0))
+        # Rounding of the mean is no spread.
+        varies = spread > 1e-12 * np.abs(values).max(axis=0)
+        scale = np.divide(1.0, spread, out=np.zeros_like(spread), where=varies)
+        within = _whiten(residuals, scale)
+        total = _whiten(values - centre, scale)
+        return cls(centre, varies.astype(np.float64), scale, within, total)
+
+    def without_labels(self, values: Matrix) -> Spaces:
+        """Return the spaces with the mean and the covariance of all from these trials alone."""
+        centre = values.mean(axis=0)
+        return dataclasses.replace(
+            self, centre=centre, total=_whiten(values - centre, self.scaled)
+        )
 
 
 def choose_metric(values: Matrix, labels: npt.NDArray[np.str_], fold: Indices) -> str:
     """Return the metric that best tells trials of one label when it is left out.
 
     On the training alone: folds are held out in turn, and in each fold every label once has
-    no training trials; the area under the receiver operating characteristic, averaged,
-    decides. Of equal ones the first of `METRICS`.
+    no training trials. The first of `METRICS` is kept unless another has a larger area under the
+    receiver operating characteristic, by more than one standard error over the labels.
 
     Parameters
     ----------
     values, labels, fold
         As in `NoveltyMeasure.fit`.
     """
-    areas: dict[str, list[float]] = {metric: [] for metric in METRICS}
-    for metric, found in areas.items():
-        for i in np.unique(fold):
-            inside, outside = fold != i, fold == i
-            if not inside.any():
+    classes = np.unique(labels)
+    is_small = values.shape[1] <= MOST_FEATURES
+    metrics = METRICS if is_small else tuple(m for m in METRICS if m != RELATIVE)
+    areas: dict[str, list[list[float]]] = {m: [[] for _ in classes] for m in metrics}
+    for i in np.unique(fold):
+        inside, outside = fold != i, fold == i
+        if not inside.any():
+            continue
+        spaces = Spaces.fit(values[inside], labels[inside])
+        for c, label in enumerate(classes):
+            known, is_new = inside & (labels != label), labels[outside] == label
+            if is_new.all() or not is_new.any() or not (inside & ~known).any() or not known.any():
                 continue
-            measure = NoveltyMeasure.fit(values[inside], labels[inside], fold[inside], metric)
-            for label in np.unique(labels[outside]):
-                is_new = labels[outside] == label
-                if not is_new.all() and (labels[inside] != label).any():
-                    novelty = measure.compute_without(values[outside], labels[inside], label)
-                    found.append(compute_auroc(is_new, novelty))
-    return max(METRICS, key=lambda metric: np.mean(areas[metric] or [0.0]))
+            those = spaces.without_labels(values[known]) if is_small else spaces
+            for metric, found in areas.items():
+                measure = NoveltyMeasure.fit(
+                    values[known], labels[known], fold[known], metric, those
+                )
+                found[c].append(compute_auroc(is_new, measure.compute(values[outside])))
+    means = {m: np.array([np.mean(each) for each in found if each]) for m, found in areas.items()}
+    count = len(means[METRICS[0]])
+    if count < 2:
+        return METRICS[0]
+    best = max(metrics, key=lambda metric: means[metric].mean())
+    gain = means[best] - means[METRICS[0]]
+    return best if gain.mean() > gain.std(ddof=1) / np.sqrt(count) else METRICS[0]
 
 
 def compute_auroc(is_new: npt.NDArray[np.bool_], novelty: Matrix) -> float:
@@ -139,29 +217,28 @@ def compute_auroc(is_new: npt.NDArray[np.bool_], novelty: Matrix) -> float:
     return float(ranks.sum() / (2 * len(known) * len(new)))
 
 
-def _fit_transform(values: Matrix, owner: Indices, metric: str) -> Matrix:
-    """Return the matrix from centred features to the space of a metric."""
-    means = np.stack([values[owner == i].mean(axis=0) for i in range(owner.max() + 1)])
-    residuals = values - means[owner]
-    spread = np.sqrt((residuals**2).mean(axis=0))
-    # Rounding of the mean is no spread.
-    varies = spread > 1e-12 * np.abs(values).max(axis=0)
-    if metric == 'plain':
-        return np.diag(varies.astype(np.float64))
-    scale = np.divide(1.0, spread, out=np.zeros_like(spread), where=varies)
-    if metric == 'scaled' or not varies.any():
-        return np.diag(scale)
-    shrunk = ledoit_wolf(residuals[:, varies] * scale[varies], assume_centered=True)[0]
-    size, directions = np.linalg.eigh(shrunk)
-    transform = np.zeros((values.shape[1], values.shape[1]))
-    transform[np.ix_(varies, varies)] = scale[varies, np.newaxis] * directions / np.sqrt(size)
+def _whiten(residuals: Matrix, scale: Matrix) -> Matrix:
+    """Return the matrix to the space in which the shrunk covariance of residuals is one.
+
+    Features with a scale of 0 do not count.
+    """
+    counts = scale > 0.0
+    transform = np.zeros((len(scale), len(scale)))
+    if counts.any():
+        scaled = residuals[:, counts] * scale[counts]
+        size, directions = np.linalg.eigh(ledoit_wolf(scaled, assume_centered=True)[0])
+        transform[np.ix_(counts, counts)] = scale[counts, np.newaxis] * directions / np.sqrt(size)
     return transform
 
 
-def _distances(rows: Matrix, references: Matrix) -> Matrix:
+def _project(rows: Matrix, transform: Matrix) -> Matrix:
+    return np.asarray(rows @ transform if transform.ndim == 2 else rows * transform)
+
+
+def _squares(rows: Matrix, references: Matrix) -> Matrix:
     squares = (rows**2).sum(axis=1)[:, np.newaxis] + (references**2).sum(axis=1)
     squares -= 2.0 * rows @ references.T
-    return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
+    return np.asarray(np.maximum(squares, 0.0))
 
 
 def _median_distance(references: Matrix, fold: Indices) -> float:
@@ -169,7 +246,7 @@ def _median_distance(references: Matrix, fold: Indices) -> float:
 
     1 where all trials are the same.
     """
-    distance = _distances(references, references)
+    distance = np.sqrt(_squares(references, references))
     same = fold[:, np.newaxis] == fold
     distance[np.eye(len(fold), dtype=bool) if same.all() else same] = np.inf
     nearest = distance.min(axis=1)

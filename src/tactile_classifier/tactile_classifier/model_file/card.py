@@ -78,6 +78,12 @@ def _describe(manifest: Manifest) -> dict[str, str]:
             f'above novelty {whole.novelty_threshold:.2f}, at '
             f'{100 * manifest.false_alarm_rate:g} % false rejection'
         )
+        if 'unlearned' in calibration:
+            without = calibration['unlearned']
+            facts['unlearned labels'] = (
+                f'{100 * without["miss_rate"]:.0f} % of their trials get a known name: each of '
+                f'{without["labels"]} labels left out in turn'
+            )
     if partial:
         facts['early predictions'] = ', '.join(
             f'{stage.sample_count / spec.rate_hz:g} s {100 * stage.accuracy:.1f} %'

@@ -120,6 +120,7 @@ class Manifest:
         ``recalibrated``, what `recalibrate` took and found. ``held_out_novelty``: for each stage
         the novelties of held-out trials, by session. ``scores``: which were ``kept``,
         ``raw`` or ``calibrated``, and the log losses behind the choice (`ScoreChoice`).
+        ``unlearned``: rejection of labels left out in turn (`UnlearnedLabels`).
     false_alarm_rate : float
         Share of windows of known labels that the thresholds reject [1]; negative: no
         thresholds.

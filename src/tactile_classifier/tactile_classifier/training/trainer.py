@@ -22,6 +22,7 @@ from tactile_classifier.confidence.calibration import (
     calibrate_stage,
     CalibratedStage,
     Calibration,
+    leave_labels_out,
     make_group_folds,
 )
 from tactile_classifier.confidence.novelty import NoveltyMeasure, rank_of_sessions
@@ -224,6 +225,9 @@ def _calibrate(
         'session_share': folds.session_share,
         'held_out_novelty': [_state_novelty(stage, folds.session) for stage in stages],
     }
+    unlearned = leave_labels_out(tables[0], folds, stages[0].novelty.metric, false_alarm_rate)
+    if unlearned is not None:
+        stated['unlearned'] = dataclasses.asdict(unlearned)
     statistics = [
         fit_session_statistics(table, folds, stage.novelty.metric, false_alarm_rate)
         for table, stage in zip(tables, stages, strict=True)

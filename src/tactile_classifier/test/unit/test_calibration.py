@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 import numpy as np
 import pytest
+from sklearn.metrics import roc_auc_score
 
 from tactile_classifier.confidence.calibration import (
     calibrate_stage,
@@ -15,8 +16,10 @@ from tactile_classifier.confidence.calibration import (
     compute_calibration_error,
     hold_out_novelty,
     hold_out_scores,
+    leave_labels_out,
     make_group_folds,
 )
+from tactile_classifier.confidence.novelty import compute_session_threshold, NoveltyMeasure
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError
 from tactile_features.config import FeatureConfig
@@ -152,3 +155,34 @@ def test_held_out_part_states_its_own_error(texture_table):
     assert max(shares) == pytest.approx(0.1, abs=0.01)
     assert folds.session_share == 0.75
     assert part.wrong.shape == part.confidence.shape == (480,)
+
+
+def test_unlearned_labels_are_those_of_models_without_them(texture_table):
+    table = texture_table.take(texture_table.labels < 'plate 4')
+    folds = make_group_folds(table)
+    found = leave_labels_out(table, folds, 'plain', 0.1)
+    missed, areas = [], []
+    for label in np.unique(table.labels):
+        others = table.take(table.labels != label)
+        known = hold_out_novelty(others, folds.fold[table.labels != label], 'plain')
+        threshold = compute_session_threshold(known, folds.session[table.labels != label], 0.1)
+        for i in np.unique(folds.fold):
+            inside, outside = others.take(folds.fold[table.labels != label] != i), folds.fold == i
+            part = folds.fold[(table.labels != label) & ~outside]
+            measure = NoveltyMeasure.fit(inside.values, inside.labels, part, 'plain')
+            novelty, is_new = (
+                measure.compute(table.values[outside]),
+                table.labels[outside] == label,
+            )
+            missed.append(np.mean(novelty[is_new] <= threshold))
+            areas.append(roc_auc_score(is_new, novelty))
+    assert found.labels == 4
+    assert found.miss_rate == pytest.approx(np.mean(missed))
+    assert found.auroc == pytest.approx(np.mean(areas))
+
+
+def test_too_few_labels_or_trials_leave_nothing_out(texture_table):
+    two = texture_table.take(texture_table.labels < 'plate 2')
+    assert leave_labels_out(two, make_group_folds(two), 'plain', 0.1) is None
+    few = texture_table.take(np.arange(480) % 20 == 0)
+    assert leave_labels_out(few, make_group_folds(few), 'plain', 0.04) is None

@@ -112,6 +112,7 @@ def test_manifest_states_rates_and_how_they_were_found(trained):
     known = stated.pop('held_out_novelty')
     assert [each['rank'] for each in known] == [3, 3, 3]
     assert [sum(map(len, each['sessions'])) for each in known] == [240, 240, 240]
+    assert stated.pop('unlearned')['labels'] == 4
     assert stated == {
         'split': 'one session held out',
         'groups': 3,

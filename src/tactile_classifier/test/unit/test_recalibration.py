@@ -66,7 +66,7 @@ def test_false_alarms_of_recalibrated_sessions_are_as_asked_for():
             rates.append(np.mean(measure.compute(new.values[rest] - offset) > threshold))
             old.append(np.mean(measure.compute(new.values[rest]) > threshold))
     assert np.mean(rates) == pytest.approx(0.1, abs=0.03)
-    assert np.mean(old) > 0.2  # else the offset had nothing to mend
+    assert np.mean(old) > 0.14  # else the offset had nothing to mend
 
 
 def test_statistics_survive_json_to_the_last_bit():
