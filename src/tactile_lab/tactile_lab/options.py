@@ -46,6 +46,169 @@ RecordingsArgument = Annotated[
         'or Parquet files, bags of others, or folders of these.',
     ),
 ]
+TaskOption = Annotated[
+    Optional[str],
+    typer.Option(
+        **choice('texture', 'stiffness'),
+        help='Which features to compute. Bags with trial events say it themselves.',
+    ),
+]
+ChannelOption = Annotated[
+    Optional[str],
+    typer.Option(help='Channel of the recordings, "mean" of all, or "all"; default: 0.'),
+]
+WhereOption = Annotated[
+    Optional[str],
+    typer.Option(
+        help='Only trials of which a column of the archive is true, as in --where balanced, '
+        'or has a value, as in --where direction=1.'
+    ),
+]
+CropOption = Annotated[
+    Optional[str],
+    typer.Option(
+        '--crop',
+        '--static-phase',
+        help='Part of each trial of an archive that counts, in seconds, as in --crop 1:5. '
+        'Default: all of it.',
+    ),
+]
+ResampleOption = Annotated[
+    Optional[float],
+    typer.Option(
+        help='Resample the archive to this rate first, with a low-pass against aliasing.'
+    ),
+]
+SkipBadOption = Annotated[
+    bool,
+    typer.Option(
+        '--skip-bad',
+        help='Leave out trials of the archive that cannot be used, and list them: values '
+        'that are not finite, too short, no features.',
+    ),
+]
+SpeedColumnOption = Annotated[
+    Optional[str],
+    typer.Option(
+        help='Column of the archive with the sliding speeds, for --over; its name ends in '
+        'the unit, _mm_s or _m_s. A bag states them itself.'
+    ),
+]
+OverOption = Annotated[
+    Optional[str],
+    typer.Option(
+        help='Texture: features over this stretch of surface instead of over time, for any '
+        'sliding speed: length of the window and finest scale in mm, as in --over 45:0.5.'
+    ),
+]
+DetrendOption = Annotated[
+    Optional[str],
+    typer.Option(
+        **choice('none', 'mean', 'linear'),
+        help='Texture: what is subtracted before the Fourier transform: nothing, the mean, as in '
+        'the paper, or the least-squares line. Default: as recorded; for an archive as the '
+        'features node does.',
+    ),
+]
+FoldsOption = Annotated[int, typer.Option(min=2, help='Folds of the cross-validation.')]
+RepetitionsOption = Annotated[
+    Optional[int],
+    typer.Option(
+        min=1,
+        help='How often it is repeated. Default: 10; for large data (trials squared times '
+        'features above 2e9) once, without feature selection.',
+    ),
+]
+
+_OTHERS = 'Recordings of others'
+ColumnOption = Annotated[
+    Optional[list[str]],
+    typer.Option(
+        '--column',
+        metavar='ROLE=NAME',
+        rich_help_panel=_OTHERS,
+        help='What a column of a table is: time, trial, label or value, as in --column '
+        'value=force_n or --column time=t:ms. May be given several times; several names with '
+        'commas.',
+    ),
+]
+RateOption = Annotated[
+    Optional[float],
+    typer.Option(
+        min=0.001,
+        max=1e7,
+        rich_help_panel=_OTHERS,
+        help='Sample rate in Hz of recordings without times. With times it must fit them.',
+    ),
+]
+UnitOption = Annotated[
+    str,
+    typer.Option(
+        rich_help_panel=_OTHERS,
+        help='Unit of the signal where no heading says it, as in --unit mN.',
+    ),
+]
+LabelOption = Annotated[
+    str, typer.Option(rich_help_panel=_OTHERS, help='The label of all these trials.')
+]
+LabelFromOption = Annotated[
+    str,
+    typer.Option(
+        rich_help_panel=_OTHERS,
+        help='Where the label of a file or bag is: "folder", the one that it lies in; "file", '
+        'its name without the number at the end; or a regular expression for its path with '
+        'the label in brackets. Named groups become columns.',
+    ),
+]
+LabelsOption = Annotated[
+    Optional[Path],
+    typer.Option(
+        rich_help_panel=_OTHERS,
+        help='File with one label a trial, for a .npy file: .npy, .txt or .csv. Default: '
+        'NAME_labels or labels beside it.',
+    ),
+]
+TopicOption = Annotated[
+    str,
+    typer.Option(
+        rich_help_panel=_OTHERS,
+        help='Topic of a bag with the force: WrenchStamped, Float64, Float32, JointState, or '
+        'our strain. A bag is a trial.',
+    ),
+]
+FieldOption = Annotated[
+    str,
+    typer.Option(
+        rich_help_panel=_OTHERS,
+        help='Field of its messages, as in --field force.z, force.norm or effort.JOINT; '
+        'several with commas are several channels.',
+    ),
+]
+SeparatorOption = Annotated[
+    str,
+    typer.Option(
+        rich_help_panel=_OTHERS,
+        help='What stands between the columns of a text table: comma, semicolon, tab, space, '
+        'or the character. Default: comma; in .tsv a tab. LabVIEW files (.lvm) state it.',
+    ),
+]
+DecimalOption = Annotated[
+    str,
+    typer.Option(
+        rich_help_panel=_OTHERS,
+        help='Decimal mark of a text table, . or , as in --decimal , . Default: a point.',
+    ),
+]
+HeaderRowsOption = Annotated[
+    Optional[int],
+    typer.Option(
+        min=0,
+        max=1000,
+        rich_help_panel=_OTHERS,
+        help='Lines of a text table above its numbers. The last one names the columns; one '
+        'with their units may follow. Default: 1.',
+    ),
+]
 ClusterOption = Annotated[
     str,
     typer.Option(

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The two plots that show what the finger felt: one trial in time, the spectra of the plates.
+"""Plots of what a finger felt: trials in time, the spectra of the plates.
 
 `draw_strain` and `draw_spectrum` draw on axes of whoever calls; the report does.
 """
@@ -10,11 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from tactile_bags.trial import Signal, Trial
 
 TRACE_COLOUR = '#2a6fb0'
 MARK_COLOUR = '#c0392b'
@@ -58,6 +62,71 @@ def plot_strain(
     axes = figure.subplots()
     draw_strain(axes, time_s, tension_n, phases, window_s, line)
     axes.set_title(title)
+    figure.savefig(path, dpi=130)
+
+
+def plot_signals(
+    path: Path, signals: Sequence[tuple[str, Signal]], window_s: float | None = None
+) -> None:
+    """Draw trials of others, a panel each, with all channels and their unit.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Picture to write.
+    signals : sequence of (title, Signal)
+    window_s : float, optional
+        Length of the window that features take, from the first sample [s].
+    """
+    figure = Figure(figsize=(9, 1.2 + 2.8 * len(signals)), layout='constrained')
+    panels = np.ravel(figure.subplots(len(signals), 1, squeeze=False))
+    for axes, (title, signal) in zip(panels, signals, strict=True):
+        count = signal.values.shape[1]
+        time_s = np.arange(count) if signal.time_s is None else signal.time_s - signal.time_s[0]
+        for i, values in enumerate(signal.values):
+            colour = TRACE_COLOUR if i == 0 else f'C{i}'
+            axes.plot(time_s, values, color=colour, lw=1, label=signal.channels[i])
+        if window_s is not None and signal.time_s is not None:
+            shade_phases(axes, [('window', 0.0, window_s)])
+        axes.set(
+            title=title,
+            xlabel='sample (the rate is not known)' if signal.time_s is None else 'time [s]',
+            ylabel=f'signal [{signal.unit}]' if signal.unit else 'signal (unit not known)',
+        )
+        if 1 < len(signal.values) <= 10:
+            axes.legend()
+    figure.savefig(path, dpi=130)
+
+
+def plot_all_trials(path: Path, trials: Sequence[Trial]) -> None:
+    """Draw the trials of an experiment: a row an object, a column a contact, a colour a session.
+
+    Trials that do not count are grey.
+    """
+    objects = sorted({trial.label for trial in trials})
+    contacts = sorted({trial.contact for trial in trials})
+    sessions = list(dict.fromkeys(trial.session_id for trial in trials))
+    figure = Figure(figsize=(5.0 * len(contacts), 0.8 + 1.7 * len(objects)), layout='constrained')
+    grid = figure.subplots(len(objects), len(contacts), squeeze=False, sharex=True, sharey=True)
+    for trial in sorted(trials, key=lambda trial: not trial.why_not):  # grey lies below
+        axes = grid[objects.index(trial.label)][contacts.index(trial.contact)]
+        colour = '#bbbbbb' if trial.why_not else f'C{sessions.index(trial.session_id) % 10}'
+        signal = trial.signal
+        time_s = np.arange(signal.values.shape[1]) if signal.time_s is None else signal.time_s
+        axes.plot(time_s, signal.values[0], color=colour, lw=0.7)
+    for row, label in enumerate(objects):
+        for column, contact in enumerate(contacts):
+            title = f'{label}, {contact}' if contact else label
+            grid[row][column].set_title(title, fontsize=9, loc='left')
+    for i, session in enumerate(sessions):
+        grid[0][0].plot([], [], color=f'C{i % 10}', label=session or 'no session')
+    if any(trial.why_not for trial in trials):
+        grid[0][0].plot([], [], color='#bbbbbb', label='does not count')
+    figure.legend(loc='outside upper center', ncols=min(6, len(sessions) + 1), frameon=False)
+    figure.supxlabel('time [s]')
+    figure.supylabel('tension [N]')
+    if any(trial.simulated for trial in trials):
+        figure.suptitle('SIMULATED')
     figure.savefig(path, dpi=130)
 
 

@@ -39,8 +39,12 @@ COMMANDS = {
         'Make bags of **simulated** trials, without waiting in real time.',
     ),
     'import': (
-        'tactile_lab.cli.recordings',
+        'tactile_lab.commands.import_recordings',
         'Make one archive of recordings that other programs made.',
+    ),
+    'export': (
+        'tactile_lab.commands.export',
+        'Write the trials of recordings as one long table, with a dataset card beside it.',
     ),
     'train': (
         'tactile_lab.cli.recordings',
@@ -59,7 +63,7 @@ COMMANDS = {
         'Write the features of recordings as a table, for notebooks and other programs.',
     ),
     'replay': (
-        'tactile_lab.cli.recordings',
+        'tactile_lab.commands.replay',
         'Run a recording through features and classification again, and compare.',
     ),
     'repair': (
@@ -67,7 +71,7 @@ COMMANDS = {
         'Write a closed copy of a bag whose recorder was killed.',
     ),
     'show': (
-        'tactile_lab.cli.recordings',
+        'tactile_lab.commands.show',
         'List the contents of a recording, a model file or an archive.',
     ),
     'trials': (

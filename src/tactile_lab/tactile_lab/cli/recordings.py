@@ -3,17 +3,11 @@
 
 """The commands on recordings and models; the work is in `tactile_lab.commands`."""
 
-from pathlib import Path
-from typing import Annotated, Optional
-
-import typer
-
 from tactile_lab.cli.request_options import spread
 from tactile_lab.commands.analysis.requests import (
     CompareRequest,
     EvaluateRequest,
     FeaturesRequest,
-    ImportRequest,
     TrainRequest,
 )
 from tactile_lab.options import (
@@ -21,22 +15,7 @@ from tactile_lab.options import (
     ClusterOption,
     JsonOption,
     RecordingsArgument,
-    WatchOption,
 )
-
-
-@spread
-def import_recordings(request: ImportRequest, as_json: JsonOption = False) -> None:
-    """Make one archive of recordings that other programs made.
-
-    Prints how it understood each column, array or message. On a terminal it asks for missing
-    information; elsewhere it fails and names the option. `train`, `evaluate`, `compare` and
-    `features` take the archive, and the same recordings directly, with the same options.
-    """
-    check_paths(*request.recordings)
-    from tactile_lab.commands.analysis.import_recordings import run_import
-
-    run_import(request, as_json=as_json)
 
 
 @spread
@@ -120,55 +99,3 @@ def compare(request: CompareRequest, as_json: JsonOption = False) -> None:
     from tactile_lab.commands.analysis.compare import run_compare
 
     run_compare(request, as_json=as_json)
-
-
-def replay(
-    bag: Annotated[Path, typer.Argument(help='The recording.')],
-    models: Annotated[
-        Optional[Path],
-        typer.Option(help='Folder with the model files. Default: where the recording found them.'),
-    ] = None,
-    nodes: Annotated[
-        bool, typer.Option(help='Send the bag through real nodes as well as the plain core.')
-    ] = True,
-    times: Annotated[
-        int, typer.Option(min=1, max=100_000, help='How often; ends at the first difference.')
-    ] = 1,
-    watch: WatchOption = False,
-    as_json: JsonOption = False,
-) -> None:
-    """Run a recording through features and classification again, and compare.
-
-    Prints *equal*, or the first difference from what was recorded; exits with 1 when
-    there is one. Then says whether samples of the recording are missing, doubled or out of
-    order. With ``--watch`` it first plays the recording in real time on a live page.
-    """
-    check_paths(bag, models)
-    from tactile_lab.commands.replay import play_and_watch, run_replay
-    from tactile_lab.watch.access import WatchOptions
-
-    if watch:
-        play_and_watch(bag, models, WatchOptions(), as_json=as_json)
-    equal = run_replay(bag, models, through_nodes=nodes, times=times, as_json=as_json)
-    raise typer.Exit(0 if equal else 1)
-
-
-def show(
-    path: Annotated[
-        Path, typer.Argument(help='A bag, a model file (.onnx) or an archive (.npz).')
-    ],
-    plot: Annotated[
-        Optional[Path],
-        typer.Option(metavar='FILE', help='Draw one trial into this file: .png, .svg or .pdf.'),
-    ] = None,
-    trial: Annotated[int, typer.Option(min=1, help='Which trial to draw, from 1.')] = 1,
-    as_json: JsonOption = False,
-) -> None:
-    """List the contents of a recording, a model file or an archive.
-
-    For a bag or an archive: its trials with label, session and length. For a model: its inputs,
-    training trials, accuracy on held-out trials, calibration error and limits.
-    """
-    from tactile_lab.commands.show import run_show
-
-    run_show(path, plot, trial, as_json=as_json)

@@ -3,50 +3,25 @@
 
 """`tactile replay`: a recording run again and compared with itself."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-import tempfile
-import time
-from typing import Any
+from typing import Annotated, Any, Optional, TYPE_CHECKING
 
-from tactile_bags.auditing.audit import Audit, summarise_audits
-from tactile_bags.auditing.auditor import audit_open_bag
-from tactile_bags.bag_reader import TactileBag
-from tactile_bags.recorded_setup import (
-    find_models,
-    gather_models,
-    recorded_features,
-    recorded_models,
-    RecordedFeatures,
-)
-from tactile_bags.replaying.comparison import compare, compare_with_recorded, Comparison
-from tactile_bags.replaying.replay import (
-    first_sample_ns,
-    recorded_recalibration,
-    recorded_results,
-    replay_through_core,
-    TactileResults,
-)
-from tactile_bringup.launch_config.graph import (
-    FEATURES_NODE,
-    ModelChoice,
-    NO_PORT,
-    NodeDescription,
-    PLAYER,
-    player_parameters,
-    sensing_graph,
-)
-from tactile_classifier.model_file.model_set import ModelSet
-from tactile_features.config import FeatureConfig
-from tactile_features.model_contract import read_contracts
-from tactile_lab.commands.output import Output
-from tactile_lab.running import say_address
-from tactile_lab.watch.access import WatchOptions
+import typer
+
+from tactile_lab.options import JsonOption, WatchOption
 from tactile_ros.errors import TactileError
+
+if TYPE_CHECKING:
+    from tactile_bags import RecordedBag
+    from tactile_bags.auditing.audit import Audit
+    from tactile_bags.replaying.comparison import Comparison
+    from tactile_bags.replaying.replay import TactileResults
+    from tactile_bringup.launch_config.graph import NodeDescription
+    from tactile_features.config import FeatureConfig
+    from tactile_lab.commands.output import Output
+    from tactile_lab.watch.access import WatchOptions
 
 POLL_S = 0.1
 LINGER_S = 3.0
@@ -62,8 +37,8 @@ class ReplayReport:
     """
 
     namespace: str
-    comparisons: dict[str, Comparison]
-    audits: tuple[Audit, ...] = ()
+    comparisons: dict[str, 'Comparison']
+    audits: 'tuple[Audit, ...]' = ()
     replay_count: int = 1
 
     @property
@@ -72,6 +47,8 @@ class ReplayReport:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report as what JSON can hold."""
+        from tactile_bags.auditing.audit import summarise_audits
+
         return {
             'namespace': self.namespace,
             'equal': self.is_equal,
@@ -81,21 +58,46 @@ class ReplayReport:
         }
 
 
-def run_replay(
-    path: Path, models: Path | None, *, through_nodes: bool, times: int, as_json: bool
-) -> bool:
-    """Replay a bag, print the comparison, return whether all is equal."""
+def replay(
+    bag: Annotated[Path, typer.Argument(exists=True, help='The recording.')],
+    models: Annotated[
+        Optional[Path],
+        typer.Option(
+            exists=True,
+            help='Folder with the model files. Default: where the recording found them.',
+        ),
+    ] = None,
+    nodes: Annotated[
+        bool, typer.Option(help='Send the bag through real nodes as well as the plain core.')
+    ] = True,
+    times: Annotated[
+        int, typer.Option(min=1, max=100_000, help='How often; ends at the first difference.')
+    ] = 1,
+    watch: WatchOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Run a recording through features and classification again, and compare.
+
+    Prints *equal*, or the first difference from what was recorded; exits with 1 when
+    there is one. Then says whether samples of the recording are missing, doubled or out of
+    order. With ``--watch`` it first plays the recording in real time on a live page.
+    """
+    from tactile_lab.commands.output import Output
+    from tactile_lab.watch.access import WatchOptions
+
     output = Output(as_json)
-    reports = replay_and_compare(path, models, through_nodes=through_nodes, times=times)
+    if watch:
+        play_and_watch(bag, models, WatchOptions(), output)
+    reports = replay_and_compare(bag, models, through_nodes=nodes, times=times)
     for report in reports:
         print_report(report, output)
     equal = all(report.is_equal for report in reports)
-    output.result({'bag': str(path), 'equal': equal, 'fingers': [r.to_dict() for r in reports]})
-    return equal
+    output.result({'bag': str(bag), 'equal': equal, 'fingers': [r.to_dict() for r in reports]})
+    raise typer.Exit(0 if equal else 1)
 
 
 def play_and_watch(
-    path: Path, models: Path | None, options: WatchOptions, *, as_json: bool
+    path: Path, models: Optional[Path], options: 'WatchOptions', output: 'Output'
 ) -> None:
     """Play a bag in its own time through fresh nodes, on a domain of their own, on a live page.
 
@@ -104,12 +106,17 @@ def play_and_watch(
     TactileError
         When the bag or the models cannot be used, or the page cannot be served.
     """
+    from contextlib import ExitStack
+    import tempfile
+    import time
+
     from domain_coordinator import domain_id
 
+    from tactile_bringup.launch_config.graph import PLAYER
     from tactile_bringup.nodes.graph_runner import ros_context, running_graph  # rclpy
+    from tactile_lab.running import say_address
     from tactile_lab.watch.watching import watching
 
-    output = Output(as_json)
     with (
         tempfile.TemporaryDirectory(prefix='tactile_') as scratch,
         domain_id() as domain,
@@ -128,8 +135,20 @@ def play_and_watch(
         time.sleep(LINGER_S)  # the last answer is still to be seen
 
 
-def replay_graph(path: Path, models: Path | None, scratch: Path) -> list[NodeDescription]:
+def replay_graph(path: Path, models: Optional[Path], scratch: Path) -> 'list[NodeDescription]':
     """Return the nodes that classify a recording in its own time, and its player."""
+    from tactile_bags import TactileBag
+    from tactile_bags.recorded_setup import recorded_features
+    from tactile_bringup.launch_config.graph import (
+        FEATURES_NODE,
+        ModelChoice,
+        NO_PORT,
+        NodeDescription,
+        PLAYER,
+        player_parameters,
+        sensing_graph,
+    )
+
     nodes: list[NodeDescription] = []
     with TactileBag(path) as bag:
         for namespace in bag.namespaces:
@@ -141,7 +160,7 @@ def replay_graph(path: Path, models: Path | None, scratch: Path) -> list[NodeDes
     return [*nodes, NodeDescription('tactile_bags', 'bag_player_node', PLAYER, player)]
 
 
-def print_report(report: ReplayReport, output: Output) -> None:
+def print_report(report: ReplayReport, output: 'Output') -> None:
     """Print one line for each comparison, and what the audits found."""
     finger = f'{report.namespace}: ' if report.namespace else ''
     times = f', {report.replay_count} times' if report.replay_count > 1 else ''
@@ -156,7 +175,7 @@ def print_report(report: ReplayReport, output: Output) -> None:
     print_audits(report.audits, output)
 
 
-def print_audits(audits: Sequence[Audit], output: Output) -> None:
+def print_audits(audits: 'Sequence[Audit]', output: 'Output') -> None:
     """Print what is missing, doubled or out of order; one line where nothing is."""
     for audit in audits:
         if not audit.passed:
@@ -166,7 +185,7 @@ def print_audits(audits: Sequence[Audit], output: Output) -> None:
 
 
 def replay_and_compare(
-    path: Path, models: Path | None, *, through_nodes: bool, times: int = 1
+    path: Path, models: Optional[Path], *, through_nodes: bool, times: int = 1
 ) -> list[ReplayReport]:
     """Replay a bag through the core, and through nodes, and compare with the recording.
 
@@ -183,7 +202,13 @@ def replay_and_compare(
     TactileError
         When the bag or the models cannot be used.
     """
-    with TactileBag(path) as bag, tempfile.TemporaryDirectory(prefix='tactile_') as scratch:
+    import tempfile
+
+    from tactile_bags import RecordedBag
+    from tactile_bags.auditing.auditor import audit_open_bag
+    from tactile_bags.recorded_setup import find_models, gather_models
+
+    with RecordedBag(path) as bag, tempfile.TemporaryDirectory(prefix='tactile_') as scratch:
         audits = audit_open_bag(bag)
         return [
             _replay_finger(
@@ -200,15 +225,26 @@ def replay_and_compare(
 
 
 def _replay_finger(
-    bag: TactileBag,
+    bag: 'RecordedBag',
     namespace: str,
-    models: Path | None,
-    audits: tuple[Audit, ...],
+    models: Optional[Path],
+    audits: 'tuple[Audit, ...]',
     *,
     is_chosen: bool,
     through_nodes: bool,
     times: int,
 ) -> ReplayReport:
+    from tactile_bags.recorded_setup import recorded_features, recorded_models, RecordedFeatures
+    from tactile_bags.replaying.comparison import compare, compare_with_recorded
+    from tactile_bags.replaying.replay import (
+        first_sample_ns,
+        recorded_recalibration,
+        recorded_results,
+        replay_through_core,
+    )
+    from tactile_classifier.model_file.model_set import ModelSet
+    from tactile_features.model_contract import read_contracts
+
     features = recorded_features(bag, namespace)
     if is_chosen and models is not None:
         contracts, _ = read_contracts(models)
@@ -239,14 +275,14 @@ def _replay_finger(
 
 
 def _replay_in_own_domain(
-    bag: TactileBag,
-    models: Path | None,
-    config: FeatureConfig,
-    core: TactileResults,
+    bag: 'RecordedBag',
+    models: Optional[Path],
+    config: 'FeatureConfig',
+    core: 'TactileResults',
     namespace: str,
     known: int,
     contact: str,
-) -> TactileResults:
+) -> 'TactileResults':
     from domain_coordinator import domain_id
 
     from tactile_bringup.nodes.graph_runner import ros_context
@@ -265,7 +301,7 @@ def _replay_in_own_domain(
         )
 
 
-def _check_has_features(bag: TactileBag, recorded: TactileResults) -> None:
+def _check_has_features(bag: 'RecordedBag', recorded: 'TactileResults') -> None:
     if recorded.windows:
         return
     if bag.metadata.get('protocol') == 'slip':

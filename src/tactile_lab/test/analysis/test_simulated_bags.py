@@ -16,7 +16,7 @@ from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_features.config import FeatureConfig
 from tactile_features.conversions import event_from_msg, strain_block_from_msg
-from tactile_lab.commands.replay import run_replay
+from tactile_lab.commands.replay import replay_and_compare
 from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.simulation import simulated_bags, simulated_trials
 from tactile_lab.simulation.simulated_bags import write_simulated_bag
@@ -303,7 +303,7 @@ def test_slip_bag_tells_the_true_onset(simulator, tmp_path):
     with pytest.raises(BagError, match='no slip features yet'):
         read_tables([bag.path])
     with pytest.raises(TactileError, match='no slip features yet'):
-        run_replay(bag.path, None, through_nodes=False, times=1, as_json=True)
+        replay_and_compare(bag.path, None, through_nodes=False)
 
 
 @pytest.mark.parametrize('before_m', [0.0, -3e-4])

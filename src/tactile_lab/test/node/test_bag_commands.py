@@ -7,13 +7,12 @@ import json
 
 import pytest
 from rclpy.serialization import serialize_message
-from tactile_command import tactile
+from tactile_command import ask_tactile, tactile
 
 from tactile_bags import BagWriter, FEATURES_TOPIC, STRAIN, TactileBag
 from tactile_bags.recorded_setup import recorded_features
 from tactile_bags.replaying.replay import replay_windows
 from tactile_features.conversions import feature_window_to_msg
-from tactile_lab.commands.replay import run_replay
 
 
 def record(source, target, lose=()):
@@ -36,23 +35,22 @@ def record(source, target, lose=()):
     return target
 
 
-def test_replay_repeats_itself_and_audits(stiffness_bag, tmp_path, capsys):
+def test_replay_repeats_itself_and_audits(stiffness_bag, tmp_path):
     bag = record(stiffness_bag, tmp_path / 'bag')
-    assert run_replay(bag, None, through_nodes=False, times=3, as_json=True)
-    (finger,) = json.loads(capsys.readouterr().out)['fingers']
+    (finger,) = ask_tactile('replay', bag, '--no-nodes', '--times', 3)['fingers']
     assert finger['replays'] == 3
     assert finger['audit']['trials'] == 15
     assert finger['audit']['failed_trials'] == 0
 
 
-def test_replay_says_what_was_lost(stiffness_bag, tmp_path, capsys):
+def test_replay_says_what_was_lost(stiffness_bag, tmp_path):
     bag = record(stiffness_bag, tmp_path / 'bag', lose={7})
-    assert not run_replay(bag, None, through_nodes=False, times=3, as_json=True)
-    output = capsys.readouterr()
-    (finger,) = json.loads(output.out)['fingers']
+    done = tactile('replay', bag, '--no-nodes', '--times', 3, '--json')
+    assert done.returncode == 1
+    (finger,) = json.loads(done.stdout)['fingers']
     assert finger['replays'] == 1  # ends at the first difference
     assert finger['audit']['failed_trials'] >= 1
-    assert 'samples lost in 1 gaps' in output.err
+    assert 'samples lost in 1 gaps' in done.stderr
 
 
 @pytest.mark.parametrize('damage', [False, True])

@@ -15,11 +15,11 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.time import Time
 
-from tactile_bags import EVENT, STRAIN, TactileBag
+from tactile_bags import EVENT, Recording, STRAIN, TactileBag
 from tactile_bags.message_records import read_records
 from tactile_features.conversions import event_to_msg
 from tactile_lab.commands.replay import replay_and_compare
-from tactile_lab.commands.show import describe_bag
+from tactile_lab.commands.show import describe_recording
 from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 from tactile_testing.waiting import wait_until
@@ -186,6 +186,7 @@ def test_a_simulated_finger_marks_all_that_comes_of_it(context, tmp_path):
     assert all(block.status & StrainBlock.STATUS_SIMULATED for block in blocks)
     with TactileBag(bag) as opened:
         assert opened.metadata['simulated'] is True
-        contents = describe_bag(opened)
+    with Recording.load(bag) as recording:
+        contents = describe_recording(recording)
     assert contents.facts['simulated'] == 'SIMULATED'
     assert [trial['simulated'] for trial in contents.trials] == [True]

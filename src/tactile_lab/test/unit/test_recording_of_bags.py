@@ -10,6 +10,7 @@ import shutil
 
 import numpy as np
 import pytest
+from tactile_command import ask_tactile
 
 from tactile_bags import EVENT, Recording, STRAIN, TactileBag
 from tactile_bags.message_records import read_records
@@ -121,6 +122,10 @@ def test_the_journal_of_an_experiment_says_what_counts(stiffness_bag, tmp_path):
             'one',
             'two',
         }
+    shown = ask_tactile('show', one, '--plot', tmp_path / 'all.svg')
+    assert [each['does not count'] for each in shown['trials']] == why_not
+    assert shown['facts']['do not count'] == '3'
+    assert 'does not count' in (tmp_path / 'all.svg').read_text()
     (tmp_path / 'recordings.txt').write_text('one\ntwo\n')
     with Recording.load(tmp_path / 'recordings.txt') as recording:
         assert len(recording.trials) == 30

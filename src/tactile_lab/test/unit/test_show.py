@@ -4,9 +4,11 @@
 """What `tactile show` says must be what is in the file."""
 
 import json
+import re
 
 import numpy as np
 import pytest
+from tactile_command import hear_tactile, tactile
 
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.model_file.inference import read_model_card
@@ -14,48 +16,47 @@ from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
-from tactile_lab.commands.show import run_show
-from tactile_ros.errors import TactileError
 
 
-def show(capsys, path, plot=None, trial=1):
-    run_show(path, plot, trial, as_json=True)
-    return json.loads(capsys.readouterr().out)
+def show(path, *options):
+    done = tactile('show', path, '--json', *options)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
 
 
-def test_bag_lists_its_trials_and_draws_one(stiffness_bag, tmp_path, capsys):
+def refusal(path, *options):
+    return hear_tactile('show', path, *options, code=2)
+
+
+def test_bag_lists_its_trials_and_draws_one(stiffness_bag, tmp_path):
     picture = tmp_path / 'trial.svg'
-    found = show(capsys, stiffness_bag, picture, 4)
+    found = show(stiffness_bag, '--plot', picture, '--trial', 4)
     assert found['kind'] == 'bag'
     assert [entry['trial'] for entry in found['trials']] == list(range(1, 16))
     assert len({entry['object'] for entry in found['trials']}) == 5
     assert found['facts']['simulated'] == 'SIMULATED'
     assert all(entry['seconds'] > 1.0 for entry in found['trials'])
     assert picture.read_text().startswith('<?xml')
-    with pytest.raises(TactileError, match='15 trials, so there is no trial 16'):
-        run_show(stiffness_bag, picture, 16, as_json=True)
+    said = refusal(stiffness_bag, '--plot', picture, '--trial', 16)
+    assert '15 trials, so there is no trial 16' in said
 
 
 def test_folder_of_models_or_bags_names_one_of_them(tmp_path):
     (tmp_path / 'a.onnx').touch()
-    with pytest.raises(
-        TactileError, match=r'folder of 1 recordings or models; name one, .*a\.onnx'
-    ):
-        run_show(tmp_path, None, 1, as_json=True)
+    assert re.search(r'folder of 1 recordings or models; name one, .*a\.onnx', refusal(tmp_path))
 
 
-def test_archive_of_one_trial_is_enough(tmp_path, capsys):
+def test_archive_of_one_trial_is_enough(tmp_path):
     path, picture = tmp_path / 'one.npz', tmp_path / 'one.png'
     np.savez(path, x=np.sin(np.arange(300.0))[None, None], label=np.array(['R1']), rate_hz=100.0)
-    found = show(capsys, path, picture)
+    found = show(path, '--plot', picture)
     assert found['facts']['trials'] == '1'
     assert found['facts']['length'] == '3 to 3 s'
     assert picture.read_bytes().startswith(b'\x89PNG')
-    with pytest.raises(TactileError, match='must end in one of'):
-        run_show(path, tmp_path / 'one.txt', 1, as_json=True)
+    assert 'must end in one of' in refusal(path, '--plot', tmp_path / 'one.txt')
 
 
-def test_table_numbers_trials_as_the_plot_does_and_has_room(tmp_path, capsys):
+def test_table_numbers_trials_as_the_plot_does_and_has_room(tmp_path):
     path = tmp_path / 'two.npz'
     x = np.sin(np.arange(600.0)).reshape(2, 1, 300)
     np.savez(
@@ -66,17 +67,16 @@ def test_table_numbers_trials_as_the_plot_does_and_has_room(tmp_path, capsys):
         trial=np.array(['lab/07.csv', 'lab/03.csv']),
         day=np.array([2, 2]),
     )
-    found = show(capsys, path)['trials']
+    found = show(path)['trials']
     assert [entry['trial'] for entry in found] == [1, 2]
     assert [entry['column trial'] for entry in found] == ['lab/07.csv', 'lab/03.csv']
-    run_show(path, None, 1, as_json=False)
-    printed = capsys.readouterr().out
+    printed = tactile('show', path).stdout
     assert 'lab/07.csv' in printed
     assert 'all trials: seconds 3.00, day 2' in printed
 
 
 @pytest.mark.parametrize('sessions', [1, 3])
-def test_model_has_a_card_with_its_limits(tmp_path, capsys, sessions):
+def test_model_has_a_card_with_its_limits(tmp_path, sessions):
     generator = np.random.default_rng(2)
     code = np.repeat(np.arange(2), 36)
     values = code[:, None] + generator.normal(0.0, 0.1, (72, 3))
@@ -85,7 +85,7 @@ def test_model_has_a_card_with_its_limits(tmp_path, capsys, sessions):
     table = FeatureTable(values, np.array(['pla', 'sponge'])[code], spec, columns)
     path = tmp_path / 'model.onnx'
     manifest = write_model(path, train(table, 'knn')).manifest
-    found = show(capsys, path)
+    found = show(path)
     facts = found['facts']
     assert facts['answers'] == 'stiffness, any contact: pla, sponge'
     plural = 's' * (sessions > 1)
@@ -97,17 +97,15 @@ def test_model_has_a_card_with_its_limits(tmp_path, capsys, sessions):
     assert any('No session was held out' in limit for limit in found['limits']) == (sessions == 1)
     # One text: what is printed is the card inside the file.
     assert found['card'] == read_model_card(path)
-    run_show(path, None, 1, as_json=False)
-    printed = capsys.readouterr().out
+    printed = tactile('show', path).stdout
     assert found['card'].strip() in printed
     assert found['model_id'] in printed
 
 
-def test_untrusted_card_is_shown_as_text_and_not_as_markup(tmp_path, capsys):
+def test_untrusted_card_is_shown_as_text_and_not_as_markup(tmp_path):
     labels = np.repeat(['[red]pla[/red]', '[link=x]sponge'], 36)
     values = np.random.default_rng(2).normal(size=(72, 3)) + (labels == labels[0])[:, None]
     spec = spec_for('stiffness', FeatureConfig())
     path = tmp_path / 'model.onnx'
     write_model(path, train(FeatureTable(values, labels, spec), 'knn'))
-    run_show(path, None, 1, as_json=False)
-    assert 'any contact: [link=x]sponge, [red]pla[/red]' in capsys.readouterr().out
+    assert 'any contact: [link=x]sponge, [red]pla[/red]' in tactile('show', path).stdout

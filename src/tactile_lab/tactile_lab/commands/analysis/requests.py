@@ -3,13 +3,12 @@
 
 """Requests of the commands on recordings of many trials."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Optional
 
 import typer
 
-from tactile_lab.datasets.sources.options import SkipBadOption, SourceOptions
 from tactile_lab.datasets.trial_options import TrialOptions
 from tactile_lab.options import (
     choice,
@@ -253,19 +252,3 @@ class TrainRequest(TrialOptions):
                 f'--partial is "{self.partial}"; it must be seconds with commas between them, '
                 'such as 0.5,1,1.5'
             ) from None
-
-
-@dataclass(frozen=True, kw_only=True)
-class ImportRequest:
-    """The arguments of `tactile import`; see its ``--help``."""
-
-    recordings: RecordingsArgument
-    archive: Annotated[
-        Path, typer.Option('--output', '-o', help='Archive to write, ending in .npz.')
-    ]
-    yes: Annotated[
-        bool, typer.Option('--yes', '-y', help='Accept likely choices instead of asking.')
-    ] = False
-    skip_bad: SkipBadOption = False
-    force: Annotated[bool, typer.Option('--force', help='Replace the archive.')] = False
-    sources: SourceOptions = field(default_factory=SourceOptions)

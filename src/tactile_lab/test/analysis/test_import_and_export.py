@@ -1,0 +1,133 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Trials written for other programs come back equal; what is not known is said first."""
+
+import numpy as np
+import pyarrow.csv
+import pyarrow.parquet
+import pytest
+from tactile_command import ask_tactile, hear_tactile, tactile
+import yaml
+
+from tactile_bags import Recording
+from tactile_classifier.datasets.archive import load_archive
+
+
+@pytest.mark.parametrize('suffix', ['.parquet', '.csv'])
+def test_trials_of_our_bags_come_back_equal(stiffness_bag, tmp_path, suffix):
+    table = tmp_path / f'trials{suffix}'
+    found = ask_tactile('export', stiffness_bag, '-o', table)
+    assert found['trials'] == 15
+    assert found['columns'][:6] == [
+        'trial', 'label', 'session_id', 'mounting_id', 'time_s', 'tension_n'
+    ]  # fmt: skip
+    assert 'would be replaced' in hear_tactile('export', stiffness_bag, '-o', table, code=2)
+    imported = ask_tactile('import', table, '-o', tmp_path / 'trials.npz')
+    assert imported['unit'] == 'N'
+    assert imported['rate_hz'] == 60.0
+    back = load_archive(tmp_path / 'trials.npz', folds=0)
+    with Recording.load(stiffness_bag) as recording:
+        whole = recording.to_arrays()
+        assert len(back) == len(recording.trials)
+        for row, trial in enumerate(recording.trials):
+            np.testing.assert_array_equal(
+                back.x[row, 0, : back.lengths[row]], trial.signal.values[0]
+            )
+            assert back.label[row] == trial.label
+            assert back.columns['session_id'][row] == trial.session_id
+            assert back.columns['mounting_id'][row] == trial.mounting_id
+    np.testing.assert_array_equal(back.x, whole.x)
+    for name in ('trial', 'contact', 'task', 'glide_speed_m_s'):
+        assert back.columns[name].tolist() == whole.columns[name].tolist()
+
+
+def test_a_table_has_units_and_a_card(stiffness_bag, tmp_path):
+    hear_tactile('export', stiffness_bag, '-o', tmp_path / 'trials.parquet')
+    table = pyarrow.parquet.read_table(tmp_path / 'trials.parquet')
+    assert table.schema.field('tension_n').metadata[b'unit'] == b'N'
+    assert table.schema.field('time_s').metadata[b'unit'] == b's'
+    card = (tmp_path / 'trials.md').read_text()
+    _, head, body = card.split('---\n', 2)
+    stated = yaml.safe_load(head)
+    assert stated['license'] == 'unknown'
+    assert stated['configs'] == [{'config_name': 'default', 'data_files': 'trials.parquet'}]
+    assert {'tactile', 'stiffness', 'simulated'} <= set(stated['tags'])
+    assert stated['pretty_name'].startswith('SIMULATED')
+    for text in (
+        '| trials | 15 |',
+        '| sessions | 1 |',
+        '60 Hz',
+        'tension_n [N]',
+        'To be filled in',
+    ):
+        assert text in body, body
+    assert str(tmp_path) not in card
+
+
+def write_trials(folder, heading='force_mN', *, rate=True):
+    """Write three trials of two labels in two sessions as one table; return it."""
+    lines = [f'label,session,trial,{"time_s," if rate else ""}{heading}']
+    rng = np.random.default_rng(4)
+    for label in ('pla', 'rubber'):
+        for session in (1, 2):
+            for trial in range(3):
+                for i, value in enumerate(rng.normal(size=40).tolist()):
+                    time = f'{i / 100},' if rate else ''
+                    lines.append(f'{label},{session},{trial},{time}{value!r}')
+    path = folder / 'table.csv'
+    path.write_text('\n'.join(lines))
+    return path
+
+
+def test_import_names_the_command_with_sessions_held_out_and_draws(tmp_path):
+    table, picture = write_trials(tmp_path), tmp_path / 'trials.svg'
+    found = ask_tactile('import', table, '-o', tmp_path / 'lab.npz', '--plot', picture)
+    assert found['unit'] == 'mN'
+    assert not any(note.startswith('not known') for note in found['notes'])
+    archive = tmp_path / 'lab.npz'
+    stated = f'tactile evaluate {archive} --task texture (or stiffness) --group session_id'
+    assert found['next'] == stated
+    drawn = picture.read_text()
+    assert drawn.count('signal [mN]') == 3
+    assert 'window' in drawn
+    options = ('--task', 'stiffness', '--group', 'session_id', '--repetitions', 1)
+    assert hear_tactile('evaluate', archive, '--folds', 2, *options)
+
+
+def test_import_says_first_what_it_could_not_know(tmp_path):
+    table = write_trials(tmp_path, 'signal')
+    done = tactile('import', table, '-o', tmp_path / 'lab.npz')
+    assert done.stdout.startswith('not known: unit of the signal (--unit N)\n')
+    table = write_trials(tmp_path, 'signal', rate=False)
+    assert '--rate-hz' in hear_tactile('import', table, '-o', tmp_path / 'b.npz', code=2)
+
+
+def test_a_labview_file_is_imported_as_its_header_says(tmp_path):
+    head = (
+        'LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t,\nX_Columns\tOne\n'
+        '***End_of_Header***\t\n\t\nChannels\t1\t\nY_Unit_Label\tNewtons\t\nX_Dimension\tTime\t\n'
+        '***End_of_Header***\t\t\nX_Value\tUntitled\tComment\n'
+    )
+    rng, values = np.random.default_rng(1), {}
+    for label in ('pla', 'rubber'):
+        for i in range(2):
+            path = tmp_path / 'lab' / label / f'{i}.lvm'
+            path.parent.mkdir(parents=True, exist_ok=True)
+            values[label, i] = rng.normal(size=50).round(6).tolist()
+            rows = [f'{k / 100:.6f}\t{v:.6f}' for k, v in enumerate(values[label, i])]
+            path.write_text((head + '\n'.join(rows)).replace('.', ',').replace('0,', '0,'))
+    ask_tactile('import', tmp_path / 'lab', '-o', tmp_path / 'lab.npz')
+    trials = load_archive(tmp_path / 'lab.npz', folds=0)
+    assert trials.rate_hz == 100.0
+    assert trials.unit == 'N'
+    for row, expected in enumerate(values.values()):
+        assert trials.x[row, 0].tolist() == expected
+
+
+def test_trials_that_are_all_equal_are_refused(tmp_path):
+    lines = ['label,trial,time_s,force_n']
+    lines += [f'{t % 2},{t},{i / 100},{i % 5}' for t in range(4) for i in range(40)]
+    (tmp_path / 'same.csv').write_text('\n'.join(lines))
+    said = hear_tactile('import', tmp_path / 'same.csv', '-o', tmp_path / 'a.npz', code=2)
+    assert 'all 4 trials hold the same samples' in said
