@@ -31,7 +31,7 @@ from tactile_ros.programs.transports import choose_transports
 
 COMMANDS = {
     'demo': (
-        'tactile_lab.cli.running',
+        'tactile_lab.commands.demo',
         'Run everything from training to live trials on the **simulated** rig, in about a minute.',
     ),
     'simulate': (
@@ -75,11 +75,11 @@ COMMANDS = {
         'List the contents of a recording, a model file or an archive.',
     ),
     'trials': (
-        'tactile_lab.cli.running',
+        'tactile_lab.commands.trials',
         'Run trials on one plate or object, one after the other, and record them.',
     ),
     'experiment': (
-        'tactile_lab.cli.experiment',
+        'tactile_lab.commands.experiment',
         'Record objects x sessions x contacts in a random order, with prompts and resume.',
     ),
     'rig': (

@@ -10,7 +10,14 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 from tactile_bags.yaml_files import read_text
-from tactile_lab.experiment.journal import Journal, read_journal, write_atomically
+from tactile_lab.experiment.journal import (
+    Attempt,
+    Journal,
+    note,
+    Progress,
+    read_journal,
+    write_atomically,
+)
 from tactile_lab.experiment.plan import (
     ExperimentError,
     ExperimentPlan,
@@ -22,7 +29,6 @@ from tactile_lab.experiment.plan import (
     PlannedTrial,
     read_plan,
 )
-from tactile_lab.experiment.progress import Progress
 from tactile_ros.errors import TactileError
 
 PLAN, ORDER, JOURNAL, BAGS = 'plan.yaml', 'order.csv', 'journal.jsonl', 'bags'
@@ -150,6 +156,31 @@ class ExperimentFolder:
         entries = read_journal(self.journal) if self.journal.exists() else []
         return Progress(self.read_order(), entries)
 
+    def correct(self, trial: str, kind: str, **values: str) -> Attempt:
+        """Write a correction of a recorded trial; return the attempt as it now stands.
+
+        The bags stay as they are. What reads them obeys the journal.
+
+        Parameters
+        ----------
+        trial : str
+            Trial id, or the name of a planned trial.
+        kind : str
+            `RELABELLED`, `EXCLUDED` or `INCLUDED`.
+        values
+            ``label`` and ``why``.
+
+        Raises
+        ------
+        ExperimentError
+            When there is no such trial, or another program runs the experiment.
+        """
+        with self.open_journal() as journal:
+            progress = Progress(self.read_order(), journal.entries)
+            attempt = progress.find(trial)
+            progress.take(note(journal, kind, trial_id=attempt.trial_id, **values))
+        return attempt
+
     def open_journal(self) -> Journal:
         return Journal(self.journal)
 
@@ -200,7 +231,7 @@ def find_dropped(bag: Path) -> dict[str, str]:
     if bag.resolve().parent.name != BAGS or not folder.journal.is_file():
         return {}
     return {
-        attempt.trial_id: f'another attempt counts ({attempt.verdict or "interrupted"})'
+        attempt.trial_id: reason
         for attempt in folder.read_progress().attempts.values()
-        if not attempt.is_kept
+        if (reason := attempt.why_not)
     }

@@ -1,9 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""An experiment, trial by trial: prompts, journal, quality, and what is offered again.
+"""The loop of trials: prompts, journal, quality, and repetition of what failed.
 
-Plain Python: the rig is a `Bench`, the person an `Operator`.
+One loop for `tactile trials`, `tactile demo` and `tactile experiment`. The rig is a `Bench`, the
+person an `Operator`.
 """
 
 from __future__ import annotations
@@ -16,20 +17,23 @@ import time
 from typing import Any, Protocol
 
 from tactile_lab.experiment.folder import ExperimentFolder
-from tactile_lab.experiment.journal import Journal
-from tactile_lab.experiment.plan import ExperimentError, PlannedTrial
-from tactile_lab.experiment.progress import (
+from tactile_lab.experiment.journal import (
     ABORTED,
     BEGAN,
     ENDED,
     FAILED,
     GOOD,
+    Journal,
     KEPT,
+    Log,
     MOUNTED,
+    note,
     OUTLIER,
     Progress,
     RUN,
+    SETUP,
 )
+from tactile_lab.experiment.plan import ExperimentError, PlannedTrial
 from tactile_lab.experiment.quality import find_outlier
 from tactile_ros.errors import TactileError
 
@@ -86,6 +90,9 @@ class Bench(Protocol):
     def session(self, bag: Path) -> AbstractContextManager[RunTrial]:
         """Start the rig and record into ``bag``; end both after the block."""
 
+    def read_setup(self) -> dict[str, str]:
+        """Return what the rig consists of while it runs: parameters, firmware and so on."""
+
 
 class Operator(Protocol):
     """Person or program that mounts plates and objects and decides after failed trials."""
@@ -93,14 +100,17 @@ class Operator(Protocol):
     def begin_session(self, session_id: str, trials: int) -> bool:
         """Return once finger and rig are set up for a session; False: not today."""
 
+    def accept_setup(self, changes: Sequence[str]) -> bool:
+        """Return whether to go on with another set-up than at the last start."""
+
     def mount(self, trial: PlannedTrial, turns_finger: bool) -> None:
         """Return once the object is under the finger."""
 
-    def choose(self, verdict: str) -> str:
+    def choose(self, order: TrialOrder, verdict: str, sentence: str) -> str:
         """Return what to do about a trial that failed or is an outlier."""
 
     def say(self, text: str) -> None:
-        """Tell something."""
+        """Print a line."""
 
 
 def run_experiment(
@@ -109,8 +119,8 @@ def run_experiment(
     operator: Operator,
     journal: Journal,
     appended: Sequence[PlannedTrial] = (),
-) -> Progress:
-    """Run all trials that are left, unless the operator stops.
+) -> tuple[Progress, str]:
+    """Run all trials that are left, unless the operator stops; return why it ended.
 
     Before anything happens, and after, it stands in the journal. A trial counts once its entry
     is on the disk, which it is after the recording. So no trial is lost, and none counts twice.
@@ -120,38 +130,68 @@ def run_experiment(
     appended : sequence of PlannedTrial
         A block that is not in the order yet. It is appended once the rig has started.
 
+    Returns
+    -------
+    progress : Progress
+    ended : str
+        Why trials are left; empty: none is.
+
     Raises
     ------
     TactileError
         When the rig cannot be started, or the recording fails.
     """
     progress = Progress([*folder.read_order(), *appended], journal.entries)
-    run = _Run(progress, operator, journal)
+    loop = TrialLoop(progress, operator, journal)
     for session_id in progress.sessions_left():
         if not operator.begin_session(session_id, len(progress.left(session_id))):
-            break
+            return progress, f'stopped before session {session_id}'
         bag = folder.bag_path(session_id, progress.runs.get(session_id, 0) + 1)
-        run.note(RUN, session_id=session_id, bag=bag.name)
+        loop.note(RUN, session_id=session_id, bag=bag.name)
         with bench.session(bag) as run_trial:
+            if not loop.check_setup(bench.read_setup(), session_id):
+                return progress, 'the set-up was not accepted'
             if appended:
                 folder.append(appended)
                 operator.say(f'{appended[0].session_id}: {len(appended)} trials appended')
                 appended = ()
-            if not run.run_session(session_id, run_trial):
-                break
-    return progress
+            if not loop.run_session(session_id, run_trial):
+                return progress, f'stopped after trial {progress.last.trial_id}'
+    return progress, ''
+
+
+def list_changes(old: dict[str, str], new: dict[str, str]) -> list[str]:
+    """Return a line for each value of a set-up that differs."""
+    return [
+        f'{name}: {old.get(name, "not known")} -> {new.get(name, "not known")}'
+        for name in sorted({*old, *new})
+        if old.get(name) != new.get(name)
+    ]
 
 
 @dataclass
-class _Run:
+class TrialLoop:
+    """Runs trials and writes down what becomes of them."""
+
     progress: Progress
     operator: Operator
-    journal: Journal
+    journal: Log
     contact: str = ''
 
     def note(self, kind: str, **values: Any) -> None:
-        entry = self.journal.append(kind, at_s=round(time.time(), 3), **values)
-        self.progress.take(entry)
+        """Write an entry, and take it in."""
+        self.progress.take(note(self.journal, kind, **values))
+
+    def check_setup(self, setup: dict[str, str], session_id: str) -> bool:
+        """Write the set-up down; return False when it differs and the operator does not accept.
+
+        The first set-up needs no answer.
+        """
+        changes = list_changes(self.progress.setup, setup) if self.progress.setup else []
+        if changes and not self.operator.accept_setup(changes):
+            return False
+        self.note(SETUP, session_id=session_id, values=setup, accepted_changes=changes)
+        return True
 
     def run_session(self, session_id: str, run_trial: RunTrial) -> bool:
         """Run what is left of a session; return whether to go on with the next one."""
@@ -226,7 +266,7 @@ class _Run:
         sentence = '; '.join(part for part in (result.problem, unlike, result.sentence) if part)
         end(verdict, sentence, result.statistics)
         self._say(trial, verdict, sentence)
-        return verdict == GOOD or self._offer(order, verdict)
+        return verdict == GOOD or self._offer(order, verdict, sentence)
 
     def _say(self, trial: PlannedTrial, verdict: str, sentence: str) -> None:
         progress = self.progress
@@ -234,18 +274,18 @@ class _Run:
         self.operator.say(
             f'trial {progress.done_count + (verdict != GOOD)} of {len(progress.order)}: '
             f'{trial.object_label}, {trial.contact}: {verdict}: {sentence}; '
-            f'{describe_seconds(left_s)} left'
+            f'{format_seconds(left_s)} left'
         )
 
-    def _offer(self, order: TrialOrder, verdict: str) -> bool:
+    def _offer(self, order: TrialOrder, verdict: str, sentence: str) -> bool:
         """Ask what to do about a trial; return whether to go on."""
-        choice = self.operator.choose(verdict)
+        choice = self.operator.choose(order, verdict, sentence)
         if choice == KEEP and verdict == OUTLIER:
             self.note(KEPT, trial_id=order.trial_id)
         return choice != STOP
 
 
-def describe_seconds(seconds: float) -> str:
+def format_seconds(seconds: float) -> str:
     """Return a duration for people."""
     if seconds < 90:
         return f'{seconds:.0f} s'

@@ -7,24 +7,23 @@ from functools import partial
 import json
 
 import pytest
+from tactile_command import ask_tactile
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
-from tactile_lab.commands.analysis.requests import TrainRequest
-from tactile_lab.commands.rig_requests import DemoRequest
-from tactile_lab.commands.running import demo
-from tactile_lab.commands.running.live_trials import LiveSetup
+from tactile_lab.commands.analysis import requests
+from tactile_lab.experiment import live_rig
 
 
-def test_short_demo_agrees_bit_for_bit_and_leaves_its_results(tmp_path, capsys, monkeypatch):
+def test_short_demo_agrees_bit_for_bit_and_leaves_its_results(tmp_path, monkeypatch):
     # Repetitions of a cross-validation are tested where evaluations are.
-    monkeypatch.setattr(demo, 'TrainRequest', partial(TrainRequest, repetitions=1))
+    monkeypatch.setattr(requests, 'TrainRequest', partial(requests.TrainRequest, repetitions=1))
     quick = {'trial_runner': {'approach_speed_m_s': 0.1}}
-    monkeypatch.setattr(demo, 'LiveSetup', partial(LiveSetup, parameters=quick))
+    monkeypatch.setattr(live_rig, 'LiveSetup', partial(live_rig.LiveSetup, parameters=quick))
     folder = tmp_path / 'demo'
-    request = DemoRequest(folder=folder, seed=3, short=True, trials=3, watch=False)
-    assert demo.run_demo(request, as_json=True)
-    summary = json.loads(capsys.readouterr().out)
+    summary = ask_tactile(
+        'demo', '-o', folder, '--seed', 3, '--short', '--trials', 3, '--no-watch'
+    )
     assert summary == json.loads((folder / 'summary.json').read_text())
     assert summary['simulated'] is True
     assert [trial['protocol'] for trial in summary['live_trials']] == [

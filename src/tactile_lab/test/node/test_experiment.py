@@ -58,7 +58,7 @@ def test_an_experiment_survives_ctrl_c_and_kill_and_its_trials_are_read(tmp_path
     parameters.write_text(SHORT_HOLD)
     quick = ('--params', parameters)
     plan = tmp_path / 'soft.yaml'
-    options = ['--protocol', 'stiffness', '--objects', 'pla', '--sessions', '2']
+    options = ['--task', 'stiffness', '--objects', 'pla', '--sessions', '2']
     done = tactile('experiment', 'new', plan, *options, '--mountings', '1', '--trials', '1')
     assert done.returncode == 0, done.stderr
     folder = ExperimentFolder(tmp_path / 'soft')
@@ -80,7 +80,7 @@ def test_an_experiment_survives_ctrl_c_and_kill_and_its_trials_are_read(tmp_path
     assert found['sessions_left'] == []
     assert len(found['bags']) == 4
     done = tactile('experiment', folder.path, '--simulated', '--yes')
-    assert (done.returncode, 'complete; train on it' in done.stdout) == (0, True)
+    assert (done.returncode, 'Complete. Train on it' in done.stdout) == (0, True)
 
     # What is in the bags: the order of the plan, each trial once, mountings never shared.
     events = []

@@ -21,9 +21,9 @@ from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.replay import replay_and_compare
-from tactile_lab.commands.running.live_trials import LiveSetup, run_live_trials
 from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.datasets.reread import read_partial_tables
+from tactile_lab.experiment.live_rig import LiveSetup, run_live_trials
 from tactile_ros.errors import TactileError
 from tactile_sim.rig_process import SimulatedRig
 from tactile_testing.simulated_rigs import home_fast
@@ -68,14 +68,13 @@ def glide(rig, bag, models):
     with domain_id() as domain:
         setup = LiveSetup(
             Ports(*rig.ports),
-            bag,
             models=models,
             parameters=QUICK,
             simulated_rig=rig,
             domain_id=int(domain),
         )
         request = TrialRequest('texture', 'flexion', 'R1', 'glide')
-        (trial,) = run_live_trials(setup, [request], Output(as_json=True))
+        (trial,) = run_live_trials(setup, bag, [request], Output(as_json=True))
     return trial
 
 

@@ -38,7 +38,7 @@ from tactile_bringup.nodes.graph_runner import create_node, running_graph
 from tactile_features import FeatureConfig, spec_for, WantedFeatures
 from tactile_features import FeatureSpecifications as Announced
 from tactile_features.conversions import specifications_to_msg, strain_block_from_msg
-from tactile_lab.commands.running.live_trials import check_recording
+from tactile_lab.experiment.live_rig import check_recording
 from tactile_msgs.msg import FeatureSpecifications, RecordingAudit, StrainBlock, TrialEvent
 from tactile_ros.errors import TactileError
 from tactile_ros.programs.node_group import NodeGroup

@@ -43,6 +43,7 @@ def test_what_is_mistyped_is_named_once(arguments):
     [
         (['train', 'bag', '--running', '0.5'], '--partial'),
         (['sense', '--simulated', '--model=models'], '--models'),
+        (['experiment', 'new', 'x.yaml', '--objects', 'R1', '--protocol=texture'], '--task'),
     ],
 )
 def test_an_option_of_version_0_1_is_refused_with_its_new_name(arguments, new):

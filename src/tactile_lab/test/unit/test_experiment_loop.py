@@ -12,9 +12,9 @@ import pytest
 
 from tactile_lab.experiment import journal as journal_module
 from tactile_lab.experiment.folder import ExperimentFolder
-from tactile_lab.experiment.loop import describe_seconds, run_experiment, TrialResult
+from tactile_lab.experiment.journal import Progress, read_journal
+from tactile_lab.experiment.loop import format_seconds, list_changes, run_experiment, TrialResult
 from tactile_lab.experiment.plan import ExperimentError, ExperimentPlan
-from tactile_lab.experiment.progress import Progress
 from tactile_ros.errors import TactileError
 
 PLAN = ExperimentPlan('x', 'stiffness', ('pla', 'sponge'), sessions=2, mountings=2, trials=2)
@@ -31,6 +31,7 @@ class World:
         self.cuts, self.outcomes = iter(cuts), iter(outcomes)
         self.recorded = []
         self.mounted = None
+        self.setup = {'tendon_sensor.scale': '1.0'}
 
     def may_cut(self):
         if next(self.cuts, False):
@@ -46,6 +47,9 @@ class Bench:
         bag.mkdir(parents=True)
         self.world.may_cut()
         yield self.run
+
+    def read_setup(self):
+        return self.world.setup
 
     def run(self, order):
         assert self.world.mounted == order.planned.object_label
@@ -65,16 +69,20 @@ class Person:
     def __init__(self, world, choices=()):
         self.world = world
         self.choices = iter(choices)
-        self.said, self.asked = [], []
+        self.said, self.asked, self.changes = [], [], []
 
     def begin_session(self, session_id, trials):
         return True
+
+    def accept_setup(self, changes):
+        self.changes += changes
+        return next(self.choices, True)
 
     def mount(self, trial, turns_finger):
         self.world.may_cut()
         self.world.mounted = trial.object_label
 
-    def choose(self, verdict):
+    def choose(self, order, verdict, sentence):
         self.world.may_cut()
         self.asked.append(verdict)
         return next(self.choices, 'again')
@@ -86,7 +94,7 @@ class Person:
 def run(folder, world, person=None, plan=PLAN):
     folder.set_up(plan)
     with folder.open_journal() as journal:
-        return run_experiment(folder, Bench(world), person or Person(world), journal)
+        return run_experiment(folder, Bench(world), person or Person(world), journal)[0]
 
 
 def check_complete(folder, world):
@@ -253,4 +261,39 @@ def list_of(session_id):
     ('seconds', 'text'), [(0, '0 s'), (89, '89 s'), (90, '2 min'), (5399, '1 h 30 min')]
 )
 def test_durations_are_for_people(seconds, text):
-    assert describe_seconds(seconds) == text
+    assert format_seconds(seconds) == text
+
+
+def test_another_setup_goes_on_only_when_it_is_accepted(tmp_path):
+    folder = ExperimentFolder(tmp_path / 'experiment')
+    world = World(outcomes=['good', 'failed'])
+    run(folder, world, Person(world, ['stop']))
+    assert folder.read_progress().setup == world.setup
+    world.setup = {'tendon_sensor.scale': '1.1', 'tendon_sensor device': 'A5'}
+    person = Person(world, [False])
+    folder.set_up(PLAN)
+    with folder.open_journal() as journal:
+        progress, ended = run_experiment(folder, Bench(world), person, journal)
+    assert person.changes == [
+        'tendon_sensor device: not known -> A5',
+        'tendon_sensor.scale: 1.0 -> 1.1',
+    ]
+    assert ended == 'the set-up was not accepted'
+    assert progress.done_count == 1
+    assert folder.read_progress().setup['tendon_sensor.scale'] == '1.0'
+    run(folder, world, Person(world, [True]))
+    check_complete(folder, world)
+    entries = [e for e in read_journal(folder.journal) if e['kind'] == 'setup']
+    assert [bool(entry['accepted_changes']) for entry in entries] == [False, True, False]
+    assert list_changes(world.setup, world.setup) == []
+
+
+def test_an_end_says_why(tmp_path):
+    folder = ExperimentFolder(tmp_path / 'experiment')
+    world = World(outcomes=['good', 'failed'])
+    folder.set_up(PLAN)
+    with folder.open_journal() as journal:
+        _, ended = run_experiment(folder, Bench(world), Person(world, ['stop']), journal)
+        assert ended == 'stopped after trial x-s01-m01-t02'
+        _, ended = run_experiment(folder, Bench(world), Person(world), journal)
+        assert ended == ''

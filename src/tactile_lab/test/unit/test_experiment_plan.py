@@ -20,7 +20,15 @@ from tactile_lab.experiment.folder import (
     is_experiment,
     list_recordings,
 )
-from tactile_lab.experiment.journal import Journal, parse_journal, read_journal
+from tactile_lab.experiment.journal import (
+    EXCLUDED,
+    INCLUDED,
+    Journal,
+    parse_journal,
+    Progress,
+    read_journal,
+    RELABELLED,
+)
 from tactile_lab.experiment.plan import (
     ExperimentError,
     ExperimentPlan,
@@ -31,7 +39,6 @@ from tactile_lab.experiment.plan import (
     parse_plan,
     read_plan,
 )
-from tactile_lab.experiment.progress import Progress
 
 LABELS = st.text('abcRTF0123456789_-.+no', min_size=1, max_size=6).filter(lambda t: t[0].isalnum())
 PLANS = st.builds(
@@ -170,11 +177,13 @@ def test_a_journal_goes_on_after_half_a_line_and_has_one_writer(tmp_path):
         st.sampled_from(['key', 'trial_id', 'mounting_id', 'verdict', 'statistics', 'seconds']),
         st.none() | st.text(max_size=3) | st.integers() | st.lists(st.integers(), max_size=2),
     ),
-    st.sampled_from(['began', 'ended', 'kept', 'mounted', 'run', 'other']),
+    st.sampled_from(
+        ['began', 'ended', 'kept', 'mounted', 'run', 'setup', 'relabelled', 'excluded', 'other']
+    ),
 )
 def test_strange_entries_are_refused_with_their_number(values, kind):
     entry = {**values, 'kind': kind}
-    if kind in ('ended', 'kept'):  # of a trial that never began
+    if kind in ('ended', 'kept', 'relabelled', 'excluded'):  # of a trial that never began
         with pytest.raises(ExperimentError, match='entry 1'):
             Progress([], [entry])
         return
@@ -256,3 +265,35 @@ def test_bags_of_an_experiment_and_what_does_not_count_in_them(tmp_path):
             'ended', trial_id='two', verdict='good', sentence='', statistics={}, seconds=1
         )
     assert find_dropped(bag) == {'one': 'another attempt counts (interrupted)'}
+
+
+def test_corrections_are_entries_and_the_last_one_counts(tmp_path):
+    folder = ExperimentFolder(tmp_path / 'grooves')
+    folder.set_up(PLAN)
+    bag = folder.bag_path('grooves-s01', 1)
+    bag.mkdir()
+    result = {'verdict': 'good', 'sentence': '', 'statistics': {'mean_n': 5.0}, 'seconds': 1}
+    first, *_ = folder.read_order()
+    with folder.open_journal() as journal:
+        journal.append('mounted', mounting_id='m', seconds=1)
+        journal.append('began', key=first.key, trial_id=f'{first.key}-again1', mounting_id='m')
+        journal.append('ended', trial_id=f'{first.key}-again1', **result)
+    assert len(folder.read_progress().earlier(first)) == 1
+    # By the name of the planned trial, which stands for the attempt that counts.
+    attempt = folder.correct(first.key, EXCLUDED, why='the cable touched')
+    assert attempt.trial_id == f'{first.key}-again1'
+    assert find_dropped(bag) == {attempt.trial_id: 'excluded: the cable touched'}
+    assert not folder.read_progress().earlier(first)
+    assert folder.read_progress().to_dict()['excluded'] == 1
+    assert folder.read_progress().done_count == 1
+    folder.correct(attempt.trial_id, INCLUDED, why='it did not')
+    assert find_dropped(bag) == {}
+    other = next(label for label in PLAN.objects if label != first.object_label)
+    folder.correct(attempt.trial_id, RELABELLED, label=other, why='wrong plate')
+    found = folder.read_progress()
+    assert (found.find(first.key).label, found.to_dict()['relabelled']) == (other, 1)
+    assert not found.earlier(first)  # its tension is that of another plate
+    before = folder.journal.read_bytes()
+    with pytest.raises(ExperimentError, match=f'no trial "x"; did you mean {first.key}'):
+        folder.correct('x', EXCLUDED, why='')
+    assert folder.journal.read_bytes() == before

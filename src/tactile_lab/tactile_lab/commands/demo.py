@@ -3,42 +3,26 @@
 
 """`tactile demo`: the whole chain on the simulated rig."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import product
 import json
 from pathlib import Path
 import time
+from typing import Annotated, Optional, TYPE_CHECKING
 
-from domain_coordinator import domain_id
-import numpy as np
+import typer
 
-from tactile_bags.bag_reader import TactileBag
-from tactile_bags.replaying.replay import recorded_results
-from tactile_bringup.launch_config.graph import Ports
-from tactile_bringup.records import PROTOCOLS
-from tactile_bringup.trial_protocols import TrialRequest
-from tactile_classifier.datasets.dataset import FeatureTable
-from tactile_classifier.evaluation.cross_validation import evaluate
-from tactile_classifier.records import CONTACTS
-from tactile_lab.commands.analysis.requests import TrainRequest
-from tactile_lab.commands.analysis.train import (
-    read_with_progress,
-    train_models,
-    TrainedModel,
-)
-from tactile_lab.commands.output import Output
-from tactile_lab.commands.replay import print_report, replay_and_compare, ReplayReport
-from tactile_lab.commands.rig_requests import DemoRequest
-from tactile_lab.commands.running.live_trials import LiveSetup, LiveTrial, run_live_trials
-from tactile_lab.commands.simulate import make_bags
-from tactile_lab.datasets.traces import read_trace
-from tactile_lab.simulation.simulated_bags import paper_plans
-from tactile_lab.watch.access import WatchOptions
+from tactile_lab.options import JsonOption, SeedOption
 from tactile_ros.errors import TactileError
-from tactile_sim.descriptions.catalogue import list_objects
-from tactile_sim.rig_process import SimulatedRig
+
+if TYPE_CHECKING:
+    from tactile_bags.bag_reader import TactileBag
+    from tactile_bringup.trial_protocols import TrialRequest
+    from tactile_classifier.datasets.dataset import FeatureTable
+    from tactile_lab.commands.analysis.train import TrainedModel
+    from tactile_lab.commands.output import Output
+    from tactile_lab.commands.replay import ReplayReport
+    from tactile_lab.experiment.live_rig import LiveTrial
 
 PAPER_TRIALS = 60
 """Trials of each plate in the paper (section III.A)."""
@@ -46,23 +30,69 @@ PAPER_TRIALS = 60
 SESSIONS = 6
 """Mountings that the simulated trials of each plate come from."""
 
-KINDS = tuple(product(CONTACTS, PROTOCOLS))
+KINDS = tuple(product(('flexion', 'abduction'), ('texture', 'stiffness')))
 """Contact and protocol of the live trials, in their order."""
 
 STIFFNESS_FEATURES = 'stiffness_relaxation'
 """Stiffness feature set of the demo; more robust to a new mounting than the paper's set."""
 
 
-def run_demo(request: DemoRequest, *, as_json: bool) -> bool:
-    """Run the demo; return whether the replays agree."""
+def demo(
+    folder: Annotated[
+        Optional[Path],
+        typer.Option(
+            '--output', '-o', help='Folder for the results; must not exist. Default: a new one.'
+        ),
+    ] = None,
+    seed: SeedOption = 1,
+    short: Annotated[
+        bool,
+        typer.Option(
+            help='Few training trials: a quick check that all parts work, no useful accuracy.'
+        ),
+    ] = False,
+    trials: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            max=100,
+            help='Live trials, five to seven seconds each, spread evenly over the kinds of trial.',
+        ),
+    ] = 5,
+    watch: Annotated[
+        bool, typer.Option('--watch/--no-watch', help='Serve the live trials as a page.')
+    ] = True,
+    as_json: JsonOption = False,
+) -> None:
+    """Run everything from training to live trials on the **simulated** rig, in about a minute.
+
+    Makes training sets from the simulator, trains and cross-validates the four
+    classifiers, then runs live trials: simulated devices on serial lines, the real
+    drivers, the trial runner, features, classification. Records them into a bag,
+    replays the bag through nodes and through the plain core, and says whether all
+    three agree bit for bit. The address of a live page is printed before the live trials.
+    """
+    from domain_coordinator import domain_id
+
+    from tactile_bringup.launch_config.graph import Ports
+    from tactile_lab.commands.analysis.requests import TrainRequest
+    from tactile_lab.commands.analysis.train import read_with_progress, train_models
+    from tactile_lab.commands.output import Output
+    from tactile_lab.commands.replay import print_report, replay_and_compare
+    from tactile_lab.commands.simulate import make_bags
+    from tactile_lab.experiment.live_rig import LiveSetup, run_live_trials
+    from tactile_lab.simulation.simulated_bags import paper_plans
+    from tactile_lab.watch.access import WatchOptions
+    from tactile_sim.rig_process import SimulatedRig
+
     started = time.monotonic()
     output = Output(as_json)
-    folder, seed = make_folder(request.folder), request.seed
+    folder = make_folder(folder)
     with SimulatedRig(seed) as rig:
         output.say('Everything below comes from a SIMULATED rig: no number is a measurement.\n')
 
         output.say('[bold]1  Training sets from the simulator, without waiting[/bold]')
-        plans = paper_plans((12 if request.short else PAPER_TRIALS) // SESSIONS, SESSIONS, seed)
+        plans = paper_plans((12 if short else PAPER_TRIALS) // SESSIONS, SESSIONS, seed)
         made = make_bags(folder / 'training', plans, output)
         bags = [bag.path for bag in made]
         output.say(
@@ -79,13 +109,13 @@ def run_demo(request: DemoRequest, *, as_json: bool) -> bool:
         with domain_id() as domain:
             setup = LiveSetup(
                 ports=Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor),
-                bag=folder / 'recording',
                 models=folder / 'models',
                 simulated_rig=rig,
                 domain_id=int(domain),
-                watch=WatchOptions() if request.watch else None,
+                watch=WatchOptions() if watch else None,
             )
-            live = run_live_trials(setup, choose_trials(seed, request.trials), output)
+            requests = choose_trials(seed, trials)
+            live = run_live_trials(setup, folder / 'recording', requests, output)
 
     output.say('\n[bold]4  The recording, replayed[/bold]')
     reports = replay_and_compare(folder / 'recording', None, through_nodes=True)
@@ -106,10 +136,10 @@ def run_demo(request: DemoRequest, *, as_json: bool) -> bool:
     for sentence in explain_misses(live, trained):
         output.say(f'   {sentence}')
     output.result(summary)
-    return all(report.is_equal for report in reports)
+    raise typer.Exit(0 if all(report.is_equal for report in reports) else 1)
 
 
-def make_folder(folder: Path | None) -> Path:
+def make_folder(folder: Optional[Path]) -> Path:
     """Make the folder for the results.
 
     Raises
@@ -127,11 +157,16 @@ def make_folder(folder: Path | None) -> Path:
     return folder.resolve()
 
 
-def choose_trials(seed: int, count: int) -> list[TrialRequest]:
+def choose_trials(seed: int, count: int) -> list['TrialRequest']:
     """Draw what the live trials are run on, as many of each kind as of the others.
 
     Flexion comes first, since the finger is remounted between the two.
     """
+    import numpy as np
+
+    from tactile_bringup.trial_protocols import TrialRequest
+    from tactile_sim.descriptions.catalogue import list_objects
+
     generator = np.random.default_rng(seed)
     requests: list[TrialRequest] = []
     for kind, (contact, protocol) in enumerate(KINDS):
@@ -145,8 +180,12 @@ def choose_trials(seed: int, count: int) -> list[TrialRequest]:
     return requests
 
 
-def draw_plots(folder: Path, live: Sequence[LiveTrial], trained: Sequence[TrainedModel]) -> None:
+def draw_plots(
+    folder: Path, live: Sequence['LiveTrial'], trained: Sequence['TrainedModel']
+) -> None:
     """Draw one strain trace with its phases and one spectrum for each texture."""
+    from tactile_bags.bag_reader import TactileBag
+
     touched = [
         trial.request
         for trial in live
@@ -160,9 +199,11 @@ def draw_plots(folder: Path, live: Sequence[LiveTrial], trained: Sequence[Traine
             draw_spectra(folder / 'texture_spectra.png', model.table)
 
 
-def draw_trace(path: Path, bag: TactileBag, request: TrialRequest) -> None:
+def draw_trace(path: Path, bag: 'TactileBag', request: 'TrialRequest') -> None:
     """Draw a recorded stiffness trial: tension, phases, the window and its regression."""
-    from tactile_lab.plots import plot_strain  # matplotlib
+    from tactile_bags.replaying.replay import recorded_results
+    from tactile_lab.datasets.traces import read_trace
+    from tactile_lab.plots import plot_strain
 
     trace = read_trace(bag, request.trial_id)
     (window,) = (w for w in recorded_results(bag).windows if w.trial_id == request.trial_id)
@@ -180,9 +221,12 @@ def draw_trace(path: Path, bag: TactileBag, request: TrialRequest) -> None:
     )
 
 
-def draw_spectra(path: Path, table: FeatureTable) -> None:
+def draw_spectra(path: Path, table: 'FeatureTable') -> None:
     """Draw the spectrum of the first trial on each plate."""
-    from tactile_lab.plots import plot_spectra  # matplotlib
+    import numpy as np
+
+    from tactile_lab.plots import plot_spectra
+    from tactile_sim.descriptions.catalogue import list_objects
 
     labels = [label for label in list_objects('texture') if label in table.labels]
     plot_spectra(
@@ -194,7 +238,10 @@ def draw_spectra(path: Path, table: FeatureTable) -> None:
 
 
 def print_summary(
-    folder: Path, live: Sequence[LiveTrial], reports: Sequence[ReplayReport], output: Output
+    folder: Path,
+    live: Sequence['LiveTrial'],
+    reports: Sequence['ReplayReport'],
+    output: 'Output',
 ) -> None:
     """Print the end of the demo."""
     right = sum(trial.is_right for trial in live)
@@ -216,8 +263,10 @@ def print_summary(
         output.say(f'   {name:20} {what}')
 
 
-def explain_misses(live: Sequence[LiveTrial], trained: Sequence[TrainedModel]) -> list[str]:
+def explain_misses(live: Sequence['LiveTrial'], trained: Sequence['TrainedModel']) -> list[str]:
     """Return why trials were not named correctly, from training sessions held out in turn."""
+    from tactile_classifier.evaluation.cross_validation import evaluate
+
     tables = {(m.table.task, m.manifest.contact): m for m in trained}
     sentences = []
     for trial in live:

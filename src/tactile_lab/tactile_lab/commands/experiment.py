@@ -1,0 +1,505 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""`tactile experiment`: a plan of trials, run with prompts, a journal and resume."""
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import asdict
+from itertools import product
+from pathlib import Path
+import sys
+from typing import Annotated, Any, Optional, TYPE_CHECKING
+
+import typer
+from typer.core import TyperGroup
+
+from tactile_lab.options import (
+    choice,
+    GuideOption,
+    JsonOption,
+    ModelOption,
+    ParamsOption,
+    SeedOption,
+    SensorOption,
+    SensorTopicOption,
+    SimulatedOption,
+    TendonOption,
+    WatchOption,
+)
+
+if TYPE_CHECKING:
+    from tactile_lab.commands.output import Output
+    from tactile_lab.experiment.folder import ExperimentFolder
+    from tactile_lab.experiment.loop import TrialOrder
+    from tactile_lab.experiment.plan import ExperimentPlan, PlannedTrial
+
+MOST_FAILURES = 3
+"""Failures in a row after which an experiment ends, with ``--yes``."""
+
+
+class RunByDefault(TyperGroup):
+    """Takes ``tactile experiment PLAN`` as ``tactile experiment run PLAN``."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        is_known = bool(args) and (args[0] in self.commands or args[0] in ('-h', '--help'))
+        return super().parse_args(ctx, args if is_known or not args else ['run', *args])
+
+
+experiment = typer.Typer(
+    cls=RunByDefault,
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode='markdown',
+    help='Record objects x sessions x contacts in a random order, with prompts and resume.',
+)
+
+FolderArgument = Annotated[Path, typer.Argument(exists=True, help='Folder of the experiment.')]
+TrialArgument = Annotated[
+    str, typer.Argument(help='Trial, as `status` and the journal name it: grooves-s01-m03-t02.')
+]
+WhyOption = Annotated[str, typer.Option('--why', help='Reason, for the journal.')]
+
+
+@experiment.command()
+def run(
+    plan: Annotated[
+        Path,
+        typer.Argument(
+            exists=True, help='Plan, as `tactile experiment new` writes it, or the folder.'
+        ),
+    ],
+    folder: Annotated[
+        Optional[Path],
+        typer.Option('--output', '-o', help="Folder. Default: the plan's name without .yaml."),
+    ] = None,
+    append: Annotated[
+        str,
+        typer.Option(
+            help='Append a block to this session: each object once more, in each contact. '
+            'While an appended block of it has trials left, that one goes on instead.'
+        ),
+    ] = '',
+    models: ModelOption = None,
+    guide: GuideOption = '',
+    tendon: TendonOption = '',
+    sensor: SensorOption = '',
+    sensor_topic: SensorTopicOption = '',
+    simulated: SimulatedOption = False,
+    params: ParamsOption = None,
+    yes: Annotated[
+        bool,
+        typer.Option(
+            '--yes',
+            help='Ask nothing, on the simulated rig: what fails is tried again, up to three '
+            'times; outliers are kept and marked.',
+        ),
+    ] = False,
+    accept_setup: Annotated[
+        bool,
+        typer.Option(
+            '--accept-setup',
+            help='Go on with another set-up (parameters, calibration, devices) than at the last '
+            'start. The journal notes the changes.',
+        ),
+    ] = False,
+    watch: WatchOption = False,
+    seed: SeedOption = 1,
+    as_json: JsonOption = False,
+) -> None:
+    """Start or continue an experiment: prompts, trials, and a line of quality for each trial.
+
+    The order is random within blocks, and drawn before the first trial (`order.csv`). Each
+    session is one bag for each call. The command prints which plate to put under the finger; each
+    time counts as a mounting of its own. After a trial that failed, or differs from the earlier
+    ones of its object, you can repeat it at once. After an interruption (Ctrl-C, a crash) the
+    same command continues where it ended. No trial is lost and none is counted twice.
+
+    `tactile train` and `tactile evaluate` take the folder. A plan's `sessions` may be raised
+    later.
+    """
+    from tactile_bringup.launch_config.graph import Ports
+    from tactile_lab.commands.output import Output
+    from tactile_lab.experiment.folder import ExperimentFolder, is_experiment, PLAN
+    from tactile_lab.experiment.live_rig import LiveBench, open_rig
+    from tactile_lab.experiment.loop import run_experiment
+    from tactile_lab.experiment.plan import ExperimentError, read_plan
+
+    output = Output(as_json)
+    if yes and not simulated:
+        raise ExperimentError('--yes is for --simulated: a real plate is put there by a person')
+    if is_experiment(plan):
+        home, planned = ExperimentFolder(plan), read_plan(plan / PLAN)
+    else:
+        home, planned = ExperimentFolder(folder or plan.with_suffix('')), read_plan(plan)
+    if simulated:
+        from tactile_sim.descriptions.catalogue import default_catalogue
+
+        for label, contact in product(planned.objects, planned.contacts):
+            default_catalogue().check_mount(planned.protocol, label, contact)
+    if not is_experiment(home.path):
+        home.set_up(planned)
+    operator = (Nobody if yes else Terminal)(output, accept_setup)
+    ended = 'interrupted'
+    # The order changes under the lock of the journal alone. A block is appended once the rig
+    # runs, so a call that is refused appends nothing.
+    with home.open_journal() as journal:
+        home.set_up(planned)
+        block = _draw_block(home, append, output) if append else []
+        try:
+            if block or home.read_progress().left():
+                with ExitStack() as stack:
+                    setup = open_rig(
+                        Ports(guide, tendon, sensor, sensor_topic),
+                        simulated,
+                        seed,
+                        stack,
+                        output,
+                        models=models,
+                        params=params,
+                        watch=watch,
+                    )
+                    bench = LiveBench(setup, output, _requests_of(planned), _numbers_of(planned))
+                    _, ended = run_experiment(home, bench, operator, journal, block)
+            else:
+                ended = ''
+        except Exception as error:
+            ended = str(error)
+            raise
+        finally:
+            _summarise(home, output, ended)
+    raise typer.Exit(1 if operator.has_given_up else 0)
+
+
+def _requests_of(plan: 'ExperimentPlan') -> Any:
+    from tactile_bringup.trial_protocols import TrialRequest
+
+    def make_request(order: 'TrialOrder') -> TrialRequest:
+        planned = order.planned
+        return TrialRequest(
+            plan.protocol,
+            planned.contact,
+            planned.object_label,
+            order.trial_id,
+            planned.session_id,
+            glide_speed_m_s=plan.glide_speed_m_s,
+            hold_s=plan.hold_s,
+            mounting_id=order.mounting_id,
+        )
+
+    return make_request
+
+
+def _numbers_of(plan: 'ExperimentPlan') -> Any:
+    return lambda order: (
+        plan.session_ids.index(order.planned.session_id),
+        order.mounting_number,
+        order.number_in_mounting,
+    )
+
+
+def _draw_block(
+    folder: 'ExperimentFolder', session_id: str, output: 'Output'
+) -> list['PlannedTrial']:
+    """Return the block to append; empty while an earlier one of the session has trials left."""
+    if left := folder.appended_left(session_id):
+        output.say(f'{session_id}: the appended block goes on, {left} trials are left')
+        return []
+    return folder.draw_block(session_id)
+
+
+@experiment.command()
+def new(
+    path: Annotated[Path, typer.Argument(help='File to write, such as grooves.yaml.')],
+    objects: Annotated[
+        str, typer.Option(help='Labels of the plates or objects, with commas: R1,R2,C1.')
+    ],
+    task: Annotated[
+        str, typer.Option(**choice('texture', 'stiffness'), help='Which kind of trial.')
+    ] = 'texture',
+    contacts: Annotated[str, typer.Option(help='flexion, abduction, or both.')] = 'flexion',
+    sessions: Annotated[int, typer.Option(help='How often the rig is set up anew.')] = 3,
+    mountings: Annotated[
+        int, typer.Option(help='How often each object is put under the finger in a session.')
+    ] = 2,
+    trials: Annotated[int, typer.Option(help='Trials each time.')] = 5,
+    seed: SeedOption = 1,
+    force: Annotated[bool, typer.Option('--force', help='Replace the file.')] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Write the plan of an experiment, as YAML with comments.
+
+    Plan several sessions, best on several days, and several mountings in each. Then a model
+    learns the object and not the day. One session says nothing about the accuracy in a new one.
+    """
+    from tactile_lab.commands.output import Output, refuse_to_replace
+    from tactile_lab.experiment.journal import write_atomically
+    from tactile_lab.experiment.plan import (
+        ExperimentError,
+        ExperimentPlan,
+        format_plan,
+        list_order,
+    )
+
+    plan = ExperimentPlan(
+        name=path.stem,
+        protocol=task,
+        objects=_split(objects),
+        contacts=_split(contacts),
+        sessions=sessions,
+        mountings=mountings,
+        trials=trials,
+        seed=seed,
+    )
+    output = Output(as_json)
+    unknown = _check_labels(plan)
+    refuse_to_replace([path], force=force)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(path, format_plan(plan))
+    except OSError as error:
+        raise ExperimentError(f'cannot write {path}: {error.strerror}') from error
+    first = list(dict.fromkeys(t.object_label for t in list_order(plan, plan.session_ids[0])))
+    output.say(
+        f'{path}: {plan.trial_count} trials: {len(plan.objects)} objects x '
+        f'{len(plan.contacts)} contacts x {plan.sessions} sessions x {plan.mountings} mountings x '
+        f'{plan.trials} trials; the first block begins with {", ".join(first[:3])}'
+    )
+    if unknown:
+        output.say(f'{", ".join(unknown)}: for your rig; the simulated rig has none of that name')
+    output.say(f'Run it: tactile experiment {path}')
+    output.result({'path': str(path), 'trials': plan.trial_count, 'plan': asdict(plan)})
+
+
+def _split(text: str) -> tuple[str, ...]:
+    return tuple(part.strip() for part in text.split(',') if part.strip())
+
+
+def _check_labels(plan: 'ExperimentPlan') -> list[str]:
+    """Return the labels that the simulated rig does not have.
+
+    Raises
+    ------
+    ExperimentError
+        When a label is that of an object for other trials.
+    """
+    from tactile_bringup.records import PROTOCOLS
+    from tactile_lab.experiment.plan import ExperimentError
+    from tactile_sim.descriptions.catalogue import list_objects
+
+    known = {protocol: list_objects(protocol) for protocol in PROTOCOLS}
+    own = known.pop(plan.protocol)
+    for other, labels in known.items():
+        if wrong := [label for label in plan.objects if label in labels and label not in own]:
+            raise ExperimentError(
+                f'{", ".join(wrong)} is for {other} trials; {plan.protocol} trials have '
+                f'{", ".join(own)} or plates of yours. For {other} trials: --task {other}'
+            )
+    return [label for label in plan.objects if label not in own]
+
+
+@experiment.command()
+def status(folder: FolderArgument, as_json: JsonOption = False) -> None:
+    """Print how far an experiment is, its set-up, and the corrections of its trials."""
+    from tactile_lab.commands.output import Output
+
+    output = Output(as_json)
+    _summarise(_find_folder(folder), output)
+
+
+@experiment.command()
+def relabel(
+    folder: FolderArgument,
+    trial: TrialArgument,
+    label: Annotated[str, typer.Argument(help='Label of the object that was there.')],
+    why: WhyOption,
+    as_json: JsonOption = False,
+) -> None:
+    """Correct the label of a recorded trial.
+
+    Writes a line into the journal. The bags stay as they are; every command that reads the
+    folder or its bags takes the new label.
+    """
+    from tactile_lab.experiment.journal import RELABELLED
+    from tactile_lab.experiment.plan import ExperimentError
+
+    home = _find_folder(folder)
+    objects = home.read_plan().objects
+    if label not in objects:
+        raise ExperimentError(
+            f'"{label}" is none of the objects of the experiment: {", ".join(objects)}; to leave '
+            f'the trial out: tactile experiment exclude {folder} {trial} --why ...'
+        )
+    _correct(home, trial, RELABELLED, f'is {label} now', as_json, label=label, why=why)
+
+
+@experiment.command()
+def exclude(
+    folder: FolderArgument, trial: TrialArgument, why: WhyOption, as_json: JsonOption = False
+) -> None:
+    """Leave a recorded trial out of training and evaluation.
+
+    Writes a line into the journal; the bags stay as they are. The trial is not recorded again:
+    ``--append`` adds a block to a session.
+    """
+    from tactile_lab.experiment.journal import EXCLUDED
+
+    _correct(_find_folder(folder), trial, EXCLUDED, 'does not count', as_json, why=why)
+
+
+@experiment.command()
+def include(
+    folder: FolderArgument, trial: TrialArgument, why: WhyOption, as_json: JsonOption = False
+) -> None:
+    """Take a trial back in that was excluded."""
+    from tactile_lab.experiment.journal import INCLUDED
+
+    _correct(_find_folder(folder), trial, INCLUDED, 'is not excluded', as_json, why=why)
+
+
+def _find_folder(path: Path) -> 'ExperimentFolder':
+    from tactile_lab.experiment.folder import ExperimentFolder, is_experiment
+    from tactile_lab.experiment.plan import ExperimentError
+
+    if not is_experiment(path):
+        raise ExperimentError(
+            f'{path} is no folder of an experiment; `tactile experiment PLAN` makes one'
+        )
+    return ExperimentFolder(path)
+
+
+def _correct(
+    folder: 'ExperimentFolder',
+    trial: str,
+    kind: str,
+    sentence: str,
+    as_json: bool,
+    **values: str,
+) -> None:
+    from tactile_lab.commands.output import Output
+
+    attempt = folder.correct(trial, kind, **values)
+    output = Output(as_json)
+    output.say(f'{attempt.trial_id} {sentence}: {values["why"]}', plain=True)
+    output.result({'folder': str(folder.path), 'trial': asdict(attempt)})
+
+
+def _summarise(folder: 'ExperimentFolder', output: 'Output', ended: str = '') -> None:
+    """Print what is recorded, why the command ended, and the next command."""
+    progress = folder.read_progress()
+    found = progress.to_dict()
+    parts = [f'{found["done"]} of {found["planned"]} trials recorded']
+    for name, what in (
+        ('outliers_kept', 'of them outliers'),
+        ('excluded', 'of them excluded'),
+        ('relabelled', 'of them with another label'),
+        ('failed', 'failed and are left out'),
+        ('interrupted', 'were interrupted and are left out'),
+    ):
+        if found[name]:
+            parts.append(f'{found[name]} {what}')
+    if found['sessions_left']:
+        parts.append(f'left: {", ".join(found["sessions_left"])}')
+    output.say(f'{folder.path}: {"; ".join(parts)}')
+    for attempt in progress.attempts.values():
+        if attempt.label:
+            output.say(f'   {attempt.trial_id} is {attempt.label}: {attempt.why}', plain=True)
+        if attempt.excluded:
+            output.say(f'   {attempt.trial_id} is excluded: {attempt.excluded}', plain=True)
+    if ended and found['sessions_left']:
+        output.say(f'Ended: {ended}', plain=True)
+    if found['sessions_left']:
+        output.say(f'Go on: tactile experiment {folder.path}')
+    else:
+        output.say(f'Complete. Train on it: tactile train {folder.path} -o models')
+    trials = [asdict(attempt) for attempt in progress.attempts.values()]
+    bags = [str(path) for path in folder.list_bags()]
+    output.result(
+        {
+            'folder': str(folder.path),
+            'bags': bags,
+            'ended': ended,
+            **found,
+            'setup': progress.setup,
+            'trials': trials,
+        }
+    )
+
+
+class Terminal:
+    """The person at the rig, asked on the terminal."""
+
+    has_given_up = False
+
+    def __init__(self, output: 'Output', accepts_setup: bool = False) -> None:
+        self._output = output
+        self._accepts_setup = accepts_setup
+
+    def say(self, text: str) -> None:
+        self._output.say(text)
+
+    def _ask(self, text: str) -> str:
+        from tactile_lab.experiment.plan import ExperimentError
+
+        self.say(text)
+        line = sys.stdin.readline()
+        if not line:
+            raise ExperimentError(
+                'standard input has ended; run the command in a terminal, or use --yes'
+            )
+        return line.strip().lower()
+
+    def begin_session(self, session_id: str, trials: int) -> bool:
+        text = (
+            f'session {session_id}, {trials} trials: set up finger and rig anew, unless it has '
+            'begun; then Enter (s: stop here, go on another day)'
+        )
+        return self._ask(text) != 's'
+
+    def accept_setup(self, changes: Sequence[str]) -> bool:
+        self._output.say('the set-up is another than at the last start:')
+        for line in changes:
+            self._output.say(f'   {line}', plain=True)
+        if self._accepts_setup:
+            return True
+        if not sys.stdin.isatty():
+            self.say('to go on with it: --accept-setup')
+            return False
+        return self._ask('y: go on with it, Enter: stop') == 'y'
+
+    def mount(self, trial: 'PlannedTrial', turns_finger: bool) -> None:
+        turn = f'turn the finger for {trial.contact}, ' if turns_finger else ''
+        self._ask(f'{turn}put {trial.object_label} under the finger, then Enter')
+
+    def choose(self, order: 'TrialOrder', verdict: str, sentence: str) -> str:
+        from tactile_lab.experiment.journal import OUTLIER
+        from tactile_lab.experiment.loop import AGAIN, KEEP, STOP
+
+        choices = {'': AGAIN, 's': STOP, **({'k': KEEP} if verdict == OUTLIER else {})}
+        keep = ', k: keep it' if verdict == OUTLIER else ''
+        while (answer := self._ask(f'Enter: once more{keep}, s: stop')) not in choices:
+            self.say(f'"{answer}" is none of these')
+        return choices[answer]
+
+
+class Nobody(Terminal):
+    """Nobody at the rig: what fails is tried again, outliers are kept."""
+
+    _failures = 0
+
+    def begin_session(self, session_id: str, trials: int) -> bool:
+        self.say(f'session {session_id}, {trials} trials')
+        return True
+
+    def mount(self, trial: 'PlannedTrial', turns_finger: bool) -> None:
+        self._failures = 0
+
+    def choose(self, order: 'TrialOrder', verdict: str, sentence: str) -> str:
+        from tactile_lab.experiment.journal import OUTLIER
+        from tactile_lab.experiment.loop import AGAIN, KEEP, STOP
+
+        if verdict == OUTLIER:
+            return KEEP
+        self._failures += 1
+        self.has_given_up = self._failures >= MOST_FAILURES
+        return STOP if self.has_given_up else AGAIN

@@ -1,0 +1,126 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""`tactile trials`: a session of trials on one plate or object, recorded."""
+
+from contextlib import ExitStack
+from pathlib import Path
+import time
+from typing import Annotated, TYPE_CHECKING
+
+import typer
+
+from tactile_lab.options import (
+    ContactOption,
+    GuideOption,
+    JsonOption,
+    ModelOption,
+    ParamsOption,
+    ProtocolArgument,
+    SeedOption,
+    SensorOption,
+    SensorTopicOption,
+    SimulatedOption,
+    TendonOption,
+    WatchOption,
+)
+
+if TYPE_CHECKING:
+    from tactile_lab.experiment.live_rig import LiveTrial
+
+
+def trials(
+    protocol: ProtocolArgument,
+    label: Annotated[
+        str, typer.Option('--object', help='The plate or object that lies under the finger.')
+    ],
+    bag: Annotated[
+        Path, typer.Option('--output', '-o', help='Bag to record into; must not exist yet.')
+    ],
+    contact: ContactOption = 'flexion',
+    count: Annotated[int, typer.Option(min=1, max=10_000, help='How many trials.')] = 1,
+    session: Annotated[
+        str,
+        typer.Option(
+            help='Name of the session, also of an earlier one to continue; part of the names of '
+            'the trials. Default: the time.'
+        ),
+    ] = '',
+    mounting: Annotated[
+        str,
+        typer.Option(
+            help='Name of the mounting; name another each time you fix the plate or object anew. '
+            'Default: none.'
+        ),
+    ] = '',
+    models: ModelOption = None,
+    guide: GuideOption = '',
+    tendon: TendonOption = '',
+    sensor: SensorOption = '',
+    sensor_topic: SensorTopicOption = '',
+    simulated: SimulatedOption = False,
+    params: ParamsOption = None,
+    watch: WatchOption = False,
+    seed: SeedOption = 1,
+    as_json: JsonOption = False,
+) -> None:
+    """Run trials on one plate or object, one after the other, and record them.
+
+    Homes the guide, then repeats the protocol. With ``--models`` each trial is classified as
+    well. `tactile train` takes the bags of several such sessions. The simulated rig puts the
+    named plate or object under the finger. On a real rig, put it there before you run the
+    command. A trial that fails is run once more; one that fails again ends the command.
+
+    For several objects use `tactile experiment`: with one object a session, a model may learn
+    the session instead of the object.
+    """
+    from tactile_bringup.launch_config.graph import Ports
+    from tactile_bringup.trial_protocols import TrialRequest
+    from tactile_lab.commands.output import Output
+    from tactile_lab.experiment.live_rig import open_rig, run_live_trials
+
+    output = Output(as_json)
+    started = time.strftime('%Y%m%d-%H%M%S')
+    # A session that is joined again goes on under names that it does not have yet.
+    joined = f'-{started[9:]}' if session else ''
+    session = session or started
+    name = f'{session}-{protocol}-{contact}-{label}{joined}'
+    requests = [
+        TrialRequest(protocol, contact, label, f'{name}-{i:04d}', session, mounting_id=mounting)
+        for i in range(1, count + 1)
+    ]
+    live: list[LiveTrial] = []
+    ended_early = ''
+    try:
+        with ExitStack() as stack:
+            setup = open_rig(
+                Ports(guide, tendon, sensor, sensor_topic),
+                simulated,
+                seed,
+                stack,
+                output,
+                models=models,
+                params=params,
+                watch=watch,
+            )
+            run_live_trials(setup, bag, requests, output, live)
+    except BaseException as error:
+        ended_early = str(error) or 'interrupted'
+        raise
+    finally:
+        is_there = bag.exists()
+        parts = [
+            f'{len(live)} of {count} trials on {label}, {contact}',
+            *(['SIMULATED'] if simulated else []),
+            *(['ended early'] if ended_early else []),
+        ]
+        output.say(f'{bag if is_there else "no bag"}: {"; ".join(parts)}')
+        output.result(
+            {
+                'simulated': simulated,
+                'bag': str(bag) if is_there else '',
+                'asked': count,
+                'ended_early': ended_early,
+                'trials': [trial.to_dict() for trial in live],
+            }
+        )

@@ -1,0 +1,595 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The rig that trials are run on: real nodes in this process, on simulated devices or yours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, ExitStack
+from dataclasses import asdict, dataclass, field, replace
+import os
+from pathlib import Path
+import threading
+import time
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.context import Context
+from rclpy.node import Node
+
+from tactile_bags import FEATURES_TOPIC, STRAIN_TOPIC
+from tactile_bags.auditing.audit import Audit
+from tactile_bringup.launch_config.graph import ModelChoice, Ports, recorder_node, rig_graph
+from tactile_bringup.nodes.graph_runner import ros_context, running_graph
+from tactile_bringup.nodes.operator_node import OperatorNode, StoppedError
+from tactile_bringup.trial_protocols import TrialRequest
+from tactile_classifier.records import ClassificationResult, ModelInfo
+from tactile_classifier.records import Outcome as AnswerOutcome
+from tactile_features.conversions import feature_window_from_msg, strain_block_from_msg
+from tactile_features.records import FeatureWindow, Outcome
+from tactile_lab.commands.output import Output
+from tactile_lab.commands.replay import print_audits
+from tactile_lab.experiment.journal import FAILED, Notes, Progress
+from tactile_lab.experiment.loop import AGAIN, KEEP, TrialLoop, TrialOrder, TrialResult
+from tactile_lab.experiment.plan import ExperimentError, PlannedTrial
+from tactile_lab.experiment.quality import summarise_tension
+from tactile_lab.running import open_ports, read_rig_parameters, say_address
+from tactile_lab.watch.access import WatchOptions
+from tactile_lab.watch.watching import watching
+from tactile_msgs.msg import StrainBlock as StrainBlockMsg
+from tactile_msgs.msg import TactileFeatures
+from tactile_ros.errors import TactileError
+from tactile_ros.node.message_guard import MessageGuard
+from tactile_ros.qos import RESULTS, STREAM
+from tactile_ros.strain import StrainBlock
+from tactile_sim.rig_process import SimulatedRig
+
+WINDOW_TIMEOUT_S = 1.0
+"""Longest wait for the windows of a trial in the recording [s]."""
+
+AUDIT_TIMEOUT_S = 2.0
+"""Longest wait for the first sample after a trial [s]; the audit of the trial needs it."""
+
+DEVICES_TIMEOUT_S = 3.0
+"""Longest wait for the diagnostics of the devices [s]; they come once a second."""
+
+FEATURES_TIMEOUT_S = 5.0
+"""Longest wait for the features of a trial after its end [s]."""
+
+DEVICES = ('tendon_sensor', 'linear_guide', 'tendon_actuator')
+SETUP_NODES = (*DEVICES, 'trial_runner')
+"""Nodes whose parameters belong to the set-up of an experiment."""
+
+
+@dataclass(frozen=True)
+class LiveTrial:
+    """A trial with the answers of its models, and the audit of its recording."""
+
+    request: TrialRequest
+    answers: tuple[ClassificationResult, ...] = ()
+    audit: Audit | None = None
+
+    @property
+    def answer(self) -> ClassificationResult | None:
+        """The answer of the first model; None: no model is for this task and contact."""
+        return self.answers[0] if self.answers else None
+
+    @property
+    def is_right(self) -> bool:
+        return self.answer is not None and self.is_label(self.answer)
+
+    def is_label(self, answer: ClassificationResult) -> bool:
+        """Return whether an answer names what lay under the finger."""
+        return answer.label == self.request.object_label
+
+    def format_answers(self) -> list[str]:
+        """Return a line for each model: its label with the score, or why it has none."""
+        lines = []
+        for answer in self.answers:
+            name = f' ({answer.model_id})' if len(self.answers) > 1 else ''
+            if answer.outcome != AnswerOutcome.LABEL:
+                lines.append(f'no label: {answer.reason}{name}')
+                continue
+            verdict = '[green]right[/green]' if self.is_label(answer) else '[red]wrong[/red]'
+            score = f'{max(answer.scores):.2f} {answer.score_kind}'
+            lines.append(f'says {answer.label} ({score}), {verdict}{name}')
+        return lines
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what JSON can hold."""
+        request, answer = self.request, self.answer
+        return {
+            'trial_id': request.trial_id,
+            'session_id': request.session_id,
+            'mounting_id': request.mounting_id,
+            'protocol': request.protocol,
+            'contact': request.contact,
+            'object_label': request.object_label,
+            'answer': answer.label if answer else '',
+            'reason': answer.reason if answer else 'no model for this task and contact',
+            'right': self.is_right,
+            'model_id': answer.model_id if answer else '',
+            'further_answers': [
+                {
+                    'answer': each.label,
+                    'reason': each.reason,
+                    'right': self.is_label(each),
+                    'model_id': each.model_id,
+                }
+                for each in self.answers[1:]
+            ],
+            'audit': self.audit.to_dict() if self.audit else None,
+        }
+
+
+@dataclass(frozen=True)
+class LiveSetup:
+    """A rig to run trials on.
+
+    Attributes
+    ----------
+    ports : Ports
+    models : pathlib.Path or None
+        Folder of model files, or one file; None runs without a classifier.
+    simulated_rig : SimulatedRig or None
+        The rig is this one. It gets what each trial names under its finger; on a real rig that is
+        the experimenter's part.
+    parameters : mapping
+        ROS parameters by node name.
+    domain_id : int or None
+        ROS domain; None takes the environment's.
+    watch : WatchOptions or None
+        Serve a live page meanwhile.
+    """
+
+    ports: Ports
+    models: Path | None
+    simulated_rig: SimulatedRig | None
+    parameters: dict[str, dict[str, Any]] = field(default_factory=dict)
+    domain_id: int | None = None
+    watch: WatchOptions | None = None
+
+
+def open_rig(
+    given: Ports,
+    simulated: bool,
+    seed: int,
+    stack: ExitStack,
+    output: Output,
+    *,
+    models: Path | None,
+    params: Path | None,
+    watch: bool,
+) -> LiveSetup:
+    """Return the rig that a command is to run trials on; the stack ends a simulated one.
+
+    Raises
+    ------
+    TactileError
+        When ports are missing, or the parameters do not fit.
+    """
+    ports, simulated_rig = open_ports(given, simulated, seed, stack)
+    if simulated_rig is not None:
+        output.say('SIMULATED rig: no number is a measurement.')
+    parameters = read_rig_parameters(params, '')
+    return LiveSetup(
+        ports, models, simulated_rig, parameters, watch=WatchOptions() if watch else None
+    )
+
+
+@dataclass(frozen=True)
+class LiveRig:
+    """A rig whose nodes run in this process, homed, and recorded.
+
+    ``models`` are those that answer.
+    """
+
+    operator: OperatorNode
+    recorder: Any
+    observer: ObserverNode
+    models: tuple[ModelInfo, ...] = ()
+    nodes: dict[str, Any] = field(default_factory=dict)
+
+    def run(self, request: TrialRequest) -> LiveTrial:
+        """Run a trial to its end, its audit and its answer.
+
+        Raises
+        ------
+        TactileError
+            When the trial or the recording fails.
+        StoppedError
+            When somebody has pressed Stop on a live page.
+        """
+        check_recording(self.recorder)
+        listening = [
+            model
+            for model in self.models
+            if model.task == request.protocol and model.contact in ('', request.contact)
+        ]
+        # One for each specification; without a model that of the feature node.
+        windows = max(1, len({model.specification_digest for model in listening}))
+        wanted = self.recorder.window_count + windows
+        try:
+            self.operator.run_trial(request)
+        finally:
+            audit = self.wait_for_audit(request.trial_id)
+            self.wait_for_windows(wanted)
+        check_recording(self.recorder)
+        names = [model.model_id for model in listening]
+        return LiveTrial(request, self.operator.wait_for_answers(request.trial_id, names), audit)
+
+    def wait_for_windows(self, count: int) -> None:
+        """Wait until the recording has so many windows; a trial without a phase has none.
+
+        The windows of a trial come some tenths of a second after its last event, also of one that
+        was interrupted.
+        """
+        deadline = time.monotonic() + WINDOW_TIMEOUT_S
+        while self.recorder.window_count < count and not self.recorder.has_failed:
+            if time.monotonic() > deadline:
+                return
+            time.sleep(0.02)
+
+    def wait_for_audit(self, trial_id: str) -> Audit | None:
+        """Wait until a trial's last samples are recorded; return its audit, if it comes."""
+        deadline = time.monotonic() + AUDIT_TIMEOUT_S
+        while True:
+            audits: list[Audit] = list(self.recorder.audits)
+            found = next((audit for audit in audits if audit.trial_id == trial_id), None)
+            if found is not None:
+                return found
+            if time.monotonic() > deadline or self.recorder.has_failed:
+                return None
+            time.sleep(0.02)
+
+    def read_setup(self) -> dict[str, str]:
+        """Return the parameters of the devices that run, and what they say they are.
+
+        That is model and firmware, or the serial number, where a device tells it.
+        """
+        devices = self.observer.wait_for_devices(DEVICES)
+        found: dict[str, str] = {}
+        for name in SETUP_NODES:
+            values = asdict(self.nodes[name].config)
+            found |= {
+                f'{name}.{key}': str(value) for key, value in values.items() if key != 'port'
+            }
+            # A device without a serial number is known by its port, which may change.
+            if (device := devices.get(name)) and device != values.get('port'):
+                found[f'{name} device'] = device
+        return found
+
+
+class ObserverNode(Node):  # type: ignore[misc]
+    """Keeps the samples since `begin`, the first feature window of each trial, and the devices.
+
+    The loop compares a trial's tension with that of others. Blocking calls, spun elsewhere.
+    """
+
+    def __init__(self, context: Context) -> None:
+        super().__init__('trial_observer', context=context)
+        self._arrived = threading.Condition()
+        self._blocks: list[StrainBlock] = []
+        self._windows: dict[str, FeatureWindow] = {}
+        self._devices: dict[str, str] = {}
+        self._is_on = False
+        guard = MessageGuard(self)
+        for topic, kind, take, qos in (
+            (STRAIN_TOPIC.name, StrainBlockMsg, self._on_block, STREAM),
+            (FEATURES_TOPIC.name, TactileFeatures, self._on_window, RESULTS),
+            ('/diagnostics', DiagnosticArray, self._on_diagnostics, 10),
+        ):
+            self.create_subscription(kind, topic, guard.wrap(topic, take), qos)
+
+    def _on_block(self, message: StrainBlockMsg) -> None:
+        with self._arrived:
+            if self._is_on:
+                self._blocks.append(strain_block_from_msg(message))
+
+    def _on_window(self, message: TactileFeatures) -> None:
+        window = feature_window_from_msg(message)
+        with self._arrived:
+            if self._is_on and not window.partial:
+                # The windows of one phase come in the order of their specifications.
+                self._windows.setdefault(window.trial_id, window)
+                self._arrived.notify_all()
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        with self._arrived:
+            for status in message.status:
+                self._devices[status.name.strip('/')] = status.hardware_id
+            self._arrived.notify_all()
+
+    def wait_for_devices(self, names: Sequence[str]) -> dict[str, str]:
+        """Return what the devices of nodes say they are, once all have been heard."""
+        with self._arrived:
+            self._arrived.wait_for(
+                lambda: all(self._devices.get(name) for name in names), DEVICES_TIMEOUT_S
+            )
+            return dict(self._devices)
+
+    def begin(self) -> None:
+        """Forget what came, and keep what comes."""
+        with self._arrived:
+            self._blocks, self._windows, self._is_on = [], {}, True
+
+    def stop(self) -> None:
+        """Forget what came, and keep no more: a person may take hours to answer."""
+        with self._arrived:
+            self._blocks, self._windows, self._is_on = [], {}, False
+
+    def end(self, trial_id: str) -> tuple[FeatureWindow | None, NDArray[np.float64]]:
+        """Return the feature window of a trial, once it has come, and the tension in it [N]."""
+        deadline = time.monotonic() + FEATURES_TIMEOUT_S
+        with self._arrived:
+            while trial_id not in self._windows and (left_s := deadline - time.monotonic()) > 0:
+                self._arrived.wait(left_s)
+            window = self._windows.get(trial_id)
+            values = [
+                block.tension_n[i]
+                for block in self._blocks
+                for i in range(len(block.tension_n))
+                if window is not None
+                and window.window_start_ns
+                <= block.stamp_ns + i * block.period_ns
+                <= window.window_end_ns
+            ]
+        return window, np.array(values, dtype=np.float64)
+
+
+@contextmanager
+def live_rig(setup: LiveSetup, bag: Path, output: Output) -> Iterator[LiveRig]:
+    """Start the rig's nodes and its recorder, home the guide, and end them after the block.
+
+    Parameters
+    ----------
+    setup : LiveSetup
+    bag : pathlib.Path
+        Where to record; must not exist yet.
+    output : Output
+        Prints the address of the live page.
+
+    Raises
+    ------
+    TactileError
+        When a node cannot be started or a topic has no publisher.
+    """
+    models = ModelChoice.of_finger(str(setup.models or ''), setup.parameters)
+    simulated = setup.simulated_rig is not None
+    graph = rig_graph(setup.ports, models, setup.parameters, simulated=simulated)
+    graph.append(recorder_node(bag, classifier=models is not None))
+    with ExitStack() as stack:
+        context = stack.enter_context(ros_context(setup.domain_id))
+        watch = None
+        if setup.watch is not None:
+            watch = stack.enter_context(watching(context, setup.watch, simulated=simulated))
+            say_address(watch, output)
+        operator = OperatorNode(context, answers=models is not None)
+        observer = ObserverNode(context)
+        with running_graph(graph, context, others=[operator, observer], quiet=True) as nodes:
+            recorder = nodes['bag_recorder']
+            operator.trial_config = nodes['trial_runner'].config
+            wait_until_matched(recorder)
+            if watch is not None and watch.state.was_stopped:  # before there was an operator
+                operator.stop()
+            answering = operator.wait_for_models() if models else ()
+            operator.home_guide()
+            yield LiveRig(operator, recorder, observer, answering, nodes)
+
+
+def wait_until_matched(recorder: Any) -> None:
+    """Wait until every recorded topic has its publisher."""
+    deadline = time.monotonic() + recorder.config.match_timeout_s
+    while missing := recorder.unmatched_topics():
+        if time.monotonic() > deadline:
+            raise TactileError(f'no publisher on {", ".join(missing)}; not recording without it')
+        time.sleep(0.02)
+
+
+def check_recording(recorder: Any) -> None:
+    """Raise `ExperimentError` when the recording has failed: a trial without it is worthless."""
+    if recorder.has_failed:
+        raise ExperimentError(recorder.failure)
+
+
+Numbers = tuple[int, int, int]
+
+
+@dataclass
+class LiveBench:
+    """The rig; see `tactile_lab.experiment.loop.Bench`.
+
+    Parameters
+    ----------
+    setup : LiveSetup
+    output : Output
+        Prints the address of the live page.
+    make_request : callable
+        Returns the request for an order of the loop.
+    numbers : callable, optional
+        Returns session, mounting and trial of an order, for the deviations of a simulated rig.
+    needs_features : bool
+        A trial without features cannot be used.
+
+    Attributes
+    ----------
+    trials : dict of str to LiveTrial
+        Those that were recorded to their end, by trial id.
+    audits : list of Audit
+        Of the last session's recording.
+    """
+
+    setup: LiveSetup
+    output: Output
+    make_request: Callable[[TrialOrder], TrialRequest]
+    numbers: Callable[[TrialOrder], Numbers | None] = lambda order: None
+    needs_features: bool = True
+    trials: dict[str, LiveTrial] = field(default_factory=dict)
+    audits: list[Audit] = field(default_factory=list)
+    _rig: LiveRig | None = None
+
+    @contextmanager
+    def session(self, bag: Path) -> Iterator[Callable[[TrialOrder], TrialResult]]:
+        try:
+            with live_rig(self.setup, bag, self.output) as self._rig:
+                yield self.run_trial
+        finally:
+            if self._rig is not None:
+                self.audits = list(self._rig.recorder.audits)
+            self._rig = None
+
+    def read_setup(self) -> dict[str, str]:
+        return {} if self._rig is None else self._rig.read_setup()
+
+    def run_trial(self, order: TrialOrder) -> TrialResult:
+        """Run a trial while the nodes run."""
+        rig = self._rig
+        assert rig is not None
+        check_recording(rig.recorder)
+        request = self.make_request(order)
+        if self.setup.simulated_rig is not None:
+            self.setup.simulated_rig.mount(
+                request.protocol, request.object_label, request.contact, self.numbers(order)
+            )
+        rig.observer.begin()
+        try:
+            rig.operator.tell_progress(order.number, order.count, request)
+            trial = rig.run(request)
+            window, tension_n = rig.observer.end(order.trial_id)
+        except StoppedError as error:  # a person said so: it is not offered again by itself
+            raise ExperimentError(str(error)) from error
+        finally:
+            rig.observer.stop()
+            _save(rig.recorder)
+        self.trials[order.trial_id] = trial
+        return judge(trial, window, summarise_tension(tension_n), self.needs_features)
+
+
+def _save(recorder: Any) -> None:
+    try:
+        recorder.save()
+    except TactileError as error:
+        raise ExperimentError(str(error)) from error
+
+
+def judge(
+    trial: LiveTrial,
+    window: FeatureWindow | None,
+    statistics: dict[str, float],
+    needs_features: bool = True,
+) -> TrialResult:
+    """Return whether a trial's recording can be used, with a sentence about it."""
+    audit = trial.audit
+    if audit is None:
+        return TrialResult('no sample came after the trial, so its recording was not audited')
+    if not audit.passed:
+        return TrialResult('; '.join(audit.findings))
+    parts = [f'{audit.sample_count} samples, all there']
+    lack = ''
+    if window is None:
+        lack = 'the features node gave no window; its log says why'
+    elif window.outcome != Outcome.OK:
+        lack = f'no features: {window.reason}'
+    if lack and needs_features:
+        return TrialResult(lack)
+    if lack:
+        parts.append(lack)
+    if statistics:
+        parts.append(f'{statistics["mean_n"]:.2f} N ± {statistics["deviation_n"]:.2g} N')
+    parts += trial.format_answers()
+    return TrialResult('', ', '.join(parts), statistics)
+
+
+class OneRetry:
+    """Nobody is asked: a trial that fails is run once more; one that fails again ends it."""
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self.say = say
+
+    def begin_session(self, session_id: str, trials: int) -> bool:
+        return True
+
+    def accept_setup(self, changes: Sequence[str]) -> bool:
+        return True
+
+    def mount(self, trial: PlannedTrial, turns_finger: bool) -> None: ...
+
+    def choose(self, order: TrialOrder, verdict: str, sentence: str) -> str:
+        if verdict != FAILED:
+            return KEEP
+        if order.trial_id != order.planned.key:  # it was the second attempt
+            raise TactileError(sentence)
+        return AGAIN
+
+
+def run_live_trials(
+    setup: LiveSetup,
+    bag: Path,
+    requests: Sequence[TrialRequest],
+    output: Output,
+    live: list[LiveTrial] | None = None,
+) -> list[LiveTrial]:
+    """Home the guide, run the trials, record them; print a line for each.
+
+    Parameters
+    ----------
+    setup : LiveSetup
+    bag : pathlib.Path
+        Where to record; must not exist yet.
+    requests : sequence of TrialRequest
+        Each with a trial id of its own.
+    output : Output
+    live : list of LiveTrial, optional
+        Gets each trial as soon as it is recorded, for who must know them if this raises.
+
+    Raises
+    ------
+    TactileError
+        When a node cannot be started, a topic has no publisher, a trial fails twice, or the
+        recording has failed: no trial is run that would not be recorded.
+    """
+    live = [] if live is None else live
+    rig = setup.simulated_rig
+    if rig is not None:
+        for request in requests:
+            rig.check_mount(request.protocol, request.object_label, request.contact)
+    of_trial = {request.trial_id: request for request in requests}
+    order = [
+        PlannedTrial(r.trial_id, r.session_id, number, number, r.contact, r.object_label)
+        for number, r in enumerate(requests, 1)
+    ]
+    bench = LiveBench(
+        setup,
+        output,
+        lambda order: replace(of_trial[order.planned.key], trial_id=order.trial_id),
+        needs_features=False,
+    )
+    progress = Progress(order, [])
+    loop = TrialLoop(progress, OneRetry(output.say), Notes())
+    try:
+        with bench.session(bag) as run_trial:
+            for session_id in progress.sessions_left():
+                loop.run_session(session_id, run_trial)
+    except TactileError as error:
+        if rig is not None and (burden := format_load()):
+            raise TactileError(f'{error} {burden}') from error
+        raise
+    finally:
+        kept = (progress.kept(trial.key) for trial in order)
+        live += [bench.trials[attempt.trial_id] for attempt in kept if attempt]
+        print_audits(bench.audits, output)
+    return live
+
+
+def format_load() -> str:
+    """Return that this computer may be too busy for live trials; empty where it is not."""
+    load, cores = os.getloadavg()[0], os.cpu_count() or 1
+    if load <= cores:
+        return ''
+    return (
+        f'This computer is busy (load {load:.1f}, {cores} cores), and live trials keep real time; '
+        'try again when less runs beside them.'
+    )
