@@ -33,7 +33,7 @@ from tactile_bags.message_records import KeptMessage, read_records, RECORDED_TYP
 from tactile_bags.recorded_setup import nominal_rate_hz
 from tactile_bags.recorded_topics import CLASSIFICATION, EVENT, STRAIN
 from tactile_bags.sources.files import find_leaves, Kind, Leaf, Notes, SourceError, SourceOptions
-from tactile_bags.sources.raw_trials import arrays_from_trials, RawTrial
+from tactile_bags.sources.raw_trials import arrays_from_trials, find_fault, RawTrial
 from tactile_bags.trial import Signal, Trial
 from tactile_classifier.datasets.archive import (
     LabelledTrials,
@@ -404,7 +404,9 @@ class Recording:
             names = raw.channels or tuple(f'channel_{i}' for i in range(len(raw.values)))
             return Signal(time_s, raw.values, names, self._options.unit or raw.unit, rate_hz)
 
-        return _other_trial(raw.name, str(raw.columns.get('source', '')), raw.columns, load)
+        why_not = find_fault(raw, self._options.rate_hz or raw.rate_hz)
+        source = str(raw.columns.get('source', ''))
+        return _other_trial(raw.name, source, raw.columns, load, why_not)
 
     def _archive_trials(self) -> tuple[Trial, ...]:
         whole = self._whole
@@ -510,7 +512,11 @@ class Recording:
 
 
 def _other_trial(
-    name: str, source: str, columns: Mapping[str, Any], load: Callable[[], Signal]
+    name: str,
+    source: str,
+    columns: Mapping[str, Any],
+    load: Callable[[], Signal],
+    why_not: str = '',
 ) -> Trial:
     def known(*names: str) -> str:
         return str(next((columns[n] for n in names if n in columns), ''))
@@ -523,6 +529,7 @@ def _other_trial(
         mounting_id=known('mounting_id', 'mounting'),
         contact=known('contact'),
         task=known('task'),
+        why_not=why_not,
         columns=columns,
         load_signal=load,
     )

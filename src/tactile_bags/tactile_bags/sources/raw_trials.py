@@ -135,6 +135,16 @@ def arrays_from_trials(
     return arrays
 
 
+def find_fault(trial: RawTrial, rate_hz: float | None) -> str:
+    """Return why a trial cannot be used at a rate [Hz]; empty: it can, or no rate is known."""
+    try:
+        if rate_hz is not None:
+            _make_even(trial, rate_hz)
+    except SourceError as error:
+        return str(error)
+    return ''
+
+
 def _choose_rate(trials: Sequence[RawTrial], rate_hz: float | None, notes: Notes) -> float:
     stated = {trial.stated_rate_hz for trial in trials}
     if rate_hz is None and len(stated) == 1 and (one := stated.pop()) is not None:

@@ -145,3 +145,19 @@ def test_what_the_table_states_is_json(tmp_path):
     table = Recording.load(write_archive(tmp_path / 'a.npz')).to_table()
     assert json.loads(table.schema.metadata[b'tactile']) == {'rate_hz': 100.0}
     assert table.schema.field('time_s').metadata == {b'unit': b's'}
+
+
+def test_a_trial_with_a_pause_does_not_count_and_is_not_written(tmp_path):
+    lines = ['label,trial,time_s,force_n']
+    for trial in range(3):
+        times = [i for i in range(60) if trial != 1 or not 20 <= i < 30]
+        lines += [f'a,{trial},{i / 100},{(i * (trial + 2)) % 7}' for i in times]
+    (tmp_path / 'long.csv').write_text('\n'.join(lines))
+    recording = Recording.load(tmp_path / 'long.csv')
+    assert [trial.why_not for trial in recording.trials] == [
+        '',
+        'trial 1: no samples for 0.11 s, from 0.19 s on',
+        '',
+    ]
+    assert set(recording.to_table()['trial'].to_pylist()) == {'0', '2'}
+    assert recording.to_arrays(skip_bad=True).columns['trial'].tolist() == ['0', '2']

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 import dataclasses
 import hashlib
 import json
+import re
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -180,6 +181,8 @@ def table_from_trials(
 ) -> FeatureTable:
     """Return the features of one channel, or of all, of ready-cut trials.
 
+    Their units are those of the trials; newton, where these state none.
+
     With ``skip_bad`` set, trials that give none are left out: see `usable_table`.
 
     Parameters
@@ -236,7 +239,16 @@ def usable_table(
             raise DatasetError(f'no features from these trials: {error}') from error
         else:
             values, spec = found[0] if channel != ALL else _join(found)
+            spec = _in_unit(spec, trials.unit)
             return FeatureTable(values, trials.label, spec, trials.columns), trials
+
+
+def _in_unit(spec: FeatureSpec, unit: str) -> FeatureSpec:
+    """Return the specification of features of signals in another unit than newton."""
+    if unit in ('', 'N'):
+        return spec
+    units = tuple(re.sub(r'\bN\b', lambda _: unit, each) for each in spec.units)
+    return dataclasses.replace(spec, units=units)
 
 
 def _join(

@@ -106,3 +106,14 @@ def test_features_over_distance_take_each_glide_at_its_speed():
     assert table.values[1].tobytes() == compute_spatial(middle, 0.02, 100.0, window).tobytes()
     with pytest.raises(DatasetError, match=r'trial 2: at 0\.2 m/s'):
         table_from_trials('texture', trials, config=config, speeds_m_s=np.array([0.01, 0.02, 0.2]))
+
+
+def test_features_have_the_unit_of_the_signals():
+    x = np.random.default_rng(0).normal(size=(6, 1, 200))
+    units = {}
+    for unit in ('', 'N', 'mN', 'V'):
+        trials = LabelledTrials(x, np.array(['a', 'b'] * 3), 60.0, {}, unit=unit)
+        units[unit] = table_from_trials('stiffness', trials).spec.units
+    assert units[''] == units['N'] == ('N/s', 'N', '1')
+    assert units['mN'] == ('mN/s', 'mN', '1')
+    assert units['V'] == ('V/s', 'V', '1')
