@@ -60,12 +60,16 @@ class Split:
         return dataclasses.replace(self, name=name, repeats=self.repeats[:1])
 
     def divide_again(
-        self, train: IndexArray, labels: npt.NDArray[np.str_], random_state: int
+        self,
+        train: IndexArray,
+        labels: npt.NDArray[np.str_],
+        random_state: int,
+        folds: int = _INNER_FOLDS,
     ) -> list[Fold]:
         """Divide the trials of one fold's training once more, to choose something on them.
 
         Groups stay whole where the split holds groups out and each part then has trials of all
-        classes to train on; otherwise trials are divided at random. Three folds at most. Indices
+        classes to train on; otherwise trials are divided at random. Indices
         are into the table, not into ``train``.
 
         Raises
@@ -73,7 +77,7 @@ class Split:
         EvaluationError
             When too few trials of a class are left.
         """
-        inner = self._divide_groups_again(train, labels)
+        inner = self._divide_groups_again(train, labels, random_state, folds)
         if not inner:
             names, counts = np.unique(labels[train], return_counts=True)
             fewest = int(counts.min())
@@ -83,21 +87,24 @@ class Split:
                     'nothing can be chosen by it: record more of it'
                 )
             stratified = StratifiedKFold(
-                min(_INNER_FOLDS, fewest), shuffle=True, random_state=random_state
+                min(folds, fewest), shuffle=True, random_state=random_state
             )
             inner = [(a, b) for a, b in stratified.split(train, labels[train])]
         _check_training_size(inner)
         return [(train[a], train[b]) for a, b in inner]
 
-    def _divide_groups_again(self, train: IndexArray, labels: npt.NDArray[np.str_]) -> list[Fold]:
+    def _divide_groups_again(
+        self, train: IndexArray, labels: npt.NDArray[np.str_], random_state: int, folds: int
+    ) -> list[Fold]:
         """Return folds of whole groups, as indices into ``train``; empty: some lack a class."""
         if self.groups is None:
             return []
         groups, known = self.groups[train], np.unique(labels[train])
-        count = min(_INNER_FOLDS, len(np.unique(groups)))
+        count = min(folds, len(np.unique(groups)))
         if count < 2:
             return []
-        inner = list(GroupKFold(count).split(train, groups=groups))
+        splitter = GroupKFold(count, shuffle=True, random_state=random_state)
+        inner = list(splitter.split(train, groups=groups))
         return inner if all(set(labels[train[a]]) == set(known) for a, _ in inner) else []
 
 

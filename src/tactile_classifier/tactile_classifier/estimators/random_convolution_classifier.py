@@ -74,11 +74,7 @@ class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: igno
             RandomConvolutions.fit(rows - reference[:, None], FEATURES, self.random_state + i)
             for i, reference in enumerate(self.references_)
         ]
-        shares = self._transform(rows)
-        # Divided by the spread alone: without its mean a feature gives the same classifier.
-        spread = shares.std(axis=0)
-        spread[spread == 0.0] = 1.0
-        ridge = RidgeClassifierCV(alphas=ALPHAS).fit(shares / spread, labels)
+        ridge, spread = _fit_ridge(self._transform(rows), labels)
         self.classes_ = ridge.classes_
         self.coef_ = np.atleast_2d(ridge.coef_) / spread
         self.intercept_ = np.atleast_1d(ridge.intercept_)
@@ -95,6 +91,24 @@ class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: igno
         chosen = (scores > 0).astype(int) if scores.ndim == 1 else scores.argmax(axis=1)
         return np.asarray(self.classes_[chosen])
 
+    def check_folds(
+        self,
+        values: npt.NDArray[np.float64],
+        labels: npt.NDArray[np.str_],
+        folds: Sequence[tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]],
+    ) -> list[npt.NDArray[np.bool_]]:
+        """Return which tests of each fold are named correctly by a linear classifier of its own.
+
+        The convolutions stay those of this classifier, whose training had the waveforms of the
+        tests, too, but not their labels.
+        """
+        shares = self._transform(self._check(values))
+        answers = []
+        for train, test in folds:
+            ridge, spread = _fit_ridge(shares[train], labels[train])
+            answers.append(np.asarray(ridge.predict(shares[test] / spread) == labels[test]))
+        return answers
+
     def _check(self, values: npt.ArrayLike) -> Matrix:
         rows = check_array(values, dtype=np.float64)
         if rows.shape[1] % self.channels:
@@ -107,3 +121,11 @@ class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: igno
             for convolutions, reference in zip(self.convolutions_, self.references_, strict=True)
         ]
         return np.hstack(parts)
+
+
+def _fit_ridge(shares: Matrix, labels: npt.ArrayLike) -> tuple[RidgeClassifierCV, Matrix]:
+    """Return the linear classifier of features, and what each of them is divided by."""
+    # Divided by the spread alone: without its mean a feature gives the same classifier.
+    spread = shares.std(axis=0)
+    spread[spread == 0.0] = 1.0
+    return RidgeClassifierCV(alphas=ALPHAS).fit(shares / spread, labels), spread

@@ -5,6 +5,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.manifest import Manifest
 from tactile_classifier.names import CLASSIFIER_TITLES, describe_features, SCALING_TITLES
@@ -63,6 +66,7 @@ def _describe(manifest: Manifest) -> dict[str, str]:
         f'{score["spread_of"]} ({score["split"]})'
         if score
         else 'not stated',
+        'chosen': _tell_choice(score.get('choice')),
         'held out': f'{100 * whole.accuracy:.1f} % named correctly ({calibration["split"]})'
         if whole.accuracy >= 0.0 and 'split' in calibration
         else f'not calibrated: {calibration.get("reason", "not stated")}',
@@ -96,6 +100,24 @@ def _describe(manifest: Manifest) -> dict[str, str]:
         )
     facts['made with'] = ', '.join(f'{name} {v}' for name, v in sorted(manifest.versions.items()))
     return facts
+
+
+def _tell_choice(choice: Mapping[str, Any] | None) -> str:
+    """Return how features and classifier were chosen, and the runner-up with its cost."""
+    if choice is None:
+        return 'features and classifier as stated, not by the folds'
+    text = (
+        f'from {choice["candidates"]} sets of features with classifiers; such a choice names '
+        f'{100 * choice["accuracy"]:.1f} % correctly ({choice["split"]})'
+    )
+    other = choice.get('runner_up')
+    if other is None:
+        return text
+    title = CLASSIFIER_TITLES[other['classifier']]
+    return (
+        f'{text}; runner-up: {other["feature_set"]}, {title}, '
+        f'{100 * other["difference"]:+.1f} points, {other["time_ratio"]:.2g} times the time'
+    )
 
 
 def tell_scores(manifest: Manifest) -> str:

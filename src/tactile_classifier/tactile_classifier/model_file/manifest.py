@@ -107,7 +107,8 @@ class Manifest:
     versions : mapping of str to str
         Library versions.
     cross_validation : mapping
-        ``mean``, ``spread``, ``spread_of`` and ``split``; empty when not evaluated.
+        ``mean``, ``spread``, ``spread_of`` and ``split``; empty when not evaluated. ``choice``:
+        by which features and classifier were chosen (`FeatureChoice.summarise`), where so.
     created : str
         When it was trained (ISO 8601, UTC).
     stages : tuple of Stage

@@ -6,18 +6,18 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 import dataclasses
 import time
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from tactile_classifier.datasets.dataset import FeatureTable
-from tactile_classifier.datasets.splits import Split
+from tactile_classifier.datasets.splits import Fold, Split
 from tactile_classifier.errors import DatasetError
-from tactile_classifier.estimators.classifiers import RANDOM_STATE
-from tactile_classifier.estimators.threads import on_one_thread
+from tactile_classifier.estimators.classifiers import build_estimator, RANDOM_STATE
 from tactile_classifier.evaluation.cross_validation import (
     chance_level,
     check_folds,
@@ -26,7 +26,16 @@ from tactile_classifier.evaluation.cross_validation import (
     split_interval,
 )
 from tactile_classifier.evaluation.intervals import Interval
+from tactile_classifier.evaluation.plans import run_plans, Task
 from tactile_classifier.records import ROCKET
+
+INNER_FOLDS, INNER_REPEATS = 6, 3
+"""Folds inside a fold, and how often its training trials are divided anew: with three folds, once,
+the choice on 60 trials was 6 points worse than the best set; docs/evaluation.md has the numbers.
+"""
+
+MANY_TRIALS = 300
+"""More trials than these are divided once: more repetitions would change little."""
 
 
 class Candidate(NamedTuple):
@@ -86,6 +95,33 @@ class FeatureChoice:
         """The chosen candidate."""
         return self.ranking[0]
 
+    def find_best(self, feature_set: str) -> CandidateScore | None:
+        """Return the best candidate of a set of features; None where the set was none of them."""
+        return next((s for s in self.ranking if s.candidate.feature_set == feature_set), None)
+
+    def find_runner_up(self, chosen: Candidate) -> CandidateScore | None:
+        """Return the best of another set than the chosen one, else of its other classifiers."""
+        others = [s for s in self.ranking if s.candidate != chosen]
+        elsewhere = [s for s in others if s.candidate.feature_set != chosen.feature_set]
+        return next(iter(elsewhere or others), None)
+
+    def summarise(self, chosen: Candidate) -> dict[str, Any]:
+        """Return what a model file states of the choice."""
+        score = next(s for s in self.ranking if s.candidate == chosen)
+        summary: dict[str, Any] = {
+            'candidates': len(self.ranking),
+            'accuracy': self.nested_accuracy,
+            'split': self.split,
+        }
+        other = self.find_runner_up(chosen)
+        if other is not None:
+            summary['runner_up'] = {
+                **other.candidate._asdict(),
+                'difference': other.accuracy - score.accuracy,
+                'time_ratio': other.fold_s / score.fold_s,
+            }
+        return summary
+
     def to_dict(self) -> dict[str, Any]:
         """Return the choice as what JSON can hold."""
         return {
@@ -101,11 +137,8 @@ class FeatureChoice:
         }
 
 
-@on_one_thread
-def choose_candidate(
-    tables: Mapping[str, FeatureTable], split: Split, random_state: int = RANDOM_STATE
-) -> FeatureChoice:
-    """Choose among tables of the same trials and the classifiers that go with each.
+class ChoicePlan:
+    """The choice among tables of the same trials and classifiers; a `Plan` of a `FeatureChoice`.
 
     Folds inside each fold's training trials choose for that fold (nested cross-validation), which
     says how good the choice is. The choice itself is made by the folds.
@@ -115,9 +148,11 @@ def choose_candidate(
     tables : mapping of str to FeatureTable
         By feature set; of equally good ones the first is chosen, so cheap ones come first.
     split : Split
-        Of which the first repetition is used.
+        All repetitions choose; the accuracy of such a choice is that of the first one's folds.
     random_state : int
         Of the folds inside the folds.
+    scaling : str
+        The only one that is tried; empty: all.
 
     Raises
     ------
@@ -126,42 +161,142 @@ def choose_candidate(
     EvaluationError
         When a fold's training trials cannot be divided once more.
     """
-    first = next(iter(tables.values()))
-    for name, table in tables.items():
-        if not np.array_equal(table.labels, first.labels):
-            raise DatasetError(f'the table of {name} is not of the same trials')
-    folds = split.repeats[0]
-    inner = [split.divide_again(train, first.labels, random_state) for train, _ in folds]
-    candidates = [
-        Candidate(name, *pair) for name, table in tables.items() for pair in _list_pairs(table)
-    ]
-    right, scores, counts = [], [], []
-    for candidate in candidates:
-        table = tables[candidate.feature_set]
-        asked = (candidate.classifier, candidate.scaling, table.values, table.labels)
-        start_s = time.perf_counter()
-        right.append(check_folds(*asked, folds, table.channels))
-        fold_s = (time.perf_counter() - start_s) / len(folds)
-        accuracy = float(np.mean([each.mean() for each in right[-1]]))
-        scores.append(CandidateScore(candidate, accuracy, fold_s))
-        counts.append(
-            [sum(int(e.sum()) for e in check_folds(*asked, f, table.channels)) for f in inner]
+
+    def __init__(
+        self,
+        tables: Mapping[str, FeatureTable],
+        split: Split,
+        random_state: int = RANDOM_STATE,
+        scaling: str = '',
+    ) -> None:
+        self._tables, self._split = tables, split
+        self._first = next(iter(tables.values()))
+        for name, table in tables.items():
+            if not np.array_equal(table.labels, self._first.labels):
+                raise DatasetError(f'the table of {name} is not of the same trials')
+        repeats = INNER_REPEATS if len(self._first) <= MANY_TRIALS else 1
+        self._inner = [
+            [
+                fold
+                for i in range(repeats)
+                for fold in split.divide_again(
+                    train, self._first.labels, random_state + i, INNER_FOLDS
+                )
+            ]
+            for train, _ in split.repeats[0]
+        ]
+        self._candidates = [
+            Candidate(name, *pair)
+            for name, table in tables.items()
+            for pair in _list_pairs(table, scaling)
+        ]
+
+    def tasks(self) -> list[Task]:
+        """Return one task a candidate and fold."""
+        folds = [fold for repeat in self._split.repeats for fold in repeat]
+        inner = [*self._inner, *[[] for _ in folds[len(self._inner) :]]]
+        return [
+            (check_candidate, (candidate, self._tables[candidate.feature_set], fold, again))
+            for candidate in self._candidates
+            for fold, again in zip(folds, inner, strict=True)
+        ]
+
+    def finish(self, answers: Sequence[FoldAnswer]) -> FeatureChoice:
+        """Return the choice."""
+        split, candidates = self._split, self._candidates
+        folds = split.repeats[0]
+        of_candidate = [
+            answers[i : i + len(answers) // len(candidates)]
+            for i in range(0, len(answers), len(answers) // len(candidates))
+        ]
+        scores = [
+            CandidateScore(
+                candidate,
+                float(np.mean([answer.right.mean() for answer in found])),
+                float(np.mean([answer.time_s for answer in found])),
+            )
+            for candidate, found in zip(candidates, of_candidate, strict=True)
+        ]
+        picked = [
+            int(np.argmax([found[i].inner_right for found in of_candidate]))
+            for i in range(len(folds))
+        ]
+        named = np.zeros(len(self._first))
+        for i, (pick, (_, test)) in enumerate(zip(picked, folds, strict=True)):
+            named[test] = of_candidate[pick][i].right
+        nested = np.array([named[test].mean() for _, test in folds])
+        return FeatureChoice(
+            split.once().name,
+            tuple(sorted(scores, key=lambda score: -score.accuracy)),
+            float(nested.mean()),
+            split_interval(split, find_tested_cells(self._first, split), named, nested),
+            chance_level(self._first, split),
+            tuple(Counter(candidates[pick] for pick in picked).most_common()),
         )
-    picked = np.argmax(counts, axis=0)
-    named = np.zeros(len(first))
-    for i, pick in enumerate(picked):
-        named[folds[i][1]] = right[pick][i]
-    nested = np.array([named[test].mean() for _, test in folds])
-    return FeatureChoice(
-        split.once().name,
-        tuple(sorted(scores, key=lambda score: -score.accuracy)),
-        float(nested.mean()),
-        split_interval(split, find_tested_cells(first, split), named, nested),
-        chance_level(first, split),
-        tuple(Counter(candidates[pick] for pick in picked).most_common()),
-    )
 
 
-def _list_pairs(table: FeatureTable) -> list[tuple[str, str]]:
-    # The four classifiers on a waveform itself take its samples for features of any order.
-    return list_pairs(table, [ROCKET] if table.is_waveform else None)
+@dataclasses.dataclass(frozen=True)
+class FoldAnswer:
+    """One candidate in one fold.
+
+    Attributes
+    ----------
+    right : ndarray of bool, shape (tests,)
+        Which tests are named correctly.
+    inner_right : int
+        How many tests of the folds inside the training trials are.
+    time_s : float
+        Time to train and test the fold, without those inside it [s].
+    """
+
+    right: npt.NDArray[np.bool_]
+    inner_right: int
+    time_s: float
+
+
+def check_candidate(
+    candidate: Candidate, table: FeatureTable, fold: Fold, inner: Sequence[Fold]
+) -> FoldAnswer:
+    """Return the answers of a candidate in one fold and in those inside it.
+
+    Random convolutions are fitted once to the training trials of the fold, without labels; the
+    folds inside it share them.
+    """
+    train, test = fold
+    pair = candidate.classifier, candidate.scaling
+    start_s = time.perf_counter()
+    estimator = build_estimator(*pair, table.channels)
+    estimator.fit(table.values[train], table.labels[train])
+    right = np.asarray(estimator.predict(table.values[test]) == table.labels[test])
+    time_s = time.perf_counter() - start_s
+    if candidate.classifier == ROCKET and inner:
+        found = estimator[-1].check_folds(table.values, table.labels, inner)
+    else:
+        found = check_folds(*pair, table.values, table.labels, inner, table.channels)
+    return FoldAnswer(right, sum(int(each.sum()) for each in found), time_s)
+
+
+def choose_candidate(
+    tables: Mapping[str, FeatureTable],
+    split: Split,
+    random_state: int = RANDOM_STATE,
+    *,
+    scaling: str = '',
+    jobs: int | None = 1,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> FeatureChoice:
+    """Return what a `ChoicePlan` of the same arguments finds; ``jobs``: as in `run_plans`."""
+    plan = ChoicePlan(tables, split, random_state, scaling)
+    (choice,) = run_plans([plan], jobs, progress)
+    assert isinstance(choice, FeatureChoice)
+    return choice
+
+
+def _list_pairs(table: FeatureTable, scaling: str) -> list[tuple[str, str]]:
+    """Return classifiers and scalings; a tree compares, and so no scaling changes it.
+
+    The four classifiers on a waveform itself take its samples for features of any order.
+    """
+    pairs = list_pairs(table, [ROCKET] if table.is_waveform else None)
+    pairs = [pair for pair in pairs if pair != ('tree', 'standard')]
+    return [pair for pair in pairs if scaling in ('', pair[1]) or pair[0] in ('tree', ROCKET)]

@@ -40,6 +40,7 @@ from tactile_classifier.estimators.threads import on_one_thread
 from tactile_classifier.evaluation.cross_validation import Score
 from tactile_classifier.model_file.manifest import FULL_WINDOW, Manifest, Stage, TrainingTrials
 from tactile_classifier.records import PROBABILITY, ROCKET
+from tactile_classifier.training.feature_choice import Candidate, FeatureChoice
 
 LIBRARIES = ('numpy', 'scikit-learn', 'skl2onnx', 'onnx', 'onnxruntime')
 
@@ -90,6 +91,7 @@ def train(
     false_alarm_rate: float = 0.05,
     stop_error_rate: float = 0.05,
     score: Score | None = None,
+    choice: FeatureChoice | None = None,
 ) -> Trained:
     """Fit a classifier to all the trials of a table, and calibrate its answers.
 
@@ -114,6 +116,8 @@ def train(
         Share of wrong answers among those given before the window is full [1].
     score : Score, optional
         What cross-validation said of the same classifier and scaling.
+    choice : FeatureChoice, optional
+        By which features, classifier and scaling were chosen.
 
     Raises
     ------
@@ -155,9 +159,9 @@ def train(
         raise DatasetError(f'early predictions need calibrated ones: {stated["reason"]}')
     raw = bool(calibrated) and not partial and calibrated[0].choice.keeps_raw
     if calibrated:
-        choice = dataclasses.asdict(calibrated[0].choice)
-        del choice['keeps_raw']
-        stated['scores'] = {'kept': 'raw' if raw else 'calibrated', **choice}
+        losses = dataclasses.asdict(calibrated[0].choice)
+        del losses['keeps_raw']
+        stated['scores'] = {'kept': 'raw' if raw else 'calibrated', **losses}
     stages = [
         FittedStage(
             sample_count=count,
@@ -184,7 +188,9 @@ def train(
         training_sha256=table.compute_sha256(),
         trials=len(table),
         versions=_versions(),
-        cross_validation=_summary(score),
+        cross_validation=_summary(
+            score, choice, Candidate(table.spec.feature_set, classifier, scaling)
+        ),
         created=datetime.datetime.now(datetime.timezone.utc).isoformat(timespec='seconds'),
         stages=tuple(
             Stage(
@@ -287,10 +293,13 @@ def _only_contact(table: FeatureTable) -> str:
     return str(contacts[0]) if len(contacts) == 1 else ''
 
 
-def _summary(score: Score | None) -> dict[str, Any]:
+def _summary(
+    score: Score | None, choice: FeatureChoice | None, chosen: Candidate
+) -> dict[str, Any]:
     if score is None:
         return {}
-    return {key: getattr(score, key) for key in ('mean', 'spread', 'spread_of', 'split')}
+    stated = {key: getattr(score, key) for key in ('mean', 'spread', 'spread_of', 'split')}
+    return stated if choice is None else {**stated, 'choice': choice.summarise(chosen)}
 
 
 def _versions() -> dict[str, str]:

@@ -12,7 +12,7 @@ from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import stratified_split
 from tactile_classifier.errors import DatasetError
 from tactile_classifier.estimators import random_convolution_classifier
-from tactile_classifier.training.feature_choice import choose_candidate
+from tactile_classifier.training.feature_choice import Candidate, check_candidate, choose_candidate
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 
@@ -40,9 +40,13 @@ def test_the_better_set_is_chosen(monkeypatch):
     assert others[0].accuracy < choice.best.accuracy
     assert choice.nested_accuracy == choice.best.accuracy
     assert choice.picks == ((choice.best.candidate, 3),)
-    assert len(choice.ranking) == 9
+    assert len(choice.ranking) == 8  # a tree needs no scaling
     assert all(score.fold_s > 0 for score in choice.ranking)
     assert choice.to_dict()['ranking'][0]['classifier'] == 'rocket'
+    stated = choice.summarise(choice.best.candidate)
+    assert (stated['candidates'], stated['accuracy']) == (8, choice.nested_accuracy)
+    assert stated['runner_up']['feature_set'] == 'texture_spectrum'
+    assert stated['runner_up']['difference'] == others[0].accuracy - choice.best.accuracy
 
 
 def test_of_noise_the_best_looks_better_than_the_choice_inside_the_folds():
@@ -61,3 +65,32 @@ def test_tables_of_other_trials_are_refused():
     other = dataclasses.replace(table, labels=table.labels[::-1])
     with pytest.raises(DatasetError, match='table of other is not of the same trials'):
         choose_candidate({'one': table, 'other': other}, stratified_split(table, 3, 1))
+
+
+def test_a_stated_scaling_is_the_only_one():
+    table = make_table('texture_spectrum', 1.0, 1, trials=24)
+    choice = choose_candidate({'one': table}, stratified_split(table, 3, 1), scaling='standard')
+    scalings = {s.candidate.classifier: s.candidate.scaling for s in choice.ranking}
+    assert scalings == {
+        'knn': 'standard',
+        'svm_linear': 'standard',
+        'svm_rbf': 'standard',
+        'tree': 'none',
+    }
+
+
+def test_folds_inside_share_convolutions_and_nothing_of_the_labels(monkeypatch):
+    monkeypatch.setattr(random_convolution_classifier, 'FEATURES', 168)
+    table = make_table('glide_waveform', 0.0, 1, trials=48)
+    split = stratified_split(table, 3, 1)
+    (fold, *_) = split.repeats[0]
+    inner = split.divide_again(fold[0], table.labels, 0, 6)
+    named = [
+        check_candidate(Candidate('glide_waveform', 'rocket', 'none'), each, fold, inner)
+        for each in (
+            dataclasses.replace(table, labels=np.random.default_rng(i).permutation(table.labels))
+            for i in range(20)
+        )
+    ]
+    share = np.mean([answer.inner_right for answer in named]) / len(fold[0])
+    assert share == pytest.approx(1 / 3, abs=0.07)

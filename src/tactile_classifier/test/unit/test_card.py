@@ -14,10 +14,14 @@ import pytest
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
 from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.datasets.splits import stratified_split
 from tactile_classifier.errors import ModelFileError
+from tactile_classifier.evaluation.cross_validation import evaluate
 from tactile_classifier.model_file.card import describe_model, list_limits, render_card
 from tactile_classifier.model_file.inference import read_model_card
 from tactile_classifier.model_file.manifest import Manifest
+from tactile_classifier.names import CLASSIFIER_TITLES
+from tactile_classifier.training.feature_choice import choose_candidate
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.recalibrated_model import write_recalibrated
 from tactile_classifier.training.trainer import describe_training, train
@@ -37,6 +41,28 @@ def test_file_holds_the_card_of_its_manifest(small_table, tmp_path):
     assert card == render_card(model.manifest)
     assert '- answers: texture, flexion: plate 0, plate 1, plate 2\n' in card
     assert 'SIMULATED trials say nothing of a real finger.' in card
+
+
+def test_card_says_what_was_chosen_and_what_unlearned_labels_do(texture_table):
+    table = texture_table.take(np.arange(480) % 4 == 0)
+    split = stratified_split(table, 2, 1)
+    choice = choose_candidate({'texture_spectrum': table}, split, scaling='standard')
+    chosen = choice.best.candidate
+    score = evaluate(table, [chosen.classifier], [chosen.scaling], repetitions=1).scores[0]
+    manifest = train(table, chosen.classifier, chosen.scaling, score=score, choice=choice).manifest
+    facts = describe_model(manifest)
+    runner_up = choice.find_runner_up(chosen)
+    assert facts['chosen'].startswith(
+        'from 4 sets of features with classifiers; such a choice names '
+        f'{100 * choice.nested_accuracy:.1f} % correctly (stratified 2-fold, once); '
+        f'runner-up: texture_spectrum, {CLASSIFIER_TITLES[runner_up.candidate.classifier]}, '
+    )
+    assert facts['unlearned labels'] == (
+        f'{100 * manifest.calibration["unlearned"]["miss_rate"]:.0f} % of their trials get a '
+        'known name: each of 8 labels left out in turn'
+    )
+    stated = describe_model(train(table, 'knn').manifest)
+    assert stated['chosen'] == 'features and classifier as stated, not by the folds'
 
 
 def test_conditions_come_from_the_training_trials(small_table):
