@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Plots of what a finger felt: trials in time, the spectra of the plates.
+"""Plots of signals: one trial in time, the spectra of the plates.
 
 `draw_strain` and `draw_spectrum` draw on axes of whoever calls; the report does.
 """
@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 TRACE_COLOUR = '#2a6fb0'
 MARK_COLOUR = '#c0392b'
+
+UNKNOWN_UNITS = ('', 'raw')
+"""Units of a recording that states none."""
 
 _PHASE_COLOURS = {
     'contact': '#4a90d9',
@@ -91,7 +94,7 @@ def plot_signals(
         axes.set(
             title=title,
             xlabel='sample (the rate is not known)' if signal.time_s is None else 'time [s]',
-            ylabel=f'signal [{signal.unit}]' if signal.unit else 'signal (unit not known)',
+            ylabel=label_axis('signal', signal.unit),
         )
         if 1 < len(signal.values) <= 10:
             axes.legend()
@@ -164,8 +167,8 @@ def draw_strain(
 
 
 def label_axis(quantity: str, unit: str) -> str:
-    """Return the label of an axis; an empty unit or ``raw`` is not known."""
-    return f'{quantity}, unit not known' if unit in ('', 'raw') else f'{quantity} [{unit}]'
+    """Return the label of an axis, which says so where the unit is not known."""
+    return f'{quantity} (unit not known)' if unit in UNKNOWN_UNITS else f'{quantity} [{unit}]'
 
 
 def shade_phases(axes: Axes, phases: Sequence[tuple[str, float, float]]) -> None:

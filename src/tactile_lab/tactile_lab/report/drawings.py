@@ -19,7 +19,14 @@ from tactile_classifier.evaluation.cross_validation import Score
 from tactile_classifier.evaluation.early_answers import StoppingEvaluation
 from tactile_classifier.evaluation.open_set import OpenSetEvaluation
 from tactile_classifier.names import CLASSIFIER_TITLES, SCALING_TITLES, short_scaling
-from tactile_lab.plots import draw_spectrum, draw_strain, label_axis, MARK_COLOUR, TRACE_COLOUR
+from tactile_lab.plots import (
+    draw_spectrum,
+    draw_strain,
+    label_axis,
+    MARK_COLOUR,
+    TRACE_COLOUR,
+    UNKNOWN_UNITS,
+)
 from tactile_lab.report.analysis import SetResult
 from tactile_lab.report.published import is_the_papers, lowest_published
 from tactile_lab.report.recordings import TrialExample
@@ -161,7 +168,7 @@ def draw_textures(result: SetResult, components: Components) -> Drawing:
         right[-1].set_xlabel(components.title)
 
     strongest = '; '.join(
-        f'{table.labels[row]}: {np.std(signal):.3g} {unit}, '
+        f'{table.labels[row]}: {_quantity(np.std(signal), unit)}, '
         f'{components.frequency[np.argmax(amplitude)]:.3g} {components.unit}'
         for row, signal, amplitude in zip(rows, signals, amplitudes, strict=True)
     )
@@ -198,8 +205,8 @@ def draw_holds(result: SetResult) -> Drawing:
         figure.supylabel(label_axis('signal', recordings.unit), fontsize=8.5)
 
     slopes = '; '.join(
-        f'{table.labels[each.row]}: {line.convert().coef[0]:.3g} {recordings.unit}, '
-        f'{line.convert().coef[-1]:+.3g} {recordings.unit}/s'
+        f'{table.labels[each.row]}: {_quantity(line.convert().coef[0], recordings.unit)}, '
+        f'{_quantity(line.convert().coef[-1], recordings.unit)}/s'
         for each, line in zip(examples, lines, strict=True)
     )
     return render(
@@ -584,6 +591,10 @@ def draw_stopping(found: Sequence[tuple[SetResult, StoppingEvaluation]]) -> Draw
 
 def _classifier(score: Score) -> str:
     return f'{CLASSIFIER_TITLES[score.classifier]}, {short_scaling(score.scaling)}'
+
+
+def _quantity(value: float, unit: str) -> str:
+    return f'{value:.3g}' if unit in UNKNOWN_UNITS else f'{value:.3g} {unit}'
 
 
 def _percent(share: float) -> str:

@@ -18,9 +18,9 @@ from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_features.spec import spec_for
 from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.datasets.feature_options import select_features
-from tactile_lab.plots import label_axis
 from tactile_lab.report.analysis import analyse, in_unit
 from tactile_lab.report.build import build_page, fill_template, report_path, write_report
+from tactile_lab.report.drawings import draw_textures
 from tactile_lab.report.published import compare_with_paper, format_design, LABELS
 from tactile_lab.report.recordings import array_examples, bag_sets, RecordingSet
 from tactile_lab.report.significance import find_components
@@ -146,7 +146,7 @@ def test_each_figure_has_the_numbers_of_its_message_as_text(page, textures):
     accuracy, confusion, signals = labels[:3]
     assert f'{100 * textures.plain.score("knn", "none").mean:.1f} %, stratified' in accuracy
     assert 'coarse 100 %' in confusion
-    assert re.search(r'coarse: [\d.]+ raw, 5 Hz', signals)
+    assert re.search(r'coarse: [\d.]+, 5 Hz', signals)
 
 
 def test_figures_that_a_phone_cannot_show_whole_say_that_they_scroll(page):
@@ -323,9 +323,22 @@ def test_page_escapes_whatever_it_is_given(textures):
         fill_template('report.html', title='a page without its values')
 
 
-def test_axes_name_the_unit_or_say_that_it_is_not_known():
-    assert label_axis('signal', 'mN') == 'signal [mN]'
-    assert label_axis('signal', '') == 'signal, unit not known'
+@pytest.mark.parametrize(
+    ('unit', 'axis', 'size'),
+    [
+        ('N', 'amplitude [mN]', r'coarse: [\d.]{3} mN, 5 Hz'),
+        ('mV', 'amplitude [mV]', r'coarse: 0\.7\d* mV, 5 Hz'),
+        ('', 'amplitude (unit not known)', r'coarse: 0\.7\d*, 5 Hz'),
+    ],
+)
+def test_figures_have_the_unit_of_the_recordings_or_say_that_it_is_not_known(
+    textures, unit, axis, size
+):
+    recordings = dataclasses.replace(textures.recordings, unit=unit)
+    components = find_components(recordings.table.spec)
+    drawing = draw_textures(dataclasses.replace(textures, recordings=recordings), components)
+    assert f'>{axis}</text>' in drawing.svg
+    assert re.search(size, drawing.svg)
 
 
 def test_textures_of_the_paper_are_held_against_its_figure_8(textures):
