@@ -482,7 +482,9 @@ class Recording:
         """
         from tactile_bags.sources.long_table import build_long_table  # pyarrow is slow to import
 
-        return build_long_table(self._named_trials(), self.rate_hz)
+        # Elsewhere the times say it; a nominal rate may differ from theirs.
+        stated_hz = None if self._arrays is None else self.rate_hz
+        return build_long_table(self._named_trials(), stated_hz)
 
     def to_frame(self) -> Any:
         """Return `to_table` as a pandas.DataFrame.

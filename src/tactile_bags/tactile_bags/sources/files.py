@@ -299,6 +299,8 @@ def _walk(path: Path, root: Path) -> Iterator[Leaf]:
         if kind is not None:
             yield Leaf(path, root, kind)
         return
+    if not path.is_dir():  # a pipe, which would never end
+        return
     if is_experiment(path):
         yield from (Leaf(leaf.path, root, Kind.BAG) for leaf in _list_experiment(path))
         return

@@ -146,9 +146,10 @@ def find_fault(trial: RawTrial, rate_hz: float | None) -> str:
 
 
 def _choose_rate(trials: Sequence[RawTrial], rate_hz: float | None, notes: Notes) -> float:
-    stated = {trial.stated_rate_hz for trial in trials}
-    if rate_hz is None and len(stated) == 1 and (one := stated.pop()) is not None:
-        return one
+    stated, source = {trial.stated_rate_hz for trial in trials}, '--rate-hz says'
+    way_out = 'leave the option out, or '
+    if rate_hz is None and len(stated) == 1:
+        rate_hz, source, way_out = stated.pop(), 'the file says', ''
     found = [(1.0 / period_s, t) for t in trials if (period_s := _period_s(t.time_s)) > 0.0]
     if not found:
         if rate_hz is None:
@@ -161,8 +162,8 @@ def _choose_rate(trials: Sequence[RawTrial], rate_hz: float | None, notes: Notes
         worst = int(np.argmax(np.abs(np.log(rates / rate_hz))))
         if abs(rates[worst] / rate_hz - 1.0) > RATE_TOLERANCE:
             raise SourceError(
-                f'--rate-hz says {rate_hz:g} Hz, and the stamps of trial {found[worst][1].name} '
-                f'say {rates[worst]:.6g} Hz; leave the option out, or state the unit of the times '
+                f'{source} {rate_hz:g} Hz, and the stamps of trial {found[worst][1].name} '
+                f'say {rates[worst]:.6g} Hz; {way_out}state the unit of the times '
                 '(--column time=NAME:ms). `tactile evaluate`, `train`, `compare` and `features` '
                 'change the rate with --resample-hz'
             )

@@ -167,7 +167,11 @@ def read_table(path: Path, options: SourceOptions = SourceOptions()) -> Table:  
         frozenset(times),
         form is None or form.is_named,
         nested,
-        {n: metadata[UNIT].decode() for n, metadata in stated.items() if UNIT in metadata},
+        {
+            n: metadata[UNIT].decode(errors='replace')
+            for n, metadata in stated.items()
+            if UNIT in metadata
+        },
         tuple(n for n, metadata in stated.items() if metadata.get(ROLE) == b'value'),
         rate_hz,
     )
@@ -176,11 +180,10 @@ def read_table(path: Path, options: SourceOptions = SourceOptions()) -> Table:  
 def _stated_rate_hz(metadata: Any) -> float | None:
     """Return the sample rate in the metadata of a table that `Recording.to_table` made."""
     try:
-        stated = json.loads((metadata or {}).get(METADATA_KEY, b'{}')).get('rate_hz')
-    except (ValueError, AttributeError, RecursionError):
+        rate_hz = float(json.loads((metadata or {}).get(METADATA_KEY, b'{}'))['rate_hz'])
+    except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
         return None
-    is_rate = isinstance(stated, (int, float)) and 0.0 < stated < float('inf')
-    return float(stated) if is_rate else None
+    return rate_hz if 0.0 < rate_hz < float('inf') else None
 
 
 def _read_parquet(path: Path) -> tuple[pyarrow.Table, tuple[str, ...]]:

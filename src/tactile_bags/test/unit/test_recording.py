@@ -3,7 +3,9 @@
 
 """Recordings of any kind as one class: what was written must come back, and be read once."""
 
+import importlib.util
 import json
+import os
 
 import numpy as np
 import pyarrow.csv
@@ -125,6 +127,42 @@ def test_the_long_table_is_read_back_equal(tmp_path, suffix):
     assert one.label.tolist() == two.label.tolist()
     for name, column in one.columns.items():
         assert column.tolist() == two.columns[name].tolist()
+
+
+def test_a_stated_rate_that_the_times_do_not_have_is_refused(tmp_path):
+    write_archive(tmp_path / 'a.npz')
+    table = Recording.load(tmp_path / 'a.npz').to_table()
+    for stated, problem in (
+        (b'{"rate_hz": 50.0}', 'the file says 50 Hz, and the stamps of trial 3 say 100 Hz'),
+        (b'{"rate_hz": "x"}', ''),
+        (b'[' * 100_000, ''),
+        (b'{"rate_hz": 1e999}', ''),
+    ):
+        changed = table.replace_schema_metadata({b'tactile': stated})
+        pyarrow.parquet.write_table(changed, tmp_path / 'b.parquet')
+        recording = Recording.load(tmp_path / 'b.parquet')
+        if problem:
+            with pytest.raises(SourceError, match=problem):
+                recording.to_arrays()
+        else:
+            assert recording.to_arrays().rate_hz == 100.0
+
+
+def test_a_pipe_is_no_recording(tmp_path):
+    os.mkfifo(tmp_path / 'pipe.csv')
+    with pytest.raises(SourceError, match='are not known'):
+        Recording.load(tmp_path / 'pipe.csv')
+    with pytest.raises(SourceError, match='there are no recordings in it'):
+        Recording.load(tmp_path)
+
+
+def test_a_frame_needs_pandas(tmp_path):
+    recording = Recording.load(write_archive(tmp_path / 'a.npz'))
+    if importlib.util.find_spec('pandas'):
+        assert len(recording.to_frame()) == recording.to_table().num_rows
+    else:
+        with pytest.raises(SourceError, match='to_frame needs pandas'):
+            recording.to_frame()
 
 
 def test_a_list_file_stands_for_its_recordings(tmp_path):

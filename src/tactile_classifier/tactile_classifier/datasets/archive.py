@@ -10,7 +10,7 @@ padded, with ``length``, or joined, with ``offsets``: see `archive_layout`. No p
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 import dataclasses
 from fractions import Fraction
 import math
@@ -28,11 +28,16 @@ from tactile_classifier.datasets.archive_layout import (
     take_unit,
     unpack_signals,
 )
-from tactile_classifier.datasets.archive_quality import describe_doubts, find_unusable
 from tactile_classifier.errors import DatasetError
 
 MAX_ARCHIVE_BYTES = 2**30
 """Archives whose arrays take more than this are not loaded [byte]."""
+
+MAX_MAGNITUDE = 1e100
+"""Largest absolute value in an archive [its unit]."""
+
+FEW_SAMPLES = 16
+"""Trials of fewer samples are pointed out: a spectrum of them has eight lines at most."""
 
 Array = npt.NDArray[Any]
 
@@ -401,10 +406,74 @@ def trials_from_arrays(
         steps=steps,
         unit=unit,
     )
-    loaded = loaded.drop(find_unusable(path, x, lengths))
+    loaded = loaded.drop(_find_unusable(path, x, lengths))
     if folds and len(np.unique(loaded.label)) < 2:
         raise DatasetError(f'{path} has one class only, "{loaded.label[0]}"; record at least two')
     if len(loaded) < folds:
         raise DatasetError(f'{path} has {len(loaded)} trials, fewer than the {folds} folds')
-    doubts = describe_doubts(path, loaded.x, loaded.lengths, loaded.rows)
+    doubts = _format_doubts(path, loaded.x, loaded.lengths, loaded.rows)
     return dataclasses.replace(loaded, steps=(*loaded.steps, *doubts))
+
+
+def _find_unusable(path: Path, x: Array, lengths: npt.NDArray[np.intp]) -> dict[int, str]:
+    """Return why trials cannot be used, by row; padding does not count."""
+    if x.dtype.kind != 'f':
+        return {}
+    unusable = {}
+    for row, (trial, count) in enumerate(zip(x, lengths.tolist(), strict=True)):
+        # As Python's floats: a limit of 1e100 is beyond float32 and would warn there.
+        low, high = float(trial[:, :count].min()), float(trial[:, :count].max())
+        if not (math.isfinite(low) and math.isfinite(high)):
+            bad = ~np.isfinite(trial[:, :count])
+            channel, sample = (int(i) for i in np.argwhere(bad)[0])
+            unusable[row] = (
+                f'x in {path.name} is not finite at {bad.sum()} of {bad.size} samples, first '
+                f'channel {channel}, sample {sample}'
+            )
+        elif max(-low, high) > MAX_MAGNITUDE:
+            unusable[row] = (
+                f'x in {path.name} goes beyond {MAX_MAGNITUDE:g}, whose squares would overflow; '
+                'scale it'
+            )
+    return unusable
+
+
+def _format_doubts(
+    path: Path, x: Array, lengths: npt.NDArray[np.intp], rows: npt.NDArray[np.intp]
+) -> tuple[str, ...]:
+    """Return what is odd about trials that can be used: constant channels, very few samples.
+
+    Raises
+    ------
+    DatasetError
+        When every channel of every trial is constant, or all trials hold the same samples.
+    """
+    # A channel that keeps its first value up to the trial's end is constant.
+    padding = np.arange(x.shape[2]) >= lengths[:, None, None]
+    constant = ((x == x[:, :, :1]) | padding).all(axis=2)
+    if constant.all():
+        raise DatasetError(f'{path}: every trial is constant, so it holds no signal')
+    same = lengths[0] == lengths.min() == lengths.max()
+    if same and len(x) > 1 and all(np.array_equal(x[0], trial) for trial in x[1:]):
+        raise DatasetError(
+            f'{path}: all {len(x)} trials hold the same samples, so they were read or written '
+            'wrongly; look at the columns that were taken, and at the separator of a text table'
+        )
+    doubts = [
+        f'warning: channel {channel} is constant in {_name_rows(rows[flat])}'
+        for channel, flat in enumerate(constant.T)
+        if flat.any()
+    ]
+    short = lengths < FEW_SAMPLES
+    if short.any():
+        doubts.append(
+            f'warning: fewer than {FEW_SAMPLES} samples in {_name_rows(rows[short])}, the fewest '
+            f'{lengths.min()}'
+        )
+    return tuple(doubts)
+
+
+def _name_rows(rows: Sequence[Any] | Array) -> str:
+    named = ', '.join(str(row) for row in rows[:5])
+    more = f' and {len(rows) - 5} more' if len(rows) > 5 else ''
+    return f'{len(rows)} trial{"s" if len(rows) > 1 else ""} (row {named}{more})'
