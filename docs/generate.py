@@ -15,7 +15,7 @@ import matplotlib as mpl
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_features.feature_sets.stiffness_regression import compute_regression
+from tactile_features.feature_sets.stiffness import compute_regression
 import tactile_sim
 from tactile_sim.physics import layout as at
 from tactile_sim.physics.equations import compute_curve

@@ -13,7 +13,7 @@ import numpy as np
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_features.config import FeatureConfig
-from tactile_features.phases.signal_phases import find_phases
+from tactile_features.phases import find_phases
 from tactile_lab.simulation.simulated_trials import plan_trial
 from tactile_sim.physics.trials import simulate_trials
 

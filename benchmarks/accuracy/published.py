@@ -24,7 +24,7 @@ from benchmarks.simulator.trials import CONTACTS, find_window
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_classifier.evaluation.significance import rank_sum_p_values
-from tactile_features.feature_sets.stiffness_regression import compute_regression
+from tactile_features.feature_sets.stiffness import compute_regression
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_lab.simulation.simulated_trials import plan_trial
 from tactile_sim.descriptions.catalogue import Catalogue

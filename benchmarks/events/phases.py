@@ -22,7 +22,7 @@ from benchmarks.measuring import Report, Row
 from tactile_classifier.estimators.classifiers import build_estimator, CLASSIFIERS, DEFAULT_SCALING
 from tactile_features.config import FeatureConfig
 from tactile_features.extraction.extractor import TrialFeatureExtractor
-from tactile_features.phases.signal_phases import find_phases
+from tactile_features.phases import find_phases
 from tactile_features.records import FeatureWindow, Outcome, TrialEvent
 from tactile_ros.strain import StrainBlock
 

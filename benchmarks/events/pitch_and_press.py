@@ -16,13 +16,7 @@ from benchmarks.measuring import Report, Row
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_features.errors import UndefinedFeatureError
-from tactile_features.measures.pitch import find_ripple
-from tactile_features.measures.press import (
-    measure_press,
-    measure_relaxation,
-    Press,
-    Value,
-)
+from tactile_features.measures import find_ripple, measure_press, measure_relaxation, Press, Value
 from tactile_sim.descriptions.catalogue import default_catalogue
 
 SEED = 1000

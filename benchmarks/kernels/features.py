@@ -19,7 +19,7 @@ import scipy.stats
 from benchmarks.measuring import measure_ratio, Report, Row
 from tactile_features.config import FeatureConfig
 from tactile_features.extraction.extractor import TrialFeatureExtractor
-from tactile_features.feature_sets.stiffness_regression import compute_regression
+from tactile_features.feature_sets.stiffness import compute_regression
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum, WINDOWS
 from tactile_features.records import TrialEvent
 from tactile_ros.strain import StrainBlock

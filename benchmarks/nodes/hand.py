@@ -17,14 +17,7 @@ import numpy as np
 
 from benchmarks.measuring import Report, Row
 from benchmarks.nodes.hand_commands import COMMANDS, measure_commands
-from benchmarks.nodes.hand_processes import (
-    Case,
-    collect,
-    publish,
-    STARTUP_S,
-    Work,
-    work,
-)
+from benchmarks.nodes.hand_processes import Case, collect, publish, STARTUP_S, Work, work
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train

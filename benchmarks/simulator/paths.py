@@ -8,21 +8,11 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.measuring import Report, Row
-from benchmarks.simulator.trials import (
-    CONTACTS,
-    draw_trials,
-    FloatArray,
-    time_best,
-    TrialSet,
-)
-from tactile_features.feature_sets.stiffness_regression import compute_regression
+from benchmarks.simulator.trials import CONTACTS, draw_trials, FloatArray, time_best, TrialSet
+from tactile_features.feature_sets.stiffness import compute_regression
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.physics.motion import plan_timeline
-from tactile_sim.physics.trials import (
-    Plant,
-    simulate_trials,
-    STEPS_PER_SAMPLE,
-)
+from tactile_sim.physics.trials import Plant, simulate_trials, STEPS_PER_SAMPLE
 from tactile_sim.physics.variation import Variation
 from tactile_sim.rig import PalpationRig, STEP_S
 

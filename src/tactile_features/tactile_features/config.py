@@ -12,9 +12,8 @@ from itertools import pairwise
 from typing import Any
 
 from tactile_features.errors import FeatureError
-from tactile_features.feature_sets.feature_set import FeatureSet
+from tactile_features.feature_sets.feature_set import FeatureSet, WindowParameters
 from tactile_features.feature_sets.registry import check_choice, CHOOSER
-from tactile_features.parameters import WindowParameters
 from tactile_features.records import (
     CONTACT_ABDUCTION,
     CONTACT_FLEXION,

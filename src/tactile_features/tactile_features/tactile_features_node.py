@@ -20,8 +20,7 @@ from tactile_features.conversions import (
     specifications_to_msg,
     strain_block_from_msg,
 )
-from tactile_features.extraction.extractor import TrialFeatureExtractor
-from tactile_features.extraction.sample_timeout import SampleTimeout
+from tactile_features.extraction.extractor import SampleTimeout, TrialFeatureExtractor
 from tactile_features.model_contract import plan_features
 from tactile_features.records import FeatureWindow, Outcome, PHASE_ABORTED, TrialEvent
 from tactile_features.spec import FeatureSpecifications

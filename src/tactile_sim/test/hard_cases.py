@@ -15,10 +15,7 @@ from scenery import change, CONTACT_GUIDE_M, free_scene, object_scene, plate_sce
 
 from tactile_sim.descriptions.description import Body, Branch, Plate
 from tactile_sim.physics import layout as at
-from tactile_sim.physics.scene import (
-    build_plate_surface,
-    build_scene,
-)
+from tactile_sim.physics.scene import build_plate_surface, build_scene
 
 STEP_S = 1 / 960
 FINER = 40

@@ -12,17 +12,17 @@ from collections import deque
 from collections.abc import Callable, Sequence
 import dataclasses
 import heapq
+import time
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError, UndefinedFeatureError
-from tactile_features.extraction.partial_window import PartialWindow
-from tactile_features.extraction.phase_window import format_clock_step, PhaseWindow
+from tactile_features.extraction.phase_window import format_clock_step, PartialWindow, PhaseWindow
 from tactile_features.feature_sets.feature_set import FeatureSet, WindowSamples
 from tactile_features.feature_sets.registry import find_feature_set
-from tactile_features.phases.signal_phases import SignalPhases
+from tactile_features.phases import SignalPhases
 from tactile_features.records import (
     FeatureWindow,
     Outcome,
@@ -46,6 +46,9 @@ from tactile_ros.strain import StrainBlock
 
 GRACE_S = 0.5
 """Longest time that a sample takes to arrive; only after it does a sample count as missing."""
+
+_SET_BACK = 'the clock of the samples was set back'
+LONGEST_STEP_S = 0.5
 
 
 class _Lane:
@@ -430,9 +433,6 @@ class TrialFeatureExtractor:
         return windows
 
 
-_SET_BACK = 'the clock of the samples was set back'
-
-
 def _begins_again(begun: TrialEvent, event: TrialEvent) -> bool:
     """Return whether the trial is played again, and the phase did not end with this event.
 
@@ -550,3 +550,40 @@ def _compute_each(
 def _times_ns(count: int, rate_hz: float) -> NDArray[np.int64]:
     times_ns: NDArray[np.int64] = np.rint(np.arange(count) * (1e9 / rate_hz)).astype(np.int64)
     return times_ns
+
+
+class SampleTimeout:
+    """Refuses windows whose samples do not come, while nothing else comes that would.
+
+    A window is refused when it has waited `GRACE_S` longer than ``samples_timeout_s`` and no
+    block has come for as long. Where data still come, their stamps decide in the extractor.
+    Time in which nobody asked counts as `LONGEST_STEP_S` at most: in a process that was
+    stopped, samples may have come that it has not looked at.
+
+    Parameters
+    ----------
+    extractor : TrialFeatureExtractor
+    monotonic_s : callable, optional
+        The time [s].
+    """
+
+    def __init__(
+        self, extractor: TrialFeatureExtractor, monotonic_s: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._extractor = extractor
+        self._monotonic_s = monotonic_s
+        self._most_s = extractor.config.samples_timeout_s + GRACE_S
+        self._seen: tuple[int | None, int] = (None, 0)
+        self._asked_s = monotonic_s()
+        self._waited_s = 0.0
+
+    def is_over(self) -> bool:
+        """Return whether to refuse the oldest window that waits; ask several times a second."""
+        now_s = self._monotonic_s()
+        self._waited_s += min(now_s - self._asked_s, LONGEST_STEP_S)
+        self._asked_s = now_s
+        seen = (self._extractor.waits_since_ns, self._extractor.block_count)
+        if seen != self._seen:
+            self._seen = seen
+            self._waited_s = 0.0
+        return seen[0] is not None and self._waited_s > self._most_s

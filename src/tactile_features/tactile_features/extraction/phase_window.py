@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The window that belongs to one finished phase: its samples, their fitness, its features."""
+"""The window of one phase: its samples, their fitness, its features; whole, or its first part."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.feature_set import RATE_TOLERANCE, WindowSamples
-from tactile_features.measures.measured import measure_glide, measure_hold
+from tactile_features.measures import measure_glide, measure_hold
 from tactile_features.records import (
     FeatureWindow,
     Measure,
@@ -363,3 +363,39 @@ def _worst_error_s(samples: Samples) -> float:
     """Return the largest bound on the error of the stamps [s], -1 when one is not known."""
     errors_s = samples['stamp_error_s']
     return float(errors_s.max()) if len(errors_s) and errors_s.min() >= 0.0 else -1.0
+
+
+class PartialWindow(PhaseWindow):
+    """The first ``count`` samples of the texture window of a glide that has begun.
+
+    It supposes that the glide lasts, because nobody knows its end yet: so it is the same
+    whether the event of the end comes before or after the samples. Whether the glide
+    lasted, the window of the finished phase says.
+
+    Parameters
+    ----------
+    start : TrialEvent
+        The start of the glide.
+    count : int
+        Samples in this part of the window.
+    config : FeatureConfig
+    """
+
+    def __init__(self, start: TrialEvent, count: int, config: FeatureConfig) -> None:
+        super().__init__(start, start, config)
+        self._whole, self._wanted = self._set.sample_count, count
+
+    def take(self, buffer: SampleBuffer) -> FeatureWindow | None:
+        """Return the window, or None while its samples have not all come."""
+        if self._no_window:
+            return self.refuse(Outcome.UNDEFINED, self._no_window)
+        cut = self._first_samples(buffer)
+        if cut is None:
+            return None
+        return self._refuse_evicted(buffer) or self._assess(cut)
+
+    def _compute(self, samples: WindowSamples) -> NDArray[np.float64]:
+        return self._set.compute_part(samples, self._whole)
+
+    def _window(self, *args: Any) -> FeatureWindow:
+        return dataclasses.replace(super()._window(*args), partial=True)

@@ -16,21 +16,11 @@ from typing import Any
 
 from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.feature_set import FeatureSet
-from tactile_features.feature_sets.stiffness_regression import StiffnessRegression
-from tactile_features.feature_sets.stiffness_relaxation import StiffnessRelaxation
+from tactile_features.feature_sets.stiffness import StiffnessRegression, StiffnessRelaxation
 from tactile_features.feature_sets.texture_spatial import TextureSpatial
 from tactile_features.feature_sets.texture_spectrum import TextureSpectrum
-from tactile_features.feature_sets.waveforms import (
-    GlideWaveform,
-    HoldWaveform,
-    SpatialWaveform,
-)
-from tactile_features.records import (
-    PHASE_GLIDE,
-    PHASE_HOLD,
-    PROTOCOL_STIFFNESS,
-    PROTOCOL_TEXTURE,
-)
+from tactile_features.feature_sets.waveforms import GlideWaveform, HoldWaveform, SpatialWaveform
+from tactile_features.records import PHASE_GLIDE, PHASE_HOLD, PROTOCOL_STIFFNESS, PROTOCOL_TEXTURE
 
 GROUP = 'tactile.feature_sets'
 """The entry point group in which other packages name their sets."""

@@ -20,10 +20,10 @@ from tactile_features.feature_sets.feature_set import (
     Feature,
     FeatureSet,
     glide_window,
+    WindowParameters,
     WindowSamples,
     WindowSpec,
 )
-from tactile_features.parameters import WindowParameters
 from tactile_features.records import PHASE_GLIDE, SET_TEXTURE_SPATIAL
 
 QUANTILES = 13

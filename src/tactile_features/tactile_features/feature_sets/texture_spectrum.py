@@ -10,12 +10,13 @@ from numpy.typing import ArrayLike
 
 from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.feature_set import (
+    DETRENDS,
     Feature,
     FeatureSet,
     FloatArray,
+    WINDOWS,
     WindowSamples,
 )
-from tactile_features.parameters import DETRENDS, WINDOWS
 from tactile_features.records import PHASE_GLIDE, SET_TEXTURE_SPECTRUM
 
 _BLOCK_WINDOWS = 128

@@ -6,7 +6,7 @@
 import pytest
 from scipy.special import betainc
 
-from tactile_features.measures.beta import incomplete_beta
+from tactile_features.measures import incomplete_beta
 
 
 @pytest.mark.parametrize('a', [0.5, 1.0, 3.5, 75.5, 356.0])

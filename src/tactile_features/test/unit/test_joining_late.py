@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tactile_features import FeatureConfig
-from tactile_features.phases.signal_phases import SignalPhases
+from tactile_features.phases import SignalPhases
 from tactile_features.windows import SAMPLE
 
 RATE_HZ = 60.0

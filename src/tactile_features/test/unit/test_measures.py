@@ -11,11 +11,7 @@ import pytest
 
 from tactile_features import FeatureConfig, TrialEvent, TrialFeatureExtractor
 from tactile_features.errors import UndefinedFeatureError
-from tactile_features.measures.pitch import find_ripple
-from tactile_features.measures.press import (
-    measure_press,
-    measure_relaxation,
-)
+from tactile_features.measures import find_ripple, measure_press, measure_relaxation
 from tactile_ros.strain import StrainBlock
 
 RATE_HZ = 60.0

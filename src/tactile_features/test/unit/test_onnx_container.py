@@ -12,11 +12,7 @@ import pytest
 
 from tactile_features import onnx_container
 from tactile_features.errors import ModelFileError
-from tactile_features.onnx_container import (
-    MAX_CARD_BYTES,
-    open_container,
-    replace_manifest,
-)
+from tactile_features.onnx_container import MAX_CARD_BYTES, open_container, replace_manifest
 
 CARD = '# Model card\n- answers: Möbelstoff\n'
 

@@ -6,12 +6,7 @@
 import numpy as np
 import pytest
 
-from tactile_features.phases.signal_changes import (
-    estimate_noise_n,
-    locate_bend,
-    locate_step,
-    measure_step,
-)
+from tactile_features.phases import estimate_noise_n, locate_bend, locate_step, measure_step
 
 RNG = np.random.default_rng(0)
 TIME_S = np.arange(20) / 60

@@ -21,7 +21,7 @@ from tactile_features import (
     TrialFeatureExtractor,
     WantedFeatures,
 )
-from tactile_features.phases.signal_phases import SignalPhases
+from tactile_features.phases import SignalPhases
 from tactile_ros.strain import StrainBlock, StrainStatus
 
 RATE_HZ = 60.0

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from tactile_features import FeatureConfig, Outcome, TrialEvent, TrialFeatureExtractor
-from tactile_features.extraction.extractor import GRACE_S
-from tactile_features.extraction.sample_timeout import LONGEST_STEP_S, SampleTimeout
+from tactile_features.extraction.extractor import GRACE_S, LONGEST_STEP_S, SampleTimeout
 from tactile_ros.strain import StrainBlock, StrainStatus
 
 S = 1_000_000_000

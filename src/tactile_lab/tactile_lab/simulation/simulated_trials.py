@@ -31,12 +31,7 @@ from tactile_bringup.trial_protocols import (
 )
 from tactile_ros.strain import StrainStatus
 from tactile_sim.descriptions.catalogue import Catalogue
-from tactile_sim.physics.motion import (
-    Move,
-    move_duration_s,
-    plan_timeline,
-    Timeline,
-)
+from tactile_sim.physics.motion import Move, move_duration_s, plan_timeline, Timeline
 from tactile_sim.physics.trials import simulate_trials
 
 SAMPLES_PER_BLOCK = 60

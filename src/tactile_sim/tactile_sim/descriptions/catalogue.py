@@ -5,10 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import (
-    Iterator,
-    Mapping,
-)
+from collections.abc import Iterator, Mapping
 import copy
 import dataclasses
 from dataclasses import dataclass, field
@@ -17,13 +14,7 @@ import hashlib
 import math
 from pathlib import Path
 import re
-from typing import (
-    Any,
-    get_args,
-    get_origin,
-    get_type_hints,
-    TypeVar,
-)
+from typing import Any, get_args, get_origin, get_type_hints, TypeVar
 
 import yaml
 

@@ -9,11 +9,7 @@ import math
 from typing import NamedTuple
 
 from linear_guide_driver.dynamixel import registers as known
-from linear_guide_driver.dynamixel.registers import (
-    COUNTS_PER_TURN,
-    EEPROM_END,
-    Register,
-)
+from linear_guide_driver.dynamixel.registers import COUNTS_PER_TURN, EEPROM_END, Register
 from tactile_sim.descriptions.description import TendonDrive
 from tactile_sim.physics.motion import Motion, plan_move, plan_stop
 

@@ -5,20 +5,12 @@
 
 from __future__ import annotations
 
-from collections.abc import (
-    Callable,
-    Mapping,
-    Sequence,
-)
+from collections.abc import Callable, Mapping, Sequence
 import math
 import random
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
-from tactile_sim.devices.dynamixel import (
-    DynamixelDevice,
-    encode_status,
-    HEADER,
-)
+from tactile_sim.devices.dynamixel import DynamixelDevice, encode_status, HEADER
 from tactile_sim.devices.grbl import GrblDevice
 from tactile_sim.devices.load_cell import LoadCellDevice
 from tactile_sim.errors import RigError

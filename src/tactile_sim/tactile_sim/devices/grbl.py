@@ -11,20 +11,8 @@ from itertools import pairwise
 import math
 
 from tactile_sim.descriptions.description import Guide
-from tactile_sim.devices.gcode import (
-    Command,
-    GcodeError,
-    Modal,
-    parse_gcode,
-    strip_line,
-)
-from tactile_sim.physics.motion import (
-    Motion,
-    plan_legs,
-    plan_ramp,
-    plan_stop,
-    Segment,
-)
+from tactile_sim.devices.gcode import Command, GcodeError, Modal, parse_gcode, strip_line
+from tactile_sim.physics.motion import Motion, plan_legs, plan_ramp, plan_stop, Segment
 
 SOFT_LIMITS, HOMING, HOMING_DIRECTION, HOMING_SLOW, HOMING_FAST, PULL_OFF = 20, 22, 23, 24, 25, 27
 REPORT_MASK, STEPS_PER_MM, MAX_RATE, ACCELERATION, TRAVEL = 10, 100, 110, 120, 130

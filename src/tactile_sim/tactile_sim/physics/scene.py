@@ -10,10 +10,7 @@ profile's greyscale dilation by that circle.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import (
-    cached_property,
-    lru_cache,
-)
+from functools import cached_property, lru_cache
 import math
 from typing import Any
 
@@ -21,19 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_sim.descriptions.catalogue import Catalogue, default_catalogue
-from tactile_sim.descriptions.description import (
-    Body,
-    Finger,
-    Plate,
-    Rig,
-)
+from tactile_sim.descriptions.description import Body, Finger, Plate, Rig
 from tactile_sim.errors import ConvergenceError, DescriptionError
 from tactile_sim.physics import layout as at
-from tactile_sim.physics.equations import (
-    compute_mass_matrix,
-    Constants,
-    NO_MASSES,
-)
+from tactile_sim.physics.equations import compute_mass_matrix, Constants, NO_MASSES
 from tactile_sim.physics.solver import advance_trials
 from tactile_sim.physics.steps import compute_coefficients
 from tactile_sim.physics.variation import Variation

@@ -13,22 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_sim.descriptions.catalogue import Catalogue, default_catalogue
-from tactile_sim.errors import (
-    ConvergenceError,
-    DescriptionError,
-)
+from tactile_sim.errors import ConvergenceError, DescriptionError
 from tactile_sim.physics import layout as at
 from tactile_sim.physics.motion import plan_timeline, Timeline
-from tactile_sim.physics.scene import (
-    build_scene,
-    Scene,
-)
+from tactile_sim.physics.scene import build_scene, Scene
 from tactile_sim.physics.sensing import read_tension
 from tactile_sim.physics.solver import advance_trials
-from tactile_sim.physics.variation import (
-    draw_variation,
-    Variation,
-)
+from tactile_sim.physics.variation import draw_variation, Variation
 
 FloatArray = NDArray[np.float64]
 

@@ -10,14 +10,7 @@ from hypothesis import strategies as st
 import pytest
 
 from tactile_sim.descriptions.catalogue import Catalogue, default_catalogue, list_objects
-from tactile_sim.descriptions.description import (
-    Body,
-    CONTACTS,
-    Finger,
-    HeldObject,
-    Plate,
-    Rig,
-)
+from tactile_sim.descriptions.description import Body, CONTACTS, Finger, HeldObject, Plate, Rig
 from tactile_sim.errors import DescriptionError
 
 FILES = {

@@ -8,11 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from tactile_sim.descriptions.catalogue import (
-    default_catalogue,
-    parse_description,
-    parse_text,
-)
+from tactile_sim.descriptions.catalogue import default_catalogue, parse_description, parse_text
 from tactile_sim.descriptions.description import Body, Finger, HeldObject, Plate, Rig
 from tactile_sim.errors import DescriptionError
 

@@ -12,10 +12,7 @@ import numpy as np
 import pytest
 
 from tactile_sim.descriptions.catalogue import default_catalogue
-from tactile_sim.devices.dynamixel import (
-    DynamixelDevice,
-    encode_status,
-)
+from tactile_sim.devices.dynamixel import DynamixelDevice, encode_status
 from tactile_sim.devices.faults import (
     FaultyLine,
     GuideLine,

@@ -16,8 +16,10 @@ import numpy as np
 from tactile_classifier.datasets.dataset import ALL, FeatureTable
 from tactile_classifier.names import describe_features
 from tactile_classifier.training.feature_choice import Candidate, FeatureChoice
-from tactile_features.feature_sets.stiffness_regression import StiffnessRegression
-from tactile_features.feature_sets.stiffness_relaxation import StiffnessRelaxation
+from tactile_features.feature_sets.stiffness import (
+    StiffnessRegression,
+    StiffnessRelaxation,
+)
 from tactile_features.feature_sets.texture_spectrum import TextureSpectrum
 from tactile_lab.commands.analysis.features import AUTO, choose_automatically, keep_task, Reader
 from tactile_lab.commands.analysis.requests import EvaluateRequest

@@ -12,19 +12,16 @@ often and how exactly they are found: docs/phases.md.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from enum import Enum
+import math
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
-from tactile_features.phases.reduced_signal import ReducedSignal, SLOPE_STEPS
-from tactile_features.phases.signal_changes import (
-    estimate_noise_n,
-    locate_step,
-    measure_step,
-)
 from tactile_features.records import (
     PHASE_ABORTED,
     PHASE_CONTACT,
@@ -39,6 +36,26 @@ from tactile_features.records import (
 )
 from tactile_features.windows import SAMPLE, Samples
 from tactile_ros.strain import StrainStatus
+
+FloatArray = NDArray[np.float64]
+
+_MAD_TO_SIGMA = 1.4826
+"""Standard deviation of a normal distribution over its median absolute deviation."""
+
+_JUMPED_SHARE = 0.3
+"""A sample that has gone this share of a jump is no longer before it."""
+
+REDUCED_HZ = 60.0
+"""Faster streams are averaged down to about this rate."""
+
+MEMORY = 900
+"""Fewest of the last samples that are kept."""
+
+SLOPE_STEPS = 5
+"""Number of steps over which a slope is computed."""
+
+_BEND_BEFORE = 6  # samples before a place in which the bend near it is looked for
+_BEND_AFTER = 6  # and samples behind it
 
 # Chosen on training sessions of the simulator, see docs/phases.md.
 _REST_LEARN = 9  # samples of rest before anything can begin
@@ -61,6 +78,209 @@ _GLIDE_AFTER = (6, 12, 24, 48)  # and samples after it, in turn
 _GLIDE_SIGMAS = 5.0  # how far the tension jumps there
 _GLIDE_SHARE = 0.015  # of the level: and at least this
 _GLIDE_CONFIRM_S = 0.3  # after which a jump is known not to be a release
+
+
+def estimate_noise_n(tension_n: FloatArray) -> float:
+    """Return the standard deviation of the noise, from differences of neighbours [N].
+
+    Their median absolute value knows neither the level nor a drift, and does not see the few
+    samples where something happens. A converter's step, if coarser than the noise, can
+    make it 0.
+    """
+    if len(tension_n) < 2:
+        return 0.0
+    return float(_MAD_TO_SIGMA / math.sqrt(2) * np.median(np.abs(np.diff(tension_n))))
+
+
+def locate_bend(time_s: FloatArray, tension_n: FloatArray, least: int = 3) -> int:
+    """Return the index of the sample where two straight lines meet best.
+
+    Each line is fitted by itself; the sample that is returned belongs to both.
+
+    Parameters
+    ----------
+    time_s, tension_n : ndarray of shape (n,)
+        Samples around one bend, ``n >= 2 * least - 1``.
+    least : int
+        Fewest samples of a line.
+    """
+    errors = [
+        _line_error(time_s[: i + 1], tension_n[: i + 1]) + _line_error(time_s[i:], tension_n[i:])
+        for i in range(least - 1, len(time_s) - least + 1)
+    ]
+    return least - 1 + int(np.argmin(errors))
+
+
+def _line_error(time_s: FloatArray, tension_n: FloatArray) -> float:
+    """Return the squares that a straight line leaves."""
+    t, x = time_s - time_s.mean(), tension_n - tension_n.mean()
+    s_tx = float(t @ x)
+    return float(x @ x) - s_tx * s_tx / float(t @ t)
+
+
+class Step(NamedTuple):
+    """Jump of a line between one sample and the next.
+
+    Attributes
+    ----------
+    height_n : float
+        The jump [N].
+    spread : float
+        Its standard deviation over that of one sample [1].
+    before_n : float
+        What a line of their own leaves of the samples before it, as a standard
+        deviation [N].
+    slope_n_s : float
+        Slope of the line on both sides [N/s].
+    """
+
+    height_n: float
+    spread: float
+    before_n: float
+    slope_n_s: float
+
+
+def measure_step(time_s: FloatArray, tension_n: FloatArray, first_after: int) -> Step:
+    """Return the jump of a straight line that is as steep before as behind.
+
+    Ordinary least squares.
+
+    Parameters
+    ----------
+    time_s, tension_n : ndarray of shape (n,)
+        Time [s] and tension [N].
+    first_after : int
+        Index of the first sample behind the jump, from 3 to ``n - 1``.
+    """
+    time, tension = np.split(time_s, [first_after]), np.split(tension_n, [first_after])
+    centres = [(float(t.mean()), float(x.mean())) for t, x in zip(time, tension, strict=True)]
+    s_tt, s_tx = 0.0, 0.0
+    for t, x, (t0, x0) in zip(time, tension, centres, strict=True):
+        s_tt += float((t - t0) @ (t - t0))
+        s_tx += float((t - t0) @ (x - x0))
+    slope = s_tx / s_tt
+    apart_s = centres[1][0] - centres[0][0]
+    height_n = centres[1][1] - centres[0][1] - slope * apart_s
+    before_n = math.sqrt(max(0.0, _line_error(time[0], tension[0])) / (first_after - 2))
+    share = 1 / len(time[0]) + 1 / len(time[1]) + apart_s * apart_s / s_tt
+    return Step(height_n, math.sqrt(share), before_n, slope)
+
+
+def locate_step(time_s: FloatArray, tension_n: FloatArray, least: int) -> int:
+    """Return the index of the last sample before a jump.
+
+    Where a straight line with a jump fits best; from there back over the samples of a jump
+    that took more than one.
+
+    Parameters
+    ----------
+    time_s, tension_n : ndarray of shape (n,)
+        Samples around one jump.
+    least : int
+        Fewest samples before it, at least 3.
+    """
+    steps = {i: measure_step(time_s, tension_n, i) for i in range(least, len(time_s) - 1)}
+    first_after = max(steps, key=lambda i: abs(steps[i].height_n) / steps[i].spread)
+    step = steps[first_after]
+    level_n = tension_n - step.slope_n_s * time_s
+    share = (level_n - level_n[:first_after].mean()) / step.height_n
+    at = first_after - 1
+    while at > 0 and share[at] > _JUMPED_SHARE:
+        at -= 1
+    return at
+
+
+class ReducedSignal:
+    """Samples in, means of groups of them kept; the answer does not depend on the blocks.
+
+    Parameters
+    ----------
+    rate_hz : float
+        Of the stream [Hz].
+
+    Attributes
+    ----------
+    stamp_ns : list of int
+        Times of the means [ns], rising.
+    tension_n : list of float
+        The means [N].
+    group : int
+        Number of the present group, counted from sequence number 0; negative: none yet.
+    """
+
+    def __init__(self, rate_hz: float) -> None:
+        self._group_size = max(1, round(rate_hz / REDUCED_HZ))
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything: the next samples have nothing to do with the last ones."""
+        self._pending: list[tuple[int, float]] = []
+        self.group = -1
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget the means, but not the group that fills."""
+        self.stamp_ns: list[int] = []
+        self.tension_n: list[float] = []
+
+    def add(self, samples: Samples) -> Iterator[None]:
+        """Take in samples in the order of time; yield after each new mean."""
+        groups = samples['sequence'] // np.uint64(self._group_size)
+        usable = np.isfinite(samples['tension_n'])
+        columns = (samples['stamp_ns'], samples['tension_n'], groups, usable)
+        for stamp_ns, tension_n, group, is_usable in zip(
+            *(column.tolist() for column in columns), strict=True
+        ):
+            if group != self.group:
+                if self._close_group():
+                    yield
+                self.group = group
+            if is_usable:
+                self._pending.append((stamp_ns, tension_n))
+                if len(self._pending) == self._group_size and self._close_group():
+                    yield
+
+    def _close_group(self) -> bool:
+        """Keep the mean of a group as one sample; return whether there is a new one."""
+        count = len(self._pending)
+        if not count:
+            return False
+        stamp_ns = sum(stamp for stamp, _ in self._pending) // count
+        tension_n = sum(tension for _, tension in self._pending) / count
+        self._pending.clear()
+        if self.stamp_ns and stamp_ns <= self.stamp_ns[-1]:
+            return False  # times of arrival can stand still or step back
+        self.stamp_ns.append(stamp_ns)
+        self.tension_n.append(tension_n)
+        if len(self.stamp_ns) > 2 * MEMORY:
+            del self.stamp_ns[:MEMORY], self.tension_n[:MEMORY]
+        return True
+
+    def slope(self) -> float:
+        """Return the slope over the last samples [N/s]."""
+        first = max(-len(self.stamp_ns), -1 - SLOPE_STEPS)
+        elapsed_s = (self.stamp_ns[-1] - self.stamp_ns[first]) / 1e9
+        return (self.tension_n[-1] - self.tension_n[first]) / elapsed_s
+
+    def slopes(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Return where each slope in memory begins [ns], and the slope [N/s]."""
+        stamp_ns = np.array(self.stamp_ns)
+        tension_n = np.array(self.tension_n)
+        first, last = slice(None, -SLOPE_STEPS), slice(SLOPE_STEPS, None)
+        slopes = (tension_n[last] - tension_n[first]) / ((stamp_ns[last] - stamp_ns[first]) / 1e9)
+        return stamp_ns[first], slopes
+
+    def recent(self, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the last samples: time before the last one, negative [s], and tension [N]."""
+        stamp_ns = np.array(self.stamp_ns[-count:])
+        return (stamp_ns - stamp_ns[-1]) / 1e9, np.array(self.tension_n[-count:])
+
+    def locate_bend(self, near: int) -> int:
+        """Return the place of the bend near a place."""
+        first, last = max(0, near - _BEND_BEFORE), near + _BEND_AFTER + 1
+        stamp_ns = np.array(self.stamp_ns[first:last])
+        elapsed_s = (stamp_ns - stamp_ns[0]) / 1e9
+        return first + locate_bend(elapsed_s, np.array(self.tension_n[first:last]))
 
 
 class _State(Enum):
