@@ -25,7 +25,7 @@ from tactile_features.slip import SlipConfig, SlipDetector
 SEED = 4000
 """Apart from the seeds on which the detector was designed and its parameters chosen (1 and 7)."""
 
-THRESHOLDS = {60.0: (4.5, 5.0, 5.5, 6.0), FAST_HZ: (5.0, 6.5, 9.0)}
+THRESHOLDS = {60.0: (4.5, 5.0, 5.5, 6.0), FAST_HZ: (5.5, 6.0, 6.5, 9.0)}
 HOLDS_S = {60.0: (1800.0, 4), FAST_HZ: (300.0, 6)}
 """Length and number of still grips for each contact."""
 SLIDING = ('smooth', 'rough')
