@@ -168,26 +168,34 @@ class Candidate:
 
     def __init__(self, method: Method, x: Array, label: Array) -> None:
         self._method, self._x, self._label = method, x, label
+        start_s = time.perf_counter()
         self._values = None if method.learns else method.fit(x, 0)(x)
+        self._features_s = (time.perf_counter() - start_s) / len(x)
 
-    def measure(self, split: Callable[[int], Split], seeds: int) -> tuple[list[float], float]:
-        """Return the accuracy of each seed [%], and the time of one window [s]."""
+    def measure(
+        self, split: Callable[[int], Split], seeds: int
+    ) -> tuple[list[float], float, float]:
+        """Return the accuracy of each seed [%], and the times of one window and a training [s]."""
         accuracies: list[float] = []
         window_s: list[float] = []
+        training_s: list[float] = []
         for seed in range(seeds):
             right: list[Array] = []
             for train, test in split(seed):
+                start_s = time.perf_counter()
                 transform = self._method.fit(self._x[train], seed)
                 known = self._values
                 values = transform(self._x[train]) if known is None else known[train]
                 estimator = self._method.build(seed).fit(values, self._label[train])
+                before_s = 0.0 if known is None else self._features_s * len(train)
+                training_s.append(time.perf_counter() - start_s + before_s)
                 values = transform(self._x[test]) if known is None else known[test]
                 right.append(estimator.predict(values) == self._label[test])
                 start_s = time.perf_counter()
                 estimator.predict(transform(self._x[test[:1]]))
                 window_s.append(time.perf_counter() - start_s)
             accuracies.append(100 * float(np.mean(np.concatenate(right))))
-        return accuracies, float(np.median(window_s))
+        return accuracies, float(np.median(window_s)), float(np.median(training_s))
 
 
 def compare(
@@ -203,10 +211,11 @@ def compare(
     for method in [*ours, *peers()]:
         candidate = Candidate(method, x, label)
         for split_name, split in splits.items():
-            found, window_s = candidate.measure(split, seeds)
+            found, window_s, training_s = candidate.measure(split, seeds)
             more = {
                 'accuracy, %': f'{np.mean(found):.1f} ({min(found):.1f} to {max(found):.1f})',
                 'window [ms]': 1e3 * window_s,
+                'training [s]': training_s,
             }
             rows.append(Row(f'{title}, {split_name}: {method.name}', more=more))
             sys.stderr.write(f'{rows[-1].case}: {more}\n')  # it takes long
