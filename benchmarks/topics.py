@@ -60,7 +60,9 @@ TOPICS = (
     Topic('hard-plates', 'accuracy.twelve_plates', 'twelve plates, pitches 5 % apart', LONG),
     Topic('speeds', 'accuracy.speeds', 'public recordings at a speed never seen', LONG),
     Topic('peers', 'accuracy.peers', 'features of aeon and tsfresh beside ours', LONG),
-    Topic('speed-error', 'accuracy.speed_error', 'accuracy over time, every set and classifier', LONG),
+    Topic(
+        'speed-error', 'accuracy.speed_error', 'accuracy over time, every set and classifier', LONG
+    ),
     Topic('pitch', 'events.pitch_and_press', 'groove pitch: error, coverage of its uncertainty'),
     Topic('press', 'events.pitch_and_press', 'stiffness and relaxation: error, coverage'),
     Topic('slip', 'events.slip', 'slip detector: misses, latency, false alarms'),

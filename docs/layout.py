@@ -84,7 +84,9 @@ def build_tables(source: Path) -> str:
     for package in (name for layer in LAYERS for name in layer):
         own = [m for m in modules.values() if m.name.startswith(f'{package}.') and m.summary]
         rows = [f'| `{m.name.partition(".")[2]}` | {_as_cell(m.summary)} |' for m in own]
-        head = f'### {package}\n\n{modules[package].summary}\n\n| module | what it is |\n|---|---|\n'
+        head = (
+            f'### {package}\n\n{modules[package].summary}\n\n| module | what it is |\n|---|---|\n'
+        )
         parts.append(head + '\n'.join(rows) + '\n')
     return '\n'.join(parts)
 

@@ -225,7 +225,9 @@ def draw(points: list[Point], path: Path) -> None:
             axes.set_ylim(0, 102)
             axes.grid(alpha=0.25)
         row[0].set_ylabel('accuracy [%]')
-        row[0].set_title(f'{recording}, {held[recording]}; dotted: chance', loc='left', fontsize=10)
+        row[0].set_title(
+            f'{recording}, {held[recording]}; dotted: chance', loc='left', fontsize=10
+        )
         sets = list(dict.fromkeys(p.features for p in own if p.classifier != 'ridge'))
         row[1].legend(
             handles=[Line2D([], [], color=COLOURS[s], marker='o', ls='', label=s) for s in sets],
