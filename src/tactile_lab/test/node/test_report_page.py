@@ -1,0 +1,76 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The report in a real Chromium: on a phone, and on paper."""
+
+from chromium import Chromium, find_chromium
+import numpy as np
+import pytest
+
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_features.config import FeatureConfig
+from tactile_features.spec import spec_for
+from tactile_lab.report.analysis import analyse
+from tactile_lab.report.build import build_page
+from tactile_lab.report.recordings import RecordingSet
+
+pytestmark = pytest.mark.skipif(
+    find_chromium() is None, reason='no Chromium is installed; apt install chromium'
+)
+
+
+@pytest.fixture(scope='module')
+def browser(tmp_path_factory):
+    generator = np.random.default_rng(5)
+    code = np.repeat(np.arange(8), 6)
+    labels = np.array([f'rubber_shell_{i}' for i in code])
+    values = code[:, np.newaxis] + generator.normal(0.0, 1.0, (48, 3))
+    columns = {'session_id': np.arange(48) % 3}
+    table = FeatureTable(values, labels, spec_for('stiffness', FeatureConfig()), columns)
+    recordings = RecordingSet('stiffness', '', True, table, (('session_id',),), 'N')
+    results = analyse([recordings], folds=2, repetitions=1, random_state=0, jobs=1)
+    file = tmp_path_factory.mktemp('report') / 'report.html'
+    file.write_text(build_page(results, [], {'folds': '2'}, {}), encoding='utf-8')
+    with Chromium() as browser:
+        browser.open(file.as_uri())
+        assert browser.console == []
+        yield browser
+
+
+def heights(browser, selector):
+    """Return the heights of some elements [px]."""
+    return browser.evaluate(
+        f'[...document.querySelectorAll({selector!r})].map(e => e.getBoundingClientRect().height)'
+    )
+
+
+def test_phone_shows_the_confusion_matrix_whole_and_says_which_figures_scroll(browser):
+    browser.resize(390, 844)
+    assert browser.evaluate('document.documentElement.scrollWidth') == 390
+    told = browser.evaluate("""
+        [...document.querySelectorAll('figure')].filter(e => e.checkVisibility()).map(figure => {
+            const frame = figure.querySelector('.wide');
+            const hint = figure.querySelector('.hint').getBoundingClientRect().height;
+            return [frame.scrollWidth > frame.clientWidth, hint > 10];
+        })""")
+    assert told[:2] == [[False, False]] * 2  # the picture at the top
+    assert all(scrolls == hint for scrolls, hint in told)
+    assert [True, True] in told
+    browser.resize(1280, 900)
+    assert max(heights(browser, '.hint')) == 0
+
+
+def test_paper_shows_accuracy_tables_provenance_and_opened_sections(browser):
+    browser.call('Emulation.setEmulatedMedia', media='print')
+    try:
+        captions = browser.evaluate(
+            "[...document.querySelectorAll('caption')].filter(e => e.checkVisibility())"
+            '.map(e => e.textContent)'
+        )
+        shown = [caption.split(':')[0].removeprefix('SIMULATED. ') for caption in captions]
+        assert shown == ['accuracy in %', 'accuracy in %', 'recordings', 'feature tables']
+        assert set(heights(browser, 'details')) == {0}
+        browser.evaluate('document.querySelector("details").open = true')
+        assert max(heights(browser, 'details')) > 100
+    finally:
+        browser.call('Emulation.setEmulatedMedia', media='')
