@@ -224,7 +224,7 @@ class McapFile:
             raise BagError('it is an MCAP file, but not one of ROS 2')
 
     def _scan(self) -> None:
-        position = len(MAGIC)
+        position, has_data_end = len(MAGIC), False
         try:
             while not self.is_finished:
                 opcode, length, end = self._head(position)
@@ -235,8 +235,11 @@ class McapFile:
                 elif opcode == _MESSAGE_CODE:
                     end = self._take_run(position, length)
                 elif opcode == Opcode.FOOTER:
+                    if self._claims_end and (not has_data_end or end + len(MAGIC) != self._size):
+                        raise BagError('the end of the data is missing')
                     self.is_finished = self._claims_end
                 else:
+                    has_data_end |= opcode == Opcode.DATA_END
                     try:
                         self._take(opcode, end - length, length)
                     except BagError:
@@ -390,10 +393,9 @@ class _Contents(io.BytesIO):
     """Contents of a record, that do not end silently where a field of it does not."""
 
     def read(self, size: int | None = -1) -> bytes:
-        data = super().read(size)
-        if size is not None and len(data) < size:
+        if size is None or size > len(self.getbuffer()) - self.tell():
             raise BagError('a field goes beyond the end of its record')
-        return data
+        return super().read(size)
 
 
 def _decode(read: Callable[[ReadDataStream], _Record], contents: bytes) -> _Record:
