@@ -464,6 +464,7 @@ class Terminal:
             return True
         if not sys.stdin.isatty():
             self.say('to go on with it: --accept-setup')
+            self.has_given_up = True
             return False
         return self._ask('y: go on with it, Enter: stop') == 'y'
 

@@ -1,0 +1,118 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""`tactile experiment` without a rig: refused calls change nothing, corrections are listed."""
+
+import io
+
+import pytest
+from tactile_command import ask_tactile, hear_tactile
+
+from tactile_lab.commands.experiment import Terminal
+from tactile_lab.commands.output import Output
+from tactile_lab.experiment.folder import ExperimentFolder
+from tactile_lab.experiment.plan import ExperimentPlan
+
+
+@pytest.fixture
+def folder(tmp_path):
+    folder = ExperimentFolder(tmp_path / 'grooves')
+    folder.set_up(ExperimentPlan('grooves', 'texture', ('R1', 'R2'), mountings=1, trials=1))
+    folder.open_journal().close()
+    return folder
+
+
+def contents(folder):
+    files = (path for path in folder.path.rglob('*') if path.is_file())
+    return {path.name: path.read_bytes() for path in files}
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'sentence'),
+    [
+        (['--append', 'grooves-s09', '--simulated', '--yes'], 'no session "grooves-s09"'),
+        (['--append', 'grooves-s01', '--yes'], '--yes is for --simulated'),
+        (['--append', 'grooves-s01'], '--simulated'),
+        (['--append', 'grooves-s01', '--guide', '/dev/nothing'], '--tendon'),
+        (['--append', 'grooves-s01', '--simulated', '--yes', '--params', '/nowhere'], 'nowhere'),
+    ],
+)
+def test_a_refused_call_changes_nothing(folder, arguments, sentence):
+    before = contents(folder)
+    for _ in range(2):
+        assert sentence in hear_tactile('experiment', folder.path, *arguments, code=2)
+        assert contents(folder) == before
+
+
+def test_a_rig_that_does_not_start_appends_nothing(folder):
+    order = folder.read_order()
+    models = ('--models', '/nowhere')
+    asked = ('experiment', folder.path, '--append', 'grooves-s01', '--simulated', '--yes', *models)
+    assert 'nowhere' in hear_tactile(*asked, code=2)
+    assert folder.read_order() == order
+
+
+def test_while_another_program_runs_it_nothing_is_appended(folder):
+    before = contents(folder)
+    with folder.open_journal():
+        said = hear_tactile(
+            'experiment', folder.path, '--append', 'grooves-s01', '--simulated', '--yes', code=2
+        )
+    assert 'another program runs this experiment' in said
+    assert contents(folder) == before
+
+
+def test_a_rig_that_lacks_an_object_is_refused_before_there_is_a_folder(tmp_path):
+    plan = tmp_path / 'new.yaml'
+    said = hear_tactile('experiment', 'new', plan, '--objects', 'R1,pla', code=2)
+    assert 'pla is for stiffness trials' in said
+    assert '--task stiffness' in said
+    assert not plan.exists()
+    said = hear_tactile('experiment', 'new', plan, '--objects', 'R1,oak')
+    assert 'oak: for your rig' in said
+    assert "no texture plate 'oak'" in hear_tactile('experiment', plan, '--simulated', '--yes', code=2)
+    assert not plan.with_suffix('').exists()
+
+
+def test_corrections_are_written_and_listed(folder):
+    first, *_ = (trial.key for trial in folder.read_order())
+    with folder.open_journal() as journal:
+        journal.append('began', key=first, trial_id=first, mounting_id='m')
+        journal.append(
+            'ended', trial_id=first, verdict='good', sentence='', statistics={}, seconds=1
+        )
+
+    def correct(*arguments, code=0):
+        return hear_tactile('experiment', *arguments, '--why', 'the wrong [plate]', code=code)
+
+    assert f'{first} is R2 now: the wrong [plate]' in correct('relabel', folder.path, first, 'R2')
+    assert f'{first} does not count' in correct('exclude', folder.path, first)
+    listed = hear_tactile('experiment', 'status', folder.path)
+    assert f'{first} is R2: the wrong [plate]' in listed
+    assert f'{first} is excluded: the wrong [plate]' in listed
+    found = ask_tactile('experiment', 'status', folder.path)
+    assert (found['done'], found['excluded'], found['relabelled']) == (1, 1, 1)
+    correct('include', folder.path, first)
+    assert 'excluded' not in hear_tactile('experiment', 'status', folder.path)
+    before = contents(folder)
+    assert f'did you mean {first}' in correct('exclude', folder.path, f'{first}x', code=2)
+    assert 'none of the objects' in correct('relabel', folder.path, first, 'R9', code=2)
+    assert 'no folder of an experiment' in correct('include', folder.path.parent, first, code=2)
+    assert contents(folder) == before
+
+
+def test_another_setup_needs_an_answer_where_nobody_can_give_one(monkeypatch, capsys):
+    monkeypatch.setattr('sys.stdin', io.StringIO('y\n'))
+    person = Terminal(Output(as_json=False))
+    assert not person.accept_setup(['tendon_sensor.scale: 1.0 -> 1.1'])
+    assert person.has_given_up
+    assert Terminal(Output(as_json=False), True).accept_setup(['a: 1 -> 2'])
+    said = capsys.readouterr().out
+    for part in ('tendon_sensor.scale: 1.0 -> 1.1', '--accept-setup', 'a: 1 -> 2'):
+        assert part in said
+    monkeypatch.setattr('sys.stdin', io.StringIO('y\nno\n'))
+    monkeypatch.setattr('sys.stdin.isatty', lambda: True)
+    person = Terminal(Output(as_json=False))
+    assert person.accept_setup(['a: 1 -> 2'])
+    assert not person.accept_setup(['a: 1 -> 2'])
+    assert not person.has_given_up
