@@ -59,20 +59,32 @@ def read_corrections(folder: Path) -> dict[str, Correction]:
     """
     path = folder / JOURNAL
     try:
-        return _add_up(_parse(path.read_bytes()))
+        return _add_up(parse_journal(path.read_bytes())[0])
     except OSError as error:
         raise BagError(f'cannot read the journal {path}: {error.strerror}') from error
+    except BagError as error:
+        raise BagError(f'the journal {path}: {error}') from error
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise BagError(f'the journal {path} is damaged: {error!r}; restore it from a copy') from (
             error
         )
 
 
-def _parse(data: bytes) -> list[Mapping[str, Any]]:
-    """Return the entries; damaged lines at the end were cut off by a power cut and are none."""
-    entries: list[Mapping[str, Any]] = []
-    damaged = 0
+def parse_journal(data: bytes) -> tuple[list[dict[str, Any]], int]:
+    """Return the entries, and the length of what holds them [byte].
+
+    What follows the last whole line was cut off and is no entry. A power cut can also leave
+    zeros there, so damaged lines at the end are none either.
+
+    Raises
+    ------
+    BagError
+        When a line is damaged that others follow.
+    """
+    entries: list[dict[str, Any]] = []
+    length = position = damaged = 0
     for number, line in enumerate(data.split(b'\n')[:-1], start=1):
+        position += len(line) + 1
         try:
             entry = json.loads(line)
         except (ValueError, RecursionError):
@@ -80,10 +92,11 @@ def _parse(data: bytes) -> list[Mapping[str, Any]]:
         if not isinstance(entry, dict) or not isinstance(entry.get('kind'), str):
             damaged = damaged or number
         elif damaged:
-            raise ValueError(f'line {damaged} is no entry')
+            raise BagError(f'line {damaged} is damaged; restore it from a copy')
         else:
             entries.append(entry)
-    return entries
+            length = position
+    return entries, length
 
 
 def _add_up(entries: Iterable[Mapping[str, Any]]) -> dict[str, Correction]:

@@ -20,7 +20,10 @@ from statistics import median
 import time
 from typing import Any, IO, Protocol
 
+from tactile_bags.errors import BagError
+from tactile_bags.experiment_journal import parse_journal
 from tactile_lab.experiment.plan import ExperimentError, PlannedTrial
+from tactile_ros.errors import TactileError
 
 Entry = dict[str, Any]
 
@@ -93,7 +96,7 @@ class Journal:
         except OSError as error:
             self.close()
             raise ExperimentError(f'cannot open the journal {path}: {error.strerror}') from error
-        except ExperimentError as error:
+        except TactileError as error:
             self.close()
             raise ExperimentError(f'the journal {path}: {error}') from error
 
@@ -154,44 +157,8 @@ def read_journal(path: Path) -> list[Entry]:
         return parse_journal(path.read_bytes())[0]
     except OSError as error:
         raise ExperimentError(f'cannot read the journal {path}: {error.strerror}') from error
-    except ExperimentError as error:
+    except BagError as error:
         raise ExperimentError(f'the journal {path}: {error}') from error
-
-
-def parse_journal(data: bytes) -> tuple[list[Entry], int]:
-    """Return the entries, and the length of what holds them [byte].
-
-    What follows the last whole line was cut off and is no entry. A power cut can also leave
-    zeros there, so damaged lines at the end are none either.
-
-    Raises
-    ------
-    ExperimentError
-        When a line is damaged that others follow.
-    """
-    entries: list[Entry] = []
-    length = position = 0
-    damaged = 0
-    for number, line in enumerate(data.split(b'\n')[:-1], start=1):
-        position += len(line) + 1
-        entry = _parse_line(line)
-        if entry is None:
-            damaged = damaged or number
-        elif damaged:
-            raise ExperimentError(f'line {damaged} is damaged; restore it from a copy')
-        else:
-            entries.append(entry)
-            length = position
-    return entries, length
-
-
-def _parse_line(line: bytes) -> Entry | None:
-    try:
-        entry = json.loads(line)
-    except (ValueError, RecursionError):
-        return None
-    is_entry = isinstance(entry, dict) and isinstance(entry.get('kind'), str)
-    return entry if is_entry else None
 
 
 def write_atomically(path: Path, text: str) -> None:

@@ -70,7 +70,9 @@ def test_a_rig_that_lacks_an_object_is_refused_before_there_is_a_folder(tmp_path
     assert not plan.exists()
     said = hear_tactile('experiment', 'new', plan, '--objects', 'R1,oak')
     assert 'oak: for your rig' in said
-    assert "no texture plate 'oak'" in hear_tactile('experiment', plan, '--simulated', '--yes', code=2)
+    assert "no texture plate 'oak'" in hear_tactile(
+        'experiment', plan, '--simulated', '--yes', code=2
+    )
     assert not plan.with_suffix('').exists()
 
 

@@ -13,6 +13,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 import pytest
 
+from tactile_bags.errors import BagError
+from tactile_bags.experiment_journal import parse_journal
 from tactile_bags.yaml_files import load_yaml
 from tactile_lab.experiment.folder import (
     ExperimentFolder,
@@ -24,7 +26,6 @@ from tactile_lab.experiment.journal import (
     EXCLUDED,
     INCLUDED,
     Journal,
-    parse_journal,
     Progress,
     read_journal,
     RELABELLED,
@@ -148,13 +149,13 @@ def test_a_journal_that_was_cut_off_keeps_its_whole_lines(entries, cut, tail):
 def test_any_bytes_are_a_journal_or_refused(data):
     try:
         entries, length = parse_journal(data)
-    except ExperimentError:
+    except BagError:
         return
     assert parse_journal(data[:length]) == (entries, length)
 
 
 def test_a_damaged_line_in_the_middle_is_refused():
-    with pytest.raises(ExperimentError, match='line 2 is damaged'):
+    with pytest.raises(BagError, match='line 2 is damaged'):
         parse_journal(b'{"kind": "a"}\nrubbish\n{"kind": "b"}\n')
 
 
