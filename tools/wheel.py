@@ -24,7 +24,7 @@ import sys
 import tactile_bags, tactile_classifier, tactile_features, tactile_lab, tactile_sim
 from tactile_bags.bag_reader import TactileBag
 from tactile_classifier import TactileModel
-from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.datasets.feature_tables import read_tables
 from pathlib import Path
 
 bag, model = Path(sys.argv[1]), TactileModel.load(sys.argv[2])

@@ -8,8 +8,6 @@ from typing import Annotated, Any, Optional
 
 import typer
 
-from tactile_ros.errors import TactileError
-
 
 def choice(*values: str) -> dict[str, Any]:
     """Return what makes an option take one of these values, and name them in the help.
@@ -309,16 +307,3 @@ SlipOption = Annotated[
         '--slip', help='Also run the slip detector: it reports when a held object begins to slide.'
     ),
 ]
-
-
-def check_paths(*paths: Optional[Path]) -> None:
-    """Refuse a file or folder that does not exist, before anything slow is imported.
-
-    Raises
-    ------
-    TactileError
-        When one of them does not exist.
-    """
-    for path in paths:
-        if path is not None and not path.exists():
-            raise TactileError(f'{path} does not exist')

@@ -47,19 +47,19 @@ COMMANDS = {
         'Write the trials of recordings as one long table, with a dataset card beside it.',
     ),
     'train': (
-        'tactile_lab.cli.recordings',
+        'tactile_lab.commands.train',
         'Fit the four classifiers, cross-validate them, write a model file.',
     ),
     'evaluate': (
-        'tactile_lab.cli.recordings',
+        'tactile_lab.commands.evaluate',
         'Cross-validate the four classifiers on recordings, and write a report.',
     ),
     'compare': (
-        'tactile_lab.cli.recordings',
+        'tactile_lab.commands.compare',
         'Say which of two models is better, and whether the difference is more than chance.',
     ),
     'features': (
-        'tactile_lab.cli.recordings',
+        'tactile_lab.commands.features',
         'Write the features of recordings as a table, for notebooks and other programs.',
     ),
     'replay': (

@@ -60,8 +60,8 @@ def trained(stiffness_bag, tmp_path_factory):
     pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
     from tactile_classifier.training.model_writer import write_model
     from tactile_classifier.training.trainer import train
-    from tactile_lab.commands.analysis.train import model_path
-    from tactile_lab.datasets.bag_tables import read_tables
+    from tactile_lab.commands.train import model_path
+    from tactile_lab.datasets.feature_tables import read_tables
 
     folder = tmp_path_factory.mktemp('models')
     for (task, contact), table in read_tables([stiffness_bag]).tables.items():

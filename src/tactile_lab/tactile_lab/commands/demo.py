@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from tactile_bags.bag_reader import TactileBag
     from tactile_bringup.trial_protocols import TrialRequest
     from tactile_classifier.datasets.dataset import FeatureTable
-    from tactile_lab.commands.analysis.train import TrainedModel
     from tactile_lab.commands.output import Output
     from tactile_lab.commands.replay import ReplayReport
+    from tactile_lab.commands.train import TrainedModel
     from tactile_lab.experiment.live_rig import LiveTrial
 
 PAPER_TRIALS = 60
@@ -75,11 +75,12 @@ def demo(
     from domain_coordinator import domain_id
 
     from tactile_bringup.launch_config.graph import Ports
-    from tactile_lab.commands.analysis.requests import TrainRequest
-    from tactile_lab.commands.analysis.train import read_with_progress, train_models
     from tactile_lab.commands.output import Output
     from tactile_lab.commands.replay import print_report, replay_and_compare
     from tactile_lab.commands.simulate import make_bags
+    from tactile_lab.commands.train import read_with_progress, train_models
+    from tactile_lab.datasets.feature_tables import open_features
+    from tactile_lab.datasets.reading import Reading
     from tactile_lab.experiment.live_rig import LiveSetup, run_live_trials
     from tactile_lab.simulation.simulated_bags import paper_plans
     from tactile_lab.watch.access import WatchOptions
@@ -101,8 +102,9 @@ def demo(
         )
 
         output.say('[bold]2  Training and cross-validation[/bold]')
-        found = read_with_progress(bags, output, {'stiffness_features': STIFFNESS_FEATURES})
-        trained = train_models(found, TrainRequest(folder=folder / 'models'), output)
+        with open_features(bags, Reading(features=STIFFNESS_FEATURES)) as source:
+            found = read_with_progress(source, output)
+            trained = train_models(source, found.tables, folder=folder / 'models', output=output)
 
         output.say('[bold]3  Live trials: bytes on serial lines to labels on a topic[/bold]')
         output.say('   in another session: the rig has been set up anew since the training')

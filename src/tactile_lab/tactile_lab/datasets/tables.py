@@ -1,17 +1,22 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Results as tables for a terminal."""
+"""Results of evaluation and training as tables and sentences for a terminal."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from rich.table import Table
 
 from tactile_classifier.evaluation.cross_validation import Evaluation
 from tactile_classifier.evaluation.intervals import Interval
+from tactile_classifier.model_file.card import tell_scores
+from tactile_classifier.model_file.live_recalibration import RECALIBRATED, STATISTICS
+from tactile_classifier.model_file.manifest import Manifest
 from tactile_classifier.names import CLASSIFIER_TITLES, SCALING_TITLES, short_scaling
+from tactile_classifier.records import PROBABILITY
 from tactile_classifier.training.feature_choice import Candidate, FeatureChoice
 
 
@@ -84,3 +89,48 @@ def tell_warnings(evaluations: Sequence[Evaluation]) -> list[str]:
     """Return the warnings of some evaluations of one table, each once."""
     found = [warning for evaluation in evaluations for warning in evaluation.warnings]
     return [f'warning: {warning}' for warning in dict.fromkeys(found)]
+
+
+def describe_calibration(manifest: Manifest) -> dict[str, Any]:
+    """Return the manifest's entry without its long lists."""
+    found = {k: v for k, v in manifest.calibration.items() if k != STATISTICS}
+    if RECALIBRATED in found:
+        found[RECALIBRATED] = {k: v for k, v in found[RECALIBRATED].items() if k != 'offsets'}
+    return found
+
+
+def describe_answers(manifest: Manifest) -> list[str]:
+    """Return what held-out trials say of probabilities, threshold and early predictions."""
+    if 'reason' in manifest.calibration:
+        return [f'no probabilities and no "unknown": {manifest.calibration["reason"]}']
+    whole, *partial = manifest.stages
+    sentences = [
+        f'probabilities: expected calibration error {100 * whole.calibration_error_before:.1f} % '
+        f'before, {100 * whole.calibration_error_after:.1f} % after; unknown: above novelty '
+        f'{whole.novelty_threshold:.2f}, at {100 * manifest.false_alarm_rate:g} % false '
+        f'rejection; both by {manifest.calibration["split"]}'
+    ]
+    if manifest.score_kind != PROBABILITY:
+        sentences.append(f'scores: {tell_scores(manifest)}')
+    share = manifest.calibration.get('session_share', -1.0)
+    sentences.append(
+        f'thresholds hold in {100 * share:.0f} % of new sessions like these'
+        if share > 0.0
+        else 'thresholds hold for trials like these; without several sessions a new one may differ'
+    )
+    if partial:
+        shares = ', '.join(
+            f'{part.sample_count / manifest.spec.rate_hz:g} s {100 * part.accuracy:.1f} %'
+            for part in partial
+        )
+        threshold = partial[0].stop_threshold
+        rule = (
+            f'decided early from a probability of {threshold:g}'
+            if threshold >= 0.0
+            else 'never decided early: these trials prove no threshold'
+        )
+        sentences.append(
+            f'early predictions, accuracy held out: {shares}; {rule}, '
+            f'at {100 * manifest.stop_error_rate:g} % wrong answers'
+        )
+    return sentences

@@ -115,7 +115,6 @@ def _plan_set(
     repetitions: int | None,
     random_state: int,
     *,
-    answers: bool,
     details: bool,
 ) -> tuple[Plans, list[str]]:
     """Return the work on one set, and what is left out of it."""
@@ -154,8 +153,9 @@ def _plan_set(
         plans['published'] = [
             AccuracyPlan(recordings.published, evaluated[0], random_state=random_state)
         ]
-    if answers:
-        plans['answers'] = [AnswersPlan(table, next(iter(recordings.hold_out), ()))]
+    if recordings.extras is not None:
+        hold_out = next(iter(recordings.hold_out), ())
+        plans['answers'] = [AnswersPlan(table, hold_out, recordings.extras)]
     return plans, not_done
 
 
@@ -237,14 +237,13 @@ def analyse(
     folds: int,
     repetitions: int | None,
     random_state: int,
-    answers: bool = False,
     details: bool = True,
     jobs: int | None = -1,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[SetResult]:
     """Evaluate all sets under plain folds and their grouped splits.
 
-    With ``answers``, also what a model says besides a label, under the first grouped split.
+    Sets with extras also get what a model says besides a label, under the first grouped split.
     Without ``details`` accuracies alone: no feature selection, nothing in other units or with the
     features that the paper computes.
 
@@ -255,10 +254,7 @@ def analyse(
     EvaluationError
         When the trials of a set allow no split.
     """
-    planned = [
-        _plan_set(each, folds, repetitions, random_state, answers=answers, details=details)
-        for each in sets
-    ]
+    planned = [_plan_set(each, folds, repetitions, random_state, details=details) for each in sets]
     work = [plan for plans, _ in planned for some in plans.values() for plan in some]
     results = iter(run_plans(work, jobs, progress))
     return [

@@ -25,7 +25,7 @@ from tactile_features.config import FeatureConfig
 from tactile_features.feature_sets.registry import find_feature_set
 from tactile_features.records import Measure, PROTOCOL_TEXTURE
 from tactile_features.spec import spec_for
-from tactile_lab.datasets.reread import read_measures, read_partial_tables
+from tactile_lab.datasets.feature_tables import RecordingFeatures
 from tactile_ros.errors import TactileError
 
 CLASSIFIER = 'knn'
@@ -94,6 +94,48 @@ class Answers:
         }
 
 
+@dataclass(frozen=True)
+class WindowExtras:
+    """Features and measures of the windows of a table; a sentence where there are none.
+
+    Attributes
+    ----------
+    partial : dict of int to FeatureTable, or str
+        Features of the first parts of each window, by samples.
+    measures : tuple of tuple of Measure, or str
+        Of each trial.
+    """
+
+    partial: dict[int, FeatureTable] | str
+    measures: tuple[tuple[Measure, ...], ...] | str
+
+
+def read_extras(features: RecordingFeatures, table: FeatureTable) -> WindowExtras:
+    """Read parts of the windows and measures from an open recording."""
+    partial = _try(lambda: _read_partial(features, table))
+    measures = _try(lambda: tuple(features.measures(table)))
+    return WindowExtras(
+        partial[1] if partial[0] is None else partial[0],
+        measures[1] if measures[0] is None else measures[0],
+    )
+
+
+def _read_partial(features: RecordingFeatures, table: FeatureTable) -> dict[int, FeatureTable]:
+    if table.task != PROTOCOL_TEXTURE:
+        raise TactileError('only texture has them; a hold is answered when it is over')
+    if not features.recording.is_own:
+        raise TactileError('needs the stream of a bag; an archive has windows alone')
+    spec = table.spec
+    found = find_feature_set(spec.feature_set)
+    if found is None or not found.has_parts:
+        raise TactileError(f'{spec.feature_set} has no early predictions')
+    config = FeatureConfig(**spec.config_values(), buffer_s=600.0)
+    if spec.names != spec_for(table.task, config).names:
+        raise TactileError('some of the features alone have no early predictions')
+    full_s = spec.sample_count / spec.rate_hz
+    return features.partial_tables(table, [full_s * step / STEPS for step in range(1, STEPS)])
+
+
 class AnswersPlan:
     """The work on one set of trials, in four tasks.
 
@@ -101,16 +143,24 @@ class AnswersPlan:
     ----------
     hold_out : sequence of str
         Trials that agree in these columns are held out together; empty: single trials.
+    extras : WindowExtras
+        Of the table's windows.
     """
 
-    def __init__(self, table: FeatureTable, hold_out: Sequence[str]) -> None:
+    def __init__(self, table: FeatureTable, hold_out: Sequence[str], extras: WindowExtras) -> None:
         self._table = table
         self._hold_out = tuple(hold_out)
+        self._extras = extras
 
     def tasks(self) -> list[Task]:
         """Return the tasks; see `Plan`."""
-        works = (_evaluate_open_set, _evaluate_stopping, _summarise_measures, _find_raw_scores)
-        return [(_try, (work, self._table, self._hold_out)) for work in works]
+        table, hold_out, extras = self._table, self._hold_out, self._extras
+        return [
+            (_try, (_evaluate_open_set, table, hold_out)),
+            (_try, (_evaluate_stopping, table, hold_out, extras.partial)),
+            (_try, (_summarise_measures, table, extras.measures)),
+            (_try, (_find_raw_scores, table)),
+        ]
 
     def finish(self, answers: Sequence[tuple[Any, str]]) -> Answers:
         """Put their results together; see `Plan`."""
@@ -129,14 +179,10 @@ class AnswersPlan:
         )
 
 
-def _try(
-    work: Callable[[FeatureTable, Sequence[str]], Any],
-    table: FeatureTable,
-    hold_out: Sequence[str],
-) -> tuple[Any, str]:
+def _try(work: Callable[..., Any], *arguments: Any) -> tuple[Any, str]:
     """Return the result, or None and why there is none."""
     try:
-        return work(table, hold_out), ''
+        return work(*arguments), ''
     except (TactileError, ClassifierError) as error:
         return None, str(error)
 
@@ -147,26 +193,17 @@ def _evaluate_open_set(table: FeatureTable, hold_out: Sequence[str]) -> OpenSetE
     )
 
 
-def _evaluate_stopping(table: FeatureTable, hold_out: Sequence[str]) -> StoppingEvaluation:
-    if table.task != PROTOCOL_TEXTURE:
-        raise TactileError('only texture has them; a hold is answered when it is over')
-    _need_bag(table)
-    spec = table.spec
-    found = find_feature_set(spec.feature_set)
-    if found is None or not found.has_parts:
-        raise TactileError(f'{spec.feature_set} has no early predictions')
-    config = FeatureConfig(**spec.config_values(), buffer_s=600.0)
-    if spec.names != spec_for(table.task, config).names:
-        raise TactileError('some of the features alone have no early predictions')
-    full_s = spec.sample_count / spec.rate_hz
-    seconds = [full_s * step / STEPS for step in range(1, STEPS)]
-    partial = read_partial_tables(table, seconds)
+def _evaluate_stopping(
+    table: FeatureTable, hold_out: Sequence[str], partial: dict[int, FeatureTable] | str
+) -> StoppingEvaluation:
+    if isinstance(partial, str):
+        raise TactileError(partial)
     return evaluate_stopping(
         table, partial, CLASSIFIER, hold_out=hold_out, false_alarm_rate=FALSE_ALARM_RATE
     )
 
 
-def _find_raw_scores(table: FeatureTable, _: Sequence[str]) -> tuple[str, ...]:
+def _find_raw_scores(table: FeatureTable) -> tuple[str, ...]:
     folds = make_group_folds(table)
     if folds.groups != 2:  # for others nothing needs to be fitted
         return ()
@@ -181,15 +218,11 @@ def _find_raw_scores(table: FeatureTable, _: Sequence[str]) -> tuple[str, ...]:
 
 
 def _summarise_measures(
-    table: FeatureTable, _hold_out: Sequence[str]
+    table: FeatureTable, measures: tuple[tuple[Measure, ...], ...] | str
 ) -> tuple[MeasureSummary, ...]:
-    _need_bag(table)
-    return summarise_measures(table.labels, read_measures(table))
-
-
-def _need_bag(table: FeatureTable) -> None:
-    if 'bag' not in table.columns:
-        raise TactileError('needs the stream of a bag; an archive has windows alone')
+    if isinstance(measures, str):
+        raise TactileError(measures)
+    return summarise_measures(table.labels, measures)
 
 
 def summarise_measures(

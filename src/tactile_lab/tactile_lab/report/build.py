@@ -18,7 +18,7 @@ from tactile_lab.datasets.tables import tell_interval, tell_warnings
 from tactile_lab.report import drawings
 from tactile_lab.report.analysis import SetResult
 from tactile_lab.report.answers import MeasureSummary
-from tactile_lab.report.provenance import describe_sources, find_versions, Source
+from tactile_lab.report.provenance import find_versions, Source
 from tactile_lab.report.published import compare_with_paper, format_design, is_the_papers
 from tactile_lab.report.significance import find_components, format_alike_pairs
 from tactile_lab.report.summary import (
@@ -57,11 +57,11 @@ def report_path(path: Path) -> Path:
 def write_report(
     file: Path,
     results: Sequence[SetResult],
-    recordings: Sequence[Path],
+    sources: Sequence[Source],
     settings: Mapping[str, str],
 ) -> None:
     """Write the report of some recordings into a file."""
-    page = build_page(results, describe_sources(recordings), settings, find_versions())
+    page = build_page(results, sources, settings, find_versions())
     file.write_text(page, encoding='utf-8')
 
 

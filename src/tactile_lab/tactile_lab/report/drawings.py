@@ -225,11 +225,10 @@ def draw_trial(result: SetResult, trial: TrialExample) -> Drawing:
     names = [short_name(name) for name in table.spec.names]
     named = dict(zip(names, table.values[trial.row], strict=True))
     line = (named['slope'], named['intercept']) if {'slope', 'intercept'} <= set(named) else None
-    trace = trial.trace
 
     def draw(figure: Figure) -> None:
         draw_strain(
-            figure.subplots(), trace.time_s, trace.tension_n, trace.phases, trial.window_s, line
+            figure.subplots(), trial.time_s, trial.tension_n, trial.phases, trial.window_s, line
         )
 
     found = ', '.join(f'{name} {value:.2f}' for name, value in named.items())
@@ -240,14 +239,14 @@ def draw_trial(result: SetResult, trial: TrialExample) -> Drawing:
         if is_the_papers(result)
         else ''
     )
-    phases = ', '.join(f'{name} from {start:.1f} s' for name, start, _ in trace.phases)
+    phases = ', '.join(f'{name} from {start:.1f} s' for name, start, _ in trial.phases)
     return render(
         draw,
         (6.6, 3.1),
         f'{result.recordings.title}: one trial on {table.labels[trial.row]}. Contact is the '
         'dynamic deformation, hold the static one, release the end of strain. '
         f'Between the dashes: {found}.{paper}',
-        f'Tension of one trial on {table.labels[trial.row]}: up to {np.max(trace.tension_n):.3g} '
+        f'Tension of one trial on {table.labels[trial.row]}: up to {np.max(trial.tension_n):.3g} '
         f'N; {phases}. Features of the window: {found}.',
         simulated=result.recordings.simulated,
     )

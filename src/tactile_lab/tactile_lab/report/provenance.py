@@ -13,8 +13,7 @@ from pathlib import Path
 import platform
 from typing import Any
 
-from tactile_bags.bag_reader import TactileBag
-from tactile_lab.datasets.sources.leaves import find_leaves, Kind
+from tactile_bags.recording import Recording
 
 LIBRARIES = ('tactile_classifier', 'numpy', 'scipy', 'scikit-learn', 'matplotlib')
 
@@ -38,26 +37,26 @@ class Source:
     facts: dict[str, Any]
 
 
-def describe_sources(paths: Sequence[Path]) -> list[Source]:
-    """Return name, digest and facts of each recording; a folder of files is one.
+def describe_sources(paths: Sequence[Path], recording: Recording) -> list[Source]:
+    """Return name, digest and facts of each bag of ours, or else of each named path.
 
-    Raises
-    ------
-    BagError
-        When a bag cannot be read.
+    Parameters
+    ----------
+    paths : sequence of Path
+        As they were named; a folder of files is one.
+    recording : Recording
+        Of these, open.
     """
-    sources = []
-    for path in paths:
-        bags = [leaf.path for leaf in find_leaves([path]) if leaf.kind is Kind.BAG]
-        for each in bags or [path]:
-            facts = _read_facts(each) if bags else {}
-            sources.append(Source(each.resolve().name, _compute_digest(each), facts))
-    return sources
-
-
-def _read_facts(path: Path) -> dict[str, Any]:
-    with TactileBag(path, needs_strain=False) as bag:
-        return {k: v for k, v in bag.metadata.items() if not isinstance(v, (dict, list))}
+    if not recording.is_own:
+        return [Source(path.resolve().name, _compute_digest(path), {}) for path in paths]
+    return [
+        Source(
+            bag.path.resolve().name,
+            _compute_digest(bag.path),
+            {k: v for k, v in bag.metadata.items() if not isinstance(v, (dict, list))},
+        )
+        for bag in recording.bags
+    ]
 
 
 def _compute_digest(path: Path) -> str:

@@ -6,21 +6,39 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_bags.bag_reader import TactileBag
 from tactile_classifier.datasets.archive import Skipped
 from tactile_classifier.datasets.dataset import FeatureTable, plain_name
 from tactile_classifier.datasets.splits import grouped_split, Split
 from tactile_classifier.errors import EvaluationError
 from tactile_classifier.training.feature_choice import Candidate, FeatureChoice
+from tactile_features.feature_sets.stiffness import StiffnessRegression, StiffnessRelaxation
+from tactile_features.feature_sets.texture_spectrum import TextureSpectrum
 from tactile_features.records import PROTOCOL_STIFFNESS
-from tactile_lab.datasets.bag_tables import Key, name_table
-from tactile_lab.datasets.traces import read_spans, read_trace, TrialTrace
+from tactile_lab.datasets.automatic_features import AUTO, Chosen
+from tactile_lab.datasets.feature_tables import Key, RecordingFeatures
+from tactile_lab.datasets.reading import select_features
+from tactile_lab.report.answers import read_extras, WindowExtras
+from tactile_ros.errors import TactileError
+
+PAPER: Mapping[str, Any] = MappingProxyType(
+    {
+        'spectrum_detrend': 'mean',
+        'spectrum_window': 'none',
+        'stiffness_features': StiffnessRegression.name,
+    }
+)
+"""The paper's features of its own windows, by the fields of `FeatureConfig`."""
+
+SESSIONS = ('session_id', 'session', 'day')
+MOUNTINGS = ('mounting_id', 'mounting')
+"""Names of columns, in small letters, that are held out without being asked for."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +63,9 @@ class TrialExample:
     """A whole trial with its phases, and the window that its features come from [s]."""
 
     row: int
-    trace: TrialTrace
+    time_s: NDArray[np.float64]
+    tension_n: NDArray[np.float64]
+    phases: tuple[tuple[str, float, float], ...]
     window_s: tuple[float, float]
 
 
@@ -79,6 +99,8 @@ class RecordingSet:
         Set of features and classifier that folds chose, and from what; None where they did not.
     not_done : tuple of str
         One sentence for each usual split that the trials do not allow.
+    extras : WindowExtras or None
+        Features of parts of the windows, and measures; None where they were not asked for.
     """
 
     title: str
@@ -95,6 +117,7 @@ class RecordingSet:
     steps: tuple[str, ...] = ()
     choice: tuple[Candidate, FeatureChoice] | None = None
     not_done: tuple[str, ...] = ()
+    extras: WindowExtras | None = None
 
     def tell_preparation(self, most: int | None = None) -> list[str]:
         """Return what was done to the signals and which trials were skipped, ``most`` of them."""
@@ -107,65 +130,78 @@ class RecordingSet:
         return lines
 
 
-def _first_rows(table: FeatureTable) -> list[int]:
-    """Return the row of the first trial of each label."""
-    return [int(np.argmax(table.labels == label)) for label in np.unique(table.labels)]
-
-
-def array_examples(
-    table: FeatureTable, signals: NDArray[np.float64], rate_hz: float
-) -> tuple[Example, ...]:
-    """Return one example a label from ready-cut windows, shape (trials, samples)."""
-    time_s = np.asarray(np.arange(signals.shape[1]) / rate_hz, dtype=np.float64)
-    return tuple(Example(row, time_s, signals[row]) for row in _first_rows(table))
-
-
-def bag_sets(
-    tables: Mapping[Key, FeatureTable],
-    hold_out: Sequence[Sequence[str]] | None = None,
-    also: Sequence[str] = (),
+def make_sets(
+    features: RecordingFeatures,
+    hold_out: Sequence[Sequence[str]] = (),
+    chosen: Mapping[Key, Chosen] | None = None,
+    *,
+    report: bool = False,
+    answers: bool = False,
 ) -> list[RecordingSet]:
-    """Return the sets of some bags, with signals read from them.
+    """Return the sets of a recording, one for each task and contact.
 
     Parameters
     ----------
-    tables : mapping of tuple to FeatureTable
-        As `read_tables` returns them.
-    hold_out : sequence of sequence of str, optional
-        Columns of the grouped splits. When left out, one session is held out where there are
-        several that have all labels, and one block of trials where not.
-    also : sequence of str
-        Columns that are held out then, too, one by one, where that can be done.
+    features : RecordingFeatures
+        Of an open recording.
+    hold_out : sequence of sequence of str
+        Columns of the grouped splits. Empty: one session is held out where there are several that
+        have all labels, one block of trials where not, and one mounting.
+    chosen : mapping, optional
+        What ``--features auto`` has chosen.
+    report : bool
+        Also the features that the paper computes, and signals.
+    answers : bool
+        Also features of parts of the windows, and measures.
 
     Raises
     ------
-    BagError
-        When a bag has gone.
+    TactileError, DatasetError, EvaluationError
+        When no trial gives features, or the stated split cannot be made.
     """
+    reading, recording = features.reading, features.recording
+    if chosen is not None:
+        tables = {key: each.table for key, each in chosen.items()}
+    else:
+        tables = features.tables().tables
+    tables = {
+        key: select_features(reading.keep_stated(table), reading.features)
+        for key, table in tables.items()
+    }
+    published = {}
+    if report and any(map(_is_unlike_paper, tables.values())):
+        published = features.tables(PAPER).tables
     sets = []
     for key, table in tables.items():
-        task, contact = key[:2]
-        simulated = bool(table.column('simulated').any())
-        chosen, not_done = _usual_splits(table, also) if hold_out is None else (hold_out, [])
-        sets.append(
-            RecordingSet(
-                title=name_table(key, table) + (', simulated' if simulated else ''),
-                contact=contact,
-                simulated=simulated,
-                table=table,
-                hold_out=tuple(tuple(columns) for columns in chosen),
-                not_done=tuple(not_done),
-                unit='N',
-                examples=_bag_examples(table),
-                trial=_bag_trial(table) if task == PROTOCOL_STIFFNESS else None,
-            )
+        simulated = bool(np.any(table.columns.get('simulated', False)))
+        columns, not_done = (hold_out, []) if hold_out else usual_splits(table)
+        of_auto = f', {AUTO}: {table.spec.feature_set}' if chosen and not recording.is_own else ''
+        found = RecordingSet(
+            title=features.title(key, table) + of_auto + (', simulated' if simulated else ''),
+            contact=key[1],
+            simulated=simulated,
+            table=table,
+            hold_out=tuple(map(tuple, columns)),
+            unit=recording.unit or 'raw',
+            splits=reading.splits(table),
+            skipped=features.skipped,
+            steps=features.steps,
+            choice=(chosen[key].candidate, chosen[key].choice) if chosen else None,
+            not_done=tuple(not_done),
+            extras=read_extras(features, table) if answers else None,
         )
+        if report:
+            found = replace(
+                found,
+                examples=_examples(features, table),
+                trial=_find_trial(features, table) if key[0] == PROTOCOL_STIFFNESS else None,
+                published=_select_published(features, table, published.get(key[:2])),
+            )
+        sets.append(found)
     return sets
 
 
-def _usual_splits(
-    table: FeatureTable, also: Sequence[str]
-) -> tuple[list[tuple[str, ...]], list[str]]:
+def usual_splits(table: FeatureTable) -> tuple[list[tuple[str, ...]], list[str]]:
     """Return the columns of each split, and a sentence for each that cannot be done."""
     not_done: list[str] = []
 
@@ -177,40 +213,67 @@ def _usual_splits(
             return False
         return True
 
-    first = next(filter(can_hold_out, ('session_id', 'trial_block')), None)
-    return [(column,) for column in (first, *filter(can_hold_out, also)) if column], not_done
+    def named(names: Sequence[str]) -> list[str]:
+        return [column for column in table.columns if column.lower() in names]
+
+    blocks = [column for column in ('trial_block',) if column in table.columns]
+    first = next(filter(can_hold_out, (*named(SESSIONS), *blocks)), None)
+    # Where each trial has a mounting of its own, random folds hold mountings out already.
+    mountings = [
+        column
+        for column in named(MOUNTINGS)
+        if len(np.unique(table.columns[column])) < len(table) and can_hold_out(column)
+    ]
+    return [(column,) for column in (first, *mountings) if column], not_done
 
 
-def _bag_examples(table: FeatureTable) -> tuple[Example, ...]:
-    """Read one example a label from the bags that the table was made of."""
+def _is_unlike_paper(table: FeatureTable) -> bool:
+    """Return whether these are other features of the very windows that the paper takes."""
+    spec = table.spec
+    if spec.feature_set != TextureSpectrum.name:
+        return spec.feature_set == StiffnessRelaxation.name
+    return any(spec.parameters.get(name) != PAPER[name] for name in TextureSpectrum.options)
+
+
+def _select_published(
+    features: RecordingFeatures, table: FeatureTable, published: FeatureTable | None
+) -> FeatureTable | None:
+    """Return the wanted ones of the paper's features; None: it does not have them."""
+    if published is None or not _is_unlike_paper(table):
+        return None
+    reading = features.reading
+    try:
+        return select_features(reading.keep_stated(published), reading.features)
+    except TactileError:
+        return None
+
+
+def _first_rows(table: FeatureTable) -> list[int]:
+    """Return the row of the first trial of each label."""
+    return [int(np.argmax(table.labels == label)) for label in np.unique(table.labels)]
+
+
+def _examples(features: RecordingFeatures, table: FeatureTable) -> tuple[Example, ...]:
+    """Return the window of one trial of each label."""
     rows = _first_rows(table)
-    names = ('bag', 'namespace', 'window_start_ns', 'window_end_ns')
-    columns = [table.column(name)[rows].tolist() for name in names]
-    examples = {}
-    sources = list(zip(*columns[:2], strict=True))
-    spans_ns = list(zip(*columns[2:], strict=True))
-    for source in sorted(set(sources)):
-        here = [i for i, each in enumerate(sources) if each == source]
-        with TactileBag(Path(source[0])) as bag:
-            found = read_spans(bag, source[1], [spans_ns[i] for i in here])
-        examples.update({i: Example(rows[i], *each) for i, each in zip(here, found, strict=True)})
-    return tuple(examples[i] for i in range(len(rows)))
+    windows = features.windows(table, rows)
+    return tuple(Example(row, *window) for row, window in zip(rows, windows, strict=True))
 
 
-def _bag_trial(table: FeatureTable) -> TrialExample | None:
-    """Read the whole of one stiffness trial: that with the steepest relaxation of its kind.
+def _find_trial(features: RecordingFeatures, table: FeatureTable) -> TrialExample | None:
+    """Return the whole of one stiffness trial: that with the steepest relaxation of its kind.
 
-    None when its name came more than once, so that its phases cannot be told apart.
+    None where its phases are not known.
     """
     rows = _first_rows(table)
     row = rows[int(np.argmin(table.values[rows, 0]))]
-    trial_id = str(table.column('trial_id')[row])
-    if np.sum(table.column('trial_id') == trial_id) > 1:
+    trial = features.find_trial(table, row)
+    if trial is None or trial.begin_ns is None:
         return None
-    with TactileBag(Path(str(table.column('bag')[row]))) as bag:
-        trace = read_trace(bag, trial_id, str(table.column('namespace')[row]))
+    signal = trial.signal
+    assert signal.time_s is not None
     start_s, end_s = (
-        (int(table.column(name)[row]) - trace.begin_ns) * 1e-9
+        (int(table.column(name)[row]) - trial.begin_ns) * 1e-9
         for name in ('window_start_ns', 'window_end_ns')
     )
-    return TrialExample(row, trace, (start_s, end_s))
+    return TrialExample(row, signal.time_s, signal.values[0], trial.phases, (start_s, end_s))

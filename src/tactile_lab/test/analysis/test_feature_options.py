@@ -8,7 +8,7 @@ import pytest
 from tactile_command import ask_tactile, hear_tactile
 
 from tactile_classifier.model_file.inference import TactileModel
-from tactile_lab.datasets.feature_options import choose_features, list_sets
+from tactile_lab.datasets.reading import choose_features, list_sets
 from tactile_ros.errors import TactileError
 
 

@@ -4,12 +4,10 @@
 """Simulated glides at several speeds: from `tactile simulate --speed` to a table over distance."""
 
 import dataclasses
-import json
-from pathlib import Path
 
 import numpy as np
 import pytest
-from tactile_command import hear_tactile
+from tactile_command import ask_tactile, hear_tactile
 
 from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.datasets.dataset import table_from_trials
@@ -17,13 +15,11 @@ from tactile_classifier.evaluation.cross_validation import evaluate
 from tactile_classifier.model_file.inference import TactileModel
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
-from tactile_lab.commands.analysis.evaluate import _read_sets, run_evaluate
-from tactile_lab.commands.analysis.requests import EvaluateRequest
-from tactile_lab.commands.output import Output
-from tactile_lab.datasets.bag_tables import read_tables
-from tactile_lab.datasets.feature_options import parse_over
+from tactile_lab.datasets.feature_tables import open_features, read_tables
+from tactile_lab.datasets.reading import parse_over, Reading
 from tactile_lab.report.analysis import analyse
 from tactile_lab.report.published import LABELS
+from tactile_lab.report.recordings import make_sets
 from tactile_ros.errors import TactileError
 
 SPEEDS_MM_S = (10, 30)
@@ -85,36 +81,33 @@ def archive(tmp_path):
     return path
 
 
-def request_for(path: Path, **fields):
+def options_for(**changes):
+    """Return the options of a small evaluation; None leaves one out."""
     given = {
-        'recordings': (path,),
         'task': 'texture',
-        'groups': ('speed_mm_s',),
+        'group': 'speed_mm_s',
         'folds': 2,
         'repetitions': 1,
-        'seed': 0,
         'over': '30:0.5',
-        'speed_column': 'speed_mm_s',
+        'speed-column': 'speed_mm_s',
+        **changes,
     }
-    return EvaluateRequest(**{**given, **fields})
+    return [part for k, v in given.items() if v is not None for part in (f'--{k}', v)]
 
 
-def test_an_archive_is_evaluated_over_distance_with_a_speed_held_out(archive, capsys):
-    run_evaluate(request_for(archive), as_json=True)
-    (result,) = json.loads(capsys.readouterr().out)['sets']
+def test_an_archive_is_evaluated_over_distance_with_a_speed_held_out(archive):
+    (result,) = ask_tactile('evaluate', archive, *options_for())['sets']
     assert 'over 30:0.5 mm' in result['title']
     assert result['features'][0] == 'tension__spatial_spectrum__per_m_33.333'
 
 
-def test_a_report_compares_the_paper_s_features_whatever_else_it_shows(archive, capsys, tmp_path):
-    fields = {'over': None, 'speed_column': None, 'detrend': 'linear'}
+def test_a_report_compares_the_paper_s_features_whatever_else_it_shows(archive, tmp_path):
     page = tmp_path / 'report.html'
     with np.load(archive) as loaded:
         plates = np.repeat(sorted(LABELS['texture']), 3)
         np.savez(archive, **{**loaded, 'label': plates})
-    request = request_for(archive, **fields, report=page)
-    run_evaluate(request, as_json=True)
-    (result,) = json.loads(capsys.readouterr().out)['sets']
+    fields = {'over': None, 'speed-column': None, 'detrend': 'linear', 'report': page}
+    (result,) = ask_tactile('evaluate', archive, *options_for(**fields))['sets']
     assert result['feature_parameters'] == {
         'spectrum_detrend': 'linear',
         'spectrum_window': 'none',
@@ -123,7 +116,7 @@ def test_a_report_compares_the_paper_s_features_whatever_else_it_shows(archive, 
     assert 'features: texture_spectrum, spectrum_detrend linear, spectrum_window none' in text
     assert 'so do the texture features of this comparison' in text
     # The comparison is made with the mean alone.
-    (recordings,) = _read_sets(request, Output(as_json=True))
+    (recordings,) = read_sets(archive, 'linear')
     trials = load_archive(archive)
     want = table_from_trials('texture', trials, 0, config=FeatureConfig(spectrum_detrend='mean'))
     assert recordings.published.compute_sha256() == want.compute_sha256()
@@ -133,20 +126,23 @@ def test_a_report_compares_the_paper_s_features_whatever_else_it_shows(archive, 
     assert published.plain.to_dict()['scores'] == expected.to_dict()['scores']
     assert published.recordings.table is recordings.published
     assert not np.array_equal(published.significance.mean_p, found.significance.mean_p)
-    mean = dataclasses.replace(request, detrend='mean')
-    assert _read_sets(mean, Output(as_json=True))[0].published is None
+    assert read_sets(archive, 'mean')[0].published is None
+
+
+def read_sets(archive, detrend):
+    with open_features([archive], Reading(task='texture', detrend=detrend), folds=2) as features:
+        return make_sets(features, [('speed_mm_s',)], report=True)
 
 
 @pytest.mark.parametrize(
     ('fields', 'sentence'),
     [
-        ({'speed_column': None}, 'name the column'),
-        ({'speed_column': 'label'}, 'name the column'),
-        ({'speed_column': 'speed'}, 'end in its unit'),
+        ({'speed-column': None}, 'name the column'),
+        ({'speed-column': 'label'}, 'name the column'),
+        ({'speed-column': 'speed'}, 'end in its unit'),
         ({'task': 'stiffness'}, 'for texture'),
         ({'over': '100:0.5'}, 'row 0: it has 400 samples'),
     ],
 )
 def test_what_does_not_fit_is_refused_with_a_sentence(archive, fields, sentence):
-    with pytest.raises(Exception, match=sentence):
-        run_evaluate(request_for(archive, **fields), as_json=True)
+    assert sentence in hear_tactile('evaluate', archive, *options_for(**fields), code=2)

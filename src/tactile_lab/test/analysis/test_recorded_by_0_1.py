@@ -11,7 +11,7 @@ from rosbags.highlevel import AnyReader
 from tactile_command import ask_tactile
 
 from tactile_classifier import TactileModel
-from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.datasets.feature_tables import read_tables
 
 FOLDER = Path(__file__).parents[1] / 'data' / 'recorded_by_0_1'
 RECORDING = FOLDER / 'recording'

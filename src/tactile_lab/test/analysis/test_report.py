@@ -16,13 +16,14 @@ from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_features.config import FeatureConfig
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_features.spec import spec_for
-from tactile_lab.datasets.bag_tables import read_tables
-from tactile_lab.datasets.feature_options import select_features
+from tactile_lab.datasets.feature_tables import open_features
+from tactile_lab.datasets.reading import select_features
 from tactile_lab.report.analysis import analyse, in_unit
 from tactile_lab.report.build import build_page, fill_template, report_path, write_report
 from tactile_lab.report.drawings import draw_textures
+from tactile_lab.report.provenance import describe_sources
 from tactile_lab.report.published import compare_with_paper, format_design, LABELS
-from tactile_lab.report.recordings import array_examples, bag_sets, RecordingSet
+from tactile_lab.report.recordings import Example, make_sets, RecordingSet, usual_splits
 from tactile_lab.report.significance import find_components
 from tactile_lab.report.summary import (
     format_accuracy,
@@ -58,7 +59,8 @@ def make_textures():
     )
     spec = spec_for('texture', FeatureConfig())
     table = FeatureTable(compute_spectrum(signals), labels, spec, {'day': np.arange(24) % 3})
-    examples = array_examples(table, signals, 60.0)
+    rows = [12, 0]  # one of each label
+    examples = tuple(Example(row, time_s, signals[row]) for row in rows)
     return RecordingSet('texture, x.npz', '', False, table, (('day',),), 'raw', examples)
 
 
@@ -184,11 +186,13 @@ def test_first_sentence_says_how_many_of_100_and_what_was_held_out(
 
 
 def test_simulated_trials_are_marked_in_every_figure_and_table(stiffness_bag, tmp_path):
-    sets = bag_sets(read_tables([stiffness_bag]).tables)
+    with open_features([stiffness_bag]) as features:
+        sets = make_sets(features, report=True)
+        sources = describe_sources([stiffness_bag.parent], features.recording)
     assert sets[0].hold_out == (('trial_block',),)
     result = run(sets[0], folds=3)
     path = tmp_path / 'report.html'
-    write_report(path, [result], [stiffness_bag.parent], {'folds': '3'})
+    write_report(path, [result], sources, {'folds': '3'})
     page = path.read_text(encoding='utf-8')
     figures = page.split('<figure ')[1:]
     assert len(figures) == 8
@@ -211,7 +215,7 @@ def test_simulated_trials_are_marked_in_every_figure_and_table(stiffness_bag, tm
         assert fit.coef == pytest.approx([intercept, slope], rel=1e-6)
         assert np.corrcoef(example.time_s, example.signal)[0, 1] == pytest.approx(correlation)
     start_s, end_s = found.trial.window_s
-    (hold,) = (phase for phase in found.trial.trace.phases if phase[0] == 'hold')
+    (hold,) = (phase for phase in found.trial.phases if phase[0] == 'hold')
     assert hold[1] < start_s < end_s < hold[2]
 
 
@@ -369,3 +373,28 @@ def test_components_are_known_by_the_names_of_the_features():
     assert found.title == 'spatial frequency [cycles/mm]'
     assert found.frequency[0] == pytest.approx(1 / 45, rel=1e-3)
     assert find_components(spec_for('stiffness', FeatureConfig())) is None
+
+
+def make_grouped(**columns):
+    table = make_easy_holds().table
+    count = np.arange(len(table))
+    made = {name: np.char.mod('%d', count % divisor) for name, divisor in columns.items()}
+    return FeatureTable(table.values, table.labels, table.spec, made)
+
+
+@pytest.mark.parametrize(
+    ('columns', 'held_out'),
+    [
+        ({}, []),
+        ({'repetition': 3}, []),
+        ({'session': 3}, [('session_id',)]),
+        ({'Day': 3}, [('Day',)]),
+        ({'session_id': 1, 'trial_block': 4}, [('trial_block',)]),
+        ({'session_id': 3, 'mounting': 6}, [('session_id',), ('mounting_id',)]),
+        ({'mounting_id': 72}, []),  # each trial has its own: random folds hold it out
+    ],
+)
+def test_sessions_and_mountings_are_held_out_without_being_asked_for(columns, held_out):
+    found, not_done = usual_splits(make_grouped(**columns))
+    assert found == held_out
+    assert len(not_done) == (columns.get('session_id') == 1)

@@ -20,13 +20,17 @@ from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
 from tactile_features.records import Measure
 from tactile_features.spec import spec_for
-from tactile_lab.datasets.bag_tables import read_tables
-from tactile_lab.datasets.feature_options import select_features
-from tactile_lab.datasets.reread import read_measures
+from tactile_lab.datasets.feature_tables import open_features, read_tables
+from tactile_lab.datasets.reading import select_features
 from tactile_lab.report.analysis import analyse
-from tactile_lab.report.answers import AnswersPlan, summarise_measures
+from tactile_lab.report.answers import (
+    AnswersPlan,
+    read_extras,
+    summarise_measures,
+    WindowExtras,
+)
 from tactile_lab.report.build import build_page, list_unmeasured
-from tactile_lab.report.recordings import bag_sets
+from tactile_lab.report.recordings import make_sets
 from tactile_lab.report.significance import find_components, format_alike_pairs
 from tactile_lab.report.summary import answer_rows
 from tactile_ros.errors import TactileError
@@ -47,7 +51,8 @@ def make_holds(gap, each=15):
 
 
 def answer(table, hold_out=('session_id',)):
-    (answers,) = run_plans([AnswersPlan(table, hold_out)])
+    extras = WindowExtras('not of holds', 'an archive has windows alone')
+    (answers,) = run_plans([AnswersPlan(table, hold_out, extras)])
     return answers
 
 
@@ -59,8 +64,9 @@ def texture_bag(simulate_bag):
 @pytest.fixture(scope='module')
 def answered(texture_bag):
     """Return the texture bag's results, and the page made of them."""
-    sets = bag_sets(read_tables([texture_bag]).tables)
-    options = {'folds': 2, 'repetitions': 1, 'answers': True, 'details': False}
+    with open_features([texture_bag]) as features:
+        sets = make_sets(features, answers=True)
+    options = {'folds': 2, 'repetitions': 1, 'details': False}
     results = analyse(sets, **options, random_state=0, jobs=1)
     return results, build_page(results, [], {}, {})
 
@@ -106,8 +112,8 @@ def test_what_cannot_be_done_says_why_and_the_rest_is_done():
     assert answers.stopping is None
     assert answers.measures == ()
     assert answers.not_done == (
-        'early predictions: only texture has them; a hold is answered when it is over',
-        'measures: needs the stream of a bag; an archive has windows alone',
+        'early predictions: not of holds',
+        'measures: an archive has windows alone',
     )
     two = make_holds(gap=50.0)
     two = answer(two.take((two.labels == 'far') | (two.labels == 'twin')))
@@ -116,18 +122,22 @@ def test_what_cannot_be_done_says_why_and_the_rest_is_done():
 
 
 def test_measures_are_those_of_the_windows(stiffness_bag):
-    (table,) = read_tables([stiffness_bag]).tables.values()
-    measures = read_measures(table)
+    with open_features([stiffness_bag]) as features:
+        (table,) = features.tables().tables.values()
+        measures = features.measures(table)
+        columns = {**table.columns, 'window_end_ns': table.column('window_end_ns') + 1}
+        moved = FeatureTable(table.values, table.labels, table.spec, columns)
+        with pytest.raises(BagError, match='other windows than those recorded'):
+            features.measures(moved)
+        extras = read_extras(features, table)
+    assert extras.partial == 'only texture has them; a hold is answered when it is over'
+    assert extras.measures == tuple(measures)
     with TactileBag(stiffness_bag) as bag:
         windows = {w.trial_id: w for w in replay_windows(bag, recorded_features(bag))}
     assert len(measures) == len(table) == 15
     for trial_id, found in zip(table.column('trial_id'), measures, strict=True):
         assert found == windows[trial_id].measures
         assert 'relaxation_time' in {measure.name for measure in found}
-    columns = {**table.columns, 'window_end_ns': table.column('window_end_ns') + 1}
-    moved = FeatureTable(table.values, table.labels, table.spec, columns)
-    with pytest.raises(BagError, match='other windows than those recorded'):
-        read_measures(moved)
 
 
 def test_summary_counts_what_has_no_value_and_leaves_it_out():
@@ -152,9 +162,11 @@ def test_summary_counts_what_has_no_value_and_leaves_it_out():
 
 
 def test_partial_answers_of_chosen_features_are_not_compared_with_the_whole(texture_bag):
-    (table,) = read_tables([texture_bag]).tables.values()
-    few = select_features(table, ','.join(table.spec.names[3:6]))
-    (answers,) = run_plans([AnswersPlan(few, ('trial_block',))])
+    with open_features([texture_bag]) as features:
+        (table,) = features.tables().tables.values()
+        few = select_features(table, ','.join(table.spec.names[3:6]))
+        extras = read_extras(features, few)
+    (answers,) = run_plans([AnswersPlan(few, ('trial_block',), extras)])
     assert answers.stopping is None
     assert answers.not_done == (
         'early predictions: some of the features alone have no early predictions',

@@ -17,7 +17,7 @@ from tactile_bringup.trial_protocols import TrialRequest
 from tactile_features.config import FeatureConfig
 from tactile_features.conversions import event_from_msg, strain_block_from_msg
 from tactile_lab.commands.replay import replay_and_compare
-from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.datasets.feature_tables import read_tables
 from tactile_lab.simulation import simulated_bags, simulated_trials
 from tactile_lab.simulation.simulated_bags import write_simulated_bag
 from tactile_lab.simulation.simulated_trials import (

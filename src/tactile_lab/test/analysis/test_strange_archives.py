@@ -11,7 +11,7 @@ from tactile_command import ask_tactile, hear_tactile, tactile
 
 from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.datasets.dataset import table_from_trials
-from tactile_lab.datasets.selection import select_trials
+from tactile_lab.datasets.reading import select_trials
 from tactile_ros.errors import TactileError
 
 RATE_HZ = 100.0

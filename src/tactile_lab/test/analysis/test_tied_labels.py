@@ -9,7 +9,7 @@ import pytest
 from tactile_command import ask_tactile, tactile
 
 from tactile_bags import EVENT
-from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.datasets.feature_tables import read_tables
 from tactile_lab.experiment.folder import ExperimentFolder
 from tactile_lab.experiment.plan import ExperimentPlan
 

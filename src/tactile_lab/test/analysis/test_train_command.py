@@ -7,6 +7,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from tactile_command import hear_tactile
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
@@ -18,16 +19,11 @@ from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.inference import TactileModel
 from tactile_features.spec import array_spec, spec_for
-from tactile_lab.commands.analysis.requests import TrainRequest
-from tactile_lab.commands.analysis.train import (
-    describe_answers,
-    run_recalibrate,
-    run_train,
-    train_models,
-)
 from tactile_lab.commands.output import Output
-from tactile_lab.datasets.bag_tables import BagTables, read_tables
-from tactile_lab.datasets.reread import read_partial_tables
+from tactile_lab.commands.train import parse_seconds, train_models
+from tactile_lab.datasets.feature_tables import open_features
+from tactile_lab.datasets.reading import Reading
+from tactile_lab.datasets.tables import describe_answers
 from tactile_ros.errors import TactileError
 
 
@@ -36,29 +32,24 @@ def bag(simulate_bag):
     return simulate_bag('texture', 'flexion', 3, seed=5)
 
 
-@pytest.fixture(scope='module')
-def table(bag):
-    (table,) = read_tables([bag]).tables.values()
-    return table
+def train_on(bag, folder, **training):
+    """Train on a bag as the command does; return the models."""
+    given = {'folds': 3, 'repetitions': 1, 'output': Output(as_json=True), **training}
+    with open_features([bag]) as features:
+        return train_models(features, features.tables().tables, folder=folder, **given)
 
 
 @pytest.mark.parametrize('seconds', [[0.1], [1.0, 0.5], [3.0]])
-def test_seconds_that_do_not_fit_are_refused(table, seconds):
-    with pytest.raises(BagError, match='no early predictions after'):
-        read_partial_tables(table, seconds)
+def test_seconds_that_do_not_fit_are_refused(bag, seconds):
+    with open_features([bag]) as features:
+        (table,) = features.tables().tables.values()
+        with pytest.raises(BagError, match='no early predictions after'):
+            features.partial_tables(table, seconds)
 
 
 def test_model_answers_partial_windows_and_no_file_is_replaced_unasked(bag, tmp_path):
-    found = read_tables([bag])
-    request = TrainRequest(
-        folder=tmp_path / 'models',
-        folds=3,
-        repetitions=1,
-        false_alarm_rate=0.1,
-        partial='0.5,1.5',
-        stop_error_rate=0.2,
-    )
-    (trained,) = train_models(found, request, Output(as_json=True))
+    training = {'false_alarm_rate': 0.1, 'partial_seconds': [0.5, 1.5], 'stop_error_rate': 0.2}
+    (trained,) = train_on(bag, tmp_path / 'models', **training)
     model = TactileModel.load(trained.path)
     assert model.partial_samples == (30, 90)
     assert model.manifest.false_alarm_rate == 0.1
@@ -69,15 +60,15 @@ def test_model_answers_partial_windows_and_no_file_is_replaced_unasked(bag, tmp_
     assert trained.to_dict()['parts'][2]['sample_count'] == 90
     before = trained.path.read_bytes()
     with pytest.raises(TactileError, match='would be replaced'):
-        train_models(found, request, Output(as_json=True))
+        train_on(bag, tmp_path / 'models', **training)
     assert trained.path.read_bytes() == before
 
 
 @pytest.mark.parametrize('detrend', ['none', 'mean', 'linear'])
-def test_a_model_states_how_its_spectra_were_detrended(bag, tmp_path, capsys, detrend):
-    request = TrainRequest(folder=tmp_path, folds=3, repetitions=1, partial='1', detrend=detrend)
-    run_train([bag], request, as_json=False)
-    assert f'spectrum_detrend {detrend}' in ' '.join(capsys.readouterr().out.split())
+def test_a_model_states_how_its_spectra_were_detrended(bag, tmp_path, detrend):
+    quick = ('--folds', 3, '--repetitions', 1, '--partial', 1)
+    said = hear_tactile('train', bag, '-o', tmp_path, '--detrend', detrend, *quick)
+    assert f'spectrum_detrend {detrend}' in said
     model = TactileModel.load(tmp_path / 'texture_flexion.onnx')
     with TactileBag(bag) as opened:
         config = dataclasses.replace(
@@ -92,8 +83,9 @@ def test_a_model_states_how_its_spectra_were_detrended(bag, tmp_path, capsys, de
         with pytest.raises(ModelFileError, match='spectrum_detrend'):
             model.check_fits(spec_for('texture', changed))
     # Tables of whole and partial windows are what the live extractor gives.
-    (table,) = read_tables([bag], {'spectrum_detrend': detrend}).tables.values()
-    tables = {**read_partial_tables(table, [0.5, 1.0]), table.spec.sample_count: table}
+    with open_features([bag], Reading(detrend=detrend)) as features:
+        (table,) = features.tables().tables.values()
+        tables = {**features.partial_tables(table, [0.5, 1.0]), table.spec.sample_count: table}
     assert list(tables) == [30, 60, 180]
     assert len(windows) == 3 * len(table)
     for window in windows:
@@ -102,32 +94,32 @@ def test_a_model_states_how_its_spectra_were_detrended(bag, tmp_path, capsys, de
         assert tables[window.sample_count].values[row].tobytes() == window.values.tobytes()
 
 
-def test_detrending_is_for_the_spectrum_over_time(tmp_path):
-    with pytest.raises(TactileError, match='--detrend is for the spectrum over time'):
-        run_train([], TrainRequest(folder=tmp_path, over='45:0.5', detrend='linear'), as_json=True)
+def test_detrending_is_for_the_spectrum_over_time(bag, tmp_path):
+    over = ('--over', '45:0.5', '--detrend', 'linear')
+    said = hear_tactile('train', bag, '-o', tmp_path, *over, code=2)
+    assert '--detrend is for the spectrum over time' in said
 
 
-def test_text_that_is_no_seconds_is_refused(tmp_path):
+def test_text_that_is_no_seconds_is_refused():
     with pytest.raises(TactileError, match='--partial is "1;2"'):
-        TrainRequest(folder=tmp_path, partial='1;2').partial_seconds()
+        parse_seconds('1;2')
 
 
 def test_recalibration_reads_bags_of_the_session_and_replaces_nothing_unasked(
     bag, simulate_bag, tmp_path
 ):
     path = simulate_bag('texture', 'flexion', 3, seed=6, sessions=2)
-    request = TrainRequest(folder=tmp_path / 'models', folds=3, repetitions=1, partial='1')
-    (trained,) = train_models(read_tables([path]), request, Output(as_json=True))
+    (trained,) = train_on(path, tmp_path / 'models', partial_seconds=[1.0])
     today = tmp_path / 'today'
-    run_recalibrate(trained.path, [bag], today, force=False, as_json=True)
+    command = ('train', bag, '--recalibrate', trained.path, '-o', today)
+    assert 'for the session of' in hear_tactile(*command)
     (written,) = today.iterdir()
     model = TactileModel.load(written)
     stated = model.manifest.calibration['recalibrated']
     assert stated['model_id'] == trained.model_id
     assert len(stated['offsets']) == 2  # of whole and partial windows
     assert 'session_statistics' not in trained.to_dict()['calibration']
-    with pytest.raises(TactileError, match='would be replaced'):
-        run_recalibrate(trained.path, [bag], today, force=False, as_json=True)
+    assert 'would be replaced' in hear_tactile(*command, code=2)
 
 
 def test_raw_scores_that_are_kept_are_printed_and_in_json(tmp_path, capsys):
@@ -140,9 +132,19 @@ def test_raw_scores_that_are_kept_are_printed_and_in_json(tmp_path, capsys):
         array_spec('stiffness', 50, 60.0),
         {'session_id': session.astype(str)},
     )
-    request = TrainRequest(folder=tmp_path, classifier='svm_linear', folds=3, repetitions=1)
-    found = BagTables({('stiffness', ''): table}, ())
-    (trained,) = train_models(found, request, Output(as_json=False))
+    archive = tmp_path / 'any.npz'
+    signals = rng.normal(size=(8, 1, 60))
+    np.savez(archive, x=signals, label=np.repeat(['a', 'b'], 4), rate_hz=60.0)
+    with open_features([archive], Reading(task='stiffness')) as features:
+        (trained,) = train_models(
+            features,
+            {('stiffness', ''): table},
+            folder=tmp_path,
+            output=Output(as_json=False),
+            classifier='svm_linear',
+            folds=3,
+            repetitions=1,
+        )
     printed = ' '.join(capsys.readouterr().out.split())
     assert (
         'scores: raw (margin) are kept, because calibration was worse in both held-out sessions'

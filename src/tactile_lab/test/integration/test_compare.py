@@ -19,8 +19,8 @@ from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
-from tactile_lab.datasets.bag_tables import BagTables, read_tables
-from tactile_lab.datasets.paired_tables import pair_tables
+from tactile_lab.datasets.feature_tables import FeatureTables, read_tables
+from tactile_lab.datasets.model_pairs import pair_tables
 from tactile_lab.program import app
 from tactile_lab.simulation.simulated_bags import write_simulated_bag
 from tactile_lab.simulation.simulated_trials import SimulationPlan
@@ -136,7 +136,7 @@ def test_a_trial_without_features_for_one_model_is_no_answer_of_it(bags, models)
     parts = [table.take(np.arange(5, len(table))), table.take(np.arange(len(table))[::-1])]
     parts[1] = parts[1].take(np.arange(3, len(table)))
     answers = iter(parts)
-    (paired,) = pair_tables(lambda _: BagTables({key: next(answers)}, ()), loaded, [])
+    (paired,) = pair_tables(lambda _: FeatureTables({key: next(answers)}, ()), loaded, [])
     assert len(paired) == len(table)
     for side, missing in ((0, range(5)), (1, range(len(table) - 3, len(table)))):
         found = paired.spread(side, parts[side].column('trial_id'), NO_ANSWER)

@@ -22,8 +22,8 @@ from tactile_bringup.records import TrialConfig
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
-from tactile_lab.commands.analysis.train import model_path
-from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.commands.train import model_path
+from tactile_lab.datasets.feature_tables import read_tables
 from tactile_lab.simulation.simulated_bags import write_simulated_bag
 from tactile_lab.simulation.simulated_trials import SimulationPlan
 from tactile_ros.programs.node_group import NodeGroup

@@ -11,13 +11,13 @@ from tactile_command import ask_tactile
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
-from tactile_lab.commands.analysis import requests
+from tactile_lab.commands import train
 from tactile_lab.experiment import live_rig
 
 
 def test_short_demo_agrees_bit_for_bit_and_leaves_its_results(tmp_path, monkeypatch):
     # Repetitions of a cross-validation are tested where evaluations are.
-    monkeypatch.setattr(requests, 'TrainRequest', partial(requests.TrainRequest, repetitions=1))
+    monkeypatch.setattr(train, 'train_models', partial(train.train_models, repetitions=1))
     quick = {'trial_runner': {'approach_speed_m_s': 0.1}}
     monkeypatch.setattr(live_rig, 'LiveSetup', partial(live_rig.LiveSetup, parameters=quick))
     folder = tmp_path / 'demo'

@@ -14,7 +14,7 @@ from tactile_bags.replaying.replay import replay_through_core
 from tactile_bringup.nodes.replay_nodes import replay_through_nodes
 from tactile_features.conversions import event_to_msg, strain_block_from_msg
 from tactile_features.extraction.extractor import TrialFeatureExtractor
-from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.datasets.feature_tables import read_tables
 
 FOUND_TOPIC = dataclasses.replace(EVENT_TOPIC, name='tactile_features/detected_events')
 

@@ -11,7 +11,7 @@ from tactile_command import program, SHORT_HOLD, tactile
 
 from tactile_bags import EVENT, TactileBag
 from tactile_bags.message_records import read_records
-from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.datasets.feature_tables import read_tables
 from tactile_lab.experiment.folder import ExperimentFolder
 from tactile_lab.experiment.journal import read_journal
 from tactile_testing.waiting import wait_until

@@ -21,8 +21,7 @@ from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.replay import replay_and_compare
-from tactile_lab.datasets.bag_tables import read_tables
-from tactile_lab.datasets.reread import read_partial_tables
+from tactile_lab.datasets.feature_tables import open_features, read_tables
 from tactile_lab.experiment.live_rig import LiveSetup, run_live_trials
 from tactile_ros.errors import TactileError
 from tactile_sim.rig_process import SimulatedRig
@@ -38,12 +37,6 @@ def bag(simulate_bag):
 
 
 @pytest.fixture(scope='module')
-def table(bag):
-    (table,) = read_tables([bag]).tables.values()
-    return table
-
-
-@pytest.fixture(scope='module')
 def rig():
     with SimulatedRig(seed=3) as rig:
         home_fast(rig)
@@ -51,15 +44,18 @@ def rig():
 
 
 @pytest.fixture
-def model(table, tmp_path):
+def model(bag, tmp_path):
     """Return a file of any name: it says itself what it is for, and what it wants.
 
     It is for any contact.
     """
     path = tmp_path / 'partial.onnx'
+    with open_features([bag]) as features:
+        (table,) = features.tables().tables.values()
+        partial = features.partial_tables(table, [0.5, 1.5])
     contacts = np.where(np.arange(len(table)) % 2, 'flexion', 'abduction')
     mixed = dataclasses.replace(table, columns={**table.columns, 'contact': contacts})
-    write_model(path, train(mixed, 'knn', partial=read_partial_tables(table, [0.5, 1.5])))
+    write_model(path, train(mixed, 'knn', partial=partial))
     return path
 
 

@@ -23,9 +23,9 @@ from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.conversions import feature_window_to_msg
-from tactile_lab.commands.analysis.train import model_path
 from tactile_lab.commands.replay import replay_and_compare
-from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.commands.train import model_path
+from tactile_lab.datasets.feature_tables import read_tables
 
 TRIALS = 6
 NOISE = 1.0

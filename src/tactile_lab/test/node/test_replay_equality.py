@@ -40,8 +40,7 @@ from tactile_features.conversions import (
 )
 from tactile_features.model_contract import plan_features
 from tactile_features.slip import SlipConfig, SlipDetector
-from tactile_lab.datasets.bag_tables import read_tables
-from tactile_lab.datasets.reread import read_partial_tables
+from tactile_lab.datasets.feature_tables import open_features
 from tactile_msgs.msg import Classification, Slip, StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
@@ -94,9 +93,10 @@ class Case(NamedTuple):
 def texture(simulate_bag, tmp_path_factory):
     """Return a case with partial windows and recalibration."""
     source = simulate_bag('texture', 'flexion', 4, seed=5, sessions=2)
-    (table,) = read_tables([source]).tables.values()
     models = tmp_path_factory.mktemp('texture_models')
-    partial = read_partial_tables(table, [0.5, 1.5])
+    with open_features([source]) as features:
+        (table,) = features.tables().tables.values()
+        partial = features.partial_tables(table, [0.5, 1.5])
     write_model(models / 'model.onnx', train(table, 'knn', partial=partial))
     bag = simulate_bag('texture', 'flexion', 1, seed=6)
     with TactileBag(bag) as recording:

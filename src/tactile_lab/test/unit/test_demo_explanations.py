@@ -14,8 +14,8 @@ from tactile_classifier.model_file.inference import TactileModel
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features import FeatureConfig, FeatureWindow, Outcome, spec_for
-from tactile_lab.commands.analysis.train import TrainedModel
 from tactile_lab.commands.demo import choose_trials, explain_misses, KINDS
+from tactile_lab.commands.train import TrainedModel
 from tactile_lab.experiment.live_rig import LiveTrial
 
 

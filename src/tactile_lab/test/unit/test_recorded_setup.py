@@ -26,7 +26,7 @@ from tactile_classifier import ModelInfos, ModelSet
 from tactile_classifier.conversions import model_infos_to_msg
 from tactile_features import FeatureConfig, FeatureSpecifications, spec_for, WantedFeatures
 from tactile_features.conversions import specifications_to_msg
-from tactile_lab.datasets.bag_tables import name_table, read_tables
+from tactile_lab.datasets.feature_tables import name_table, read_tables
 from tactile_ros.errors import TactileError
 
 USUAL = WantedFeatures(spec_for('stiffness', FeatureConfig()))

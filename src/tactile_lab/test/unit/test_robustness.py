@@ -11,7 +11,7 @@ import pytest
 
 from tactile_bringup.records import TrialConfig
 from tactile_features.config import FeatureConfig
-from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.datasets.feature_tables import read_tables
 from tactile_sim.descriptions.catalogue import Catalogue
 from tactile_sim.physics.trials import simulate_trials
 

@@ -1,0 +1,209 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""`tactile compare`: which of two models is better on the same trials, with paired intervals."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Annotated, Any, Optional, TYPE_CHECKING
+
+import typer
+
+from tactile_lab import options
+
+if TYPE_CHECKING:
+    from tactile_classifier.evaluation.model_comparison import Answered, Comparison
+    from tactile_lab.commands.output import Output
+    from tactile_lab.datasets.model_pairs import Compared
+
+CONFUSIONS = 5
+"""Confusions in the terminal; JSON has all."""
+
+
+def compare(
+    model_a: Annotated[
+        Path,
+        typer.Argument(
+            exists=True, help='Model file, or a folder of them as `tactile train` writes.'
+        ),
+    ],
+    model_b: Annotated[Path, typer.Argument(exists=True, help='The other one.')],
+    recordings: options.RecordingsArgument,
+    task: options.TaskOption = None,
+    contact: Annotated[
+        Optional[str],
+        typer.Option(
+            **options.choice('flexion', 'abduction'),
+            help='Compare only the models for this contact. Bags with trial events state it.',
+        ),
+    ] = None,
+    group: Annotated[
+        Optional[str],
+        typer.Option(
+            help='Columns that make a group of trials, with commas, for the interval. '
+            'Default: session_id.'
+        ),
+    ] = None,
+    unseen: Annotated[
+        bool,
+        typer.Option('--unseen', help='Leave out trials that one of the models was trained on.'),
+    ] = False,
+    channel: options.ChannelOption = None,
+    where: options.WhereOption = None,
+    crop: options.CropOption = None,
+    resample_hz: options.ResampleOption = None,
+    skip_bad: options.SkipBadOption = False,
+    speed_column: options.SpeedColumnOption = None,
+    column: options.ColumnOption = None,
+    rate_hz: options.RateOption = None,
+    unit: options.UnitOption = '',
+    label: options.LabelOption = '',
+    label_from: options.LabelFromOption = '',
+    labels: options.LabelsOption = None,
+    topic: options.TopicOption = '',
+    field: options.FieldOption = '',
+    separator: options.SeparatorOption = '',
+    decimal: options.DecimalOption = '',
+    header_rows: options.HeaderRowsOption = None,
+    as_json: options.JsonOption = False,
+) -> None:
+    """Say which of two models is better, and whether the difference is more than chance.
+
+    As in: tactile compare old/texture_flexion.onnx new/texture_flexion.onnx bags/new_session
+
+    Each model classifies every trial with its own features. "unknown" counts as wrong. The
+    difference of the accuracies has a paired 95 % interval: Student's t over the sessions, each of
+    which counts once, or with one session Tango's score interval over the trials. The table also
+    shows rejected trials and file sizes. Below it are the confusions in which the models differ
+    most, and the time of one classification by B against that by A.
+
+    Use trials that neither model was trained on. The command warns of others: most model files
+    state which trials they were trained on. Two folders of models are compared file by file, for
+    each task and contact.
+    """
+    from tactile_bags.sources.files import SourceOptions
+    from tactile_lab.commands.output import Output
+    from tactile_lab.datasets.feature_tables import load_recording
+    from tactile_lab.datasets.model_pairs import (
+        compare_pair,
+        load_models,
+        pair_models,
+        question_of,
+        reader_of,
+    )
+    from tactile_lab.datasets.reading import Reading
+    from tactile_ros.errors import TactileError
+
+    output = Output(as_json)
+    reading = Reading(
+        channel=channel,
+        where=where,
+        crop=crop,
+        resample_hz=resample_hz,
+        skip_bad=skip_bad,
+        speed_column=speed_column,
+    )
+    statements = SourceOptions(
+        column, rate_hz, unit, label, label_from, labels, topic, field, separator, decimal,
+        header_rows,
+    )  # fmt: skip
+    models = [load_models(path, task, contact) for path in (model_a, model_b)]
+    pairs, alone = pair_models(*models)
+    columns = [name.strip() for name in (group or '').split(',') if name.strip()]
+    found = []
+    with load_recording(recordings, statements) as recording, output.progress('comparing') as show:
+        read = reader_of(recording, reading, pairs)
+        for number, pair in enumerate(pairs, 1):
+            compared = compare_pair(read, pair, columns, unseen=unseen)
+            if not compared:
+                alone.append(f'no labelled trials of {question_of(pair)} in these recordings')
+            found += compared
+            show(number, len(pairs))
+    if not found:
+        raise TactileError('; '.join(alone))
+    for each in found:
+        _print(each, output)
+    for sentence in alone:
+        output.say(sentence, plain=True)
+    output.result({'comparisons': [each.to_dict() for each in found], 'left_out': alone})
+
+
+def _print(compared: 'Compared', output: 'Output') -> None:
+    from rich.table import Table
+
+    from tactile_lab.datasets.model_pairs import SIDES
+
+    comparison = compared.comparison
+    sides = (comparison.a, comparison.b)
+    table = Table(title=compared.title, title_justify='left', title_style='bold')
+    table.add_column('')
+    for side, each in zip(SIDES, compared.contenders, strict=True):
+        table.add_column(f'{side}: {each.title}', justify='right')
+    table.add_row('features', *(each.model.spec.feature_set for each in compared.contenders))
+    for name, tell in _ROWS.items():
+        table.add_row(name, *(tell(side) for side in sides))
+    table.add_row('only this one is right', str(comparison.only_a), str(comparison.only_b))
+    table.add_row('file', *(f'{each.size_bytes / 1024:.0f} KiB' for each in compared.contenders))
+    output.say(table)
+    for side, each in zip(SIDES, compared.contenders, strict=True):
+        output.say(f'  {side}: {each.path}', plain=True)
+    ratio = compared.seconds[1] / compared.seconds[0]
+    output.say(f'  {_tell_difference(comparison)}')
+    output.say(f'  same answer: {100 * comparison.agreement:.1f} % of the trials')
+    output.say(f'  time of one answer, B to A, features apart: {ratio:.2f}')
+    for wrong in comparison.confusions[:CONFUSIONS]:
+        output.say(
+            f'  {wrong.label}: {wrong.answer} is the answer of A in {wrong.count_a}, of B in '
+            f'{wrong.count_b} of {wrong.trials} trials',
+            plain=True,
+        )
+    if compared.new_labels:
+        new: Mapping[str, Any] = compared.new_labels
+        output.say(
+            f'  labels that neither knows ({", ".join(new["labels"])}; {new["trials"]} trials, '
+            f'not counted above): unknown to A {100 * new["unknown_rate_a"]:.0f} %, to B '
+            f'{100 * new["unknown_rate_b"]:.0f} %',
+            plain=True,
+        )
+    if compared.left_out:
+        output.say(f'  {compared.left_out}')
+    for warning in compared.warnings:
+        output.say(f'  warning: {warning}', plain=True)
+    output.say(compared.verdict)
+    output.say()
+
+
+def _tell_difference(comparison: 'Comparison') -> str:
+    """Return where the interval of the difference comes from."""
+    if comparison.interval.reason:
+        return f'difference: no interval, {comparison.interval.reason}'
+    over = comparison.interval.method
+    if over.startswith('t over'):
+        return f'difference: 95 % interval, {over}; shares are means over these'
+    return f'difference: 95 % interval, {over}; p {comparison.p_value:.2g} (McNemar)'
+
+
+def _tell_accuracy(side: 'Answered') -> str:
+    accuracy = f'{100 * side.accuracy:.1f} %'
+    if side.interval.reason:
+        return accuracy
+    from tactile_lab.datasets.tables import tell_interval
+
+    return f'{accuracy}  ({tell_interval(side.interval)})'
+
+
+def _tell_answered(side: 'Answered') -> str:
+    share = side.answered_accuracy
+    return 'it gives none' if share is None else f'{100 * share:.1f} %'
+
+
+_ROWS: Mapping[str, Callable[['Answered'], str]] = MappingProxyType(
+    {
+        'named correctly': _tell_accuracy,
+        'right, where it gives a label': _tell_answered,
+        'unknown': lambda side: f'{100 * side.unknown_rate:.1f} %',
+        'no answer': lambda side: f'{100 * side.no_answer_rate:.1f} %',
+    }
+)
+"""Rows of the table: what each says of one model."""

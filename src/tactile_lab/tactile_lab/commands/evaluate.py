@@ -1,0 +1,196 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""`tactile evaluate`: cross-validated accuracy on any recordings, and the report."""
+
+from pathlib import Path
+from typing import Annotated, Any, Optional, TYPE_CHECKING
+
+import typer
+
+from tactile_lab import options
+
+if TYPE_CHECKING:
+    from tactile_lab.commands.output import Output
+    from tactile_lab.report.analysis import SetResult
+
+
+def evaluate(
+    recordings: options.RecordingsArgument,
+    task: options.TaskOption = None,
+    train_where: Annotated[
+        Optional[str],
+        typer.Option(
+            help='Train on these trials and test on those of --test-where, beside random folds '
+            'over both. A column that is true, or COLUMN=VALUE, as for --where; bags too.'
+        ),
+    ] = None,
+    test_where: Annotated[
+        Optional[str], typer.Option(help='Trials to test on; see --train-where.')
+    ] = None,
+    over: options.OverOption = None,
+    detrend: options.DetrendOption = None,
+    group: Annotated[
+        Optional[list[str]],
+        typer.Option(
+            help='Beside random folds, hold out each group of trials that agree in this column, '
+            'in turn; several columns with commas between them: that agree in all. May be given '
+            'several times. Default: the column of sessions (session_id, session, day) and that '
+            'of mountings (mounting_id, mounting) where there are such; for bags of one session '
+            'trial_block, a sixth of it.'
+        ),
+    ] = None,
+    folds: options.FoldsOption = 6,
+    repetitions: options.RepetitionsOption = None,
+    features: Annotated[
+        Optional[str],
+        typer.Option(
+            help='Only these features, separated by commas, as in --features slope,correlation; '
+            'a set of features, as in --features glide_waveform; or auto: folds choose the set.'
+        ),
+    ] = None,
+    report: Annotated[
+        Optional[Path],
+        typer.Option(
+            help='Write a report with figures: a folder, or an HTML file, which needs no other.'
+        ),
+    ] = None,
+    answers: Annotated[
+        bool,
+        typer.Option(
+            '--answers',
+            help='Also rejection of unknown objects, with each label left out in turn, and '
+            'calibration of probabilities; from bags also early predictions and physical '
+            'measures. Takes about half a minute more for each set of '
+            'texture trials.',
+        ),
+    ] = False,
+    seed: options.SeedOption = 0,
+    channel: options.ChannelOption = None,
+    where: options.WhereOption = None,
+    crop: options.CropOption = None,
+    resample_hz: options.ResampleOption = None,
+    skip_bad: options.SkipBadOption = False,
+    speed_column: options.SpeedColumnOption = None,
+    column: options.ColumnOption = None,
+    rate_hz: options.RateOption = None,
+    unit: options.UnitOption = '',
+    label: options.LabelOption = '',
+    label_from: options.LabelFromOption = '',
+    labels: options.LabelsOption = None,
+    topic: options.TopicOption = '',
+    field: options.FieldOption = '',
+    separator: options.SeparatorOption = '',
+    decimal: options.DecimalOption = '',
+    header_rows: options.HeaderRowsOption = None,
+    cluster: options.ClusterOption = '',
+    as_json: options.JsonOption = False,
+) -> None:
+    """Cross-validate the four classifiers on recordings, and write a report.
+
+    Takes real or simulated trials and computes the same features as the live node. Evaluates
+    every classifier with and without scaling, by random folds and by held-out sessions, mountings
+    or other groups, and states the split beside each number. ``--report`` and ``--json`` add
+    feature selection, and take longer. The report has the paper's figures, made of your trials.
+    """
+    from tactile_bags.sources.files import SourceOptions
+    from tactile_lab.commands.cluster import on_cluster
+    from tactile_lab.commands.output import Output
+    from tactile_lab.datasets.feature_tables import open_features
+    from tactile_lab.datasets.reading import Reading
+    from tactile_lab.report.analysis import analyse
+    from tactile_lab.report.recordings import make_sets
+
+    output = Output(as_json)
+    automatic = features == 'auto'
+    reading = Reading(
+        task=task,
+        channel=channel,
+        where=where,
+        crop=crop,
+        resample_hz=resample_hz,
+        skip_bad=skip_bad,
+        speed_column=speed_column,
+        over=over,
+        detrend=detrend,
+        features=None if automatic else features,
+        train_where=train_where,
+        test_where=test_where,
+    )
+    statements = SourceOptions(
+        column, rate_hz, unit, label, label_from, labels, topic, field, separator, decimal,
+        header_rows,
+    )  # fmt: skip
+    hold_out = [tuple(filter(None, map(str.strip, names.split(',')))) for names in group or ()]
+    file = None
+    if report is not None:
+        from tactile_lab.report.build import report_path, write_report  # matplotlib
+        from tactile_lab.report.provenance import describe_sources
+
+        file = report_path(report)
+    with on_cluster(cluster):
+        with (
+            output.progress('reading'),
+            open_features(recordings, reading, statements, folds=folds) as source,
+        ):
+            chosen = None
+            if automatic:
+                from tactile_lab.datasets.automatic_features import choose_automatically
+
+                columns = next(iter(hold_out), ('session_id',))
+                chosen = choose_automatically(source, folds, seed, output.say, columns)
+            sets = make_sets(source, hold_out, chosen, report=file is not None, answers=answers)
+            sources = describe_sources(recordings, source.recording) if file is not None else []
+        with output.progress('evaluating') as show:
+            results = analyse(
+                sets,
+                progress=show,
+                folds=folds,
+                repetitions=repetitions,
+                random_state=seed,
+                details=as_json or file is not None,  # the terminal has no place for them
+            )
+    for result in results:
+        _print(result, output)
+    if file is not None:
+        repeated = '' if repetitions is None else f', repeated {repetitions} times'
+        given = {
+            'folds': f'{folds}{repeated}',
+            'seed of the folds': seed,
+            'task': task,
+            'channel': channel,
+            'where': where,
+            'train-where': train_where,
+            'test-where': test_where,
+            'crop': crop,
+            'resample-hz': resample_hz,
+            'over': over,
+            'speed-column': speed_column,
+            'detrend': detrend,
+            'features': features,
+        }
+        settings = {name: str(value) for name, value in given.items() if value is not None}
+        write_report(file, results, sources, settings)
+        output.say(f'{file}: the same with figures, and the paper beside it')
+    output.result({'sets': [result.to_dict() for result in results]})
+
+
+def _print(result: 'SetResult', output: 'Output') -> None:
+    from tactile_classifier.names import describe_features
+    from tactile_lab.datasets.tables import accuracy_caption, accuracy_table, tell_warnings
+    from tactile_lab.report.summary import answer_rows, format_accuracy
+
+    for evaluation in result.evaluations:
+        output.say(accuracy_table(evaluation, result.recordings.title, intervals=True))
+        output.say(accuracy_caption(evaluation, intervals=True))
+    output.say(f'  {describe_features(result.recordings.table.spec)}')
+    lines: list[Any] = [
+        *result.recordings.tell_preparation(most=10),
+        format_accuracy(result),
+        *(': '.join(row) for row in (answer_rows(result.answers) if result.answers else ())),
+        *result.not_done,
+        *tell_warnings(result.evaluations),
+    ]
+    for line in lines:
+        output.say(f'  {line}', plain=True)
+    output.say()

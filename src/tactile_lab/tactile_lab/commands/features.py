@@ -1,0 +1,187 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""`tactile features`: the features of recordings as a table for other programs."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any, Optional, TYPE_CHECKING
+
+import typer
+
+from tactile_lab import options
+
+if TYPE_CHECKING:
+    from tactile_classifier.datasets.dataset import FeatureTable
+
+KEY = b'tactile'
+"""Of the schema's metadata that holds the specification of the features, as JSON."""
+
+
+def features(
+    recordings: options.RecordingsArgument,
+    file: Annotated[Path, typer.Option('--output', '-o', help='File to write: .parquet or .csv.')],
+    task: options.TaskOption = None,
+    features: Annotated[
+        Optional[str],
+        typer.Option(
+            help='A set of features instead of the recorded one, as in --features glide_waveform; '
+            'or only these features, with commas.'
+        ),
+    ] = None,
+    group: Annotated[
+        Optional[str],
+        typer.Option(
+            help='Columns that make the column "group", with commas. Default: mounting_id, where '
+            'there is one.'
+        ),
+    ] = None,
+    over: options.OverOption = None,
+    detrend: options.DetrendOption = None,
+    channel: options.ChannelOption = None,
+    where: options.WhereOption = None,
+    crop: options.CropOption = None,
+    resample_hz: options.ResampleOption = None,
+    skip_bad: options.SkipBadOption = False,
+    speed_column: options.SpeedColumnOption = None,
+    force: Annotated[bool, typer.Option('--force', help='Replace the file.')] = False,
+    column: options.ColumnOption = None,
+    rate_hz: options.RateOption = None,
+    unit: options.UnitOption = '',
+    label: options.LabelOption = '',
+    label_from: options.LabelFromOption = '',
+    labels: options.LabelsOption = None,
+    topic: options.TopicOption = '',
+    field: options.FieldOption = '',
+    separator: options.SeparatorOption = '',
+    decimal: options.DecimalOption = '',
+    header_rows: options.HeaderRowsOption = None,
+    as_json: options.JsonOption = False,
+) -> None:
+    """Write the features of recordings as a table, for notebooks and other programs.
+
+    One row a trial: source, trial, label, session, group, simulated, then one column a feature.
+    The units are in the metadata of each Parquet column, and in the names of CSV columns. With
+    several tasks or contacts, each has its own file, with its name at the end.
+    """
+    import numpy as np
+
+    from tactile_bags.sources.files import SourceOptions
+    from tactile_lab.commands.output import Output, refuse_to_replace
+    from tactile_lab.datasets.feature_tables import open_features
+    from tactile_lab.datasets.reading import Reading, select_features
+    from tactile_ros.errors import TactileError
+
+    output = Output(as_json)
+    if file.suffix not in ('.parquet', '.csv'):
+        raise TactileError(f'--output is {file}; it must end in .parquet or .csv')
+    reading = Reading(
+        task=task,
+        channel=channel,
+        where=where,
+        crop=crop,
+        resample_hz=resample_hz,
+        skip_bad=skip_bad,
+        speed_column=speed_column,
+        over=over,
+        detrend=detrend,
+        features=features,
+    )
+    statements = SourceOptions(
+        column, rate_hz, unit, label, label_from, labels, topic, field, separator, decimal,
+        header_rows,
+    )  # fmt: skip
+    with (
+        output.progress('computing features'),
+        open_features(recordings, reading, statements) as source,
+    ):
+        found = source.tables()
+        paths = source.recording.paths
+    written = []
+    for key, table in found.tables.items():
+        kind = '_'.join(filter(None, key))
+        path = file
+        if len(found.tables) > 1:
+            path = file.with_name(f'{file.stem}_{kind}{file.suffix}')
+        written.append((path, kind, select_features(table, features)))
+    refuse_to_replace([path for path, _, _ in written], force=force)
+    notes = [*source.steps, *(f'left out: {sentence}' for sentence in found.left_out)]
+    for line in notes:
+        output.say(line, plain=True)
+    for path, kind, table in written:
+        _write(path, _columns(table, group, str(paths[0])), table)
+        output.say(
+            f'{path}: {kind}, {len(table)} trials of {len(np.unique(table.labels))} labels, '
+            f'{len(table.spec.names)} features of {table.spec.feature_set}'
+        )
+    output.result(
+        {
+            'notes': notes,
+            'files': [
+                {
+                    'path': str(path),
+                    'kind': kind,
+                    'trials': len(table),
+                    'labels': np.unique(table.labels).tolist(),
+                    'feature_set': table.spec.feature_set,
+                    'features': dict(zip(table.spec.names, table.spec.units, strict=True)),
+                    'sha256_of_table': table.compute_sha256(),
+                }
+                for path, kind, table in written
+            ],
+        }
+    )
+
+
+def _columns(table: 'FeatureTable', group: Optional[str], source: str) -> dict[str, Any]:
+    """Return what is known of each trial: source, trial, label, session, group."""
+    import numpy as np
+
+    known = table.columns
+    blank = np.full(len(table), '')
+    session = known.get('session_id', blank)
+    if group is None:
+        groups = known.get('mounting_id', blank)
+    else:
+        parts = [table.column(name.strip()).astype(str) for name in group.split(',')]
+        groups = np.array(['/'.join(row) for row in zip(*parts, strict=True)])
+    return {
+        'source': known.get('bag', known.get('source', np.full(len(table), source))),
+        'trial': known['trial_id'],
+        'label': table.labels,
+        'session': session.astype(str),
+        'group': groups.astype(str),
+        'simulated': np.asarray(known.get('simulated', np.zeros(len(table)))).astype(bool),
+    }
+
+
+def _write(path: Path, columns: dict[str, Any], table: 'FeatureTable') -> None:
+    """Write a file; units stand in the metadata of a Parquet file and in the names of a CSV."""
+    import pyarrow
+    import pyarrow.csv
+    import pyarrow.parquet
+
+    from tactile_ros.errors import TactileError
+
+    is_csv = path.suffix == '.csv'
+    fields = [
+        pyarrow.field(name, pyarrow.bool_() if column.dtype.kind == 'b' else pyarrow.string())
+        for name, column in columns.items()
+    ]
+    for name, unit in zip(table.spec.names, table.spec.units, strict=True):
+        stated = f'{name} [{unit}]' if is_csv else name
+        fields.append(pyarrow.field(stated, pyarrow.float64(), metadata={'unit': unit}))
+    arrays = [column.tolist() for column in columns.values()]
+    data = [
+        *(pyarrow.array(a, type=f.type) for a, f in zip(arrays, fields, strict=False)),
+        *(pyarrow.array(column) for column in table.values.T),
+    ]
+    schema = pyarrow.schema(fields, metadata={KEY: json.dumps(table.spec.to_dict())})
+    found = pyarrow.Table.from_arrays(data, schema=schema)
+    try:
+        if is_csv:
+            pyarrow.csv.write_csv(found, path)
+        else:
+            pyarrow.parquet.write_table(found, path)
+    except OSError as error:
+        raise TactileError(f'cannot write {path}: {error}') from error

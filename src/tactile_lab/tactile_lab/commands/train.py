@@ -1,0 +1,411 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""`tactile train`: recordings in, table of accuracies and model files out."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+import functools
+from pathlib import Path
+from typing import Annotated, Any, Optional, TYPE_CHECKING
+
+import typer
+
+from tactile_lab import options
+
+if TYPE_CHECKING:
+    from tactile_classifier.datasets.dataset import FeatureTable
+    from tactile_classifier.evaluation.cross_validation import Evaluation
+    from tactile_classifier.model_file.manifest import Manifest
+    from tactile_lab.commands.output import Output
+    from tactile_lab.datasets.feature_tables import FeatureTables, RecordingFeatures
+
+
+@dataclass(frozen=True)
+class TrainedModel:
+    """One model file, the accuracies beside it, and the table that it came from."""
+
+    path: Path
+    model_id: str
+    table: 'FeatureTable'
+    evaluation: 'Evaluation'
+    manifest: 'Manifest'
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what JSON can hold."""
+        from tactile_lab.datasets.tables import describe_calibration
+
+        return {
+            'path': str(self.path),
+            'model_id': self.model_id,
+            'evaluation': self.evaluation.to_dict(),
+            'parts': [asdict(part) for part in self.manifest.stages],
+            'calibration': describe_calibration(self.manifest),
+            'false_alarm_rate': self.manifest.false_alarm_rate,
+            'stop_error_rate': self.manifest.stop_error_rate,
+        }
+
+
+def train(
+    recordings: options.RecordingsArgument,
+    folder: Annotated[
+        Path, typer.Option('--output', '-o', help='Folder to write the model files into.')
+    ],
+    task: options.TaskOption = None,
+    classifier: Annotated[
+        str,
+        typer.Option(
+            **options.choice('knn', 'svm_linear', 'svm_rbf', 'tree', 'rocket'),
+            help='Which one goes into the model file.',
+        ),
+    ] = 'knn',
+    scaling: Annotated[
+        Optional[str],
+        typer.Option(
+            **options.choice('standard', 'none'),
+            help='Scaling in the model file. Default: none for texture, whose features share '
+            'one unit; standard for stiffness, whose features do not.',
+        ),
+    ] = None,
+    false_alarm_rate: Annotated[
+        float,
+        typer.Option(
+            '--false-alarms',
+            min=0.001,
+            max=0.5,
+            help='False rejection rate: share of trials with known labels that the model may '
+            'classify as unknown. The threshold comes from held-out trials.',
+        ),
+    ] = 0.05,
+    partial: Annotated[
+        Optional[str],
+        typer.Option(
+            help='Texture: early predictions after these seconds of the window, as in '
+            '--partial 0.5,1,1.5,2,2.5.'
+        ),
+    ] = None,
+    stop_error_rate: Annotated[
+        float,
+        typer.Option(
+            '--stop-error',
+            min=0.001,
+            max=0.5,
+            help='Share of wrong labels among trials that are decided before the window is full.',
+        ),
+    ] = 0.05,
+    over: options.OverOption = None,
+    detrend: options.DetrendOption = None,
+    recalibrate: Annotated[
+        Optional[Path],
+        typer.Option(
+            metavar='MODEL',
+            help='Do not train. Correct threshold and features of this model for the session of '
+            'the bags, by five or more of its trials with known labels.',
+        ),
+    ] = None,
+    features: Annotated[
+        Optional[str],
+        typer.Option(
+            help='Sets of features instead of the recorded ones, as in --features '
+            'glide_waveform,hold_waveform; the classifier rocket needs these. With auto, set and '
+            'classifier are chosen inside the folds.'
+        ),
+    ] = None,
+    force: Annotated[
+        bool, typer.Option('--force', help='Replace model files of an earlier training.')
+    ] = False,
+    folds: options.FoldsOption = 6,
+    repetitions: options.RepetitionsOption = None,
+    seed: options.SeedOption = 0,
+    channel: options.ChannelOption = None,
+    where: options.WhereOption = None,
+    crop: options.CropOption = None,
+    resample_hz: options.ResampleOption = None,
+    skip_bad: options.SkipBadOption = False,
+    speed_column: options.SpeedColumnOption = None,
+    column: options.ColumnOption = None,
+    rate_hz: options.RateOption = None,
+    unit: options.UnitOption = '',
+    label: options.LabelOption = '',
+    label_from: options.LabelFromOption = '',
+    labels: options.LabelsOption = None,
+    topic: options.TopicOption = '',
+    field: options.FieldOption = '',
+    separator: options.SeparatorOption = '',
+    decimal: options.DecimalOption = '',
+    header_rows: options.HeaderRowsOption = None,
+    cluster: options.ClusterOption = '',
+    as_json: options.JsonOption = False,
+) -> None:
+    """Fit the four classifiers, cross-validate them, write a model file.
+
+    Prints the accuracy of six-fold cross-validation, repeated ten times, for all four
+    classifiers with and without scaling. One ONNX file is written for each task and
+    kind of contact in the recordings. Its scores are calibrated probabilities, or raw where
+    calibration was worse in both of two sessions. It classifies windows that differ from all
+    training trials as *unknown*. Existing model files are only replaced with --force.
+    """
+    from tactile_bags.sources.files import SourceOptions
+    from tactile_lab.commands.cluster import on_cluster
+    from tactile_lab.commands.output import Output
+    from tactile_lab.datasets.automatic_features import AUTO, choose_automatically
+    from tactile_lab.datasets.feature_tables import open_features
+    from tactile_lab.datasets.reading import Reading
+    from tactile_ros.errors import TactileError
+
+    output = Output(as_json)
+    if recalibrate is not None:
+        run_recalibrate(recalibrate, recordings, folder, output, force=force)
+        return
+    automatic = features == AUTO
+    if features and not automatic:
+        _check_sets(features)
+    reading = Reading(
+        task=task,
+        channel=channel,
+        where=where,
+        crop=crop,
+        resample_hz=resample_hz,
+        skip_bad=skip_bad,
+        speed_column=speed_column,
+        over=over,
+        detrend=detrend,
+        features=None if automatic else features,
+    )
+    statements = SourceOptions(
+        column, rate_hz, unit, label, label_from, labels, topic, field, separator, decimal,
+        header_rows,
+    )  # fmt: skip
+    seconds = parse_seconds(partial)
+    reading.choose_fields()  # refuses options that do not go together, before the work
+    if seconds and (over or automatic):
+        raise TactileError(
+            'features over distance have no early predictions, and so --features auto has none: '
+            'leave --partial out'
+        )
+    with (
+        on_cluster(cluster),
+        open_features(recordings, reading, statements, folds=folds) as source,
+    ):
+        write = functools.partial(
+            train_models,
+            source,
+            folder=folder,
+            output=output,
+            false_alarm_rate=false_alarm_rate,
+            partial_seconds=seconds,
+            stop_error_rate=stop_error_rate,
+            folds=folds,
+            repetitions=repetitions,
+            seed=seed,
+            force=force,
+        )
+        if automatic:
+            say = functools.partial(output.say, plain=True)
+            trained = []
+            for key, each in choose_automatically(source, folds, seed, say).items():
+                _, named, scaled = each.candidate
+                trained += write({key: each.table}, classifier=named, scaling=scaled)
+        else:
+            found = read_with_progress(source, output)
+            trained = write(found.tables, classifier=classifier, scaling=scaling)
+    output.result({'models': [model.to_dict() for model in trained]})
+
+
+def _check_sets(features: str) -> None:
+    from tactile_features.feature_sets.registry import list_feature_sets
+    from tactile_features.records import PHASE_GLIDE, PHASE_HOLD
+    from tactile_lab.datasets.automatic_features import AUTO
+    from tactile_lab.datasets.reading import list_sets
+    from tactile_ros.errors import TactileError
+
+    if not list_sets(features):
+        raise TactileError(
+            f'--features is "{features}"; it must be {AUTO} or name sets of features: '
+            f'{", ".join((*list_feature_sets(PHASE_GLIDE), *list_feature_sets(PHASE_HOLD)))}'
+        )
+
+
+def parse_seconds(text: Optional[str]) -> list[float]:
+    """Return the numbers of ``--partial``.
+
+    Raises
+    ------
+    TactileError
+        When they are none.
+    """
+    from tactile_ros.errors import TactileError
+
+    try:
+        return [float(part) for part in (text or '').split(',') if part.strip()]
+    except ValueError:
+        raise TactileError(
+            f'--partial is "{text}"; it must be seconds with commas between them, '
+            'such as 0.5,1,1.5'
+        ) from None
+
+
+def read_with_progress(source: 'RecordingFeatures', output: 'Output') -> 'FeatureTables':
+    """Return the feature tables of a recording; say which trials are left out."""
+    with output.progress('extracting features'):
+        found = source.tables()
+    for line in source.steps:
+        output.say(line, plain=True)
+    for sentence in found.left_out[:5]:
+        output.say(f'left out: {sentence}', plain=True)
+    if len(found.left_out) > 5:
+        output.say(f'left out: {len(found.left_out) - 5} more')
+    return found
+
+
+def model_path(folder: Path, task: str, contact: str, digest: str = '') -> Path:
+    """Return the path of a new model. Its name is for people: the file says what it is for."""
+    return folder / f'{"_".join(filter(None, (task, contact, digest)))}.onnx'
+
+
+def train_models(
+    source: 'RecordingFeatures',
+    tables: Mapping[tuple[str, ...], 'FeatureTable'],
+    *,
+    folder: Path,
+    output: 'Output',
+    classifier: str = 'knn',
+    scaling: Optional[str] = None,
+    false_alarm_rate: float = 0.05,
+    partial_seconds: Sequence[float] = (),
+    stop_error_rate: float = 0.05,
+    folds: int = 6,
+    repetitions: Optional[int] = None,
+    seed: int = 0,
+    force: bool = False,
+) -> list[TrainedModel]:
+    """Cross-validate the four classifiers on each table and write the chosen one's model.
+
+    Parameters
+    ----------
+    source : RecordingFeatures
+        Of which the tables are; gives the features of the first parts of windows.
+    tables : dict
+        By task and contact.
+    folder : Path
+        Of the model files. For the others see ``tactile train --help``.
+
+    Raises
+    ------
+    TactileError
+        When a model file is there already and may not be replaced.
+    """
+    import numpy as np
+
+    from tactile_classifier.datasets.splits import choose_repetitions
+    from tactile_classifier.estimators.classifiers import default_scaling
+    from tactile_classifier.evaluation.cross_validation import evaluate
+    from tactile_classifier.names import CLASSIFIER_TITLES, describe_features, SCALING_TITLES
+    from tactile_classifier.training.model_writer import write_model
+    from tactile_classifier.training.trainer import train as train_model
+    from tactile_features.records import PROTOCOL_TEXTURE
+    from tactile_lab.commands.output import make_output_folder, refuse_to_replace
+    from tactile_lab.datasets.tables import (
+        accuracy_caption,
+        accuracy_table,
+        describe_answers,
+        tell_warnings,
+    )
+
+    paths = {key: model_path(folder, *key) for key in tables}
+    refuse_to_replace(paths.values(), force=force)
+    make_output_folder(folder)
+    models = []
+    for key, table in tables.items():
+        repeats, saving = choose_repetitions(table, repetitions)
+        if saving:
+            output.say(saving)
+        with output.progress('cross-validating') as show:
+            evaluation = evaluate(
+                table,
+                folds=folds,
+                repetitions=repeats,
+                random_state=seed,
+                jobs=-1,
+                progress=show,
+            )
+        simulated = ', SIMULATED trials' if np.any(table.columns.get('simulated', False)) else ''
+        output.say(accuracy_table(evaluation, f'{source.title(key, table)}{simulated}'))
+        output.say(accuracy_caption(evaluation))
+        output.say(describe_features(table.spec))
+        for warning in tell_warnings([evaluation]):
+            output.say(warning)
+        chosen = scaling or default_scaling(key[0], classifier)
+        seconds = partial_seconds if key[0] == PROTOCOL_TEXTURE else ()
+        trained = train_model(
+            table,
+            classifier,
+            chosen,
+            partial=source.partial_tables(table, seconds) if seconds else None,
+            false_alarm_rate=false_alarm_rate,
+            stop_error_rate=stop_error_rate,
+            score=evaluation.score(classifier, chosen),
+        )
+        model = write_model(paths[key], trained)
+        for sentence in describe_answers(trained.manifest):
+            output.say(sentence)
+        output.say(
+            f'{paths[key]}: {CLASSIFIER_TITLES[classifier]}, {SCALING_TITLES[chosen]}; '
+            f'{model.model_id}\n'
+        )
+        models.append(
+            TrainedModel(paths[key], model.model_id, table, evaluation, trained.manifest)
+        )
+    return models
+
+
+def run_recalibrate(
+    original: Path, recordings: Sequence[Path], folder: Path, output: 'Output', *, force: bool
+) -> None:
+    """Write a model for the session of the bags' trials, and print what it was.
+
+    Raises
+    ------
+    TactileError
+        When the bags hold no trials for the model, or a file would be replaced.
+    """
+    from tactile_classifier.training.model_writer import TactileModel
+    from tactile_classifier.training.recalibrated_model import write_recalibrated
+    from tactile_lab.commands.output import make_output_folder, refuse_to_replace
+    from tactile_lab.datasets.feature_tables import open_features
+    from tactile_lab.datasets.reading import Reading
+    from tactile_lab.datasets.tables import describe_calibration
+    from tactile_ros.errors import TactileError
+
+    model = TactileModel.load(original)
+    with open_features(recordings, Reading(task=model.task)) as source:
+        tables = source.tables(model.spec.config_values()).tables
+        fitting = [
+            table
+            for (_, contact, *_), table in tables.items()
+            if len({contact, model.contact} - {''}) < 2
+        ]
+        if len(fitting) != 1:
+            raise TactileError(
+                f'the bags must hold {model.task} trials of one contact that model '
+                f'{model.model_id} was trained for'
+            )
+        (table,) = fitting
+        path = model_path(folder, model.task, model.contact)
+        refuse_to_replace([path], force=force)
+        make_output_folder(folder)
+        seconds = [count / model.spec.rate_hz for count in model.partial_samples]
+        partial = source.partial_tables(table, seconds) if seconds else {}
+    found = write_recalibrated(path, original, {0: table, **partial})
+    before, after = (each.manifest.stages[0].novelty_threshold for each in (model, found))
+    output.say(
+        f'{path}: {model.model_id} for the session of {len(table)} known trials; unknown: above '
+        f'novelty {after:.2f}, before {before:.2f}; {found.model_id}'
+    )
+    output.result(
+        {
+            'path': str(path),
+            'model_id': found.model_id,
+            'calibration': describe_calibration(found.manifest),
+        }
+    )

@@ -1,0 +1,276 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Options that choose trials of a recording, cut them, and name their features."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_classifier.datasets.archive import LabelledTrials
+from tactile_classifier.datasets.dataset import ALL, Channel, FeatureTable, find_column
+from tactile_classifier.datasets.splits import Split, stated_split
+from tactile_features.config import FeatureConfig
+from tactile_features.errors import FeatureError
+from tactile_features.feature_sets.registry import CHOOSER, find_feature_set
+from tactile_features.feature_sets.texture_spatial import SpatialWindow
+from tactile_features.records import PHASE_GLIDE, SET_TEXTURE_SPATIAL
+from tactile_ros.errors import TactileError
+
+Columns = Mapping[str, NDArray[Any]]
+Trials = TypeVar('Trials', LabelledTrials, FeatureTable)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """Trials of a recording that count, and their features, as the options of a command say.
+
+    The fields are those options: see `tactile_lab.options` and ``tactile evaluate --help``.
+
+    Raises
+    ------
+    TactileError
+        When only one of ``train_where`` and ``test_where`` is given.
+    """
+
+    task: str | None = None
+    channel: str | None = None
+    where: str | None = None
+    crop: str | None = None
+    resample_hz: float | None = None
+    skip_bad: bool = False
+    speed_column: str | None = None
+    over: str | None = None
+    detrend: str | None = None
+    features: str | None = None
+    train_where: str | None = None
+    test_where: str | None = None
+
+    def __post_init__(self) -> None:
+        if (self.train_where is None) != (self.test_where is None):
+            raise TactileError('--train-where and --test-where belong together: give both')
+
+    def choose_fields(self) -> dict[str, Any]:
+        """Return the fields of `FeatureConfig` that ``over``, ``detrend`` and ``features`` say."""
+        return choose_features(self.over, self.detrend, self.features)
+
+    def check_for_bags(self) -> None:
+        """Refuse options on how to cut trials, which bags with trial events say.
+
+        Raises
+        ------
+        TactileError
+            When such an option is given.
+        """
+        for name in ('channel', 'where', 'crop', 'resample_hz', 'skip_bad', 'speed_column'):
+            if getattr(self, name):
+                option = name.replace('_', '-')
+                raise TactileError(
+                    f'--{option} is for archives; a bag says itself what a trial is'
+                )
+
+    def parse_channel(self) -> Channel:
+        """Return the number of the channel, ``all``, or None for ``mean``; default: 0.
+
+        Raises
+        ------
+        TactileError
+            When it is none of these.
+        """
+        text = self.channel or '0'
+        if text == 'mean':
+            return None
+        if text == ALL:
+            return ALL
+        if not text.isdecimal():
+            raise TactileError(
+                f'--channel is "{text}"; it must be a number from 0, "mean" or "all"'
+            )
+        return int(text)
+
+    def select_stated(
+        self, columns: Columns
+    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]] | None:
+        """Return the trials to train on and those to test on; None where none are stated."""
+        if self.train_where is None or self.test_where is None:
+            return None
+        return (
+            select_trials(columns, self.train_where, 'train-where'),
+            select_trials(columns, self.test_where, 'test-where'),
+        )
+
+    def training(self, table: FeatureTable) -> FeatureTable:
+        """Return the trials to train on; all where none are stated."""
+        chosen = self.select_stated(table.columns)
+        return table if chosen is None else table.take(chosen[0])
+
+    def keep_stated(self, trials: Trials) -> Trials:
+        """Return the trials to train or to test on; all where none are stated."""
+        chosen = self.select_stated(trials.columns)
+        return trials if chosen is None else trials.take(chosen[0] | chosen[1])
+
+    def splits(self, table: FeatureTable) -> tuple[Split, ...]:
+        """Return the split into both; empty where none is stated.
+
+        Raises
+        ------
+        EvaluationError
+            When both share a trial, or a class is known in the tests only.
+        """
+        chosen = self.select_stated(table.columns)
+        if chosen is None:
+            return ()
+        return (stated_split(table, *chosen, str(self.train_where), str(self.test_where)),)
+
+
+def choose_features(
+    over: str | None, detrend: str | None, features: str | None = None
+) -> dict[str, Any]:
+    """Return the fields of `FeatureConfig` that ``--over``, ``--detrend`` and ``--features`` say.
+
+    Raises
+    ------
+    TactileError
+        When they do not go together, or ``--over`` is no window.
+    """
+    if detrend is not None and over is not None:
+        raise TactileError('--detrend is for the spectrum over time: leave --over or it out')
+    fields = parse_over(over) if detrend is None else {'spectrum_detrend': detrend}
+    for name in list_sets(features):
+        found = find_feature_set(name)
+        assert found is not None
+        if over is not None and found.phase == PHASE_GLIDE and not found.needs_speed:
+            raise TactileError(f'--over is for sets over the surface, and {name} is none')
+        fields[CHOOSER[found.phase]] = name
+    return fields
+
+
+def list_sets(features: str | None) -> list[str]:
+    """Return the sets of features that ``--features`` names; none when it names features."""
+    names = [name.strip() for name in (features or '').split(',')]
+    return names if all(map(find_feature_set, names)) else []
+
+
+def parse_over(text: str | None) -> dict[str, Any]:
+    """Return the fields of `FeatureConfig` that ``LENGTH:FINEST`` in millimetres says.
+
+    None says nothing.
+
+    Raises
+    ------
+    TactileError
+        When it is not of that form, or the window is too short for its finest scale.
+    """
+    if text is None:
+        return {}
+    length, _, finest = text.partition(':')
+    try:
+        window = SpatialWindow(float(length) / 1e3, float(finest) / 1e3)
+        fields: dict[str, Any] = {
+            'texture_features': SET_TEXTURE_SPATIAL,
+            'spatial_length_m': window.length_m,
+            'spatial_finest_m': window.finest_m,
+        }
+        FeatureConfig(**fields)
+    except FeatureError as error:
+        raise TactileError(f'--over: {error}') from error
+    except ValueError as error:
+        raise TactileError(f'--over: "{text}" is not LENGTH:FINEST in mm, as in 45:0.5') from error
+    return fields
+
+
+def select_features(table: FeatureTable, names: str | None) -> FeatureTable:
+    """Return the table with only the named features; the last part of a name is enough.
+
+    Raises
+    ------
+    TactileError
+        When there is no such feature, or several whose names end so.
+    """
+    if names is None or list_sets(names):
+        return table
+    short = [name.rpartition('__')[2] for name in table.spec.names]
+    chosen = []
+    for name in (part.strip() for part in names.split(',')):
+        exact = [i for i, full in enumerate(table.spec.names) if full == name]
+        found = exact or [i for i, end in enumerate(short) if end == name]
+        if not found:
+            raise TactileError(
+                f'there is no feature "{name}"; there are {", ".join(short[:8])}'
+                + (' ...' if len(short) > 8 else '')
+            )
+        if len(found) > 1:
+            fitting = ', '.join(table.spec.names[i] for i in found)
+            raise TactileError(f'"{name}" is the end of several names; write one of {fitting}')
+        chosen += found
+    spec = replace(
+        table.spec,
+        names=tuple(table.spec.names[i] for i in chosen),
+        units=tuple(table.spec.units[i] for i in chosen),
+    )
+    return FeatureTable(table.values[:, chosen], table.labels, spec, table.columns)
+
+
+def select_trials(columns: Columns, text: str, option: str) -> NDArray[np.bool_]:
+    """Return which trials ``COLUMN`` (is true) or ``COLUMN=VALUE[,VALUE...]`` chooses.
+
+    Raises
+    ------
+    TactileError
+        When there is no such column or no such trial, or the text is no value of the column.
+    """
+    name, equals, values = text.partition('=')
+    name = find_column(columns, name)
+    if name not in columns:
+        raise TactileError(
+            f'--{option}: there is no column "{name}"; there are: {", ".join(columns) or "none"}'
+        )
+    column = np.asarray(columns[name])
+    if not equals:
+        if column.dtype.kind not in 'biu':
+            raise TactileError(
+                f'--{option}: column {name} is not true or false; write {name}=VALUE'
+            )
+        chosen = column.astype(bool)
+    else:
+        chosen = np.isin(column, [_value(v, column, name, option) for v in values.split(',')])
+    if not chosen.any():
+        raise TactileError(f'--{option}: no trial has {text if equals else f"{name} = True"}')
+    return chosen
+
+
+def _value(text: str, column: NDArray[Any], name: str, option: str) -> Any:
+    """Return ``text`` as a value of the column's type."""
+    if column.dtype.kind == 'U':
+        return text
+    if column.dtype.kind == 'b' and text.lower() in ('true', 'false'):
+        return text.lower() == 'true'
+    try:
+        return column.dtype.type(float(text) if column.dtype.kind == 'b' else text)
+    except (ValueError, OverflowError) as error:
+        raise TactileError(
+            f'--{option}: "{text}" is no value of column {name} ({column.dtype})'
+        ) from error
+
+
+def parse_span(text: str) -> tuple[float, float]:
+    """Return start and stop in seconds from ``START:STOP``.
+
+    Raises
+    ------
+    TactileError
+        When it is not of that form.
+    """
+    start, _, stop = text.partition(':')
+    try:
+        span = float(start), float(stop)
+    except ValueError as error:
+        raise TactileError(f'"{text}" is not START:STOP in seconds, as in 1:5') from error
+    if not 0 <= span[0] < span[1] < float('inf'):
+        raise TactileError(f'"{text}": START must be 0 or more and less than STOP')
+    return span
