@@ -118,9 +118,10 @@ def run(
     `tactile train` and `tactile evaluate` take the folder. A plan's `sessions` may be raised
     later.
     """
+    from tactile_bags.experiment_journal import is_experiment
     from tactile_bringup.launch_config.graph import Ports
     from tactile_lab.commands.output import Output
-    from tactile_lab.experiment.folder import ExperimentFolder, is_experiment, PLAN
+    from tactile_lab.experiment.folder import ExperimentFolder
     from tactile_lab.experiment.live_rig import LiveBench, open_rig
     from tactile_lab.experiment.loop import run_experiment
     from tactile_lab.experiment.plan import ExperimentError, read_plan
@@ -129,7 +130,8 @@ def run(
     if yes and not simulated:
         raise ExperimentError('--yes is for --simulated: a real plate is put there by a person')
     if is_experiment(plan):
-        home, planned = ExperimentFolder(plan), read_plan(plan / PLAN)
+        home = ExperimentFolder(plan)
+        planned = home.read_plan()
     else:
         home, planned = ExperimentFolder(folder or plan.with_suffix('')), read_plan(plan)
     if simulated:
@@ -358,7 +360,8 @@ def include(
 
 
 def _find_folder(path: Path) -> 'ExperimentFolder':
-    from tactile_lab.experiment.folder import ExperimentFolder, is_experiment
+    from tactile_bags.experiment_journal import is_experiment
+    from tactile_lab.experiment.folder import ExperimentFolder
     from tactile_lab.experiment.plan import ExperimentError
 
     if not is_experiment(path):

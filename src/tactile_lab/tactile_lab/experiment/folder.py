@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
+from tactile_bags.experiment_journal import BAGS, JOURNAL, ORDER, PLAN
 from tactile_bags.yaml_files import read_text
 from tactile_lab.experiment.journal import (
     Attempt,
@@ -30,8 +31,6 @@ from tactile_lab.experiment.plan import (
     read_plan,
 )
 from tactile_ros.errors import TactileError
-
-PLAN, ORDER, JOURNAL, BAGS = 'plan.yaml', 'order.csv', 'journal.jsonl', 'bags'
 
 _OWN = {name for each in (PLAN, ORDER, BAGS) for name in (each, f'.{each}.new')}
 
@@ -195,43 +194,3 @@ class ExperimentFolder:
     def list_bags(self) -> list[Path]:
         """Return the bags, by name."""
         return sorted(path for path in self.bags.iterdir() if path.is_dir())
-
-
-def is_experiment(path: Path) -> bool:
-    """Return whether a path is the folder of an experiment."""
-    return (path / PLAN).is_file() and (path / ORDER).is_file()
-
-
-def list_recordings(paths: Sequence[Path]) -> list[Path]:
-    """Return the paths, with the bags of each experiment in place of its folder.
-
-    Raises
-    ------
-    ExperimentError
-        When an experiment has no bags yet.
-    """
-    found: list[Path] = []
-    for path in paths:
-        if not is_experiment(path):
-            found.append(path)
-            continue
-        bags = ExperimentFolder(path).list_bags()
-        if not bags:
-            raise ExperimentError(f'{path} has no bags yet; run it with `tactile experiment`')
-        found += bags
-    return found
-
-
-def find_dropped(bag: Path) -> dict[str, str]:
-    """Return the trials of a bag that do not count for its experiment: reason by trial id.
-
-    Empty for a bag that belongs to none.
-    """
-    folder = ExperimentFolder(bag.resolve().parent.parent)
-    if bag.resolve().parent.name != BAGS or not folder.journal.is_file():
-        return {}
-    return {
-        attempt.trial_id: reason
-        for attempt in folder.read_progress().attempts.values()
-        if (reason := attempt.why_not)
-    }

@@ -201,13 +201,6 @@ class Attempt:
     excluded: str = ''
     statistics: dict[str, float] = field(default_factory=dict)
 
-    @property
-    def why_not(self) -> str:
-        """Why it does not count; empty: it counts."""
-        if self.excluded:
-            return f'excluded: {self.excluded}'
-        return '' if self.is_kept else f'another attempt counts ({self.verdict or "interrupted"})'
-
 
 class Progress:
     """The state of an experiment.

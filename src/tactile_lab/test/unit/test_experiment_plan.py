@@ -14,14 +14,14 @@ from hypothesis import strategies as st
 import pytest
 
 from tactile_bags.errors import BagError
-from tactile_bags.experiment_journal import parse_journal
-from tactile_bags.yaml_files import load_yaml
-from tactile_lab.experiment.folder import (
-    ExperimentFolder,
-    find_dropped,
+from tactile_bags.experiment_journal import (
+    Correction,
     is_experiment,
-    list_recordings,
+    parse_journal,
+    read_corrections,
 )
+from tactile_bags.yaml_files import load_yaml
+from tactile_lab.experiment.folder import ExperimentFolder
 from tactile_lab.experiment.journal import (
     EXCLUDED,
     INCLUDED,
@@ -252,27 +252,27 @@ def test_a_folder_with_other_things_is_left_alone(tmp_path):
 def test_bags_of_an_experiment_and_what_does_not_count_in_them(tmp_path):
     folder = ExperimentFolder(tmp_path / 'grooves')
     folder.set_up(PLAN)
-    with pytest.raises(ExperimentError, match='no bags yet'):
-        list_recordings([folder.path])
+    folder.open_journal().close()
     bag = folder.bag_path('grooves-s01', 1)
     bag.mkdir()
     assert folder.bag_path('grooves-s01', 1) != bag
-    assert list_recordings([folder.path, tmp_path / 'other']) == [bag, tmp_path / 'other']
-    assert find_dropped(bag) == {}
+    assert folder.list_bags() == [bag]
+    assert read_corrections(folder.path) == {}
     with folder.open_journal() as journal:
         for name in ('one', 'two'):
             journal.append('began', key='k', trial_id=name, mounting_id='m')
         journal.append(
             'ended', trial_id='two', verdict='good', sentence='', statistics={}, seconds=1
         )
-    assert find_dropped(bag) == {'one': 'another attempt counts (interrupted)'}
+    assert read_corrections(folder.path) == {
+        'one': Correction('another attempt counts (interrupted)'),
+        'two': Correction(),
+    }
 
 
 def test_corrections_are_entries_and_the_last_one_counts(tmp_path):
     folder = ExperimentFolder(tmp_path / 'grooves')
     folder.set_up(PLAN)
-    bag = folder.bag_path('grooves-s01', 1)
-    bag.mkdir()
     result = {'verdict': 'good', 'sentence': '', 'statistics': {'mean_n': 5.0}, 'seconds': 1}
     first, *_ = folder.read_order()
     with folder.open_journal() as journal:
@@ -283,14 +283,16 @@ def test_corrections_are_entries_and_the_last_one_counts(tmp_path):
     # By the name of the planned trial, which stands for the attempt that counts.
     attempt = folder.correct(first.key, EXCLUDED, why='the cable touched')
     assert attempt.trial_id == f'{first.key}-again1'
-    assert find_dropped(bag) == {attempt.trial_id: 'excluded: the cable touched'}
+    found = read_corrections(folder.path)
+    assert found == {attempt.trial_id: Correction('excluded: the cable touched')}
     assert not folder.read_progress().earlier(first)
     assert folder.read_progress().to_dict()['excluded'] == 1
     assert folder.read_progress().done_count == 1
     folder.correct(attempt.trial_id, INCLUDED, why='it did not')
-    assert find_dropped(bag) == {}
+    assert read_corrections(folder.path) == {attempt.trial_id: Correction()}
     other = next(label for label in PLAN.objects if label != first.object_label)
     folder.correct(attempt.trial_id, RELABELLED, label=other, why='wrong plate')
+    assert read_corrections(folder.path) == {attempt.trial_id: Correction(label=other)}
     found = folder.read_progress()
     assert (found.find(first.key).label, found.to_dict()['relabelled']) == (other, 1)
     assert not found.earlier(first)  # its tension is that of another plate
