@@ -571,6 +571,7 @@ def _open_own(leaves: Sequence[Leaf], options: SourceOptions) -> list[RecordedBa
     with ExitStack() as stack:
         own: list[RecordedBag] = []
         others: list[Leaf] = []
+        empty: list[Leaf] = []
         for leaf in leaves:
             if leaf.kind is Kind.BAG:
                 bag = RecordedBag(leaf.path, needs_strain=False)
@@ -579,7 +580,12 @@ def _open_own(leaves: Sequence[Leaf], options: SourceOptions) -> list[RecordedBa
                     own.append(bag)
                     continue
                 bag.close()
+                if experiment_of(leaf.path):  # it ended before a trial began
+                    empty.append(leaf)
+                    continue
             others.append(leaf)
+        if empty and not own and not others:
+            raise SourceError(f'{empty[0].path}: no trial was recorded')
         if own and others:
             raise SourceError(
                 f'take bags with trial events or other recordings, not both: {own[0].path} is the '

@@ -16,6 +16,7 @@ from tactile_bags import EVENT, Recording, STRAIN, TactileBag
 from tactile_bags.message_records import read_records
 from tactile_bags.recorded_setup import recorded_features
 from tactile_bags.replaying.replay import replay_windows
+from tactile_bags.sources.files import SourceError
 
 
 @pytest.fixture
@@ -79,6 +80,21 @@ def make_experiment(folder, bag, entries):
     lines = [json.dumps(entry) for entry in entries]
     (folder / 'journal.jsonl').write_text('\n'.join([*lines, '{"kind": "cut of']))
     return folder
+
+
+def test_a_bag_of_an_experiment_without_a_trial_is_left_out(stiffness_bag, rewrite, tmp_path):
+    """A run that ends before its first trial leaves such a bag."""
+    folder = make_experiment(tmp_path / 'one', stiffness_bag, [])
+    rewrite(
+        stiffness_bag,
+        folder / 'bags' / 's1-02',
+        lambda kind, message: None if kind == EVENT else message,
+    )
+    with Recording.load(folder) as recording:
+        assert len(recording.trials) == 15
+    shutil.rmtree(folder / 'bags' / 's1-01')
+    with pytest.raises(SourceError, match='no trial was recorded'):
+        Recording.load(folder)
 
 
 def test_the_journal_of_an_experiment_says_what_counts(stiffness_bag, tmp_path):
