@@ -6,10 +6,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 import hashlib
+import heapq
 import json
 import logging
 from pathlib import Path
@@ -19,8 +20,22 @@ from typing import Any
 from rosbags.typesys.store import Typestore
 import zstandard
 
+from tactile_bags.bag_metadata import (
+    BagMetadata,
+    FILE_NAME,
+    parse_metadata,
+    read_metadata,
+)
 from tactile_bags.bag_writer import METADATA_KEY
 from tactile_bags.errors import BagDamageError, BagError
+from tactile_bags.mcap_reader import (
+    MAX_CHUNK_BYTES,
+    McapFile,
+    Message,
+    Segment,
+    StoredTopic,
+    unpack_zstd,
+)
 from tactile_bags.recorded_topics import (
     EVENT,
     join_topic,
@@ -28,19 +43,17 @@ from tactile_bags.recorded_topics import (
     STRAIN,
     STRAIN_TOPIC,
 )
-from tactile_bags.storage.bag_metadata import (
-    BagMetadata,
-    FILE_NAME,
-    parse_metadata,
-    read_metadata,
-)
-from tactile_bags.storage.mcap_reader import MAX_CHUNK_BYTES, McapFile, StoredTopic, unpack_zstd
-from tactile_bags.storage.merged_files import MergedFiles
-from tactile_bags.storage.sqlite_reader import SqliteFile
+from tactile_bags.sqlite_reader import SqliteFile
 from tactile_ros.errors import TactileError
 
 MAX_UNPACKED_BYTES = 4 * 2**30
 """Largest data file that is unpacked from a bag of compressed files [byte], onto the disk."""
+
+MAX_OPEN_BYTES = 256 * 2**20
+"""Most that chunks which overlap in time may hold together [byte]."""
+
+_Place = tuple[int, int]
+"""Number of a file, and of a part in it."""
 
 _EMPTY = BagMetadata('mcap', (), '', {}, {}, {})
 _SUFFIXES: dict[str, type[McapFile] | type[SqliteFile]] = {'.mcap': McapFile, '.db3': SqliteFile}
@@ -104,7 +117,7 @@ class TactileBag:
         self._needs_strain = needs_strain
         self._store = message_store()
         self._files: list[McapFile | SqliteFile] = []
-        self._merged = MergedFiles(self._files)
+        self._merged = _MergedFiles(self._files)
         self._foreign: dict[str, str] = {}  # sentences by type that is defined otherwise here
         self._stack = ExitStack()
         try:
@@ -122,7 +135,7 @@ class TactileBag:
             self.close()
             raise
         self._file_metadata = metadata
-        self.recovered = difference or self._describe_recovery()
+        self.recovered = difference or self._format_recovery()
         if self.recovered:
             logging.getLogger(__name__).warning('%s', self.recovered)
 
@@ -245,7 +258,7 @@ class TactileBag:
         found = [f'{file.path.name}: {file.damage}' for file in self._files if file.damage]
         return f'it was damaged after it was closed: {"; ".join(found)}' if found else ''
 
-    def _describe_recovery(self) -> str:
+    def _format_recovery(self) -> str:
         unfinished = [file.path.name for file in self._files if not file.is_finished]
         if unfinished:
             count = sum(sum(file.counts.values()) for file in self._files)
@@ -410,3 +423,66 @@ def _read_metadata(custom: dict[str, str]) -> dict[str, Any]:
             'the custom data of its metadata.yaml have an entry "models" that is no path'
         )
     return metadata
+
+
+class _MergedFiles:
+    """Merges open data files by time of arrival; what is open at once is bounded.
+
+    Parameters
+    ----------
+    files : sequence of McapFile or SqliteFile
+    """
+
+    def __init__(self, files: Sequence[McapFile | SqliteFile]) -> None:
+        self._files = files
+        self._open_bytes = 0
+
+    def messages(
+        self, names: Collection[str], since_ns: int
+    ) -> Iterator[tuple[int, StoredTopic, bytes]]:
+        """Yield arrival time [ns], topic and bytes of the messages on some topics."""
+        sources = (self._sources(n, file, names, since_ns) for n, file in enumerate(self._files))
+        # Of a source, the number is unique: what comes behind it is never compared.
+        waiting = heapq.merge(*sources, key=lambda source: source[:2])
+        due = next(waiting, None)
+        opened: list[tuple[int, _Place, Message, Iterator[Message]]] = []
+        while due is not None or opened:
+            if due is not None and (not opened or due[:2] <= opened[0][:2]):
+                _, place, messages = due
+                due = next(waiting, None)
+            else:
+                received_at_ns, place, message, messages = heapq.heappop(opened)
+                yield received_at_ns, self._files[place[0]].topics[message[1]], message[2]
+            following = next(messages, None)
+            if following is not None:
+                heapq.heappush(opened, (following[0], place, following, messages))
+
+    def _sources(
+        self, number: int, file: McapFile | SqliteFile, names: Collection[str], since_ns: int
+    ) -> Iterator[tuple[int, _Place, Iterator[Message]]]:
+        """Yield what of a file is to be read, by its start: start, place, messages."""
+        channels = {n for n, topic in file.topics.items() if topic.name in names}
+        if isinstance(file, SqliteFile):
+            yield 0, (number, 0), file.messages(channels)
+            return
+        due = [
+            (segment.first_ns, i, segment)
+            for i, segment in enumerate(file.segments)
+            if segment.last_ns >= since_ns and not segment.channels.isdisjoint(channels)
+        ]
+        for first_ns, i, segment in sorted(due):
+            yield first_ns, (number, i), self._open_segment(file, segment, channels)
+
+    def _open_segment(
+        self, file: McapFile, segment: Segment, channels: Collection[int]
+    ) -> Iterator[Message]:
+        self._open_bytes += segment.size
+        try:
+            if self._open_bytes > MAX_OPEN_BYTES:
+                raise BagError(
+                    'its chunks overlap in time so much that more than '
+                    f'{MAX_OPEN_BYTES} bytes would have to be read at once'
+                )
+            yield from file.messages_of(segment, channels)
+        finally:
+            self._open_bytes -= segment.size

@@ -1,18 +1,22 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Topics of a finger in a recording, with their types and quality of service."""
+"""Topics of a finger in a recording: types, definitions, quality of service."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from importlib import resources
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tactile_bags.message_definitions import message_definitions
+from tactile_bags.errors import BagError
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
+
+_PACKAGE = 'tactile_msgs'
 
 STRAIN = 'tactile_msgs/msg/StrainBlock'
 EVENT = 'tactile_msgs/msg/TrialEvent'
@@ -92,6 +96,40 @@ FINGER_TOPICS = (
 
 
 @lru_cache(maxsize=1)
+def _message_definitions() -> dict[str, str]:
+    """Return the text of each ``.msg`` file by the name of its type, such as ``Slip``.
+
+    A sourced workspace comes first: its messages are those that its nodes publish. A
+    distribution from pip has the same files in the folder ``tactile_msgs`` of this package.
+
+    Raises
+    ------
+    BagError
+        When neither has them.
+    """
+    for folder in (_workspace_folder(), resources.files(__package__) / _PACKAGE):
+        if folder is not None and folder.is_dir():
+            files = sorted(folder.iterdir(), key=lambda file: file.name)
+            texts = {f.name[:-4]: f.read_text('utf-8') for f in files if f.name.endswith('.msg')}
+            if texts:
+                return texts
+    raise BagError(
+        f'the package {_PACKAGE} is not installed here; build the workspace and source it'
+    )
+
+
+def _workspace_folder() -> Path | None:
+    try:
+        from ament_index_python.packages import get_package_share_directory
+
+        return Path(get_package_share_directory(_PACKAGE)) / 'msg'
+    except LookupError:  # ament knows no such package
+        return None
+    except ImportError:  # no ROS 2 here
+        return None
+
+
+@lru_cache(maxsize=1)
 def message_store() -> Typestore:
     """Return the message types of ROS 2 Jazzy and of ``tactile_msgs``.
 
@@ -103,7 +141,7 @@ def message_store() -> Typestore:
     from rosbags.typesys import get_types_from_msg, get_typestore, Stores  # slow to import
 
     store = get_typestore(Stores.ROS2_JAZZY)
-    for name, text in message_definitions().items():
+    for name, text in _message_definitions().items():
         store.register(get_types_from_msg(text, f'tactile_msgs/msg/{name}'))
     return store
 

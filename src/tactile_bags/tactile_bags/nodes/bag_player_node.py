@@ -139,13 +139,13 @@ class BagPlayerNode(TactileNode):
     def _wait_until(self, due_ns: int, bag_ns: int) -> bool:
         """Wait, and tell the time of the recording meanwhile; ``bag_ns`` is that at the end."""
         while (left_ns := due_ns - time.monotonic_ns()) > 0:
-            self._tell_time(bag_ns - round(left_ns * self.config.rate))
+            self._publish_time(bag_ns - round(left_ns * self.config.rate))
             if self._end.wait(min(left_ns * 1e-9, CLOCK_PERIOD_S)):
                 return False
-        self._tell_time(bag_ns)
+        self._publish_time(bag_ns)
         return not self._end.is_set()
 
-    def _tell_time(self, bag_ns: int) -> None:
+    def _publish_time(self, bag_ns: int) -> None:
         message = Clock()
         sec, message.clock.nanosec = divmod(max(0, bag_ns), 10**9)
         message.clock.sec = min(sec, 2**31 - 1)

@@ -14,12 +14,12 @@ import threading
 import time
 from typing import Any, NamedTuple
 
+from builtin_interfaces.msg import Time
 from rclpy.serialization import deserialize_message, serialize_message
+from std_msgs.msg import Header
 
-from tactile_bags.auditing.audit import Audit, AuditSummary
-from tactile_bags.auditing.auditor import FingerAuditor
+from tactile_bags.audit import Audit, AuditSummary, FingerAuditor
 from tactile_bags.bag_writer import BagWriter
-from tactile_bags.conversions import audit_to_msg
 from tactile_bags.errors import BagError
 from tactile_bags.recorded_setup import WRITTEN_IN
 from tactile_bags.recorded_topics import (
@@ -398,11 +398,11 @@ class BagRecorderNode(PollingNode):
     def _publish(self, audit: Audit, writer: BagWriter) -> None:
         self.audits.append(audit)
         self._summary.add(audit)
-        message = audit_to_msg(audit, str(writer.path))
+        message = _audit_to_msg(audit, str(writer.path))
         writer.write_raw(self._audit_topic, self._arrival_ns(), serialize_message(message))
         self._audit_publisher.publish(message)
         if not audit.passed:
-            self.get_logger().warning(audit.describe())
+            self.get_logger().warning(audit.format())
 
     # -- readiness -----------------------------------------------------------------------
 
@@ -437,7 +437,7 @@ class BagRecorderNode(PollingNode):
         if not missing:
             failed = self._summary.last_failed
             if failed is not None:
-                return Health(WARN, failed.describe(), values)
+                return Health(WARN, failed.format(), values)
             return Health(OK, 'recording', values)
         names = ', '.join(missing)
         if (time.monotonic_ns() - self._started_ns) * 1e-9 < self.config.match_timeout_s:
@@ -470,6 +470,32 @@ def _drop_ended(events: list[bytes], known: Iterable[bytes]) -> list[bytes]:
         if not is_over or any(data in known for data in of_trial)
         for data in of_trial
     ]
+
+
+def _audit_to_msg(audit: Audit, bag: str) -> RecordingAudit:
+    """Return the ``tactile_msgs/RecordingAudit`` of a record."""
+    return RecordingAudit(
+        header=Header(stamp=_time(audit.end_ns)),
+        bag=bag,
+        finger=audit.finger,
+        trial_id=audit.trial_id,
+        passed=audit.passed,
+        findings=list(audit.findings),
+        span_start=_time(audit.start_ns),
+        sample_count=audit.sample_count,
+        lost_count=min(audit.lost_count, 2**64 - 1),  # two wild numbers make any gap
+        gap_count=audit.gap_count,
+        duplicate_count=audit.duplicate_count,
+        disordered_count=audit.disordered_count,
+        rate_hz=audit.rate_hz,
+        nominal_rate_hz=audit.nominal_rate_hz,
+        largest_step_s=audit.largest_step_s,
+    )
+
+
+def _time(stamp_ns: int) -> Time:
+    sec, nanosec = divmod(stamp_ns, 10**9)
+    return Time(sec=max(-(2**31), min(sec, 2**31 - 1)), nanosec=nanosec)
 
 
 class _Arrival(NamedTuple):

@@ -21,10 +21,10 @@ from tactile_bags import (
     STRAIN,
     TactileBag,
 )
+from tactile_bags.bag_metadata import parse_metadata
 from tactile_bags.bag_repair import repair_bag
 from tactile_bags.errors import BagError
-from tactile_bags.storage.bag_metadata import parse_metadata
-from tactile_bags.storage.mcap_reader import MAGIC
+from tactile_bags.mcap_reader import MAGIC
 from tactile_bags.yaml_files import load_yaml
 from tactile_ros.errors import TactileError
 
@@ -173,7 +173,7 @@ def test_hostile_file_is_refused_with_a_sentence(read_file, name):
 
 
 def test_chunks_that_all_overlap_are_not_all_read_at_once(read_file, monkeypatch):
-    monkeypatch.setattr('tactile_bags.storage.merged_files.MAX_OPEN_BYTES', 1000)
+    monkeypatch.setattr('tactile_bags.bag_reader.MAX_OPEN_BYTES', 1000)
     records = message(bytes(100), at_ns=0) + message(bytes(100), at_ns=9)
     assert len(read_file(DEFINED + 3 * chunk(records) + END)[0]) == 6
     with pytest.raises(BagError, match='overlap in time'):
@@ -181,7 +181,7 @@ def test_chunks_that_all_overlap_are_not_all_read_at_once(read_file, monkeypatch
 
 
 def test_the_memory_for_the_index_of_the_chunks_is_limited(read_file, monkeypatch):
-    monkeypatch.setattr('tactile_bags.storage.mcap_reader.MAX_SEGMENTS', 5)
+    monkeypatch.setattr('tactile_bags.mcap_reader.MAX_SEGMENTS', 5)
     with pytest.raises(BagError, match='so many chunks'):
         read_file(DEFINED + 6 * chunk(message()) + END)
 
@@ -250,7 +250,7 @@ def test_the_metadata_of_a_bag_are_compared_with_its_messages(tmp_path):
 
 
 def test_chunks_with_ever_other_channels_are_limited(read_file, monkeypatch):
-    monkeypatch.setattr('tactile_bags.storage.mcap_reader.MAX_CHANNELS', 2)
+    monkeypatch.setattr('tactile_bags.mcap_reader.MAX_CHANNELS', 2)
     one, two = chunk(message()), chunk(message(channel=2))
     assert len(read_file(DEFINED + EVENTS + 2 * (one + two) + END)[0]) == 4
     with pytest.raises(BagError, match='so many chunks'):
@@ -258,7 +258,7 @@ def test_chunks_with_ever_other_channels_are_limited(read_file, monkeypatch):
 
 
 def test_definitions_are_limited_together(read_file, monkeypatch):
-    monkeypatch.setattr('tactile_bags.storage.mcap_reader.MAX_DEFINITION_BYTES', 200)
+    monkeypatch.setattr('tactile_bags.mcap_reader.MAX_DEFINITION_BYTES', 200)
     definition = [
         pack_record(SCHEMA, pack_number(i, 2), pack_text('x'), pack_text(''), pack_text('y' * 50))
         for i in range(2, 9)

@@ -24,7 +24,7 @@ from tactile_bags import (
     STRAIN_TOPIC,
     TactileBag,
 )
-from tactile_bags.auditing.auditor import FingerAuditor
+from tactile_bags.audit import FingerAuditor
 from tactile_bags.bag_repair import repair_bag
 from tactile_bags.errors import BagError
 from tactile_bags.recorded_topics import message_store

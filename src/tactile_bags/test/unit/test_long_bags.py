@@ -16,7 +16,7 @@ from rosbags.rosbag2 import Reader
 
 from tactile_bags import BagWriter, STRAIN, STRAIN_TOPIC, TactileBag
 from tactile_bags.bag_repair import repair_bag
-from tactile_bags.storage.mcap_reader import McapFile
+from tactile_bags.mcap_reader import McapFile
 
 SIZE = 3000
 COUNT = 900

@@ -18,8 +18,7 @@ from tactile_bags import (
 )
 from tactile_bags.recorded_setup import recorded_features
 from tactile_bags.recorded_topics import JOINT_STATE, RecordedTopic
-from tactile_bags.replaying.comparison import compare
-from tactile_bags.replaying.replay import recorded_results, replay_through_core
+from tactile_bags.replay import compare, recorded_results, replay_through_core
 from tactile_features import FeatureConfig, Outcome, TrialEvent, TrialFeatureExtractor
 from tactile_features.conversions import (
     event_to_msg,

@@ -26,7 +26,7 @@ from tactile_bags.recorded_topics import (
     STRAIN,
     STRAIN_TOPIC,
 )
-from tactile_bags.replaying.replay import sensed_messages, TactileResults
+from tactile_bags.replay import sensed_messages, TactileResults
 from tactile_bringup.launch_config.graph import (
     FEATURES_NODE,
     ModelChoice,

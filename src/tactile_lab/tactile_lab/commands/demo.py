@@ -203,7 +203,7 @@ def draw_plots(
 
 def draw_trace(path: Path, bag: 'TactileBag', request: 'TrialRequest') -> None:
     """Draw a recorded stiffness trial: tension, phases, the window and its regression."""
-    from tactile_bags.replaying.replay import recorded_results
+    from tactile_bags.replay import recorded_results
     from tactile_lab.datasets.traces import read_trace
     from tactile_lab.plots import plot_strain
 

@@ -25,8 +25,7 @@ def repair(
     The bag itself is not changed. Exits with 1 when the bag is
     damaged: the copy holds what could be read.
     """
-    from tactile_bags.auditing.audit import summarise_audits
-    from tactile_bags.auditing.auditor import audit_bag
+    from tactile_bags.audit import audit_bag, summarise_audits
     from tactile_bags.bag_repair import repair_bag
     from tactile_lab.commands.output import Output
     from tactile_lab.commands.replay import print_audits

@@ -15,9 +15,8 @@ from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
     from tactile_bags import RecordedBag
-    from tactile_bags.auditing.audit import Audit
-    from tactile_bags.replaying.comparison import Comparison
-    from tactile_bags.replaying.replay import TactileResults
+    from tactile_bags.audit import Audit
+    from tactile_bags.replay import Comparison, TactileResults
     from tactile_bringup.launch_config.graph import NodeDescription
     from tactile_features.config import FeatureConfig
     from tactile_lab.commands.output import Output
@@ -47,7 +46,7 @@ class ReplayReport:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report as what JSON can hold."""
-        from tactile_bags.auditing.audit import summarise_audits
+        from tactile_bags.audit import summarise_audits
 
         return {
             'namespace': self.namespace,
@@ -179,9 +178,9 @@ def print_audits(audits: 'Sequence[Audit]', output: 'Output') -> None:
     """Print what is missing, doubled or out of order; one line where nothing is."""
     for audit in audits:
         if not audit.passed:
-            output.say(f'audit: {audit.describe()}')
+            output.say(f'audit: {audit.format()}')
         elif not audit.trial_id:
-            output.say(f'audit: {audit.describe()}, {audit.rate_hz:.4g} Hz')
+            output.say(f'audit: {audit.format()}, {audit.rate_hz:.4g} Hz')
 
 
 def replay_and_compare(
@@ -205,7 +204,7 @@ def replay_and_compare(
     import tempfile
 
     from tactile_bags import RecordedBag
-    from tactile_bags.auditing.auditor import audit_open_bag
+    from tactile_bags.audit import audit_open_bag
     from tactile_bags.recorded_setup import find_models, gather_models
 
     with RecordedBag(path) as bag, tempfile.TemporaryDirectory(prefix='tactile_') as scratch:
@@ -235,8 +234,9 @@ def _replay_finger(
     times: int,
 ) -> ReplayReport:
     from tactile_bags.recorded_setup import recorded_features, recorded_models, RecordedFeatures
-    from tactile_bags.replaying.comparison import compare, compare_with_recorded
-    from tactile_bags.replaying.replay import (
+    from tactile_bags.replay import (
+        compare,
+        compare_with_recorded,
         first_sample_ns,
         recorded_recalibration,
         recorded_results,

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from tactile_bags.errors import BagError
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
 from tactile_bags.recording import RecordedBag, Recording
-from tactile_bags.replaying.replay import replay_phases, replay_windows
+from tactile_bags.replay import replay_phases, replay_windows
 from tactile_bags.sources.files import SourceOptions
 from tactile_bags.trial import Trial
 from tactile_classifier.datasets.archive import LabelledTrials, Skipped

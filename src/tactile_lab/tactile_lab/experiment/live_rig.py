@@ -21,7 +21,7 @@ from rclpy.context import Context
 from rclpy.node import Node
 
 from tactile_bags import FEATURES_TOPIC, STRAIN_TOPIC
-from tactile_bags.auditing.audit import Audit
+from tactile_bags.audit import Audit
 from tactile_bringup.launch_config.graph import ModelChoice, Ports, recorder_node, rig_graph
 from tactile_bringup.nodes.graph_runner import ros_context, running_graph
 from tactile_bringup.nodes.operator_node import OperatorNode, StoppedError

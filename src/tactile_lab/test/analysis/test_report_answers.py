@@ -12,7 +12,7 @@ import pytest
 from tactile_bags import TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.recorded_setup import recorded_features
-from tactile_bags.replaying.replay import replay_windows
+from tactile_bags.replay import replay_windows
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.evaluation.open_set import evaluate_open_set
 from tactile_classifier.evaluation.plans import run_plans

@@ -14,7 +14,7 @@ pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 from tactile_bags import TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
-from tactile_bags.replaying.replay import replay_windows
+from tactile_bags.replay import replay_windows
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.inference import TactileModel

@@ -18,7 +18,7 @@ from launched import DEADLINE_S, Ear, launched, new_folder, simulated_bag, train
 
 from tactile_bags import TactileBag
 from tactile_bags.recorded_setup import recorded_features
-from tactile_bags.replaying.replay import replay_through_core
+from tactile_bags.replay import replay_through_core
 from tactile_classifier import ModelSet
 from tactile_classifier.conversions import classification_from_msg
 from tactile_msgs.msg import Classification

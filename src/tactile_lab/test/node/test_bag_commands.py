@@ -11,7 +11,7 @@ from tactile_command import ask_tactile, tactile
 
 from tactile_bags import BagWriter, FEATURES_TOPIC, STRAIN, TactileBag
 from tactile_bags.recorded_setup import recorded_features
-from tactile_bags.replaying.replay import replay_windows
+from tactile_bags.replay import replay_windows
 from tactile_features.conversions import feature_window_to_msg
 
 

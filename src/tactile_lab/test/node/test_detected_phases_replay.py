@@ -9,8 +9,7 @@ from rclpy.serialization import serialize_message
 
 from tactile_bags import BagWriter, EVENT_TOPIC, STRAIN, STRAIN_TOPIC, TactileBag
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
-from tactile_bags.replaying.comparison import compare
-from tactile_bags.replaying.replay import replay_through_core
+from tactile_bags.replay import compare, replay_through_core
 from tactile_bringup.nodes.replay_nodes import replay_through_nodes
 from tactile_features.conversions import event_to_msg, strain_block_from_msg
 from tactile_features.extraction.extractor import TrialFeatureExtractor

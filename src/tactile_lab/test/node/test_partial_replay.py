@@ -14,7 +14,7 @@ pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
 from tactile_bags import TactileBag
 from tactile_bags.recorded_setup import recorded_features, recorded_models
-from tactile_bags.replaying.replay import recorded_results
+from tactile_bags.replay import recorded_results
 from tactile_bringup.launch_config.graph import Ports
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_classifier.training.model_writer import write_model

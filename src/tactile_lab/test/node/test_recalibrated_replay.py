@@ -15,7 +15,7 @@ from tactile_bags import CLASSIFICATION_TOPIC, FEATURES_TOPIC, MODELS_TOPIC, Tac
 from tactile_bags.bag_writer import BagWriter
 from tactile_bags.recorded_setup import recorded_features
 from tactile_bags.recorded_topics import RecordedTopic
-from tactile_bags.replaying.replay import replay_through_core
+from tactile_bags.replay import replay_through_core
 from tactile_bringup.nodes.replay_nodes import replay_through_nodes
 from tactile_classifier import ModelInfos, ModelSet
 from tactile_classifier.conversions import classification_to_msg, model_infos_to_msg

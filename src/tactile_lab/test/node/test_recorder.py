@@ -30,9 +30,9 @@ from tactile_bags import (
 )
 from tactile_bags.bag_repair import repair_bag
 from tactile_bags.errors import BagError
+from tactile_bags.mcap_writer import McapWriter
 from tactile_bags.nodes.bag_recorder_node import _Arrival
 from tactile_bags.recorded_setup import recorded_features, WRITTEN_IN
-from tactile_bags.storage.mcap_writer import McapWriter
 from tactile_bringup.launch_config.graph import recorder_node
 from tactile_bringup.nodes.graph_runner import create_node, running_graph
 from tactile_features import FeatureConfig, spec_for, WantedFeatures
@@ -362,7 +362,7 @@ def test_a_recorder_in_a_process_of_its_own_ends_with_1_on_a_full_disk(context, 
     program = (
         'import sys\n'
         'from tactile_bags.nodes.bag_recorder_node import main\n'
-        'from tactile_bags.storage.mcap_writer import McapWriter\n'
+        'from tactile_bags.mcap_writer import McapWriter\n'
         'def full(writer):\n'
         '    if writer._new_ns: raise OSError(28, "No space left on device")\n'
         'McapWriter.flush = full\n'

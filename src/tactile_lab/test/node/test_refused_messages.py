@@ -11,10 +11,9 @@ import pytest
 from rclpy.node import Node
 
 from tactile_bags import STRAIN, TactileBag
-from tactile_bags.auditing.auditor import audit_bag
+from tactile_bags.audit import audit_bag
 from tactile_bags.recorded_setup import recorded_features
-from tactile_bags.replaying.comparison import compare
-from tactile_bags.replaying.replay import replay_through_core
+from tactile_bags.replay import compare, replay_through_core
 from tactile_bringup.launch_config.graph import (
     CLASSIFIER_NODE,
     ModelChoice,

@@ -23,7 +23,7 @@ pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
 from tactile_bags import EVENT, STRAIN, TactileBag
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
-from tactile_bags.replaying.replay import replay_through_core, sensed_messages
+from tactile_bags.replay import replay_through_core, sensed_messages
 from tactile_bringup.launch_config.graph import NodeDescription
 from tactile_bringup.nodes.finger import connect_fingers
 from tactile_bringup.nodes.graph_runner import create_node

@@ -5,8 +5,7 @@ import dataclasses
 
 from tactile_bags import TactileBag
 from tactile_bags.recorded_setup import recorded_features
-from tactile_bags.replaying.comparison import compare
-from tactile_bags.replaying.replay import replay_through_core
+from tactile_bags.replay import compare, replay_through_core
 from tactile_bringup.nodes.replay_nodes import replay_through_nodes
 from tactile_classifier import ModelSet
 

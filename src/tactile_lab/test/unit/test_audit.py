@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from tactile_bags.auditing.auditor import audit_bag, FingerAuditor
+from tactile_bags.audit import audit_bag, FingerAuditor
 from tactile_features.records import TrialEvent
 from tactile_ros.strain import StrainBlock, StrainStatus
 
@@ -229,4 +229,4 @@ def test_samples_that_come_late_are_no_clock_step():
 def test_a_simulated_recording_passes(stiffness_bag):
     audits = audit_bag(stiffness_bag)
     assert len(audits) == 16
-    assert all(audit.passed for audit in audits), [a.describe() for a in audits]
+    assert all(audit.passed for audit in audits), [a.format() for a in audits]

@@ -6,7 +6,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from tactile_bags.auditing.auditor import FingerAuditor
+from tactile_bags.audit import FingerAuditor
 from tactile_features.records import TrialEvent
 from tactile_ros.strain import StrainBlock, StrainStatus
 
@@ -75,7 +75,7 @@ def step_finding(step_s):
 def test_a_clock_step_outside_of_trials_fails_none(step_s, status, starts, late_s):
     *trials, recording = stepped_recording(step_s, status, starts=starts, late_s=late_s)
     for audit in trials:
-        assert audit.passed, audit.describe()
+        assert audit.passed, audit.format()
         assert audit.sample_count == 400
         assert audit.rate_hz == pytest.approx(100.0)
     assert recording.findings == (step_finding(step_s) + 'recording',)
@@ -91,7 +91,7 @@ def test_a_clock_step_in_a_trial_fails_only_this_one(step_s, status, at):
     assert during.sample_count == 400
     span_ns = during.end_ns - during.start_ns
     assert span_ns == 399 * PERIOD_NS + round(step_s * 1e9)
-    assert all(audit.passed for audit in (before, *after)), [a.describe() for a in after]
+    assert all(audit.passed for audit in (before, *after)), [a.format() for a in after]
 
 
 @pytest.mark.parametrize(('step_s', 'status'), STEPS)
@@ -110,7 +110,7 @@ def test_trials_after_a_restart_with_a_clock_step_pass(step_s, status):
     before, *after, recording = stepped_recording(
         step_s, status, starts=[1_000, 4_100, 6_000], restart=True
     )
-    assert all(audit.passed for audit in (before, *after)), [a.describe() for a in after]
+    assert all(audit.passed for audit in (before, *after)), [a.format() for a in after]
     assert recording.duplicate_count == 0
 
 
@@ -151,5 +151,5 @@ def test_an_event_between_a_clock_step_and_its_block_delays_no_other_trial(step_
             StrainBlock(stamp_ns, i, PERIOD_NS, np.zeros(1), status=status)
         )
     assert [audit.trial_id for audit in audits] == ['a', 'b']
-    assert audits[0].passed == (step_s > 0), audits[0].describe()
-    assert audits[1].passed, audits[1].describe()
+    assert audits[0].passed == (step_s > 0), audits[0].format()
+    assert audits[1].passed, audits[1].format()

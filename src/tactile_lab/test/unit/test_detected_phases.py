@@ -16,9 +16,9 @@ from tactile_bags import (
     STRAIN_TOPIC,
     TactileBag,
 )
-from tactile_bags.auditing.auditor import audit_bag
+from tactile_bags.audit import audit_bag
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
-from tactile_bags.replaying.replay import replay_windows
+from tactile_bags.replay import replay_windows
 from tactile_features.records import Outcome
 
 WITHIN_NS = 50_000_000

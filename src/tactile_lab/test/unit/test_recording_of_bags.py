@@ -15,7 +15,7 @@ from tactile_command import ask_tactile
 from tactile_bags import EVENT, Recording, STRAIN, TactileBag
 from tactile_bags.message_records import read_records
 from tactile_bags.recorded_setup import recorded_features
-from tactile_bags.replaying.replay import replay_windows
+from tactile_bags.replay import replay_windows
 from tactile_bags.sources.files import SourceError
 
 

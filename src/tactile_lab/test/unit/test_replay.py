@@ -10,8 +10,9 @@ from tactile_bags import BagWriter, EVENT, TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.message_records import read_records
 from tactile_bags.recorded_setup import recorded_features
-from tactile_bags.replaying.comparison import compare, compare_with_recorded
-from tactile_bags.replaying.replay import (
+from tactile_bags.replay import (
+    compare,
+    compare_with_recorded,
     first_sample_ns,
     replay_through_core,
     TactileResults,

@@ -12,7 +12,7 @@ import sqlite3
 from urllib.parse import quote
 
 from tactile_bags.errors import BagError
-from tactile_bags.storage.mcap_reader import MAX_CHUNK_BYTES, Message, StoredTopic
+from tactile_bags.mcap_reader import MAX_CHUNK_BYTES, Message, StoredTopic
 
 MAX_TOPICS = 65_536
 """Most topics in a file, as many as MCAP can have."""

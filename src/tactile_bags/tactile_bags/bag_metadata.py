@@ -14,7 +14,7 @@ from textwrap import indent
 from typing import Any
 
 from tactile_bags.errors import BagError
-from tactile_bags.storage.mcap_reader import MAX_METADATA_BYTES, StoredTopic
+from tactile_bags.mcap_reader import MAX_METADATA_BYTES, StoredTopic
 from tactile_bags.yaml_files import load_yaml, read_text
 from tactile_ros.errors import TactileError
 

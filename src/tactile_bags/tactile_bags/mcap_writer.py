@@ -30,7 +30,7 @@ from mcap.records import (
     Statistics,
 )
 
-from tactile_bags.storage.mcap_reader import MAGIC, METADATA_KEY, METADATA_NAME, StoredTopic
+from tactile_bags.mcap_reader import MAGIC, METADATA_KEY, METADATA_NAME, StoredTopic
 
 BUFFER_BYTES = 2**20
 """Most that is kept back before it is written to the file [byte]."""

@@ -1,0 +1,627 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Audits of a recording's samples: lost ones, gaps, duplicates, order, rate, clock steps.
+
+The recorder, which audits each trial when it has ended, and the audit of a bag on the disk
+share one implementation. It compares sequence numbers and stamps. So it finds losses anywhere
+between the sensor and the file, however samples are grouped into messages. The parts, in their
+order: a stream's counts, the host's clock, a trial's counts, the audit, the auditor.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from tactile_bags.bag_reader import TactileBag
+from tactile_bags.message_records import read_records
+from tactile_bags.recorded_setup import nominal_rate_hz
+from tactile_bags.recorded_topics import EVENT, EVENT_TOPIC, STRAIN
+from tactile_features.extraction.phase_window import format_clock_step
+from tactile_features.feature_sets.feature_set import RATE_TOLERANCE
+from tactile_features.records import PHASE_ABORTED, PHASE_DONE, TrialEvent
+from tactile_ros.strain import StrainBlock, StrainStatus
+
+MAX_GAPS = 10_000
+"""Gaps that are remembered, for samples that come late after all."""
+
+
+class SampleRun(NamedTuple):
+    """A block of samples without their values, or a part of one."""
+
+    stamp_ns: int
+    period_ns: int
+    sequence: int
+    size: int
+    lost_before: int
+    status: int
+
+    def stamp_of(self, i: int) -> int:
+        return self.stamp_ns + i * self.period_ns
+
+    def part(self, begin: int, end: int) -> SampleRun:
+        """Return the samples from ``begin`` up to but not with ``end``."""
+        return self._replace(
+            stamp_ns=self.stamp_of(begin),
+            sequence=self.sequence + begin,
+            size=end - begin,
+            lost_before=0 if begin else self.lost_before,
+        )
+
+    def up_to(self, stamp_ns: int) -> int:
+        """Return how many samples are not later than this."""
+        if self.period_ns <= 0:
+            return self.size if self.stamp_ns <= stamp_ns else 0
+        return min(self.size, max(0, (stamp_ns - self.stamp_ns) // self.period_ns + 1))
+
+
+class StreamCounts:
+    """Goes along a stream of runs and counts what is missing, doubled, late."""
+
+    def __init__(self) -> None:
+        self.samples = self.lost = self.gaps = self.duplicates = self.disordered = 0
+        self.restarts = self.reconnections = 0
+        self.start_ns = self.end_ns = 0
+        self.largest_step_ns = 0
+        self._next: int | None = None
+        self._status = 0
+        self._missing: deque[tuple[int, int]] = deque(maxlen=MAX_GAPS)
+        self._span_ns = self._steps = 0
+        self._segment: tuple[int, int] | None = None
+
+    def follow(self, before: SampleRun) -> None:
+        """Begin behind this run, which does not count itself."""
+        self._next = before.sequence + before.size
+        self._status = before.status
+        self.end_ns = before.stamp_of(before.size - 1)
+
+    def stop_before(self, after: SampleRun) -> None:
+        """End before this run, which does not count itself."""
+        if self._next is not None and after.sequence > self._next:
+            self._lose(after.sequence - self._next, after.sequence)
+
+    def _lose(self, count: int, sequence: int) -> None:
+        assert self._next is not None
+        if count:
+            self.gaps += 1
+            self.lost += count
+        if sequence > self._next:
+            self._missing.append((self._next, sequence))
+
+    def add(self, run: SampleRun) -> None:
+        if self._next is not None and run.sequence < self._next:
+            if run.stamp_ns <= self.end_ns:
+                self._take_late(run)
+                return
+            self.restarts += 1
+            self._close_segment()
+            self._next = None
+        self._take_new(run)
+
+    def _take_late(self, run: SampleRun) -> None:
+        """Take a run whose numbers have been passed: late, again, or partly new."""
+        assert self._next is not None
+        old = min(run.size, self._next - run.sequence)
+        late = self._fill(run.sequence, run.sequence + old)
+        self.samples += late
+        self.disordered += late
+        self.duplicates += old - late
+        if old < run.size:
+            self._take_new(run.part(old, run.size))
+
+    def _fill(self, begin: int, end: int) -> int:
+        """Take these numbers out of those that are missing; return how many were."""
+        filled, left = 0, []
+        for low, high in self._missing:
+            inside = min(high, end) - max(low, begin)
+            if inside <= 0:
+                left.append((low, high))
+                continue
+            filled += inside
+            left += [part for part in ((low, begin), (end, high)) if part[0] < part[1]]
+        if filled:
+            self.lost -= filled
+            self.gaps += len(left) - len(self._missing)
+            self._missing = deque(left, maxlen=MAX_GAPS)
+        return filled
+
+    def _take_new(self, run: SampleRun) -> None:
+        if self._next is not None:
+            # What the driver knows of may be more than the numbering shows.
+            self._lose(max(run.sequence - self._next, run.lost_before), run.sequence)
+            self.largest_step_ns = max(self.largest_step_ns, run.stamp_ns - self.end_ns)
+        if run.status & ~self._status & StrainStatus.RECONNECTED:
+            self.reconnections += 1
+        if not self.samples:
+            self.start_ns = run.stamp_ns
+        if self._segment is None:
+            self._segment = (run.sequence, run.stamp_ns)
+        if run.size > 1:
+            self.largest_step_ns = max(self.largest_step_ns, run.period_ns)
+        self.samples += run.size
+        self._next = run.sequence + run.size
+        self._status = run.status
+        self.end_ns = run.stamp_of(run.size - 1)
+
+    def _close_segment(self) -> None:
+        """Take the time and the numbers since the numbering last began anew."""
+        steps, span_ns = self._of_segment()
+        self._steps += steps
+        self._span_ns += span_ns
+        self._segment = None
+
+    def _of_segment(self) -> tuple[int, int]:
+        if self._segment is None or self._next is None:
+            return 0, 0
+        sequence, stamp_ns = self._segment
+        return self._next - 1 - sequence, self.end_ns - stamp_ns
+
+    @property
+    def rate_hz(self) -> float:
+        steps, span_ns = self._of_segment()
+        steps, span_ns = self._steps + steps, self._span_ns + span_ns
+        return steps / span_ns * 1e9 if steps > 0 and span_ns > 0 else 0.0
+
+
+EVENT_DELAY_S = 10.0
+"""Largest delay of an event behind its samples with which its trial is still audited [s]."""
+
+CLOCK_STEP_S = 1.0
+"""A stamp this far before the last one is a clock step, also without its status bit [s]."""
+
+MAX_STEPS = 100
+"""Most clock steps within `EVENT_DELAY_S` that are kept for events that come late."""
+
+
+class Unstepped(NamedTuple):
+    """A run of samples in stream time.
+
+    Attributes
+    ----------
+    run : SampleRun
+    shift_ns : int
+        Its stamps are those of the run plus this [ns].
+    step_ns : int
+        Clock step between the sample before and its first one [ns]; 0: none.
+    """
+
+    run: SampleRun
+    shift_ns: int
+    step_ns: int
+
+
+class SpanCounts:
+    """Sample counts of a span of the stream, and the clock steps within it."""
+
+    def __init__(self) -> None:
+        self.counts = StreamCounts()
+        self.steps = self.first_step_ns = 0
+        self.start_shift_ns = self.end_shift_ns = 0
+
+    def add(self, unstepped: Unstepped) -> None:
+        """Count the next run."""
+        if not self.counts.samples:
+            self.start_shift_ns = unstepped.shift_ns
+        elif unstepped.step_ns:
+            self.steps += 1
+            self.first_step_ns = self.first_step_ns or unstepped.step_ns
+        self.end_shift_ns = unstepped.shift_ns
+        self.counts.add(unstepped.run)
+
+
+class HostClock:
+    """Converts stamps to stream time: the host's clock as if it had never been set.
+
+    Only so can samples before and after a clock step be compared and kept in one order.
+    """
+
+    def __init__(self) -> None:
+        self._shift_ns = 0
+        self._last: SampleRun | None = None  # as stamped; late ones left out
+        self._past: deque[tuple[int, int]] = deque(maxlen=MAX_STEPS)  # end, shift before it
+
+    def take(self, run: SampleRun) -> Unstepped:
+        """Return the next run in stream time."""
+        last = self._last
+        step_ns = 0
+        if last is None or not _is_late(run, last):
+            step_ns = _clock_step(run, last) if last is not None else 0
+            self._last = run
+        if step_ns:
+            self._past.append((run.stamp_ns - self._shift_ns - step_ns, self._shift_ns))
+            self._shift_ns += step_ns
+        stamp_ns = run.stamp_ns - self._shift_ns
+        return Unstepped(run._replace(stamp_ns=stamp_ns), self._shift_ns, step_ns)
+
+    def time_of_event(self, stamp_ns: int, latest_ns: int | None) -> int:
+        """Return the stamp of an event in stream time.
+
+        Soon after a step, an event may still be stamped by the clock before it. The clock is
+        taken that puts the event nearest to the latest sample.
+        """
+        if latest_ns is None:
+            return stamp_ns - self._shift_ns
+        while self._past and self._past[0][0] < latest_ns - round(EVENT_DELAY_S * 1e9):
+            self._past.popleft()
+        shifts_ns = [self._shift_ns, *(shift_ns for _, shift_ns in self._past)]
+        return min((stamp_ns - s for s in shifts_ns), key=lambda t: abs(t - latest_ns))
+
+
+def _is_late(run: SampleRun, last: SampleRun) -> bool:
+    """Return whether a run has numbers that have been passed, and the stamps that fit them."""
+    if run.sequence >= last.sequence + last.size:
+        return False
+    elapsed_ns = last.stamp_of(run.sequence - last.sequence) - last.stamp_ns
+    error_ns = abs(run.stamp_ns - last.stamp_ns - elapsed_ns)
+    return error_ns < CLOCK_STEP_S * 1e9 + RATE_TOLERANCE * abs(elapsed_ns)
+
+
+def _clock_step(run: SampleRun, last: SampleRun) -> int:
+    """Return by how much the host's clock was set between two runs [ns]; 0: it was not."""
+    is_marked = run.status & ~last.status & StrainStatus.CLOCK_STEP
+    is_behind = run.stamp_ns < last.stamp_of(last.size - 1) - round(CLOCK_STEP_S * 1e9)
+    if not is_marked and not is_behind:
+        return 0
+    # Numbers that began anew do not tell how many samples lie between.
+    steps = max(last.size, run.sequence - last.sequence)
+    return run.stamp_ns - last.stamp_of(steps)
+
+
+class TrialCounts:
+    """A trial under way, or one that waits for its samples; counts those that it is given.
+
+    All times are in stream time.
+    """
+
+    def __init__(self, trial_id: str, stamp_ns: int) -> None:
+        self.trial_id = trial_id
+        self.start_ns = self.end_ns = stamp_ns
+        self.is_over = self.is_too_late = False
+        self.span = SpanCounts()
+        self._before: SampleRun | None = None
+        self._has_begun = self._has_ended = False
+
+    def add(self, unstepped: Unstepped) -> None:
+        """Take in the next run of the stream, wherever it lies."""
+        run = unstepped.run
+        begin = run.up_to(self.start_ns - 1)
+        end = run.up_to(self.end_ns) if self.is_over else run.size
+        if begin and not self._has_begun:
+            self._before = run.part(begin - 1, begin)
+        if begin < end:
+            if not self._has_begun and self._before is not None:
+                self.span.counts.follow(self._before)
+            self._has_begun = True
+            self.span.add(unstepped._replace(run=run.part(begin, end)))
+        if end < run.size and not self._has_ended:
+            self._has_ended = True
+            self._after = run.part(end, end + 1)
+
+    def finish(self) -> SpanCounts:
+        """Return what was counted; no more runs come."""
+        if self._has_ended:
+            self.span.counts.stop_before(self._after)
+        return self.span
+
+
+LONGEST_STEP_S = 0.1
+"""Longest time between two samples that is not worth a word [s]; at least three periods."""
+
+MOST_NOTED = 100
+"""Failed trials that the metadata of a bag list."""
+
+
+@dataclass(frozen=True)
+class Audit:
+    """Result of the audit of one trial or of a whole recording.
+
+    Attributes
+    ----------
+    finger : str
+        Namespace; empty: the root.
+    trial_id : str
+        Empty for the whole recording.
+    findings : tuple of str
+        One sentence each; empty when nothing is wrong.
+    start_ns, end_ns : int
+        Times of the first and the last audited sample [ns], as stamped.
+    sample_count, lost_count, gap_count, duplicate_count, disordered_count : int
+        Samples received; sequence numbers missing; runs of missing numbers; samples received
+        twice; samples received after a newer one.
+    rate_hz : float
+        From sequence numbers, so losses do not change it [Hz]; 0: fewer than two samples.
+    nominal_rate_hz : float
+        Expected rate [Hz]; 0: not known, and not compared.
+    largest_step_s : float
+        Longest time between neighbouring samples, without steps of the host's clock [s].
+    """
+
+    finger: str
+    trial_id: str
+    findings: tuple[str, ...]
+    start_ns: int
+    end_ns: int
+    sample_count: int
+    lost_count: int
+    gap_count: int
+    duplicate_count: int
+    disordered_count: int
+    rate_hz: float
+    nominal_rate_hz: float
+    largest_step_s: float
+
+    @property
+    def passed(self) -> bool:
+        return not self.findings
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what JSON can hold."""
+        return {**asdict(self), 'findings': list(self.findings), 'passed': self.passed}
+
+    def format(self) -> str:
+        """Return one line for a person."""
+        what = f'trial {self.trial_id}' if self.trial_id else 'recording'
+        finger = f'{self.finger}: ' if self.finger else ''
+        if self.passed:
+            return f'{finger}{what}: {self.sample_count} samples, all there'
+        return f'{finger}{what}: {"; ".join(self.findings)}'
+
+
+def make_audit(
+    span: SpanCounts,
+    finger: str,
+    nominal_rate_hz: float,
+    trial: TrialCounts | None = None,
+) -> Audit:
+    """Return the audit of a span: of a trial, or of the whole recording."""
+    counts = span.counts
+    return Audit(
+        finger=finger,
+        trial_id=trial.trial_id if trial else '',
+        findings=tuple(_findings(span, nominal_rate_hz, trial)),
+        start_ns=counts.start_ns + span.start_shift_ns,
+        end_ns=counts.end_ns + span.end_shift_ns,
+        sample_count=counts.samples,
+        lost_count=counts.lost,
+        gap_count=counts.gaps,
+        duplicate_count=counts.duplicates,
+        disordered_count=counts.disordered,
+        rate_hz=counts.rate_hz,
+        nominal_rate_hz=nominal_rate_hz,
+        largest_step_s=counts.largest_step_ns * 1e-9,
+    )
+
+
+def _findings(span: SpanCounts, nominal_hz: float, trial: TrialCounts | None) -> Iterable[str]:
+    counts = span.counts
+    if span.steps:
+        first = format_clock_step(span.first_step_ns, 'trial' if trial else 'recording')
+        yield f'{first}, the first of {span.steps} steps' if span.steps > 1 else first
+    if trial is not None and trial.is_too_late:
+        yield (
+            f'its events came more than {EVENT_DELAY_S:g} s after its samples; '
+            'what is missing is not known'
+        )
+        return
+    if not counts.samples:
+        yield 'no samples of the tension came'
+        return
+    period_s = 1.0 / (nominal_hz or counts.rate_hz or 1.0)
+    longest_s = max(LONGEST_STEP_S, 3.0 * period_s)
+    if counts.lost:
+        share = counts.lost / (counts.samples + counts.lost)
+        yield f'{counts.lost} samples lost in {counts.gaps} gaps ({share:.2%})'
+    if counts.duplicates:
+        yield f'{counts.duplicates} samples came again'
+    if counts.disordered:
+        yield f'{counts.disordered} samples came later than a newer one'
+    if counts.restarts:
+        yield f'the numbering began anew {counts.restarts} times; what was lost is not known'
+    if counts.reconnections:
+        yield (
+            f'the sensor was reached anew {counts.reconnections} times; what was lost is not known'
+        )
+    rate_hz = counts.rate_hz
+    if nominal_hz and rate_hz and abs(rate_hz / nominal_hz - 1.0) > RATE_TOLERANCE:
+        yield (
+            f'the rate is {rate_hz:.4g} Hz, not {nominal_hz:.4g} Hz; '
+            'set rate_hz of the feature node to that of the sensor'
+        )
+    if counts.largest_step_ns * 1e-9 > longest_s and not counts.lost:
+        yield f'{counts.largest_step_ns * 1e-9:.3f} s lie between two samples'
+    if trial is not None:
+        late_s = (counts.start_ns - trial.start_ns) * 1e-9
+        early_s = (trial.end_ns - counts.end_ns) * 1e-9
+        if late_s > longest_s:
+            yield f'the samples begin {late_s:.3f} s after the trial'
+        if early_s > longest_s:
+            yield f'the samples end {early_s:.3f} s before the trial'
+
+
+class AuditSummary:
+    """Summary of a bag's audits: number of trials, failed trials and whole-recording audits.
+
+    Attributes
+    ----------
+    trials : int
+    last_failed : Audit or None
+        The last trial that failed.
+    """
+
+    def __init__(self) -> None:
+        self.trials = self._failed_trials = 0
+        self.last_failed: Audit | None = None
+        self._failed: list[Audit] = []
+        self._whole: list[Audit] = []
+
+    def add(self, audit: Audit) -> None:
+        if not audit.trial_id:
+            self._whole.append(audit)
+            return
+        self.trials += 1
+        if not audit.passed:
+            self._failed_trials += 1
+            self.last_failed = audit
+            if len(self._failed) < MOST_NOTED:
+                self._failed.append(audit)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what JSON can hold."""
+        return {
+            'trials': self.trials,
+            'failed_trials': self._failed_trials,
+            'failed': [audit.to_dict() for audit in self._failed],
+            'whole': [audit.to_dict() for audit in self._whole],
+        }
+
+
+def summarise_audits(audits: Iterable[Audit]) -> dict[str, Any]:
+    """Return what `AuditSummary` notes of these."""
+    summary = AuditSummary()
+    for audit in audits:
+        summary.add(audit)
+    return summary.to_dict()
+
+
+MAX_BLOCKS = 100_000
+"""Most blocks that are kept for events that come late: fewer seconds of very small blocks."""
+
+MAX_TRIALS = 1000
+"""Most trials that wait for their samples; the oldest is then audited without them."""
+
+
+class FingerAuditor:
+    """Blocks and trial events of one finger in, an audit of each trial out.
+
+    The events of a trial may come before its samples, or up to `EVENT_DELAY_S` after them. So
+    long are samples kept, without their values, and no longer: memory does not grow with the
+    length of a recording, nor with the number of its trials.
+
+    A step of the host's clock is a finding of the trial that it falls into, and of the whole
+    recording. Other trials are not affected.
+
+    Parameters
+    ----------
+    finger : str
+        Namespace.
+    nominal_rate_hz : float
+        0: not known. It may be told later.
+    """
+
+    def __init__(self, finger: str, nominal_rate_hz: float = 0.0) -> None:
+        self.finger = finger
+        self.nominal_rate_hz = nominal_rate_hz
+        self._whole = SpanCounts()
+        self._clock = HostClock()
+        self._recent: deque[Unstepped] = deque()
+        self._latest_ns: int | None = None  # in stream time, as all that follow
+        self._gone_ns: int | None = None
+        self._trials: deque[TrialCounts] = deque()  # only the last one can be under way
+
+    def add_block(self, block: StrainBlock) -> list[Audit]:
+        """Take in samples; return the audits of the trials that are now over."""
+        if not len(block.tension_n):
+            return []
+        stamped = SampleRun(
+            block.stamp_ns,
+            block.period_ns,
+            block.sequence,
+            len(block.tension_n),
+            block.lost_before,
+            block.status,
+        )
+        unstepped = self._clock.take(stamped)
+        run = unstepped.run
+        if unstepped.step_ns > 0:
+            # An event that came between the step and this block was taken for one far ahead.
+            for trial in self._trials:
+                trial.start_ns = min(trial.start_ns, run.stamp_ns)
+                trial.end_ns = min(trial.end_ns, run.stamp_ns)
+        self._whole.add(unstepped)
+        self._recent.append(unstepped)
+        last_ns = run.stamp_of(run.size - 1)
+        self._latest_ns = last_ns if self._latest_ns is None else max(self._latest_ns, last_ns)
+        self._let_go(self._latest_ns - round(EVENT_DELAY_S * 1e9))
+        return self._take_complete()
+
+    def _let_go(self, before_ns: int) -> None:
+        """Give up runs for which no event can come any more; a trial under way counts them."""
+        while self._recent:
+            unstepped = self._recent[0]
+            last_ns = unstepped.run.stamp_of(unstepped.run.size - 1)
+            if last_ns >= before_ns and len(self._recent) <= MAX_BLOCKS:
+                return
+            self._recent.popleft()
+            self._gone_ns = last_ns if self._gone_ns is None else max(self._gone_ns, last_ns)
+            for trial in self._trials:
+                trial.add(unstepped)
+
+    def add_event(self, event: TrialEvent) -> list[Audit]:
+        """Take in the start of a phase; return the audits of the trials that are now over."""
+        stamp_ns = self._clock.time_of_event(event.stamp_ns, self._latest_ns)
+        trial = self._trials[-1] if self._trials else None
+        is_new = trial is None or trial.is_over or trial.trial_id != event.trial_id
+        if trial is None or is_new:
+            if trial is not None:
+                trial.is_over = True
+            trial = TrialCounts(event.trial_id, stamp_ns)
+            self._trials.append(trial)
+        trial.start_ns = min(trial.start_ns, stamp_ns)
+        trial.end_ns = max(trial.end_ns, stamp_ns)
+        trial.is_over = event.phase in (PHASE_DONE, PHASE_ABORTED)
+        if self._gone_ns is not None and stamp_ns <= self._gone_ns:
+            trial.is_too_late |= is_new or trial.is_over
+        return self._take_complete()
+
+    def finish(self) -> list[Audit]:
+        """Return the audits of trials that still wait for samples, then of the whole."""
+        audits = []
+        while self._trials:
+            self._trials[0].is_over = True
+            audits.append(self._audit(self._trials.popleft()))
+        return [*audits, make_audit(self._whole, self.finger, self.nominal_rate_hz)]
+
+    def _take_complete(self) -> list[Audit]:
+        audits = []
+        # Only with a sample beyond its end is it known that a trial's last ones have come.
+        while self._trials and self._trials[0].is_over:
+            is_complete = self._latest_ns is not None and self._latest_ns > self._trials[0].end_ns
+            if not is_complete and len(self._trials) <= MAX_TRIALS:
+                break
+            audits.append(self._audit(self._trials.popleft()))
+        return audits
+
+    def _audit(self, trial: TrialCounts) -> Audit:
+        for unstepped in self._recent:
+            trial.add(unstepped)
+        return make_audit(trial.finish(), self.finger, self.nominal_rate_hz, trial)
+
+
+def audit_bag(path: Path) -> list[Audit]:
+    """Audit a bag: each trial, then the whole, finger by finger.
+
+    Raises
+    ------
+    BagError
+        When the bag cannot be read.
+    """
+    with TactileBag(path) as bag:
+        return audit_open_bag(bag)
+
+
+def audit_open_bag(bag: TactileBag) -> list[Audit]:
+    """Audit a bag that is open; see `audit_bag`."""
+    audits: list[Audit] = []
+    for finger in bag.namespaces:
+        auditor = FingerAuditor(finger, nominal_rate_hz(bag, finger))
+        for message, record in read_records(bag.messages(STRAIN, EVENT, namespace=finger)):
+            if message.type_name == STRAIN:
+                audits += auditor.add_block(record)
+            elif message.topic.endswith(EVENT_TOPIC.name):  # and not what was found in the signal
+                audits += auditor.add_event(record)
+        audits += auditor.finish()
+    return audits
