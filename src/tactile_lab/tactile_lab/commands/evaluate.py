@@ -171,7 +171,7 @@ def evaluate(
         }
         settings = {name: str(value) for name, value in given.items() if value is not None}
         write_report(file, results, sources, settings)
-        output.say(f'{file}: the same with figures, and the paper beside it')
+        output.say(f'{file}: the same with figures')
     output.result({'sets': [result.to_dict() for result in results]})
 
 

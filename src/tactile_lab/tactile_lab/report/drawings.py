@@ -366,6 +366,7 @@ def draw_scaling_cause(results: Sequence[SetResult]) -> Drawing:
     variances = [result.recordings.table.values.var(axis=0) for result in results]
     shares = [100 * each / each.sum() for each in variances]
     scaled = [100 * result.plain.score('svm_rbf', 'standard').mean for result in results]
+    is_newton = all(result.recordings.unit == 'N' for result in results)
 
     def draw(figure: Figure) -> None:
         left, right = figure.subplots(1, 2, width_ratios=(1, 1.2))
@@ -387,7 +388,7 @@ def draw_scaling_cause(results: Sequence[SetResult]) -> Drawing:
         right.set(
             ylim=(0, 104),
             ylabel='accuracy [%]',
-            xlabel='unit of force',
+            xlabel='unit of force' + (' (recorded: N)' if is_newton else ' (if recorded in N)'),
             title='RBF SVM: unscaled (line), scaled (dashes)',
         )
 
@@ -401,10 +402,10 @@ def draw_scaling_cause(results: Sequence[SetResult]) -> Drawing:
     return render(
         draw,
         (6.6, 3.0),
-        'Slope [N/s], intercept [N] and correlation [1] differ in unit and size. Left: share of '
-        'each feature in the squared distance between trials, which is all that the RBF kernel '
-        'sees. Right: the same trials with forces in other units. Only scaling (dashes) makes '
-        'the result independent of the unit.',
+        'Slope, intercept and correlation differ in unit and size. Left: share of each feature in '
+        'the squared distance between trials, which is all that the RBF kernel sees. Right: the '
+        'same trials with forces in other units. Only scaling (dashes) makes the result '
+        'independent of the unit.',
         f'Effect of scaling. {found}.',
         simulated=any(result.recordings.simulated for result in results),
     )
