@@ -498,7 +498,7 @@ class Recording:
         SourceError
             When no trial counts, or channels differ, or times are not known.
         """
-        from tactile_bags.sources.long_table import build_long_table  # pyarrow is slow to import
+        from tactile_bags.sources.table_files import build_long_table  # pyarrow is slow to import
 
         # Elsewhere the times say it; a nominal rate may differ from theirs.
         stated_hz = None if self._arrays is None else self.rate_hz
