@@ -73,6 +73,9 @@ class RecordedBag(TactileBag):
         self._damage: BagDamageError | None = None
         self._strain: dict[str, tuple[NDArray[Any], ...]] = {}
 
+    def __enter__(self) -> RecordedBag:
+        return self
+
     def messages(
         self, *type_names: str, namespace: str | None = None, since_ns: int = 0
     ) -> Iterator[BagMessage]:

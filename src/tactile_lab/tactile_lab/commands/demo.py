@@ -16,7 +16,7 @@ from tactile_lab.options import JsonOption, SeedOption
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
-    from tactile_bags.bag_reader import TactileBag
+    from tactile_bags.recording import RecordedBag
     from tactile_bringup.trial_protocols import TrialRequest
     from tactile_classifier.datasets.dataset import FeatureTable
     from tactile_lab.commands.output import Output
@@ -186,14 +186,14 @@ def draw_plots(
     folder: Path, live: Sequence['LiveTrial'], trained: Sequence['TrainedModel']
 ) -> None:
     """Draw one strain trace with its phases and one spectrum for each texture."""
-    from tactile_bags.bag_reader import TactileBag
+    from tactile_bags.recording import RecordedBag
 
     touched = [
         trial.request
         for trial in live
         if trial.request.protocol == 'stiffness' and trial.request.object_label != 'none'
     ]
-    with TactileBag(folder / 'recording') as bag:
+    with RecordedBag(folder / 'recording') as bag:
         if touched:
             draw_trace(folder / 'strain_trace.png', bag, touched[0])
     for model in trained:
@@ -201,22 +201,23 @@ def draw_plots(
             draw_spectra(folder / 'texture_spectra.png', model.table)
 
 
-def draw_trace(path: Path, bag: 'TactileBag', request: 'TrialRequest') -> None:
+def draw_trace(path: Path, bag: 'RecordedBag', request: 'TrialRequest') -> None:
     """Draw a recorded stiffness trial: tension, phases, the window and its regression."""
     from tactile_bags.replay import recorded_results
-    from tactile_lab.datasets.traces import read_trace
     from tactile_lab.plots import plot_strain
 
-    trace = read_trace(bag, request.trial_id)
+    (trial,) = (trial for trial in bag.trials('') if trial.name == request.trial_id)
+    assert trial.begin_ns is not None
+    assert trial.signal.time_s is not None
     (window,) = (w for w in recorded_results(bag).windows if w.trial_id == request.trial_id)
     start_s, end_s = (
-        (ns - trace.begin_ns) * 1e-9 for ns in (window.window_start_ns, window.window_end_ns)
+        (ns - trial.begin_ns) * 1e-9 for ns in (window.window_start_ns, window.window_end_ns)
     )
     plot_strain(
         path,
-        trace.time_s,
-        trace.tension_n,
-        trace.phases,
+        trial.signal.time_s,
+        trial.signal.values[0],
+        trial.phases,
         f'SIMULATED stiffness trial: {request.contact} on {request.object_label}',
         window_s=(start_s, end_s),
         line=(window.values[0], window.values[1]) if len(window.values) else None,
