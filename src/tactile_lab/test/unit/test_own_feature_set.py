@@ -44,7 +44,7 @@ def install(monkeypatch, folder, value='roughness:Roughness', name='roughness'):
     metadata.mkdir(parents=True)
     (metadata / 'METADATA').write_text(f'Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n')
     (metadata / 'entry_points.txt').write_text(f'[{GROUP}]\n{name} = {value}\n')
-    (example,) = re.findall(r'```python\n(.*?)```', PAGE.read_text(), re.S)
+    *_, example = re.findall(r'```python\n(.*?)```', PAGE.read_text(), re.S)
     (folder / 'roughness.py').write_text(example)
     monkeypatch.syspath_prepend(str(folder))
     importlib.invalidate_caches()
