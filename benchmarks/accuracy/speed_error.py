@@ -39,9 +39,8 @@ from benchmarks.accuracy.speeds import FINEST_M, LENGTH_M
 from benchmarks.measuring import Report, Row
 from benchmarks.recordings import FABRIC_SLIDE, find_recording, PHAC_HOLD, say_missing
 from tactile_classifier import load_archive
-from tactile_classifier.estimators.classifiers import build_estimator, CLASSIFIERS, SCALINGS
-from tactile_classifier.names import CLASSIFIER_TITLES
-from tactile_classifier.records import ROCKET
+from tactile_classifier.estimators.classifiers import build_estimator
+from tactile_classifier.records import CLASSIFIER_TITLES, CLASSIFIERS, ROCKET, SCALINGS
 from tactile_features import FeatureConfig, features_from_trials
 
 SEEDS = 3

@@ -19,7 +19,8 @@ from sklearn.preprocessing import StandardScaler
 from benchmarks.measuring import Report, Row
 from benchmarks.recordings import FABRIC_SLIDE, find_recording, say_missing
 from tactile_classifier import load_archive
-from tactile_classifier.estimators.classifiers import build_estimator, CLASSIFIERS, SCALINGS
+from tactile_classifier.estimators.classifiers import build_estimator
+from tactile_classifier.records import CLASSIFIERS, SCALINGS
 from tactile_features import compute_spectrum, FeatureConfig, features_from_trials
 
 Array = NDArray[Any]

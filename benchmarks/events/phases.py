@@ -19,7 +19,8 @@ from benchmarks.events.phase_streams import (
     StatedTrial,
 )
 from benchmarks.measuring import Report, Row
-from tactile_classifier.estimators.classifiers import build_estimator, CLASSIFIERS, DEFAULT_SCALING
+from tactile_classifier.estimators.classifiers import build_estimator, DEFAULT_SCALING
+from tactile_classifier.records import CLASSIFIERS
 from tactile_features.config import FeatureConfig
 from tactile_features.extraction.extractor import TrialFeatureExtractor
 from tactile_features.phases import find_phases

@@ -57,4 +57,4 @@ from tactile_classifier import DatasetError
 try:
     model.classify(np.ones(300), rate_hz=60)
 except DatasetError as error:
-    print(str(error).replace(model.model_id, 'texture'))
+    print(str(error).replace(model.model_id, 'ID'))

@@ -20,7 +20,7 @@ from tactile_bags.bag_reader import BagMessage, TactileBag
 from tactile_bags.message_records import read_records
 from tactile_bags.recorded_setup import RecordedFeatures
 from tactile_bags.recorded_topics import CLASSIFICATION, EVENT, FEATURES, STRAIN
-from tactile_classifier.model_file.model_set import ModelSet
+from tactile_classifier.answering import ModelSet
 from tactile_classifier.records import ClassificationResult
 from tactile_features.conversions import event_from_msg
 from tactile_features.extraction.extractor import TrialFeatureExtractor

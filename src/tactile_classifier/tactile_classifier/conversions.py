@@ -1,13 +1,14 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Classification results as messages and back."""
+"""Classification results as messages and back, also as ``vision_msgs/Classification``."""
 
 from __future__ import annotations
 
 import dataclasses
 from typing import Any
 
+from tactile_classifier.errors import ClassifierError
 from tactile_classifier.records import ClassificationResult, ModelInfo, ModelInfos, Outcome
 from tactile_ros.errors import MessageError
 from tactile_ros.message_classes import time_to_msg
@@ -125,3 +126,38 @@ def _read_outcome(value: Any) -> Outcome:
     except ValueError:
         names = ', '.join(f'{outcome.value} ({outcome.name})' for outcome in Outcome)
         raise MessageError(f'outcome is {value}; it must be one of {names}') from None
+
+
+def vision_class() -> Any:
+    """Return the class of the standard message.
+
+    Raises
+    ------
+    ClassifierError
+        When ``vision_msgs`` is not installed.
+    """
+    try:
+        from vision_msgs.msg import Classification
+    except ImportError:
+        raise ClassifierError(
+            'the parameter vision_messages is set, but the package vision_msgs is not '
+            'installed: sudo apt install ros-$ROS_DISTRO-vision-msgs'
+        ) from None
+    return Classification
+
+
+def vision_from_msg(answer: Any) -> Any:
+    """Return the standard message for one of ours: labels with their scores, the best first.
+
+    It cannot say why there is no answer: of an unknown touch, or a window without features,
+    it has no results.
+    """
+    from vision_msgs.msg import ObjectHypothesis
+
+    message = vision_class()(header=answer.header)
+    if answer.outcome == Outcome.LABEL:
+        ranked = sorted(zip(answer.labels, answer.scores, strict=True), key=lambda pair: -pair[1])
+        message.results = [
+            ObjectHypothesis(class_id=label, score=score) for label, score in ranked
+        ]
+    return message

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Answers on windows, facts of models and the node's parameters, free of ROS.
+"""Answers on windows, facts of models, the node's parameters and titles for people, free of ROS.
 
 The constants repeat those of Classification.msg; a test keeps them equal.
 """
@@ -156,3 +156,22 @@ class ClassifierConfig:
         False,
         'publish vision_msgs/Classification, too; that package must be installed',
     )
+
+
+CLASSIFIER_TITLES = {
+    'knn': '3 nearest neighbours',
+    'svm_linear': 'SVM, linear kernel',
+    'svm_rbf': 'SVM, RBF kernel',
+    'tree': 'decision tree',
+    'rocket': 'random convolutions, ridge',
+}
+
+SCALING_TITLES = {
+    'standard': 'scaled (zero mean, unit variance)',
+    'none': 'not scaled',
+}
+
+
+def short_scaling(scaling: str) -> str:
+    """Return ``scaled`` or ``not scaled``."""
+    return SCALING_TITLES[scaling].partition(' (')[0]

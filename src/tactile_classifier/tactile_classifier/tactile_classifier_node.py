@@ -8,11 +8,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from tactile_classifier.answering import Answering
-from tactile_classifier.conversions import classification_to_msg, model_infos_to_msg
-from tactile_classifier.model_file.model_set import ModelSet
+from tactile_classifier.answering import Answering, ModelSet
+from tactile_classifier.conversions import (
+    classification_to_msg,
+    model_infos_to_msg,
+    vision_class,
+    vision_from_msg,
+)
 from tactile_classifier.records import ClassifierConfig, ModelInfos
-from tactile_classifier.vision import vision_class, vision_from_msg
 from tactile_features.conversions import (
     feature_window_from_msg,
     feature_window_from_record,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tactile_classifier.datasets.dataset import FeatureTable
-from tactile_classifier.model_file.graphs.graph import Graph
+from tactile_classifier.model_file.graphs import Graph
 from tactile_classifier.model_file.onnx_session import open_session
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train

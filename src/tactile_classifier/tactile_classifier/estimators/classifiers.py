@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+import functools
+from typing import Any, ParamSpec, TypeVar
 import warnings
 
 import numpy as np
@@ -15,29 +17,17 @@ from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.svm import SVC
 from sklearn.tree import DecisionTreeClassifier
+from threadpoolctl import threadpool_limits
 
 from tactile_classifier.estimators.neighbours import NearestNeighbours
-from tactile_classifier.estimators.random_convolution_classifier import RandomConvolutionClassifier
+from tactile_classifier.estimators.random_convolutions import RandomConvolutionClassifier
 from tactile_classifier.records import (
     ALL_CLASSIFIERS,
-    CLASSIFIERS,
     MARGIN,
     ROCKET,
     SCALINGS,
     VOTES,
 )
-
-__all__ = [
-    'ALL_CLASSIFIERS',
-    'CLASSIFIERS',
-    'DEFAULT_SCALING',
-    'MAX_SVM_STEPS',
-    'SCALINGS',
-    'SCORE_KINDS',
-    'build_estimator',
-    'compute_raw_scores',
-    'default_scaling',
-]
 
 DEFAULT_SCALING = {'texture': 'none', 'stiffness': 'standard'}
 """The scaling of a task when none is asked for.
@@ -159,3 +149,24 @@ def _classifier(name: str, channels: int) -> Any:
     if name == ROCKET:
         return RandomConvolutionClassifier(channels, RANDOM_STATE)
     raise ValueError(f'classifier is "{name}"; it must be one of {", ".join(ALL_CLASSIFIERS)}')
+
+
+_Arguments = ParamSpec('_Arguments')
+_Result = TypeVar('_Result')
+
+
+def on_one_thread(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
+    """Decorate a function so that linear algebra keeps to one thread while it runs.
+
+    The matrices of this package are small. OpenBLAS shares even these out among threads, which
+    then wait for each other: on two busy cores that took five times as long as one thread. One
+    thread also gives the same bits whatever the number of cores.
+    """
+
+    @functools.wraps(function)
+    def limited(*args: _Arguments.args, **options: _Arguments.kwargs) -> _Result:
+        # scikit-learn requires threadpoolctl, so it is there wherever that is.
+        with threadpool_limits(1, user_api='blas'):
+            return function(*args, **options)
+
+    return limited

@@ -24,17 +24,11 @@ from tactile_classifier.datasets.splits import (
     stratified_split,
 )
 from tactile_classifier.errors import EvaluationError
-from tactile_classifier.estimators.classifiers import (
-    ALL_CLASSIFIERS,
-    build_estimator,
-    CLASSIFIERS,
-    RANDOM_STATE,
-    SCALINGS,
-)
+from tactile_classifier.estimators.classifiers import build_estimator, RANDOM_STATE
 from tactile_classifier.evaluation.intervals import accuracy_interval, Interval
 from tactile_classifier.evaluation.plans import run_plans, Task
 from tactile_classifier.evaluation.results import Result
-from tactile_classifier.records import ROCKET
+from tactile_classifier.records import ALL_CLASSIFIERS, CLASSIFIERS, ROCKET, SCALINGS
 
 Answers = list[npt.NDArray[np.str_]]
 

@@ -19,12 +19,13 @@ import numpy.typing as npt
 from tactile_classifier.datasets.conditions import find_cells, find_strata
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import Fold, Split
-from tactile_classifier.estimators.classifiers import CLASSIFIERS, RANDOM_STATE, SCALINGS
+from tactile_classifier.estimators.classifiers import RANDOM_STATE
 from tactile_classifier.evaluation.cross_validation import check_folds, list_pairs
 from tactile_classifier.evaluation.intervals import difference_interval, Interval
 from tactile_classifier.evaluation.plans import Task
 from tactile_classifier.evaluation.results import Result
 from tactile_classifier.evaluation.significance import rank_features
+from tactile_classifier.records import CLASSIFIERS, SCALINGS
 
 
 @dataclasses.dataclass(frozen=True)

@@ -26,9 +26,9 @@ from tactile_classifier.estimators.classifiers import (
     build_estimator,
     compute_raw_scores,
     default_scaling,
+    on_one_thread,
     SCORE_KINDS,
 )
-from tactile_classifier.estimators.threads import on_one_thread
 from tactile_classifier.evaluation.results import Result
 
 

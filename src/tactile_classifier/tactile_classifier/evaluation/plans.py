@@ -13,7 +13,7 @@ import warnings
 
 from joblib import delayed, Parallel
 
-from tactile_classifier.estimators.threads import on_one_thread
+from tactile_classifier.estimators.classifiers import on_one_thread
 
 Result = TypeVar('Result', covariant=True)
 Task = tuple[Callable[..., Any], tuple[Any, ...]]

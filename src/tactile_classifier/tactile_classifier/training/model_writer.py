@@ -1,11 +1,12 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writing what was trained and its manifest as one ONNX file."""
+"""Writing what was trained, or what known trials of a session correct, as one ONNX file."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+import dataclasses
 import os
 from pathlib import Path
 import tempfile
@@ -13,22 +14,28 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
+from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.model_file.card import render_card
-from tactile_classifier.model_file.graphs.answer import (
+from tactile_classifier.estimators.classifiers import on_one_thread
+from tactile_classifier.model_file.graphs import (
     add_answer,
+    add_neighbours,
     add_novelty,
     add_probabilities,
+    add_random_convolutions,
     add_scaling,
+    add_svm,
+    Graph,
+    Shape,
 )
-from tactile_classifier.model_file.graphs.graph import Graph, Shape
-from tactile_classifier.model_file.graphs.neighbours import add_neighbours
-from tactile_classifier.model_file.graphs.random_convolutions import add_random_convolutions
-from tactile_classifier.model_file.graphs.svm import add_svm
-from tactile_classifier.model_file.inference import (
+from tactile_classifier.model_file.manifest import format_card, Manifest, RECALIBRATED
+from tactile_classifier.model_file.model import (
     ANSWER,
+    correct,
     INPUT,
+    load_model,
     NOVELTY,
+    read_statistics,
     SAMPLES,
     SCORES,
     TactileModel,
@@ -36,12 +43,11 @@ from tactile_classifier.model_file.inference import (
 from tactile_classifier.records import NO_ANSWER, ROCKET, UNKNOWN
 from tactile_classifier.training.trainer import FittedStage, Trained
 from tactile_features.model_contract import MAX_MODEL_BYTES
-from tactile_features.onnx_container import pack_container
+from tactile_features.onnx_container import pack_container, replace_manifest
 
 if TYPE_CHECKING:
     from sklearn.pipeline import Pipeline
 
-__all__ = ['TactileModel', 'write_model']
 
 TARGET_OPSET = {'': 18, 'ai.onnx.ml': 3}
 IR_VERSION = 8
@@ -69,7 +75,7 @@ def write_model(path: str | Path, trained: Trained) -> TactileModel:
     """
     try:
         try:
-            card = render_card(trained.manifest)
+            card = format_card(trained.manifest)
             data = pack_container(_convert(trained), trained.manifest.to_dict(), card)
         except ImportError as error:
             raise ModelFileError(
@@ -221,3 +227,69 @@ def replace_file(path: Path, data: bytes) -> None:
         if temporary is not None:
             Path(temporary).unlink(missing_ok=True)
         raise ModelFileError(f'cannot write model {path}: {error.strerror}') from error
+
+
+def write_recalibrated(
+    path: str | Path, source: str | Path, tables: Mapping[int, FeatureTable]
+) -> TactileModel:
+    """Write a model with offsets and thresholds for a session; return it as loaded.
+
+    The graph stays as it is. The manifest states the model that it came from, and what the known
+    trials were.
+
+    Parameters
+    ----------
+    path, source : str or Path
+        The file to write, and the trained model.
+    tables : mapping of int to FeatureTable
+        Known trials of the session by samples: 0, the full windows, and each of the model's
+        ``partial_samples``.
+
+    Raises
+    ------
+    ModelFileError
+        When the model cannot be recalibrated, or the trials do not fit it.
+    TooFewTrialsError
+        When there are too few trials.
+    """
+    model = load_model(source)
+    manifest = recalibrate(model, tables)
+    data = replace_manifest(Path(source).read_bytes(), manifest.to_dict(), format_card(manifest))
+    recalibrated = TactileModel(data, str(Path(path).absolute()))
+    replace_file(Path(path), data)
+    return recalibrated
+
+
+@on_one_thread
+def recalibrate(model: TactileModel, tables: Mapping[int, FeatureTable]) -> Manifest:
+    """Return the manifest of the recalibrated model. See `write_recalibrated`."""
+    manifest = model.manifest
+    statistics = read_statistics(model)
+    table = tables[0]
+    unknown = np.setdiff1d(table.labels, model.labels)
+    if len(unknown):
+        raise ModelFileError(f'model {model.model_id} does not know the label "{unknown[0]}"')
+    offsets, stages = [], []
+    for stage in manifest.stages:
+        known = tables[stage.sample_count]
+        model.check_fits(known.spec)
+        correction = correct(
+            model,
+            statistics[stage.sample_count],
+            stage.sample_count,
+            known.values,
+            np.searchsorted(model.labels, known.labels),
+        )
+        offsets.append(correction.offset.tolist())
+        threshold = correction.novelty_threshold
+        stages.append(dataclasses.replace(stage, novelty_threshold=threshold))
+    stated: dict[str, Any] = {
+        'model_id': model.model_id,
+        'trials': len(table),
+        'sessions': sorted({str(name) for name in table.columns.get('session_id', [])}),
+        'labels': sorted({str(name) for name in table.labels}),
+        'sha256': table.compute_sha256(),
+        'offsets': offsets,
+    }
+    calibration = {**manifest.calibration, RECALIBRATED: stated}
+    return dataclasses.replace(manifest, stages=tuple(stages), calibration=calibration)

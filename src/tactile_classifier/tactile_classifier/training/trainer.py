@@ -33,10 +33,10 @@ from tactile_classifier.errors import DatasetError, TooFewTrialsError
 from tactile_classifier.estimators.classifiers import (
     build_estimator,
     default_scaling,
+    on_one_thread,
     SCORE_KINDS,
     warn_of_labels_never_given,
 )
-from tactile_classifier.estimators.threads import on_one_thread
 from tactile_classifier.evaluation.cross_validation import Score
 from tactile_classifier.model_file.manifest import FULL_WINDOW, Manifest, Stage, TrainingTrials
 from tactile_classifier.records import PROBABILITY, ROCKET

@@ -11,7 +11,7 @@ import pytest
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import stratified_split
 from tactile_classifier.errors import DatasetError
-from tactile_classifier.estimators import random_convolution_classifier
+from tactile_classifier.estimators import random_convolutions
 from tactile_classifier.training.feature_choice import Candidate, check_candidate, choose_candidate
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
@@ -28,7 +28,7 @@ def make_table(name, separation, seed, trials=48):
 
 
 def test_the_better_set_is_chosen(monkeypatch):
-    monkeypatch.setattr(random_convolution_classifier, 'FEATURES', 168)
+    monkeypatch.setattr(random_convolutions, 'FEATURES', 168)
     tables = {
         'texture_spectrum': make_table('texture_spectrum', 0.05, 1, trials=24),
         'glide_waveform': make_table('glide_waveform', 3.0, 2, trials=24),
@@ -80,7 +80,7 @@ def test_a_stated_scaling_is_the_only_one():
 
 
 def test_folds_inside_share_convolutions_and_nothing_of_the_labels(monkeypatch):
-    monkeypatch.setattr(random_convolution_classifier, 'FEATURES', 168)
+    monkeypatch.setattr(random_convolutions, 'FEATURES', 168)
     table = make_table('glide_waveform', 0.0, 1, trials=48)
     split = stratified_split(table, 3, 1)
     (fold, *_) = split.repeats[0]

@@ -15,7 +15,7 @@ from tactile_classifier.confidence.calibration import (
 from tactile_classifier.datasets.archive import LabelledTrials
 from tactile_classifier.datasets.dataset import ALL, FeatureTable, table_from_trials
 from tactile_classifier.errors import EvaluationError
-from tactile_classifier.estimators import random_convolution_classifier
+from tactile_classifier.estimators import random_convolutions
 from tactile_classifier.evaluation.open_set import evaluate_open_set
 from tactile_classifier.records import MARGIN
 from tactile_features.config import FeatureConfig
@@ -89,7 +89,7 @@ def test_calibration_says_each_way_it_held_out(three_features):
 
 
 def test_random_convolutions_of_several_channels_are_those_of_the_model_file(monkeypatch):
-    monkeypatch.setattr(random_convolution_classifier, 'FEATURES', 168)
+    monkeypatch.setattr(random_convolutions, 'FEATURES', 168)
     generator = np.random.default_rng(2)
     label, session = np.tile(['a', 'b', 'c'], 20), np.repeat([0, 1], 30)
     level = 0.4 * np.tile([0.0, 1.0, 2.0], 20)[:, None]

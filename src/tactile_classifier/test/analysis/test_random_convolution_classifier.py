@@ -9,12 +9,12 @@ import pytest
 from tactile_classifier.datasets.archive import LabelledTrials
 from tactile_classifier.datasets.dataset import table_from_trials
 from tactile_classifier.errors import DatasetError
-from tactile_classifier.estimators import random_convolution_classifier
+from tactile_classifier.estimators import random_convolutions
 from tactile_classifier.estimators.classifiers import build_estimator, compute_raw_scores
-from tactile_classifier.estimators.random_convolution_classifier import RandomConvolutionClassifier
+from tactile_classifier.estimators.random_convolutions import RandomConvolutionClassifier
 from tactile_classifier.evaluation.cross_validation import evaluate, list_pairs
-from tactile_classifier.model_file.graphs.random_convolutions import add_random_convolutions
-from tactile_classifier.model_file.inference import TactileModel
+from tactile_classifier.model_file.graphs import add_random_convolutions
+from tactile_classifier.model_file.model import load_model
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
@@ -22,7 +22,7 @@ from tactile_features.config import FeatureConfig
 
 @pytest.fixture(autouse=True)
 def few_features(monkeypatch):
-    monkeypatch.setattr(random_convolution_classifier, 'FEATURES', 336)
+    monkeypatch.setattr(random_convolutions, 'FEATURES', 336)
 
 
 def make_trials(channels=1, samples=60, classes=3, each=12, offset=5.0, seed=0):
@@ -70,7 +70,7 @@ def test_the_model_file_answers_as_the_estimator(channels, classes, tmp_path):
     assert table.channels == channels
     trained = train(table, 'rocket')
     written = write_model(tmp_path / 'm.onnx', trained)
-    model = TactileModel.load(tmp_path / 'm.onnx')
+    model = load_model(tmp_path / 'm.onnx')
     assert (model.manifest.classifier, model.manifest.scaling) == ('rocket', 'none')
     assert model.model_id == written.model_id
     others = make_trials(channels, classes=classes, seed=1).x.reshape(len(table), -1)

@@ -6,14 +6,14 @@ import dataclasses
 import pytest
 
 from tactile_classifier import records
+from tactile_classifier.answering import ModelSet
 from tactile_classifier.conversions import (
     classification_from_msg,
     classification_to_msg,
     model_infos_from_msg,
     model_infos_to_msg,
 )
-from tactile_classifier.model_file.inference import TactileModel
-from tactile_classifier.model_file.model_set import ModelSet
+from tactile_classifier.model_file.model import load_model
 from tactile_classifier.records import ModelInfos, Outcome
 from tactile_msgs.msg import Classification, ModelInfo
 
@@ -33,14 +33,14 @@ def test_record_has_the_fields_of_the_message(model_path, make_window):
 
 @pytest.mark.parametrize('changes', [{}, {'rate_hz': 1.0}])
 def test_message_round_trip(model_path, make_window, changes):
-    result = TactileModel.load(model_path).classify_window(make_window(**changes))
+    result = load_model(model_path).classify_window(make_window(**changes))
     message = classification_to_msg(result)
     assert classification_from_msg(message) == result
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == (10**9 + 2, 983_333_334)
 
 
 def test_a_partial_answer_keeps_its_fields(model_path, make_window):
-    whole = TactileModel.load(model_path).classify_window(make_window())
+    whole = load_model(model_path).classify_window(make_window())
     changes = {'partial': True, 'decided': False, 'error_rate': 0.05, 'false_alarm_rate': 0.1}
     result = dataclasses.replace(whole, **changes)
     assert classification_from_msg(classification_to_msg(result)) == result

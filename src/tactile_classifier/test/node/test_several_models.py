@@ -18,7 +18,7 @@ from std_msgs.msg import Header
 
 from tactile_classifier.conversions import classification_from_msg, model_infos_from_msg
 from tactile_classifier.datasets.dataset import FeatureTable
-from tactile_classifier.model_file.inference import TactileModel
+from tactile_classifier.model_file.model import load_model
 from tactile_classifier.tactile_classifier_node import TactileClassifierNode
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
@@ -118,7 +118,7 @@ def answer_alone(path):
     extractor = TrialFeatureExtractor(FeatureConfig(), [contract.wanted])
     windows = [w for event in events() for w in extractor.add_event(event_from_msg(event))]
     windows += [w for block in blocks() for w in extractor.add_block(strain_block_from_msg(block))]
-    model = TactileModel.load(path)
+    model = load_model(path)
     digest = contract.wanted.spec.digest
     return [model.classify_window(w) for w in windows if w.specification_digest == digest]
 

@@ -11,9 +11,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from tactile_classifier.answering import LiveRecalibration
 from tactile_classifier.conversions import classification_from_msg
-from tactile_classifier.model_file.inference import TactileModel
-from tactile_classifier.model_file.live_recalibration import LiveRecalibration
+from tactile_classifier.model_file.model import load_model
 from tactile_classifier.records import Outcome
 from tactile_classifier.tactile_classifier_node import TactileClassifierNode
 from tactile_classifier.training.model_writer import write_model
@@ -117,7 +117,7 @@ def test_windows_are_classified_over_the_wire(make_graph, model_path, make_windo
     graph.spin_until(lambda: graph.node.answering.seen_count == 6, 'the windows')
     graph.spin_until(lambda: len(graph.answers) == 4, 'the answers')
     answers = [classification_from_msg(message) for message in graph.answers]
-    model = TactileModel.load(model_path)
+    model = load_model(model_path)
     assert answers == [model.classify_window(windows[i]) for i in (0, 3, 4, 5)]
     assert [a.outcome for a in answers] == [
         Outcome.LABEL,
@@ -143,7 +143,7 @@ def test_samples_alone_are_answered_as_the_node_answers_their_window(
     for values in features_from_trials('texture', windows, 60.0)[0]:
         graph.features.publish(feature_window_to_msg(make_window(values=values)))
     graph.spin_until(lambda: len(graph.answers) == 2, 'the answers')
-    model = TactileModel.load(model_path)
+    model = load_model(model_path)
     for samples, message in zip(windows, graph.answers, strict=True):
         answer = model.classify(samples, 60)
         live = classification_from_msg(message)
@@ -228,7 +228,7 @@ def test_known_trials_recalibrate_the_answers_of_a_session(make_graph, model_pat
     graph = make_graph(models=str(model_path), contact='flexion', recalibration_trials=5)
     assert graph.node.bring_up()
     graph.connect()
-    live = LiveRecalibration(TactileModel.load(model_path), 5)
+    live = LiveRecalibration(load_model(model_path), 5)
     labels = 12 * ['plate 0'] + 12 * ['plate 1'] + 12 * ['plate 2']
     windows = [
         make_window(trial, session_id=session, object_label=labels[trial])

@@ -14,8 +14,8 @@ import pytest
 
 from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.datasets.dataset import table_from_trials
-from tactile_classifier.estimators.classifiers import CLASSIFIERS, SCALINGS
 from tactile_classifier.evaluation.cross_validation import evaluate
+from tactile_classifier.records import CLASSIFIERS, SCALINGS
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig

@@ -31,9 +31,7 @@ from tactile_classifier.estimators.classifiers import (
     compute_raw_scores,
     MAX_SVM_STEPS,
 )
-from tactile_classifier.model_file.graphs.answer import add_scaling
-from tactile_classifier.model_file.graphs.neighbours import add_neighbours
-from tactile_classifier.model_file.graphs.svm import add_svm
+from tactile_classifier.model_file.graphs import add_neighbours, add_scaling, add_svm
 from tactile_features.onnx_container import OPERATORS
 
 REPOSITORY = Path(__file__).resolve().parents[4]

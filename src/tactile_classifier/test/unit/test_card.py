@@ -17,13 +17,11 @@ from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import stratified_split
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.evaluation.cross_validation import evaluate
-from tactile_classifier.model_file.card import describe_model, list_limits, render_card
-from tactile_classifier.model_file.inference import read_model_card
-from tactile_classifier.model_file.manifest import Manifest
-from tactile_classifier.names import CLASSIFIER_TITLES
+from tactile_classifier.model_file.manifest import format_card, list_facts, list_limits, Manifest
+from tactile_classifier.model_file.model import read_model_card
+from tactile_classifier.records import CLASSIFIER_TITLES
 from tactile_classifier.training.feature_choice import choose_candidate
-from tactile_classifier.training.model_writer import write_model
-from tactile_classifier.training.recalibrated_model import write_recalibrated
+from tactile_classifier.training.model_writer import write_model, write_recalibrated
 from tactile_classifier.training.trainer import describe_training, train
 from tactile_features.onnx_container import MAX_CARD_BYTES
 
@@ -38,7 +36,7 @@ def with_columns(table, **columns):
 def test_file_holds_the_card_of_its_manifest(small_table, tmp_path):
     model = write_model(tmp_path / 'm.onnx', train(small_table, 'knn'))
     card = read_model_card(tmp_path / 'm.onnx')
-    assert card == render_card(model.manifest)
+    assert card == format_card(model.manifest)
     assert '- answers: texture, flexion: plate 0, plate 1, plate 2\n' in card
     assert 'SIMULATED trials say nothing of a real finger.' in card
 
@@ -50,7 +48,7 @@ def test_card_says_what_was_chosen_and_what_unlearned_labels_do(texture_table):
     chosen = choice.best.candidate
     score = evaluate(table, [chosen.classifier], [chosen.scaling], repetitions=1).scores[0]
     manifest = train(table, chosen.classifier, chosen.scaling, score=score, choice=choice).manifest
-    facts = describe_model(manifest)
+    facts = list_facts(manifest)
     runner_up = choice.find_runner_up(chosen)
     assert facts['chosen'].startswith(
         'from 4 sets of features with classifiers; such a choice names '
@@ -61,7 +59,7 @@ def test_card_says_what_was_chosen_and_what_unlearned_labels_do(texture_table):
         f'{100 * manifest.calibration["unlearned"]["miss_rate"]:.0f} % of their trials get a '
         'known name: each of 8 labels left out in turn'
     )
-    stated = describe_model(train(table, 'knn').manifest)
+    stated = list_facts(train(table, 'knn').manifest)
     assert stated['chosen'] == 'features and classifier as stated, not by the folds'
 
 
@@ -105,7 +103,7 @@ def test_sessions_are_counted_where_none_can_be_held_out(small_table):
     tied = with_columns(small_table, session_id=small_table.labels)
     manifest = train(tied, 'knn').manifest
     assert manifest.calibration['groups'] == 0
-    assert '3 sessions' in describe_model(manifest)['trained on']
+    assert '3 sessions' in list_facts(manifest)['trained on']
     assert any('a label occurs in one session only' in limit for limit in list_limits(manifest))
 
 
@@ -133,7 +131,7 @@ def test_recalibrated_file_has_a_card_of_its_own(small_table, tmp_path):
     known = small_table.take(np.arange(0, 36, 6))
     model = write_recalibrated(tmp_path / 'r.onnx', source, {0: known})
     card = read_model_card(tmp_path / 'r.onnx')
-    assert card == render_card(model.manifest)
+    assert card == format_card(model.manifest)
     assert 'recalibrated: for one session, with 6 known trials; from model texture' in card
     assert 'was shifted by the known trials of one session' in card
     assert '% of new sessions' not in card
@@ -167,7 +165,7 @@ def test_any_entry_may_hold_anything(small_manifest, where, name, value):
     entry = {**getattr(small_manifest, where), name: value}
     manifest = dataclasses.replace(small_manifest, **{where: entry}, score_kind='votes')
     with contextlib.suppress(ModelFileError):
-        card = render_card(Manifest.from_dict(manifest.to_dict()))
+        card = format_card(Manifest.from_dict(manifest.to_dict()))
         assert card.replace('\n', '').isprintable()
         assert len(card.encode()) < MAX_CARD_BYTES
 

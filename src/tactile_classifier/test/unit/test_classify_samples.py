@@ -131,7 +131,7 @@ def test_the_first_part_of_a_window_is_answered_as_on_the_stream(partial_model):
         live, answer = partial_model.classify_window(window), partial_model.classify(part, 60)
         assert (tuple(answer.scores.values()), answer.label) == (live.scores, live.label)
         assert answer.is_decided == live.decided
-    with pytest.raises(DatasetError, match=r'which takes 180 .* or the first 60, 120 of these'):
+    with pytest.raises(DatasetError, match=r'90 samples; a window has 180 .* or the first 60'):
         partial_model.classify(tension_n[:90], 60)
 
 
@@ -152,14 +152,14 @@ def test_the_remedy_for_too_many_samples_is_the_window_of_the_live_node(model):
 @pytest.mark.parametrize(
     ('samples', 'rate_hz', 'sentence'),
     [
-        (np.ones(179), 60, r'179 samples are no window of model .*, which takes 180 \(3 s at 60'),
-        (np.ones(180), 100, r'the rate is 100 Hz; model .* takes 60 Hz: resample the samples'),
+        (np.ones(179), 60, r'model texture.*: 179 samples; a window has 180 \(3 s at 60 Hz\): g'),
+        (np.ones(180), 100, r'the rate is 100 Hz; it was trained at 60 Hz: resample the samples'),
         (
             np.ones((2, 180)),
             60,
-            r'shape \(2, 180\); model .* one window of shape \(n,\): for many',
+            r'shape \(2, 180\); one window has shape \(n,\): for many',
         ),
-        (3.0, 60, r'shape \(\); model .* takes one window'),
+        (3.0, 60, r'shape \(\); one window has shape'),
     ],
 )
 def test_samples_that_are_no_window_are_refused_with_the_remedy(model, samples, rate_hz, sentence):
@@ -195,7 +195,7 @@ def test_a_model_of_several_channels_takes_all_of_them(tmp_path):
     for row, values in zip(x[::7], table.values[::7], strict=True):
         expected = model.compute(values[np.newaxis]).scores[0].tolist()
         assert list(model.classify(row, 60).scores.values()) == expected
-    with pytest.raises(DatasetError, match=r'one window of shape \(2, n\)'):
+    with pytest.raises(DatasetError, match=r'one window has shape \(2, n\)'):
         model.classify(x[0, 0], 60)
 
 

@@ -8,12 +8,11 @@ from sklearn.exceptions import ConvergenceWarning
 from tactile_classifier.estimators import classifiers
 from tactile_classifier.estimators.classifiers import (
     build_estimator,
-    CLASSIFIERS,
     DEFAULT_SCALING,
-    SCALINGS,
     SCORE_KINDS,
     warn_of_labels_never_given,
 )
+from tactile_classifier.records import CLASSIFIERS, SCALINGS
 
 
 def test_every_name_builds_and_every_task_has_a_scaling():

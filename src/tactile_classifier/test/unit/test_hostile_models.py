@@ -16,9 +16,9 @@ from onnx import helper, numpy_helper, TensorProto
 
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.estimators import random_convolution_classifier
-from tactile_classifier.model_file.inference import read_manifest, SCORES, TactileModel
+from tactile_classifier.estimators import random_convolutions
 from tactile_classifier.model_file.manifest import FULL_WINDOW
+from tactile_classifier.model_file.model import load_model, read_manifest, SCORES, TactileModel
 from tactile_classifier.records import Outcome
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
@@ -140,7 +140,7 @@ def rocket_path(small_table, tmp_path_factory):
     table = FeatureTable(values, small_table.labels, spec, small_table.columns)
     path = tmp_path_factory.mktemp('rocket') / 'rocket.onnx'
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(random_convolution_classifier, 'FEATURES', 168)
+        patch.setattr(random_convolutions, 'FEATURES', 168)
         write_model(path, train(table, 'rocket'))
     return path
 
@@ -162,7 +162,7 @@ def change_constants(path, kind, new):
 
 
 def test_a_rocket_whose_kernels_reach_beyond_the_waveform_is_refused(rocket_path):
-    assert TactileModel.load(rocket_path).manifest.classifier == 'rocket'
+    assert load_model(rocket_path).manifest.classifier == 'rocket'
 
     def reach(array):
         return np.where(array == array.max(), 10**9, array) if array.size > 9 else array

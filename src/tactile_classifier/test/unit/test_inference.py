@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
 from tactile_classifier.errors import DatasetError
-from tactile_classifier.model_file.inference import TactileModel
+from tactile_classifier.model_file.model import load_model
 from tactile_classifier.records import Outcome
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
@@ -18,7 +18,7 @@ from tactile_features.spec import array_spec, spec_for
 
 @pytest.fixture
 def model(model_path):
-    return TactileModel.load(model_path)
+    return load_model(model_path)
 
 
 def test_classification_repeats_the_window_and_names_the_model(model, make_window, small_table):

@@ -10,11 +10,10 @@ import pytest
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
+from tactile_classifier.answering import LiveRecalibration
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.model_file.inference import TactileModel
-from tactile_classifier.model_file.live_recalibration import LiveRecalibration
-from tactile_classifier.training.model_writer import write_model
-from tactile_classifier.training.recalibrated_model import write_recalibrated
+from tactile_classifier.model_file.model import load_model
+from tactile_classifier.training.model_writer import write_model, write_recalibrated
 from tactile_classifier.training.trainer import train
 from tactile_features.records import Outcome as FeatureOutcome
 
@@ -64,7 +63,7 @@ def test_answers_are_those_of_the_file_for_the_same_trials(trained, make, tmp_pa
         for count, table in tables.items()
     }
     today = write_recalibrated(tmp_path / 'today.onnx', path, known)
-    live = LiveRecalibration(TactileModel.load(path), TRIALS)
+    live = LiveRecalibration(load_model(path), TRIALS)
     for count in tables:
         for trial in sorted(KNOWN):
             window = make(trial, count)
@@ -81,7 +80,7 @@ def test_answers_are_those_of_the_file_for_the_same_trials(trained, make, tmp_pa
 
 
 def learn(path, make, known=KNOWN):
-    live = LiveRecalibration(TactileModel.load(path), TRIALS)
+    live = LiveRecalibration(load_model(path), TRIALS)
     for trial in known:
         live.classify(make(trial))
     return live
@@ -121,7 +120,7 @@ def test_the_correction_stays_after_the_last_known_trial(trained, make):
 
 
 def test_what_cannot_be_recalibrated_is_told(trained, model_path, small_table, tmp_path):
-    model = TactileModel.load(trained[0])
+    model = load_model(trained[0])
     with pytest.raises(ModelFileError, match='recalibration_trials is 4; it must be 0 or at'):
         LiveRecalibration(model, 4)
     columns = {**small_table.columns, 'session_id': np.full(len(small_table), 'one')}

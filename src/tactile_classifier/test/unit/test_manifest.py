@@ -11,8 +11,12 @@ from hypothesis import strategies as st
 import pytest
 
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.model_file.card import render_card
-from tactile_classifier.model_file.manifest import FULL_WINDOW, Manifest, TrainingTrials
+from tactile_classifier.model_file.manifest import (
+    format_card,
+    FULL_WINDOW,
+    Manifest,
+    TrainingTrials,
+)
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 
@@ -109,7 +113,7 @@ JSON = st.recursive(
 @given(st.sampled_from(sorted(GOOD.to_dict())), JSON)
 def test_any_entry_may_hold_anything(field, value):
     with contextlib.suppress(ModelFileError):
-        render_card(Manifest.from_dict(changed(**{field: value})))
+        format_card(Manifest.from_dict(changed(**{field: value})))
 
 
 @pytest.mark.parametrize('entry', sorted(GOOD.spec.to_dict()))

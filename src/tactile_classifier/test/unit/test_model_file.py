@@ -13,21 +13,20 @@ from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.estimators.classifiers import (
     build_estimator,
-    CLASSIFIERS,
     compute_raw_scores,
-    SCALINGS,
     SCORE_KINDS,
 )
-from tactile_classifier.model_file import inference
-from tactile_classifier.model_file.inference import read_manifest, TactileModel
+from tactile_classifier.model_file import model as model_module
 from tactile_classifier.model_file.manifest import FULL_WINDOW
+from tactile_classifier.model_file.model import load_model, read_manifest, TactileModel
+from tactile_classifier.records import CLASSIFIERS, SCALINGS
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import FittedStage, train, Trained
 from tactile_features.config import FeatureConfig
 from tactile_features.model_contract import MAX_MODEL_BYTES
 from tactile_features.spec import spec_for
 
-READERS = (TactileModel.load, read_manifest)
+READERS = (load_model, read_manifest)
 
 
 def expected_scores(trained, values):
@@ -49,7 +48,7 @@ def test_model_file_answers_as_scikit_learn_does(
     }[labels]
     trained = train(table, classifier, scaling)
     write_model(tmp_path / 'm.onnx', trained)
-    model = TactileModel.load(tmp_path / 'm.onnx')
+    model = load_model(tmp_path / 'm.onnx')
     rng = np.random.default_rng(5)
     size = table.values.std(axis=0)
     for values in (table.values, table.values + rng.normal(size=table.values.shape) * size / 3):
@@ -116,7 +115,7 @@ def test_written_file_replaces_and_leaves_nothing_behind(small_table, tmp_path):
     trained = train(small_table, 'knn')
     model = write_model(path, trained)
     assert [p.name for p in tmp_path.iterdir()] == ['m.onnx']
-    assert TactileModel.load(path).model_id == model.model_id
+    assert load_model(path).model_id == model.model_id
     with pytest.raises(ModelFileError, match='cannot write model'):
         write_model(tmp_path / 'no' / 'm.onnx', trained)
 
@@ -139,7 +138,7 @@ def test_missing_skl2onnx_says_what_to_install(small_table, tmp_path, monkeypatc
 
 
 def test_model_id_names_task_contact_classifier_and_content(model_path):
-    model = TactileModel.load(model_path)
+    model = load_model(model_path)
     assert model.model_id.startswith('texture-flexion-svm_linear-')
     assert len(model.model_id.rsplit('-', 1)[1]) == 12
 
@@ -153,7 +152,7 @@ def test_truncated_file_is_refused_at_any_length(model_path):
 
 def test_flipped_bits_never_reach_the_runtime(model_path, monkeypatch):
     data = model_path.read_bytes()
-    monkeypatch.setattr(inference, 'open_session', lambda data: pytest.fail('reached'))
+    monkeypatch.setattr(model_module, 'open_session', lambda data: pytest.fail('reached'))
     rng = np.random.default_rng(0)
     for at in rng.integers(0, len(data), 100):
         damaged = bytearray(data)
@@ -178,8 +177,8 @@ def test_what_is_no_model_is_refused_with_its_path(tmp_path, content, read):
 
 
 def test_the_manifest_alone_is_read_without_a_runtime(model_path, monkeypatch, tmp_path):
-    whole = TactileModel.load(model_path)
-    monkeypatch.setattr(inference, 'open_session', lambda data: pytest.fail('a session'))
+    whole = load_model(model_path)
+    monkeypatch.setattr(model_module, 'open_session', lambda data: pytest.fail('a session'))
     assert read_manifest(model_path) == whole.manifest
     changed = tmp_path / 'm.onnx'
     changed.write_bytes(model_path.read_bytes().replace(b'plate 0', b'plate 9'))
@@ -188,7 +187,7 @@ def test_the_manifest_alone_is_read_without_a_runtime(model_path, monkeypatch, t
 
 
 def test_features_of_another_window_do_not_fit(model_path):
-    model = TactileModel.load(model_path)
+    model = load_model(model_path)
     model.check_fits(spec_for('texture', FeatureConfig()))
     with pytest.raises(ModelFileError, match='rate in Hz differs'):
         model.check_fits(spec_for('texture', FeatureConfig(rate_hz=100.0)))

@@ -11,11 +11,9 @@ import pytest
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
-from tactile_classifier.answering import Answering
+from tactile_classifier.answering import Answering, LiveRecalibration, ModelSet
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.model_file.inference import TactileModel
-from tactile_classifier.model_file.live_recalibration import LiveRecalibration
-from tactile_classifier.model_file.model_set import ModelSet
+from tactile_classifier.model_file.model import load_model
 from tactile_classifier.records import Outcome
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
@@ -72,7 +70,7 @@ def full(small_table):
 
 def test_a_folder_is_read_whatever_its_files_are_called(folder):
     models = ModelSet.load(folder)
-    alone = {name: TactileModel.load(folder / f'{name}.onnx') for name in 'abcde'}
+    alone = {name: load_model(folder / f'{name}.onnx') for name in 'abcde'}
     assert [m.model_id for m in models.models] == [alone[name].model_id for name in 'abcde']
     assert models.refused == ()
     assert models.partial_samples == (60, 120)
@@ -90,7 +88,7 @@ def test_a_folder_is_read_whatever_its_files_are_called(folder):
 
 def test_each_model_answers_its_windows_as_if_alone(folder, window_of, full):
     models = ModelSet.load(folder, 'flexion')
-    alone = {name: TactileModel.load(folder / f'{name}.onnx') for name in 'abcd'}
+    alone = {name: load_model(folder / f'{name}.onnx') for name in 'abcd'}
     models.set_specifications([full, SHORT, LATER])
     for trial in range(3):
         whole, short = window_of(full, trial), window_of(SHORT, trial)
@@ -190,7 +188,7 @@ def test_each_model_is_recalibrated_by_itself(folder, window_of, full, small_tab
     assert [sentence for sentence in models.refused if 'sessions' in sentence] == [*models.refused]
     assert len(models.refused) == 1
     live = {
-        spec.digest: LiveRecalibration(TactileModel.load(folder / f'{name}.onnx'), 5)
+        spec.digest: LiveRecalibration(load_model(folder / f'{name}.onnx'), 5)
         for name, spec in (('a', full), ('b', SHORT))
     }
     for trial in (0, 12, 24, 3, 15, 27, 6):

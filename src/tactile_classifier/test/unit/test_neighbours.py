@@ -11,8 +11,7 @@ from sklearn.preprocessing import StandardScaler
 
 from tactile_classifier.estimators.classifiers import build_estimator
 from tactile_classifier.estimators.neighbours import halve, NearestNeighbours
-from tactile_classifier.model_file.graphs.answer import add_scaling
-from tactile_classifier.model_file.graphs.neighbours import add_neighbours
+from tactile_classifier.model_file.graphs import add_neighbours, add_scaling
 
 
 def predict(values, labels, asked):

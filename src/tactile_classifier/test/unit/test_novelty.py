@@ -20,7 +20,7 @@ from tactile_classifier.confidence.novelty import (
     Spaces,
     trials_needed,
 )
-from tactile_classifier.model_file.graphs.answer import add_novelty
+from tactile_classifier.model_file.graphs import add_novelty
 
 
 def clouds(seed, each=40, width=4, apart=30.0):

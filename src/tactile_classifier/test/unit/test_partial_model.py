@@ -9,9 +9,9 @@ import pytest
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
 from tactile_classifier.errors import DatasetError
-from tactile_classifier.estimators.classifiers import CLASSIFIERS, compute_raw_scores
+from tactile_classifier.estimators.classifiers import compute_raw_scores
 from tactile_classifier.model_file.manifest import Manifest
-from tactile_classifier.records import Outcome, UNKNOWN
+from tactile_classifier.records import CLASSIFIERS, Outcome, UNKNOWN
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 

@@ -12,8 +12,8 @@ from tactile_classifier.confidence.recalibration import fit_session_statistics
 from tactile_classifier.confidence.session_statistics import SessionStatistics, TRIALS
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError, TooFewTrialsError
-from tactile_classifier.model_file.inference import TactileModel
 from tactile_classifier.model_file.manifest import Manifest
+from tactile_classifier.model_file.model import load_model
 from tactile_classifier.training.trainer import train
 from tactile_features.spec import array_spec
 
@@ -103,8 +103,7 @@ def test_no_sessions_no_statistics_and_too_few_trials_are_told():
 
 def test_recalibrated_file_corrects_features_and_states_where_it_came_from(tmp_path):
     pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
-    from tactile_classifier.training.model_writer import write_model
-    from tactile_classifier.training.recalibrated_model import write_recalibrated
+    from tactile_classifier.training.model_writer import write_model, write_recalibrated
 
     source, target = tmp_path / 'model.onnx', tmp_path / 'today.onnx'
     model = write_model(source, train(draw_sessions(6, 7), 'knn', false_alarm_rate=0.1))
@@ -119,7 +118,7 @@ def test_recalibrated_file_corrects_features_and_states_where_it_came_from(tmp_p
     assert stated['sessions'] == ['seed 8 0']
     assert stated['sha256'] == known.compute_sha256()
     offset = np.array(stated['offsets'][0])
-    loaded = TactileModel.load(target)
+    loaded = load_model(target)
     for one, other in zip(loaded.compute(values), model.compute(values - offset), strict=True):
         np.testing.assert_array_equal(one, other)
     assert (

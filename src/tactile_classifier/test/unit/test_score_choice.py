@@ -22,7 +22,7 @@ from tactile_classifier.confidence.score_choice import compute_log_loss, FLOOR, 
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.estimators.classifiers import compute_raw_scores
 from tactile_classifier.evaluation.open_set import evaluate_open_set
-from tactile_classifier.model_file.inference import read_manifest
+from tactile_classifier.model_file.model import read_manifest
 from tactile_classifier.records import MARGIN, VOTES
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train

@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from tactile_classifier.model_file.trial_answers import find_training_trials, name_trials
+from tactile_classifier.model_file.model import find_training_trials
 from tactile_classifier.records import NO_ANSWER, Outcome, UNKNOWN
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
@@ -21,8 +21,8 @@ def test_answers_are_those_of_the_node(small_table, make_window, tmp_path, class
     for row in values:
         result = model.classify_window(make_window(0, values=row))
         expected.append(outcomes.get(result.outcome, result.label))
-    assert name_trials(model, values).tolist() == expected
-    assert name_trials(model, values[:0]).shape == (0,)
+    assert model.predict(values).tolist() == expected
+    assert model.predict(values[:0]).shape == (0,)
     assert {UNKNOWN, *small_table.labels} >= set(expected) > {UNKNOWN}
 
 
@@ -39,4 +39,4 @@ def test_a_model_without_novelty_does_not_tell(stiffness_table, tmp_path):
     model = write_model(tmp_path / 'm.onnx', train(few, 'knn'))
     assert 'reason' in model.manifest.calibration
     assert find_training_trials(model, few.values) is None
-    assert set(name_trials(model, few.values)) <= set(few.labels)
+    assert set(model.predict(few.values)) <= set(few.labels)

@@ -176,14 +176,14 @@ def evaluate(
 
 
 def _print(result: 'SetResult', output: 'Output') -> None:
-    from tactile_classifier.names import describe_features
+    from tactile_classifier.model_file.manifest import format_features
     from tactile_lab.datasets.tables import accuracy_caption, accuracy_table, tell_warnings
     from tactile_lab.report.summary import answer_rows, format_accuracy
 
     for evaluation in result.evaluations:
         output.say(accuracy_table(evaluation, result.recordings.title, intervals=True))
         output.say(accuracy_caption(evaluation, intervals=True))
-    output.say(f'  {describe_features(result.recordings.table.spec)}')
+    output.say(f'  {format_features(result.recordings.table.spec)}')
     lines: list[Any] = [
         *result.recordings.tell_preparation(most=10),
         format_accuracy(result),

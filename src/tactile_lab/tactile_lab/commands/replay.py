@@ -242,7 +242,7 @@ def _replay_finger(
         recorded_results,
         replay_through_core,
     )
-    from tactile_classifier.model_file.model_set import ModelSet
+    from tactile_classifier.answering import ModelSet
     from tactile_features.model_contract import read_contracts
 
     features = recorded_features(bag, namespace)

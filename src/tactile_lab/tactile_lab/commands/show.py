@@ -194,17 +194,17 @@ def _describe_archive(recording: 'Recording') -> Contents:
 
 def describe_card(path: Path) -> Contents:
     """Return the card of a model file, and its facts."""
-    from tactile_classifier.model_file.card import describe_model, list_limits
-    from tactile_classifier.model_file.inference import read_model_card, TactileModel
+    from tactile_classifier.model_file.manifest import list_facts, list_limits
+    from tactile_classifier.model_file.model import load_model, read_model_card
 
-    model = TactileModel.load(path)
+    model = load_model(path)
     details = {
         'card': read_model_card(path),
         'limits': list_limits(model.manifest),
         'model_id': model.model_id,
         'versions': dict(model.manifest.versions),
     }
-    return Contents('model', describe_model(model.manifest), [], details)
+    return Contents('model', list_facts(model.manifest), [], details)
 
 
 def _draw(plot: Path, path: Path, recording: 'Recording', trial: Optional[int]) -> str:

@@ -300,7 +300,8 @@ def train_models(
     from tactile_classifier.datasets.splits import choose_repetitions
     from tactile_classifier.estimators.classifiers import default_scaling
     from tactile_classifier.evaluation.cross_validation import evaluate
-    from tactile_classifier.names import CLASSIFIER_TITLES, describe_features, SCALING_TITLES
+    from tactile_classifier.model_file.manifest import format_features
+    from tactile_classifier.records import CLASSIFIER_TITLES, SCALING_TITLES
     from tactile_classifier.training.model_writer import write_model
     from tactile_classifier.training.trainer import train as train_model
     from tactile_features.records import PROTOCOL_TEXTURE
@@ -332,7 +333,7 @@ def train_models(
         simulated = ', SIMULATED trials' if np.any(table.columns.get('simulated', False)) else ''
         output.say(accuracy_table(evaluation, f'{source.title(key, table)}{simulated}'))
         output.say(accuracy_caption(evaluation))
-        output.say(describe_features(table.spec))
+        output.say(format_features(table.spec))
         for warning in tell_warnings([evaluation]):
             output.say(warning)
         chosen = scaling or default_scaling(key[0], classifier)
@@ -369,15 +370,15 @@ def run_recalibrate(
     TactileError
         When the bags hold no trials for the model, or a file would be replaced.
     """
-    from tactile_classifier.training.model_writer import TactileModel
-    from tactile_classifier.training.recalibrated_model import write_recalibrated
+    from tactile_classifier.model_file.model import load_model
+    from tactile_classifier.training.model_writer import write_recalibrated
     from tactile_lab.commands.output import make_output_folder, refuse_to_replace
     from tactile_lab.datasets.feature_tables import open_features
     from tactile_lab.datasets.reading import Reading
     from tactile_lab.datasets.tables import describe_calibration
     from tactile_ros.errors import TactileError
 
-    model = TactileModel.load(original)
+    model = load_model(original)
     with open_features(recordings, Reading(task=model.task)) as source:
         tables = source.tables(model.spec.config_values()).tables
         fitting = [

@@ -19,10 +19,8 @@ from numpy.typing import NDArray
 from tactile_bags.recording import Recording
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.evaluation.model_comparison import compare_answers, Comparison
-from tactile_classifier.model_file.inference import TactileModel
-from tactile_classifier.model_file.trial_answers import find_training_trials, name_trials
-from tactile_classifier.names import CLASSIFIER_TITLES, short_scaling
-from tactile_classifier.records import NO_ANSWER, UNKNOWN
+from tactile_classifier.model_file.model import find_training_trials, load_model, TactileModel
+from tactile_classifier.records import CLASSIFIER_TITLES, NO_ANSWER, short_scaling, UNKNOWN
 from tactile_features.model_contract import read_contracts
 from tactile_lab.datasets.feature_tables import (
     features_of,
@@ -77,7 +75,7 @@ def load_models(
     contracts, refused = read_contracts(path)
     if refused:
         raise TactileError('; '.join(refused))
-    models = [Contender(each.path, TactileModel.load(each.path)) for each in contracts]
+    models = [Contender(each.path, load_model(each.path)) for each in contracts]
     found = [
         each
         for each in models
@@ -426,7 +424,7 @@ def compare_pair(
 def _compare(pair: Pair, paired: PairedTrials, *, unseen: bool) -> Compared:
     models = (pair[0].model, pair[1].model)
     answers = [
-        paired.spread(i, name_trials(model, paired.tables[i].values), NO_ANSWER)
+        paired.spread(i, model.predict(paired.tables[i].values), NO_ANSWER)
         for i, model in enumerate(models)
     ]
     seen = [_find_seen(model, paired.tables[i], paired, i) for i, model in enumerate(models)]

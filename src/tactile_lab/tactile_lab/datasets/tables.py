@@ -12,11 +12,18 @@ from rich.table import Table
 
 from tactile_classifier.evaluation.cross_validation import Evaluation
 from tactile_classifier.evaluation.intervals import Interval
-from tactile_classifier.model_file.card import tell_scores
-from tactile_classifier.model_file.live_recalibration import RECALIBRATED, STATISTICS
-from tactile_classifier.model_file.manifest import Manifest
-from tactile_classifier.names import CLASSIFIER_TITLES, SCALING_TITLES, short_scaling
-from tactile_classifier.records import PROBABILITY
+from tactile_classifier.model_file.manifest import (
+    format_scores,
+    Manifest,
+    RECALIBRATED,
+    STATISTICS,
+)
+from tactile_classifier.records import (
+    CLASSIFIER_TITLES,
+    PROBABILITY,
+    SCALING_TITLES,
+    short_scaling,
+)
 from tactile_classifier.training.feature_choice import Candidate, FeatureChoice
 
 
@@ -111,7 +118,7 @@ def describe_answers(manifest: Manifest) -> list[str]:
         f'rejection; both by {manifest.calibration["split"]}'
     ]
     if manifest.score_kind != PROBABILITY:
-        sentences.append(f'scores: {tell_scores(manifest)}')
+        sentences.append(f'scores: {format_scores(manifest)}')
     share = manifest.calibration.get('session_share', -1.0)
     sentences.append(
         f'thresholds hold in {100 * share:.0f} % of new sessions like these'

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from tactile_classifier.confidence.calibration import calibrate_stage, make_group_folds
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ClassifierError
-from tactile_classifier.estimators.classifiers import CLASSIFIERS, default_scaling, SCORE_KINDS
+from tactile_classifier.estimators.classifiers import default_scaling, SCORE_KINDS
 from tactile_classifier.evaluation.early_answers import evaluate_stopping, StoppingEvaluation
 from tactile_classifier.evaluation.open_set import evaluate_open_set, OpenSetEvaluation
 from tactile_classifier.evaluation.plans import Task
-from tactile_classifier.records import MARGIN
+from tactile_classifier.records import CLASSIFIERS, MARGIN
 from tactile_features.config import FeatureConfig
 from tactile_features.feature_sets.registry import find_feature_set
 from tactile_features.records import Measure, PROTOCOL_TEXTURE

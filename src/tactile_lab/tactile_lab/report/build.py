@@ -13,7 +13,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from tactile_classifier.evaluation.early_answers import StoppingEvaluation
 from tactile_classifier.evaluation.open_set import OpenSetEvaluation
-from tactile_classifier.names import CLASSIFIER_TITLES, describe_features, short_scaling
+from tactile_classifier.model_file.manifest import format_features
+from tactile_classifier.records import CLASSIFIER_TITLES, short_scaling
 from tactile_lab.datasets.tables import tell_interval, tell_warnings
 from tactile_lab.report import drawings
 from tactile_lab.report.analysis import SetResult
@@ -139,7 +140,7 @@ def _summarise(result: SetResult) -> dict[str, Any]:
         'first_sentence': format_first_sentence(result),
         'pictures': [drawings.draw_split_accuracies(result), drawings.draw_answers(result)],
         'facts': [format_accuracy(result), *tell_warnings(result.evaluations)],
-        'features': describe_features(result.recordings.table.spec),
+        'features': format_features(result.recordings.table.spec),
         'preparation': result.recordings.tell_preparation(),
         'table_sha256': result.recordings.table.compute_sha256(),
     }

@@ -14,11 +14,16 @@ from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_classifier.estimators.classifiers import CLASSIFIERS, SCALINGS
 from tactile_classifier.evaluation.cross_validation import Score
 from tactile_classifier.evaluation.early_answers import StoppingEvaluation
 from tactile_classifier.evaluation.open_set import OpenSetEvaluation
-from tactile_classifier.names import CLASSIFIER_TITLES, SCALING_TITLES, short_scaling
+from tactile_classifier.records import (
+    CLASSIFIER_TITLES,
+    CLASSIFIERS,
+    SCALING_TITLES,
+    SCALINGS,
+    short_scaling,
+)
 from tactile_lab.plots import (
     draw_spectrum,
     draw_strain,

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_classifier.estimators.classifiers import CLASSIFIERS, SCALINGS
+from tactile_classifier.records import CLASSIFIERS, SCALINGS
 from tactile_features.records import PROTOCOL_STIFFNESS, PROTOCOL_TEXTURE
 from tactile_lab.report.analysis import SetResult
 from tactile_lab.report.significance import find_components, LEVEL

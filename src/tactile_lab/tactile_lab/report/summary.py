@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tactile_classifier.datasets.dataset import plain_name
 from tactile_classifier.estimators.classifiers import default_scaling
 from tactile_classifier.evaluation.cross_validation import Evaluation, Score
-from tactile_classifier.names import CLASSIFIER_TITLES
+from tactile_classifier.records import CLASSIFIER_TITLES
 from tactile_lab.datasets.tables import name_candidate, tell_interval, tell_nested
 from tactile_lab.report.analysis import SetResult
 from tactile_lab.report.answers import Answers, CLASSIFIER

@@ -14,7 +14,7 @@ from rosbags.typesys import get_typestore, Stores
 from tactile_command import ask_tactile, hear_tactile, tactile
 
 from tactile_classifier.datasets.archive import load_archive
-from tactile_classifier.model_file.inference import TactileModel
+from tactile_classifier.model_file.model import load_model
 
 RATE_HZ = 100.0
 SLOPES = {'rubber': -0.9, 'pla': -0.5}
@@ -351,7 +351,7 @@ def test_train_and_evaluate_take_what_import_takes(tmp_path, long_table):
     means = [score['mean'] for score in found['evaluations'][0]['scores']]
     (trained,) = ask_tactile('train', long_table, '-o', tmp_path / 'models', *common)['models']
     assert [s['mean'] for s in trained['evaluation']['scores']] == means
-    model = TactileModel.load(tmp_path / 'models' / 'stiffness.onnx')
+    model = load_model(tmp_path / 'models' / 'stiffness.onnx')
     assert model.model_id == trained['model_id']
     assert model.contact == ''
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from tactile_command import ask_tactile, hear_tactile
 
-from tactile_classifier.model_file.inference import TactileModel
+from tactile_classifier.model_file.model import load_model
 from tactile_lab.datasets.reading import choose_features, list_sets
 from tactile_ros.errors import TactileError
 
@@ -31,7 +31,7 @@ def bag(tmp_path_factory):
 def test_automatic_features_are_chosen_and_the_runner_up_is_named(bag, tmp_path):
     said = hear_tactile('train', bag, '-o', tmp_path, '--features', 'auto', *CHEAP)
     assert 'times the time of training and tests' in said
-    name = TactileModel.load(tmp_path / 'texture_flexion.onnx').spec.feature_set
+    name = load_model(tmp_path / 'texture_flexion.onnx').spec.feature_set
     evaluated = hear_tactile('evaluate', bag, '--features', 'auto', *CHEAP)
     for text in (said, evaluated):
         assert f'texture, flexion: {name} with' in text
@@ -42,7 +42,7 @@ def test_automatic_features_are_chosen_and_the_runner_up_is_named(bag, tmp_path)
 def test_a_named_waveform_goes_into_a_model_of_random_convolutions(bag, tmp_path):
     features = ('--features', 'glide_waveform', '--classifier', 'rocket')
     hear_tactile('train', bag, '-o', tmp_path, *features, *CHEAP)
-    model = TactileModel.load(tmp_path / 'texture_flexion.onnx')
+    model = load_model(tmp_path / 'texture_flexion.onnx')
     assert model.spec.feature_set == 'glide_waveform'
     assert model.manifest.classifier == 'rocket'
 

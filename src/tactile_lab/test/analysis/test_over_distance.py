@@ -12,7 +12,7 @@ from tactile_command import ask_tactile, hear_tactile
 from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.datasets.dataset import table_from_trials
 from tactile_classifier.evaluation.cross_validation import evaluate
-from tactile_classifier.model_file.inference import TactileModel
+from tactile_classifier.model_file.model import load_model
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 from tactile_lab.datasets.feature_tables import open_features, read_tables
@@ -48,7 +48,7 @@ def test_each_speed_has_a_bag_whose_events_state_it(bags):
 def test_a_model_over_distance_fits_nodes_with_the_same_parameters_alone(bags, tmp_path):
     arguments = ('train', *bags, '-o', tmp_path, '--over', '45:0.5')
     hear_tactile(*arguments, '--repetitions', 1, '--folds', 2)
-    model = TactileModel.load(tmp_path / 'texture_flexion.onnx')
+    model = load_model(tmp_path / 'texture_flexion.onnx')
     config = FeatureConfig(texture_features='texture_spatial')
     assert model.spec.mismatch(spec_for('texture', config)) == ''
     assert 'feature set' in model.spec.mismatch(spec_for('texture', FeatureConfig()))

@@ -10,7 +10,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 from tactile_command import ask_tactile
 
-from tactile_classifier import TactileModel
+from tactile_classifier import load_model
 from tactile_lab.datasets.feature_tables import read_tables
 
 FOLDER = Path(__file__).parents[1] / 'data' / 'recorded_by_0_1'
@@ -56,9 +56,9 @@ def test_a_model_of_format_6_answers_as_it_did(answer):
     (path,) = (
         path
         for path in (FOLDER / 'models').iterdir()
-        if TactileModel.load(path).model_id == answer['model']
+        if load_model(path).model_id == answer['model']
     )
-    model = TactileModel.load(path)
+    model = load_model(path)
     (values,) = (w['values'] for w in ANSWERS['windows'] if w['trial'] == answer['trial'])
     computed = model.compute([[float.fromhex(value) for value in values]])
     assert [score.hex() for score in computed.scores[0].tolist()] == answer['scores']

@@ -17,7 +17,7 @@ from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
 from tactile_bags.replay import replay_windows
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.model_file.inference import TactileModel
+from tactile_classifier.model_file.model import load_model
 from tactile_features.spec import array_spec, spec_for
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.train import parse_seconds, train_models
@@ -50,7 +50,7 @@ def test_seconds_that_do_not_fit_are_refused(bag, seconds):
 def test_model_answers_partial_windows_and_no_file_is_replaced_unasked(bag, tmp_path):
     training = {'false_alarm_rate': 0.1, 'partial_seconds': [0.5, 1.5], 'stop_error_rate': 0.2}
     (trained,) = train_on(bag, tmp_path / 'models', **training)
-    model = TactileModel.load(trained.path)
+    model = load_model(trained.path)
     assert model.partial_samples == (30, 90)
     assert model.manifest.false_alarm_rate == 0.1
     assert model.manifest.stop_error_rate == 0.2
@@ -69,7 +69,7 @@ def test_a_model_states_how_its_spectra_were_detrended(bag, tmp_path, detrend):
     quick = ('--folds', 3, '--repetitions', 1, '--partial', 1)
     said = hear_tactile('train', bag, '-o', tmp_path, '--detrend', detrend, *quick)
     assert f'spectrum_detrend {detrend}' in said
-    model = TactileModel.load(tmp_path / 'texture_flexion.onnx')
+    model = load_model(tmp_path / 'texture_flexion.onnx')
     with TactileBag(bag) as opened:
         config = dataclasses.replace(
             recorded_features(opened).config, spectrum_detrend=detrend, partial_samples=(30, 60)
@@ -114,7 +114,7 @@ def test_recalibration_reads_bags_of_the_session_and_replaces_nothing_unasked(
     command = ('train', bag, '--recalibrate', trained.path, '-o', today)
     assert 'for the session of' in hear_tactile(*command)
     (written,) = today.iterdir()
-    model = TactileModel.load(written)
+    model = load_model(written)
     stated = model.manifest.calibration['recalibrated']
     assert stated['model_id'] == trained.model_id
     assert len(stated['offsets']) == 2  # of whole and partial windows

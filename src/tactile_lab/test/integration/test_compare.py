@@ -13,7 +13,7 @@ pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
 from tactile_bringup.records import TrialConfig
 from tactile_classifier.datasets.dataset import FeatureTable
-from tactile_classifier.model_file.inference import TactileModel
+from tactile_classifier.model_file.model import load_model
 from tactile_classifier.records import NO_ANSWER
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
@@ -131,7 +131,7 @@ def test_a_model_that_does_not_tell_its_trials_is_said(bags, models, tmp_path):
 
 
 def test_a_trial_without_features_for_one_model_is_no_answer_of_it(bags, models):
-    loaded = tuple(TactileModel.load(path) for path in (models[0], models[0]))
+    loaded = tuple(load_model(path) for path in (models[0], models[0]))
     ((key, table),) = read_tables(bags[1:]).tables.items()
     parts = [table.take(np.arange(5, len(table))), table.take(np.arange(len(table))[::-1])]
     parts[1] = parts[1].take(np.arange(3, len(table)))

@@ -10,7 +10,7 @@ pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_classifier.datasets.dataset import FeatureTable
-from tactile_classifier.model_file.inference import TactileModel
+from tactile_classifier.model_file.model import load_model
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features import FeatureConfig, FeatureWindow, Outcome, spec_for
@@ -41,7 +41,7 @@ def live(trained, label, values):
         np.asarray(values), 0, 3_000_000_000, 0, 60.0, 180, 0, 0, '',
         specification_digest=spec.digest,
     )  # fmt: skip
-    answer = TactileModel.load(trained.path).classify_window(window)
+    answer = load_model(trained.path).classify_window(window)
     return LiveTrial(TrialRequest('stiffness', 'flexion', label), (answer,))
 
 

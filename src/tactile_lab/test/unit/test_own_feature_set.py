@@ -15,7 +15,7 @@ import pytest
 from tactile_classifier.datasets.archive import LabelledTrials
 from tactile_classifier.datasets.dataset import table_from_trials
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.model_file.inference import TactileModel
+from tactile_classifier.model_file.model import load_model
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features import (
@@ -116,7 +116,7 @@ def test_a_model_of_it_answers_and_is_refused_where_the_set_is_missing(
     monkeypatch.setattr(sys, 'path', [p for p in sys.path if p != str(tmp_path / 'site')])
     find_feature_set.cache_clear()
     with pytest.raises(ModelFileError, match='"roughness" is not installed here'):
-        TactileModel.load(path)
+        load_model(path)
 
 
 @pytest.mark.parametrize(

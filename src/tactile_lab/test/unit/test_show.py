@@ -11,7 +11,7 @@ import pytest
 from tactile_command import hear_tactile, tactile
 
 from tactile_classifier.datasets.dataset import FeatureTable
-from tactile_classifier.model_file.inference import read_model_card
+from tactile_classifier.model_file.model import read_model_card
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig

@@ -16,9 +16,17 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from tactile_classifier.confidence.session_statistics import SessionStatistics
 from tactile_classifier.errors import DatasetError, ModelFileError
-from tactile_classifier.model_file.manifest import Manifest, Stage
+from tactile_classifier.model_file.manifest import (
+    KNOWN_NOVELTY,
+    Manifest,
+    RECALIBRATED,
+    Stage,
+    STATISTICS,
+)
 from tactile_classifier.model_file.onnx_session import open_session
+from tactile_classifier.model_file.samples import SampleWindow
 from tactile_classifier.records import (
     ClassificationResult,
     NO_ANSWER,
@@ -26,14 +34,12 @@ from tactile_classifier.records import (
     PROBABILITY,
     UNKNOWN,
 )
-from tactile_features.config import FeatureConfig
-from tactile_features.errors import FeatureError, UndefinedFeatureError
-from tactile_features.feature_sets.feature_set import FeatureSet, WindowSamples
-from tactile_features.model_contract import LONGEST_BUFFER_S, read_limited, refusals_of
+from tactile_features.errors import FeatureError
+from tactile_features.model_contract import read_limited, refusals_of
 from tactile_features.onnx_container import open_container
 from tactile_features.records import contacts_agree, FeatureWindow
 from tactile_features.records import Outcome as FeatureOutcome
-from tactile_features.spec import FeatureSpec, set_for, WantedFeatures
+from tactile_features.spec import FeatureSpec
 
 ROWS_AT_ONCE = 64
 BYTES_AT_ONCE = 16 * 2**20
@@ -42,12 +48,6 @@ differences to all training trials take memory in proportion to both."""
 
 INPUT, SAMPLES = 'features', 'samples'
 ANSWER, SCORES, NOVELTY = 'answer', 'scores', 'novelty'
-
-KNOWN_NOVELTY = 'held_out_novelty'
-"""Entry of a manifest's ``calibration``."""
-
-CHANNEL_0 = 'channel_000__'
-"""Before the names of the features of the first channel, where there are several."""
 
 _REMEDY = 'name its file in the parameter models of the feature node, or train it again'
 
@@ -83,14 +83,14 @@ class Answer:
     probabilities : mapping of str to float
         By label, calibrated on held-out trials; empty: see ``missing``.
     scores : mapping of str to float
-        The model's scores by label, larger is likelier; of a calibrated model its probabilities.
+        By label, larger is likelier; of a calibrated model the probabilities.
     novelty, novelty_threshold : float or None
         Distance to the training trials, and that above which a window is unknown [1].
     p_value : float or None
         Share of held-out trials of known labels that are at least as novel, in the sessions that
         the threshold comes from [1]: small is novel.
     is_decided : bool
-        Of the first part of a window: one need not wait for the rest.
+        False on the first part of a window while the rest could change the answer.
     missing : tuple of str
         One sentence for each of probabilities, novelty and p-value that there is none of.
     """
@@ -142,13 +142,6 @@ class Correction(NamedTuple):
     trials: int
 
 
-def count_channels(spec: FeatureSpec) -> int:
-    """Return of how many channels the features are; those of each stand together."""
-    if not spec.names[0].startswith(CHANNEL_0):
-        return 1
-    return len({name.partition('__')[0] for name in spec.names})
-
-
 def read_model_card(path: str | Path) -> str:
     """Return the card of a model file, as text for people.
 
@@ -174,20 +167,21 @@ def read_manifest(path: str | Path) -> Manifest:
 
 
 def load_model(path: str | Path) -> TactileModel:
-    """Return the model in a file.
+    """Return the model in a file; it is read and checked.
 
     Raises
     ------
     ModelFileError
         With a sentence that says why the file is not used.
     """
-    return TactileModel.load(path)
+    with refusals_of(path):
+        return TactileModel(read_limited(path), str(Path(path).resolve()))
 
 
 class TactileModel:
-    """A trained classifier, ready to answer; `load` reads it from its file.
+    """A trained classifier, ready to answer; `load_model` reads it from its file.
 
-    >>> model = TactileModel.load('texture.onnx')
+    >>> model = load_model('texture.onnx')
     >>> answer = model.classify(tension_n, rate_hz=60)
     >>> answer.label, answer.probabilities, answer.p_value
 
@@ -236,18 +230,6 @@ class TactileModel:
         self._rows = max(1, min(ROWS_AT_ONCE, BYTES_AT_ONCE // len(data)))
         self._session = open_session(container.model)
         self._check_graph()
-
-    @classmethod
-    def load(cls, path: str | Path) -> TactileModel:
-        """Read and check a model file.
-
-        Raises
-        ------
-        ModelFileError
-            With a sentence that says why the file is not used.
-        """
-        with refusals_of(path):
-            return cls(read_limited(path), str(Path(path).resolve()))
 
     @property
     def task(self) -> str:
@@ -354,18 +336,23 @@ class TactileModel:
         ModelFileError
             When this installation computes other features than the model was trained on.
         """
-        rows = self._check_samples(samples, rate_hz)
-        whole = self._count_samples(speed_m_s)
-        count = rows.shape[1]
-        part = count if count in self.partial_samples else 0
-        if whole and count != whole and not part:
-            raise DatasetError(self._format_length(count, whole))
-        values, reason = self._compute_features(rows, speed_m_s, part)
-        if reason:
-            judged = _Judged(Outcome.NO_FEATURES, reason=reason)
+        try:
+            found = self._samples.compute(samples, rate_hz, speed_m_s)
+        except DatasetError as error:
+            raise DatasetError(f'model {self.model_id}: {error}') from error
+        part = found.part
+        if found.reason:
+            judged = _Judged(Outcome.NO_FEATURES, reason=found.reason)
         else:
-            judged = self._judge(values, self._stages[part], None)
+            judged = self._judge(found.values, self._stages[part], None)
         return self._answer_of(judged, part)
+
+    @cached_property
+    def _samples(self) -> SampleWindow:
+        try:
+            return SampleWindow(self.task, self.spec, self.partial_samples)
+        except FeatureError as error:
+            raise ModelFileError(f'model {self.model_id} cannot be used: {error}') from error
 
     def predict(self, values: npt.ArrayLike, sample_count: int = 0) -> npt.NDArray[np.str_]:
         """Return a label, ``'unknown'`` or ``'no answer'`` for each window of features.
@@ -501,94 +488,6 @@ class TactileModel:
             f'(digest {digest} instead of {spec.digest}, with {values}): {_REMEDY}'
         )
 
-    def _check_samples(self, samples: npt.ArrayLike, rate_hz: float) -> npt.NDArray[np.float64]:
-        """Return samples of shape (channels, n)."""
-        rows = np.array(samples, dtype=np.float64)
-        channels = count_channels(self.spec)
-        wanted = '(n,)' if channels == 1 else f'({channels}, n)'
-        if channels == 1 and rows.ndim == 1:
-            rows = rows[np.newaxis]
-        if rows.ndim != 2 or len(rows) != channels or rows.shape[1] < 2:
-            raise DatasetError(
-                f'the samples have shape {np.shape(samples)}; model {self.model_id} takes one '
-                f'window of shape {wanted}: for many windows call it once for each'
-            )
-        if rate_hz != self.spec.rate_hz:
-            raise DatasetError(
-                f'the rate is {rate_hz:g} Hz; model {self.model_id} takes {self.spec.rate_hz:g} '
-                'Hz: resample the samples, for example with LabelledTrials.resample'
-            )
-        return rows
-
-    @cached_property
-    def _feature_set(self) -> FeatureSet:
-        """The feature set of one channel, with the options of the model."""
-        channels = count_channels(self.spec)
-        k = len(self.spec.names) // channels
-        names = tuple(name.removeprefix(CHANNEL_0) for name in self.spec.names[:k])
-        spec = dataclasses.replace(self.spec, names=names, units=self.spec.units[:k])
-        try:
-            config = WantedFeatures(spec).bind(FeatureConfig(buffer_s=LONGEST_BUFFER_S))
-        except FeatureError as error:
-            raise ModelFileError(f'model {self.model_id} cannot be used: {error}') from error
-        return set_for(self.task, config)
-
-    def _count_samples(self, speed_m_s: float) -> int:
-        """Return the samples of a whole window; 0: any number."""
-        if not self._feature_set.needs_speed:
-            return self.spec.sample_count
-        if not speed_m_s > 0.0:
-            raise DatasetError(
-                f'{self.spec.feature_set} needs the sliding speed: give speed_m_s, above 0'
-            )
-        try:
-            return self._feature_set.window(self.spec.rate_hz, speed_m_s).sample_count
-        except FeatureError as error:
-            raise DatasetError(f'no features from these samples: {error}') from error
-
-    def _format_length(self, count: int, whole: int) -> str:
-        """Return why so many samples are no window, with the remedy."""
-        seconds = whole / self.spec.rate_hz
-        text = (
-            f'{count} samples are no window of model {self.model_id}, which takes {whole} '
-            f'({seconds:g} s at {self.spec.rate_hz:g} Hz)'
-        )
-        if self.partial_samples:
-            text += f', or the first {", ".join(map(str, self.partial_samples))} of these'
-        if count < whole:
-            return f'{text}: give that many'
-        crop_s = self.spec.parameters.get('texture_crop_start_s')
-        if not isinstance(crop_s, float):
-            return f'{text}: give the part that the training trials were cut to'
-        first = math.ceil(crop_s * self.spec.rate_hz)
-        return (
-            f'{text}: give that part; the live node takes samples[{first}:{first + whole}] of a '
-            f'glide, from {crop_s:g} s after its start'
-        )
-
-    def _compute_features(
-        self, rows: npt.NDArray[np.float64], speed_m_s: float, part: int
-    ) -> tuple[npt.NDArray[np.float64], str]:
-        """Return the features of one window, shape (k,), or the reason why there are none."""
-        if not np.isfinite(rows).all():
-            return np.empty(0), 'the samples are not all finite'
-        rate_hz = self.spec.rate_hz
-        times_ns = np.rint(np.arange(rows.shape[1]) * (1e9 / rate_hz)).astype(np.int64)
-        found = []
-        try:
-            for row in rows:
-                samples = WindowSamples(times_ns, row, rate_hz, speed_m_s)
-                if part:
-                    found.append(self._feature_set.compute_part(samples, self.spec.sample_count))
-                else:
-                    found.append(self._feature_set.compute(samples))
-        except UndefinedFeatureError as error:
-            return np.empty(0), str(error)
-        except FeatureError as error:
-            raise DatasetError(f'no features from these samples: {error}') from error
-        values = np.concatenate(found)
-        return values, '' if np.isfinite(values).all() else 'the features are not finite'
-
     def _answer_of(self, judged: _Judged, part: int) -> Answer:
         calibration, threshold = self.manifest.calibration, self._stages[part].novelty_threshold
         scores = dict(zip(self.labels, judged.scores, strict=False))
@@ -614,7 +513,7 @@ class TactileModel:
             novelty=judged.novelty if has_novelty else None,
             novelty_threshold=threshold if threshold >= 0.0 else None,
             p_value=p_value,
-            is_decided=judged.is_decided if part else judged.outcome == Outcome.LABEL,
+            is_decided=judged.is_decided if part else True,
             missing=tuple(missing),
         )
 
@@ -660,9 +559,64 @@ class TactileModel:
                 raise ModelFileError('its graph gives answers that are none of its labels')
 
 
+def read_statistics(model: TactileModel) -> dict[int, SessionStatistics]:
+    """Return the statistics of sessions in a model's file, by samples of its stages.
+
+    Raises
+    ------
+    ModelFileError
+        When it was recalibrated already, states nothing, or is damaged.
+    """
+    manifest = model.manifest
+    if RECALIBRATED in manifest.calibration:
+        raise ModelFileError(
+            f'model {model.model_id} is recalibrated: take the model that it came from, '
+            f'{manifest.calibration[RECALIBRATED].get("model_id")}'
+        )
+    if STATISTICS not in manifest.calibration:
+        raise ModelFileError(
+            f'model {model.model_id} states nothing of sessions: train it on two sessions or more'
+        )
+    entries = manifest.calibration[STATISTICS]
+    if not isinstance(entries, list) or len(entries) != len(manifest.stages):
+        raise ModelFileError('its statistics of sessions are not one entry a stage')
+    return {
+        stage.sample_count: SessionStatistics.from_dict(
+            entry, len(model.labels), len(manifest.spec.names)
+        )
+        for stage, entry in zip(manifest.stages, entries, strict=True)
+    }
+
+
+def correct(
+    model: TactileModel,
+    statistics: SessionStatistics,
+    sample_count: int,
+    values: npt.NDArray[np.float64],
+    label: npt.NDArray[np.intp],
+) -> Correction:
+    """Return the correction for a session, by known trials and the model's novelty.
+
+    Parameters
+    ----------
+    model : TactileModel
+    statistics : SessionStatistics
+        Of that length of window.
+    sample_count : int
+        As in `TactileModel.compute`.
+    values : ndarray of shape (trials, k)
+    label : ndarray of int, shape (trials,)
+        Position of each label among the model's.
+    """
+    offset, threshold = statistics.recalibrate(
+        values, label, lambda moved: model.compute(moved, sample_count).novelty
+    )
+    return Correction(offset, threshold, len(values))
+
+
 def _read_offsets(manifest: Manifest) -> dict[int, npt.NDArray[np.float64]]:
     """Return what a recalibrated model takes off features, by samples; empty: nothing."""
-    entry = manifest.calibration.get('recalibrated', {'offsets': []})
+    entry = manifest.calibration.get(RECALIBRATED, {'offsets': []})
     try:
         offsets = [np.array(offset, dtype=np.float64) for offset in entry['offsets']]
     except (KeyError, TypeError, ValueError, OverflowError) as error:
@@ -679,7 +633,7 @@ def _read_offsets(manifest: Manifest) -> dict[int, npt.NDArray[np.float64]]:
 def _read_known_novelty(manifest: Manifest) -> dict[int, _KnownNovelty] | None:
     """Return the novelties of held-out trials by samples; None: not stated."""
     entries = manifest.calibration.get(KNOWN_NOVELTY)
-    if entries is None or 'recalibrated' in manifest.calibration:
+    if entries is None or RECALIBRATED in manifest.calibration:
         return None
     try:
         found = {
@@ -696,3 +650,28 @@ def _read_known_novelty(manifest: Manifest) -> dict[int, _KnownNovelty] | None:
         if not is_flat or not 1 <= rank <= len(sessions):
             raise ModelFileError('its novelties of held-out trials are damaged')
     return found
+
+
+SAME_TRIAL = 1e-4
+"""Novelty below which a trial is one of the training: its distance to a training trial, against
+what is usual between trials of that label. Rounding gives below 1e-6, new trials give above 0.05.
+"""
+
+
+def find_training_trials(
+    model: TactileModel, values: npt.NDArray[np.float64]
+) -> npt.NDArray[np.bool_] | None:
+    """Return which trials the model was trained on; None: its file does not tell.
+
+    A calibrated model measures novelty from its training trials, so these have none. A model
+    without novelty, or recalibrated for a session, does not tell.
+
+    Parameters
+    ----------
+    model : TactileModel
+    values : ndarray of shape (trials, k)
+    """
+    if RECALIBRATED in model.manifest.calibration or not len(values):
+        return None
+    novelty = model.compute(values).novelty
+    return novelty < SAME_TRIAL if len(novelty) else None

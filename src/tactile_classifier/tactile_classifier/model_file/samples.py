@@ -1,0 +1,164 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""One window of samples to the features that a model was trained on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import dataclasses
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_classifier.errors import DatasetError
+from tactile_features.config import FeatureConfig
+from tactile_features.errors import FeatureError, UndefinedFeatureError
+from tactile_features.feature_sets.feature_set import WindowSamples
+from tactile_features.model_contract import LONGEST_BUFFER_S
+from tactile_features.spec import FeatureSpec, set_for, WantedFeatures
+
+Matrix = npt.NDArray[np.float64]
+
+CHANNEL_0 = 'channel_000__'
+"""Before the names of the features of the first channel, where there are several."""
+
+
+class Found(NamedTuple):
+    """Features of one window.
+
+    Attributes
+    ----------
+    values : ndarray of shape (k,)
+    part : int
+        Samples of a partial window; 0: it is a whole one.
+    reason : str
+        One sentence where there are no values; empty otherwise.
+    """
+
+    values: Matrix
+    part: int
+    reason: str = ''
+
+
+class SampleWindow:
+    """The window of a specification, of one or several channels.
+
+    Parameters
+    ----------
+    task : str
+        ``texture`` or ``stiffness``.
+    spec : FeatureSpec
+    partial_samples : sequence of int
+        Lengths of its first parts that are taken, too.
+
+    Raises
+    ------
+    FeatureError
+        When this installation computes other features.
+    """
+
+    def __init__(self, task: str, spec: FeatureSpec, partial_samples: Sequence[int]) -> None:
+        self._spec = spec
+        self._partial_samples = partial_samples
+        self._channels = 1
+        if spec.names[0].startswith(CHANNEL_0):
+            self._channels = len({name.partition('__')[0] for name in spec.names})
+        k = len(spec.names) // self._channels
+        names = tuple(name.removeprefix(CHANNEL_0) for name in spec.names[:k])
+        one = dataclasses.replace(spec, names=names, units=spec.units[:k])
+        config = WantedFeatures(one).bind(FeatureConfig(buffer_s=LONGEST_BUFFER_S))
+        self._set = set_for(task, config)
+
+    def compute(self, samples: npt.ArrayLike, rate_hz: float, speed_m_s: float) -> Found:
+        """Return the features of one window.
+
+        Parameters
+        ----------
+        samples : array_like of shape (n,), or (channels, n)
+            Evenly spaced.
+        rate_hz : float
+            That of the specification [Hz].
+        speed_m_s : float
+            Sliding speed; 0: not known [m/s].
+
+        Raises
+        ------
+        DatasetError
+            When shape, length, rate or speed do not fit; the message tells the remedy.
+        """
+        rows = self._check(samples, rate_hz)
+        count, whole = rows.shape[1], self._count(speed_m_s)
+        part = count if count in self._partial_samples else 0
+        if whole and count != whole and not part:
+            raise DatasetError(self._format_length(count, whole))
+        if not np.isfinite(rows).all():
+            return Found(np.empty(0), part, 'the samples are not all finite')
+        times_ns = np.rint(np.arange(count) * (1e9 / rate_hz)).astype(np.int64)
+        try:
+            found = [
+                self._compute_one(WindowSamples(times_ns, row, rate_hz, speed_m_s), part)
+                for row in rows
+            ]
+        except UndefinedFeatureError as error:
+            return Found(np.empty(0), part, str(error))
+        except FeatureError as error:
+            raise DatasetError(f'no features from these samples: {error}') from error
+        values = np.concatenate(found)
+        is_finite = bool(np.isfinite(values).all())
+        return Found(values, part, '' if is_finite else 'the features are not finite')
+
+    def _check(self, samples: npt.ArrayLike, rate_hz: float) -> Matrix:
+        """Return samples of shape (channels, n)."""
+        rows = np.array(samples, dtype=np.float64)
+        if self._channels == 1 and rows.ndim == 1:
+            rows = rows[np.newaxis]
+        if rows.ndim != 2 or len(rows) != self._channels or rows.shape[1] < 2:
+            wanted = '(n,)' if self._channels == 1 else f'({self._channels}, n)'
+            raise DatasetError(
+                f'the samples have shape {np.shape(samples)}; one window has shape {wanted}: '
+                'for many windows call it once for each'
+            )
+        if rate_hz != self._spec.rate_hz:
+            raise DatasetError(
+                f'the rate is {rate_hz:g} Hz; it was trained at {self._spec.rate_hz:g} Hz: '
+                'resample the samples, for example with LabelledTrials.resample'
+            )
+        return rows
+
+    def _count(self, speed_m_s: float) -> int:
+        """Return the samples of a whole window; 0: any number."""
+        if not self._set.needs_speed:
+            return self._spec.sample_count
+        if not speed_m_s > 0.0:
+            raise DatasetError(
+                f'{self._spec.feature_set} needs the sliding speed: give speed_m_s, above 0'
+            )
+        try:
+            return self._set.window(self._spec.rate_hz, speed_m_s).sample_count
+        except FeatureError as error:
+            raise DatasetError(f'no features from these samples: {error}') from error
+
+    def _compute_one(self, samples: WindowSamples, part: int) -> Matrix:
+        if part:
+            return self._set.compute_part(samples, self._spec.sample_count)
+        return self._set.compute(samples)
+
+    def _format_length(self, count: int, whole: int) -> str:
+        """Return why so many samples are no window, with the remedy."""
+        rate_hz = self._spec.rate_hz
+        text = f'{count} samples; a window has {whole} ({whole / rate_hz:g} s at {rate_hz:g} Hz)'
+        if self._partial_samples:
+            text += f', or the first {", ".join(map(str, self._partial_samples))} of these'
+        if count < whole:
+            return f'{text}: give that many'
+        crop_s = self._spec.parameters.get('texture_crop_start_s')
+        if not isinstance(crop_s, float):
+            return f'{text}: give the part that the training trials were cut to'
+        first = math.ceil(crop_s * rate_hz)
+        return (
+            f'{text}: give that part; the live node takes samples[{first}:{first + whole}] of a '
+            f'glide, from {crop_s:g} s after its start'
+        )
