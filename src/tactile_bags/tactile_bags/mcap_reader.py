@@ -254,7 +254,7 @@ class McapFile:
                 self.is_finished = True
                 self.damage = f'the record at byte {position} cannot be used: {error}'
         if not self.is_finished:
-            self.unread_bytes = self._size - position
+            self.unread_bytes = max(0, self._size - position)
 
     def _is_partial(self, position: int, end: int) -> bool:
         """Return whether a chunk that is not packed came to the disk in part.
