@@ -302,14 +302,14 @@ class Progress:
         return next(reversed(self.attempts.values()))
 
     def find(self, name: str) -> Attempt:
-        """Return an attempt by its trial id, or by the planned trial that it is kept for.
+        """Return the attempt that counts for a planned trial, or any attempt by its trial id.
 
         Raises
         ------
         ExperimentError
             When there is none.
         """
-        if attempt := self.attempts.get(name) or self._kept.get(name):
+        if attempt := self._kept.get(name) or self.attempts.get(name):
             return attempt
         near = get_close_matches(name, self.attempts, n=1, cutoff=0.0)
         hint = f'; did you mean {near[0]}?' if near else '; none was recorded yet'

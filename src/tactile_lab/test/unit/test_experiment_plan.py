@@ -277,6 +277,7 @@ def test_corrections_are_entries_and_the_last_one_counts(tmp_path):
     first, *_ = folder.read_order()
     with folder.open_journal() as journal:
         journal.append('mounted', mounting_id='m', seconds=1)
+        journal.append('began', key=first.key, trial_id=first.key, mounting_id='m')
         journal.append('began', key=first.key, trial_id=f'{first.key}-again1', mounting_id='m')
         journal.append('ended', trial_id=f'{first.key}-again1', **result)
     assert len(folder.read_progress().earlier(first)) == 1
@@ -284,15 +285,16 @@ def test_corrections_are_entries_and_the_last_one_counts(tmp_path):
     attempt = folder.correct(first.key, EXCLUDED, why='the cable touched')
     assert attempt.trial_id == f'{first.key}-again1'
     found = read_corrections(folder.path)
-    assert found == {attempt.trial_id: Correction('excluded: the cable touched')}
+    assert found[attempt.trial_id] == Correction('excluded: the cable touched')
+    assert found[first.key] == Correction('another attempt counts (interrupted)')
     assert not folder.read_progress().earlier(first)
     assert folder.read_progress().to_dict()['excluded'] == 1
     assert folder.read_progress().done_count == 1
     folder.correct(attempt.trial_id, INCLUDED, why='it did not')
-    assert read_corrections(folder.path) == {attempt.trial_id: Correction()}
+    assert read_corrections(folder.path)[attempt.trial_id] == Correction()
     other = next(label for label in PLAN.objects if label != first.object_label)
     folder.correct(attempt.trial_id, RELABELLED, label=other, why='wrong plate')
-    assert read_corrections(folder.path) == {attempt.trial_id: Correction(label=other)}
+    assert read_corrections(folder.path)[attempt.trial_id] == Correction(label=other)
     found = folder.read_progress()
     assert (found.find(first.key).label, found.to_dict()['relabelled']) == (other, 1)
     assert not found.earlier(first)  # its tension is that of another plate
