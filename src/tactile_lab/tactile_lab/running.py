@@ -21,7 +21,7 @@ from tactile_bringup.launch_config.graph import (
 from tactile_bringup.launch_config.parameter_files import ParameterFile
 from tactile_bringup.records import PROTOCOLS
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_lab.commands.output import Output
+from tactile_lab.output import Output
 from tactile_lab.watch.access import WatchOptions
 from tactile_ros.errors import TactileError
 from tactile_ros.programs.signals import hold_signals

@@ -23,8 +23,8 @@ from tactile_ros.errors import TactileError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from tactile_lab.commands.output import Output
     from tactile_lab.devices.load_cell_fit import LoadCellFit, Reading
+    from tactile_lab.output import Output
     from tactile_ros.strain import StrainBlock
     from tendon_sensor_driver.records import TendonSensorConfig
 
@@ -72,9 +72,9 @@ def calibrate(
     (poles), so its default is wrong by up to 0.3 %.
     """
     from tactile_bringup.launch_config.parameter_files import ParameterFile
-    from tactile_lab.commands.output import Output
     from tactile_lab.devices.load_cell_fit import fit_load_cell
     from tactile_lab.devices.parameter_edit import set_parameters
+    from tactile_lab.output import Output
     from tactile_sim.pty_server import WeightStand
 
     output = Output(as_json)

@@ -73,7 +73,7 @@ def check(
     Each fault comes with its remedy.
     """
     from tactile_bringup.launch_config.graph import Ports
-    from tactile_lab.commands.output import Output
+    from tactile_lab.output import Output
     from tactile_lab.running import open_ports, refuse_two_sensors
 
     output = Output(as_json)
@@ -151,7 +151,7 @@ def _list_checks(
     if sensor is not None:
         make: MakeSensor = make_sensor
         if sensor.sensor == 'topic':
-            from tactile_lab.commands.force_topics import sensors_on_topics  # rclpy
+            from tactile_lab.force_topics import sensors_on_topics  # rclpy
 
             make = stack.enter_context(sensors_on_topics(namespace))
         yield partial(check_sensor, sensor, seconds, make)

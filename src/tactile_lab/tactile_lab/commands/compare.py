@@ -14,8 +14,8 @@ from tactile_lab import options
 
 if TYPE_CHECKING:
     from tactile_classifier.evaluation.model_comparison import Answered, Comparison
-    from tactile_lab.commands.output import Output
     from tactile_lab.datasets.model_pairs import Compared
+    from tactile_lab.output import Output
 
 CONFUSIONS = 5
 """Confusions in the terminal; JSON has all."""
@@ -83,7 +83,6 @@ def compare(
     each task and contact.
     """
     from tactile_bags.sources.files import SourceOptions
-    from tactile_lab.commands.output import Output
     from tactile_lab.datasets.feature_tables import load_recording
     from tactile_lab.datasets.model_pairs import (
         compare_pair,
@@ -93,6 +92,7 @@ def compare(
         reader_of,
     )
     from tactile_lab.datasets.reading import Reading
+    from tactile_lab.output import Output
     from tactile_ros.errors import TactileError
 
     output = Output(as_json)

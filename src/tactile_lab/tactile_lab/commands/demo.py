@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from tactile_bags.recording import RecordedBag
     from tactile_bringup.trial_protocols import TrialRequest
     from tactile_classifier.datasets.dataset import FeatureTable
-    from tactile_lab.commands.output import Output
     from tactile_lab.commands.replay import ReplayReport
     from tactile_lab.commands.train import TrainedModel
     from tactile_lab.experiment.live_rig import LiveTrial
+    from tactile_lab.output import Output
 
 PAPER_TRIALS = 60
 """Trials of each plate in the paper (section III.A)."""
@@ -75,13 +75,13 @@ def demo(
     from domain_coordinator import domain_id
 
     from tactile_bringup.launch_config.graph import Ports
-    from tactile_lab.commands.output import Output
     from tactile_lab.commands.replay import print_report, replay_and_compare
     from tactile_lab.commands.simulate import make_bags
     from tactile_lab.commands.train import read_with_progress, train_models
     from tactile_lab.datasets.feature_tables import open_features
     from tactile_lab.datasets.reading import Reading
     from tactile_lab.experiment.live_rig import LiveSetup, run_live_trials
+    from tactile_lab.output import Output
     from tactile_lab.simulation.simulated_bags import paper_plans
     from tactile_lab.watch.access import WatchOptions
     from tactile_sim.rig_process import SimulatedRig

@@ -65,7 +65,6 @@ def devices(
     use ``--quiet``. A board that resets when its port is opened does so here, too: a Grbl guide
     must be homed afterwards. Ports that another program has open are left alone.
     """
-    from tactile_lab.commands.output import Output
     from tactile_lab.devices.device_probe import (
         find_names,
         find_ports,
@@ -73,6 +72,7 @@ def devices(
         probe_net_ft,
         probe_ports,
     )
+    from tactile_lab.output import Output
 
     output = Output(as_json)
     ports, hosts = port or (), net_ft or ()
@@ -83,7 +83,7 @@ def devices(
     found = probe_ports(wanted, listen_s=listen, is_quiet=quiet)
     found += [probe_net_ft(host) for host in hosts]
     if topics:
-        from tactile_lab.commands.force_topics import find_force_topics  # rclpy
+        from tactile_lab.force_topics import find_force_topics  # rclpy
 
         found += find_force_topics(listen)
     if found:

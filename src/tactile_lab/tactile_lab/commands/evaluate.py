@@ -11,7 +11,7 @@ import typer
 from tactile_lab import options
 
 if TYPE_CHECKING:
-    from tactile_lab.commands.output import Output
+    from tactile_lab.output import Output
     from tactile_lab.report.analysis import SetResult
 
 
@@ -94,10 +94,10 @@ def evaluate(
     feature selection, and take longer. The report has the paper's figures, made of your trials.
     """
     from tactile_bags.sources.files import SourceOptions
-    from tactile_lab.commands.cluster import on_cluster
-    from tactile_lab.commands.output import Output
+    from tactile_lab.cluster import on_cluster
     from tactile_lab.datasets.feature_tables import open_features
     from tactile_lab.datasets.reading import Reading
+    from tactile_lab.output import Output
     from tactile_lab.report.analysis import analyse
     from tactile_lab.report.recordings import make_sets
 

@@ -29,10 +29,10 @@ from tactile_lab.options import (
 )
 
 if TYPE_CHECKING:
-    from tactile_lab.commands.output import Output
     from tactile_lab.experiment.folder import ExperimentFolder
     from tactile_lab.experiment.loop import TrialOrder
     from tactile_lab.experiment.plan import ExperimentPlan, PlannedTrial
+    from tactile_lab.output import Output
 
 MOST_FAILURES = 3
 """Failures in a row after which an experiment ends, with ``--yes``."""
@@ -120,11 +120,11 @@ def run(
     """
     from tactile_bags.experiment_journal import is_experiment
     from tactile_bringup.launch_config.graph import Ports
-    from tactile_lab.commands.output import Output
     from tactile_lab.experiment.folder import ExperimentFolder
     from tactile_lab.experiment.live_rig import LiveBench, open_rig
     from tactile_lab.experiment.loop import run_experiment
     from tactile_lab.experiment.plan import ExperimentError, read_plan
+    from tactile_lab.output import Output
 
     output = Output(as_json)
     if yes and not simulated:
@@ -234,14 +234,13 @@ def new(
     Plan several sessions, best on several days, and several mountings in each. Then a model
     learns the object and not the day. One session says nothing about the accuracy in a new one.
     """
-    from tactile_lab.commands.output import Output, refuse_to_replace
-    from tactile_lab.experiment.journal import write_atomically
     from tactile_lab.experiment.plan import (
         ExperimentError,
         ExperimentPlan,
         format_plan,
         list_order,
     )
+    from tactile_lab.output import Output, refuse_to_replace, write_atomically
 
     plan = ExperimentPlan(
         name=path.stem,
@@ -303,7 +302,7 @@ def _check_labels(plan: 'ExperimentPlan') -> list[str]:
 @experiment.command()
 def status(folder: FolderArgument, as_json: JsonOption = False) -> None:
     """Print how far an experiment is, its set-up, and the corrections of its trials."""
-    from tactile_lab.commands.output import Output
+    from tactile_lab.output import Output
 
     output = Output(as_json)
     _summarise(_find_folder(folder), output)
@@ -379,7 +378,7 @@ def _correct(
     as_json: bool,
     **values: str,
 ) -> None:
-    from tactile_lab.commands.output import Output
+    from tactile_lab.output import Output
 
     attempt = folder.correct(trial, kind, **values)
     output = Output(as_json)

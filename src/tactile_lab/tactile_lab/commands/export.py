@@ -49,7 +49,7 @@ def export(
     import pyarrow.parquet
 
     from tactile_bags import Recording, SourceOptions
-    from tactile_lab.commands.output import Output, refuse_to_replace
+    from tactile_lab.output import Output, refuse_to_replace
 
     output = Output(as_json)
     if file.suffix not in ('.parquet', '.csv'):

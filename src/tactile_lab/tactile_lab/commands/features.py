@@ -67,9 +67,9 @@ def features(
     import numpy as np
 
     from tactile_bags.sources.files import SourceOptions
-    from tactile_lab.commands.output import Output, refuse_to_replace
     from tactile_lab.datasets.feature_tables import open_features
     from tactile_lab.datasets.reading import Reading, select_features
+    from tactile_lab.output import Output, refuse_to_replace
     from tactile_ros.errors import TactileError
 
     output = Output(as_json)

@@ -62,7 +62,7 @@ def import_recordings(
 
     from tactile_bags import Recording, SourceOptions
     from tactile_classifier.datasets.archive import save_archive
-    from tactile_lab.commands.output import Output, refuse_to_replace
+    from tactile_lab.output import Output, refuse_to_replace
 
     output = Output(as_json)
     if archive.suffix != '.npz':

@@ -27,8 +27,7 @@ def repair(
     """
     from tactile_bags.audit import audit_bag, summarise_audits
     from tactile_bags.bag_repair import repair_bag
-    from tactile_lab.commands.output import Output
-    from tactile_lab.commands.replay import print_audits
+    from tactile_lab.output import Output
 
     output = Output(as_json)
     repaired = repair_bag(bag, target)
@@ -38,6 +37,6 @@ def repair(
         output.say(f'{repaired.damage}; the copy holds what could be read')
     audits = audit_bag(target)
     output.say(f'{target}: {repaired.message_count} messages')
-    print_audits(audits, output)
+    output.say_audits(audits)
     output.result({'bag': str(target), **repaired.to_dict(), 'audit': summarise_audits(audits)})
     raise typer.Exit(1 if repaired.damage else 0)

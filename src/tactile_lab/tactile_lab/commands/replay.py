@@ -3,7 +3,6 @@
 
 """`tactile replay`: a recording run again and compared with itself."""
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Optional, TYPE_CHECKING
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
     from tactile_bags.replay import Comparison, TactileResults
     from tactile_bringup.launch_config.graph import NodeDescription
     from tactile_features.config import FeatureConfig
-    from tactile_lab.commands.output import Output
+    from tactile_lab.output import Output
     from tactile_lab.watch.access import WatchOptions
 
 POLL_S = 0.1
@@ -81,7 +80,7 @@ def replay(
     there is one. Then says whether samples of the recording are missing, doubled or out of
     order. With ``--watch`` it first plays the recording in real time on a live page.
     """
-    from tactile_lab.commands.output import Output
+    from tactile_lab.output import Output
     from tactile_lab.watch.access import WatchOptions
 
     output = Output(as_json)
@@ -171,16 +170,7 @@ def print_report(report: ReplayReport, output: 'Output') -> None:
         )
         if comparison.left_out:
             output.say(f'{finger}{name}, not compared: {comparison.left_out}')
-    print_audits(report.audits, output)
-
-
-def print_audits(audits: 'Sequence[Audit]', output: 'Output') -> None:
-    """Print what is missing, doubled or out of order; one line where nothing is."""
-    for audit in audits:
-        if not audit.passed:
-            output.say(f'audit: {audit.format()}')
-        elif not audit.trial_id:
-            output.say(f'audit: {audit.format()}, {audit.rate_hz:.4g} Hz')
+    output.say_audits(report.audits)
 
 
 def replay_and_compare(

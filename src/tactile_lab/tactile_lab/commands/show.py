@@ -14,7 +14,7 @@ from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
     from tactile_bags import Recording, Trial
-    from tactile_lab.commands.output import Output
+    from tactile_lab.output import Output
 
 SHOWN = 20
 """Trials in the terminal's table; JSON has all."""
@@ -63,7 +63,7 @@ def show(
     For a recording: its trials with label, session and length. For a model: its inputs,
     training trials, accuracy on held-out trials, calibration error and limits.
     """
-    from tactile_lab.commands.output import Output
+    from tactile_lab.output import Output
 
     output = Output(as_json)
     if plot is not None and plot.suffix.lower() not in SUFFIXES:

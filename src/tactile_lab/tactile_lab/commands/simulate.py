@@ -21,7 +21,7 @@ from tactile_lab.options import (
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
-    from tactile_lab.commands.output import Output
+    from tactile_lab.output import Output
     from tactile_lab.simulation.simulated_bags import SimulatedBag
     from tactile_lab.simulation.simulated_trials import SimulationPlan
     from tactile_sim.descriptions.catalogue import Catalogue
@@ -122,8 +122,8 @@ def simulate(
     trials = trials or max(1, ALL_TRIALS // sessions)
 
     from tactile_bringup.records import TrialConfig
-    from tactile_lab.commands.cluster import on_cluster
-    from tactile_lab.commands.output import Output
+    from tactile_lab.cluster import on_cluster
+    from tactile_lab.output import Output
     from tactile_lab.simulation.simulated_bags import count_trials
     from tactile_lab.simulation.simulated_trials import SimulationPlan
     from tactile_sim.descriptions.catalogue import Catalogue
@@ -195,7 +195,7 @@ def make_bags(
     from tactile_bags.errors import BagError
     from tactile_bringup.records import TrialConfig
     from tactile_features.config import FeatureConfig
-    from tactile_lab.commands.output import make_output_folder
+    from tactile_lab.output import make_output_folder
     from tactile_lab.simulation.simulated_bags import count_trials, write_simulated_bag
     from tactile_sim.descriptions.catalogue import Catalogue
 

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from tactile_classifier.datasets.dataset import FeatureTable
     from tactile_classifier.evaluation.cross_validation import Evaluation
     from tactile_classifier.model_file.manifest import Manifest
-    from tactile_lab.commands.output import Output
     from tactile_lab.datasets.feature_tables import FeatureTables, RecordingFeatures
+    from tactile_lab.output import Output
 
 
 @dataclass(frozen=True)
@@ -146,11 +146,11 @@ def train(
     training trials as *unknown*. Existing model files are only replaced with --force.
     """
     from tactile_bags.sources.files import SourceOptions
-    from tactile_lab.commands.cluster import on_cluster
-    from tactile_lab.commands.output import Output
+    from tactile_lab.cluster import on_cluster
     from tactile_lab.datasets.automatic_features import AUTO, choose_automatically
     from tactile_lab.datasets.feature_tables import open_features
     from tactile_lab.datasets.reading import Reading
+    from tactile_lab.output import Output
     from tactile_ros.errors import TactileError
 
     output = Output(as_json)
@@ -305,13 +305,13 @@ def train_models(
     from tactile_classifier.training.model_writer import write_model
     from tactile_classifier.training.trainer import train as train_model
     from tactile_features.records import PROTOCOL_TEXTURE
-    from tactile_lab.commands.output import make_output_folder, refuse_to_replace
     from tactile_lab.datasets.tables import (
         accuracy_caption,
         accuracy_table,
         describe_answers,
         tell_warnings,
     )
+    from tactile_lab.output import make_output_folder, refuse_to_replace
 
     paths = {key: model_path(folder, *key) for key in tables}
     refuse_to_replace(paths.values(), force=force)
@@ -372,10 +372,10 @@ def run_recalibrate(
     """
     from tactile_classifier.model_file.model import load_model
     from tactile_classifier.training.model_writer import write_recalibrated
-    from tactile_lab.commands.output import make_output_folder, refuse_to_replace
     from tactile_lab.datasets.feature_tables import open_features
     from tactile_lab.datasets.reading import Reading
     from tactile_lab.datasets.tables import describe_calibration
+    from tactile_lab.output import make_output_folder, refuse_to_replace
     from tactile_ros.errors import TactileError
 
     model = load_model(original)

@@ -76,8 +76,8 @@ def trials(
     """
     from tactile_bringup.launch_config.graph import Ports
     from tactile_bringup.trial_protocols import TrialRequest
-    from tactile_lab.commands.output import Output
     from tactile_lab.experiment.live_rig import open_rig, run_live_trials
+    from tactile_lab.output import Output
 
     output = Output(as_json)
     started = time.strftime('%Y%m%d-%H%M%S')

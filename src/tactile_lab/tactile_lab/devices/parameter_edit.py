@@ -11,7 +11,7 @@ from pathlib import Path
 import yaml
 
 from tactile_bags.yaml_files import load_yaml, read_text
-from tactile_lab.experiment.journal import write_atomically
+from tactile_lab.output import write_atomically
 from tactile_ros.errors import TactileError
 
 MAX_BYTES = 2**20

@@ -17,7 +17,6 @@ from tactile_lab.experiment.journal import (
     note,
     Progress,
     read_journal,
-    write_atomically,
 )
 from tactile_lab.experiment.plan import (
     ExperimentError,
@@ -30,6 +29,7 @@ from tactile_lab.experiment.plan import (
     PlannedTrial,
     read_plan,
 )
+from tactile_lab.output import write_atomically
 from tactile_ros.errors import TactileError
 
 _OWN = {name for each in (PLAN, ORDER, BAGS) for name in (each, f'.{each}.new')}

@@ -23,6 +23,7 @@ from typing import Any, IO, Protocol
 from tactile_bags.errors import BagError
 from tactile_bags.experiment_journal import parse_journal
 from tactile_lab.experiment.plan import ExperimentError, PlannedTrial
+from tactile_lab.output import sync_folder
 from tactile_ros.errors import TactileError
 
 Entry = dict[str, Any]
@@ -159,26 +160,6 @@ def read_journal(path: Path) -> list[Entry]:
         raise ExperimentError(f'cannot read the journal {path}: {error.strerror}') from error
     except BagError as error:
         raise ExperimentError(f'the journal {path}: {error}') from error
-
-
-def write_atomically(path: Path, text: str) -> None:
-    """Replace a file at once, and have it on the disk: there is never half of one."""
-    temporary = path.with_name(f'.{path.name}.new')
-    with temporary.open('w', encoding='utf-8') as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(temporary, path)
-    sync_folder(path.parent)
-
-
-def sync_folder(folder: Path) -> None:
-    """Wait until the names in a folder are on the disk."""
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 @dataclass

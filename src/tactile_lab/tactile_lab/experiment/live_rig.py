@@ -30,12 +30,11 @@ from tactile_classifier.records import ClassificationResult, ModelInfo
 from tactile_classifier.records import Outcome as AnswerOutcome
 from tactile_features.conversions import feature_window_from_msg, strain_block_from_msg
 from tactile_features.records import FeatureWindow, Outcome
-from tactile_lab.commands.output import Output
-from tactile_lab.commands.replay import print_audits
 from tactile_lab.experiment.journal import FAILED, Notes, Progress
 from tactile_lab.experiment.loop import AGAIN, KEEP, TrialLoop, TrialOrder, TrialResult
 from tactile_lab.experiment.plan import ExperimentError, PlannedTrial
 from tactile_lab.experiment.quality import summarise_tension
+from tactile_lab.output import Output
 from tactile_lab.running import open_ports, read_rig_parameters, say_address
 from tactile_lab.watch.access import WatchOptions
 from tactile_lab.watch.watching import watching
@@ -580,7 +579,7 @@ def run_live_trials(
     finally:
         kept = (progress.kept(trial.key) for trial in order)
         live += [bench.trials[attempt.trial_id] for attempt in kept if attempt]
-        print_audits(bench.audits, output)
+        output.say_audits(bench.audits)
     return live
 
 

@@ -19,11 +19,11 @@ from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.model import load_model
 from tactile_features.spec import array_spec, spec_for
-from tactile_lab.commands.output import Output
 from tactile_lab.commands.train import parse_seconds, train_models
 from tactile_lab.datasets.feature_tables import open_features
 from tactile_lab.datasets.reading import Reading
 from tactile_lab.datasets.tables import describe_answers
+from tactile_lab.output import Output
 from tactile_ros.errors import TactileError
 
 

@@ -9,9 +9,9 @@ import pytest
 from tactile_command import ask_tactile, hear_tactile
 
 from tactile_lab.commands.experiment import Terminal
-from tactile_lab.commands.output import Output
 from tactile_lab.experiment.folder import ExperimentFolder
 from tactile_lab.experiment.plan import ExperimentPlan
+from tactile_lab.output import Output
 
 
 @pytest.fixture

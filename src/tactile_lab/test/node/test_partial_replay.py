@@ -19,10 +19,10 @@ from tactile_bringup.launch_config.graph import Ports
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
-from tactile_lab.commands.output import Output
 from tactile_lab.commands.replay import replay_and_compare
 from tactile_lab.datasets.feature_tables import open_features, read_tables
 from tactile_lab.experiment.live_rig import LiveSetup, run_live_trials
+from tactile_lab.output import Output
 from tactile_ros.errors import TactileError
 from tactile_sim.rig_process import SimulatedRig
 from tactile_testing.simulated_rigs import home_fast

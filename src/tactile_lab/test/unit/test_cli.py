@@ -5,6 +5,7 @@
 
 import inspect
 import os
+from pkgutil import iter_modules
 from types import UnionType
 from typing import get_args
 
@@ -12,7 +13,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from tactile_lab import program
+from tactile_lab import commands, program
 from tactile_ros.programs.transports import PROFILES, TRANSPORTS
 
 
@@ -65,6 +66,11 @@ def functions_of(name):
     if isinstance(found, typer.Typer):
         return [command.callback for command in found.registered_commands]
     return [found]
+
+
+def test_each_module_of_commands_is_in_the_table():
+    modules = {f'{commands.__name__}.{m.name}' for m in iter_modules(commands.__path__)}
+    assert modules == {module for module, _ in program.COMMANDS.values()}
 
 
 @pytest.mark.parametrize('name', program.COMMANDS)

@@ -12,13 +12,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 import json
+import os
 from pathlib import Path
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from tactile_ros.errors import TactileError
+
+if TYPE_CHECKING:
+    from tactile_bags.audit import Audit
 
 
 class Output:
@@ -38,6 +42,14 @@ class Output:
     def say(self, text: Any = '', *, plain: bool = False) -> None:
         """Print a line or a table for people; ``plain``: square brackets are no markup."""
         self._out.print(text, highlight=False, soft_wrap=isinstance(text, str), markup=not plain)
+
+    def say_audits(self, audits: Iterable[Audit]) -> None:
+        """Print what is missing, doubled or out of order; one line where nothing is."""
+        for audit in audits:
+            if not audit.passed:
+                self.say(f'audit: {audit.format()}')
+            elif not audit.trial_id:
+                self.say(f'audit: {audit.format()}, {audit.rate_hz:.4g} Hz')
 
     def result(self, document: dict[str, Any]) -> None:
         """Print the result's JSON, when it is wanted."""
@@ -90,3 +102,23 @@ def make_output_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise TactileError(f'cannot make the folder {folder}: {error.strerror}') from error
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Replace a file at once, and have it on the disk: there is never half of one."""
+    temporary = path.with_name(f'.{path.name}.new')
+    with temporary.open('w', encoding='utf-8') as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(temporary, path)
+    sync_folder(path.parent)
+
+
+def sync_folder(folder: Path) -> None:
+    """Wait until the names in a folder are on the disk."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
