@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 import dataclasses
 import math
 
@@ -99,7 +100,7 @@ class NoveltyMeasure:
         """
         classes, owner = np.unique(labels, return_inverse=True)
         spaces = spaces or Spaces.fit(values, labels)
-        transform = {'plain': spaces.plain, 'scaled': spaces.scaled}.get(metric, spaces.within)
+        transform = spaces.find(metric)
         rows = values - spaces.centre
         references, whitened = _project(rows, transform), rows @ spaces.within
         each = [owner == i for i in range(len(classes))]
@@ -122,12 +123,9 @@ class NoveltyMeasure:
         to_label = _squares(rows @ self.within, self.means).min(axis=1)
         to_all = ((rows @ self.total) ** 2).sum(axis=1)
         if self.metric == RELATIVE:
-            excess = (to_label - to_all) / (2 * values.shape[1])
-            return np.asarray(excess + np.sqrt(1.0 + excess**2))
+            return _relate(to_label, to_all, values.shape[1])
         squares = _squares(_project(rows, self.transform), self.references)
-        nearest = squares.argmin(axis=1)
-        distance = np.sqrt(squares[np.arange(len(squares)), nearest]) / self.scale[nearest]
-        return np.asarray(distance * np.sqrt(to_label / np.maximum(to_all, NEAREST_TO_ALL)))
+        return _multiply(squares, self.scale, to_label, to_all)
 
 
 NEAREST_TO_ALL = 1e-6
@@ -158,12 +156,22 @@ class Spaces:
         total = _whiten(values - centre, scale)
         return cls(centre, varies.astype(np.float64), scale, within, total)
 
-    def without_labels(self, values: Matrix) -> Spaces:
-        """Return the spaces with the mean and the covariance of all from these trials alone."""
-        centre = values.mean(axis=0)
-        return dataclasses.replace(
-            self, centre=centre, total=_whiten(values - centre, self.scaled)
-        )
+    def find(self, metric: str) -> Matrix:
+        """Return the transform to the space of the distance to trials."""
+        return {'plain': self.plain, 'scaled': self.scaled}.get(metric, self.within)
+
+
+def _multiply(squares: Matrix, scale: Matrix, to_label: Matrix, to_all: Matrix) -> Matrix:
+    """Return the novelty of `NoveltyMeasure` from squared distances."""
+    nearest = squares.argmin(axis=1)
+    distance = np.sqrt(squares[np.arange(len(squares)), nearest]) / scale[nearest]
+    return np.asarray(distance * np.sqrt(to_label / np.maximum(to_all, NEAREST_TO_ALL)))
+
+
+def _relate(to_label: Matrix, to_all: Matrix, features: int) -> Matrix:
+    """Return the novelty of the metric `RELATIVE` from squared distances."""
+    excess = (to_label - to_all) / (2 * features)
+    return np.asarray(excess + np.sqrt(1.0 + excess**2))
 
 
 def choose_metric(values: Matrix, labels: npt.NDArray[np.str_], fold: Indices) -> str:
@@ -180,23 +188,18 @@ def choose_metric(values: Matrix, labels: npt.NDArray[np.str_], fold: Indices) -
     """
     classes = np.unique(labels)
     is_small = values.shape[1] <= MOST_FEATURES
-    metrics = METRICS if is_small else tuple(m for m in METRICS if m != RELATIVE)
+    metrics = METRICS if is_small else METRICS[:-1]
     areas: dict[str, list[list[float]]] = {m: [[] for _ in classes] for m in metrics}
     for i in np.unique(fold):
         inside, outside = fold != i, fold == i
-        if not inside.any():
-            continue
-        spaces = Spaces.fit(values[inside], labels[inside])
-        for c, label in enumerate(classes):
-            known, is_new = inside & (labels != label), labels[outside] == label
-            if is_new.all() or not is_new.any() or not (inside & ~known).any() or not known.any():
-                continue
-            those = spaces.without_labels(values[known]) if is_small else spaces
-            for metric, found in areas.items():
-                measure = NoveltyMeasure.fit(
-                    values[known], labels[known], fold[known], metric, those
-                )
-                found[c].append(compute_auroc(is_new, measure.compute(values[outside])))
+        for label, novelty in _leave_labels_out(
+            values[inside], labels[inside], fold[inside], values[outside], metrics
+        ):
+            is_new = labels[outside] == label
+            if is_new.any() and not is_new.all():
+                for metric, found in areas.items():
+                    area = compute_auroc(is_new, novelty[metric])
+                    found[int(np.searchsorted(classes, label))].append(area)
     means = {m: np.array([np.mean(each) for each in found if each]) for m, found in areas.items()}
     count = len(means[METRICS[0]])
     if count < 2:
@@ -204,6 +207,47 @@ def choose_metric(values: Matrix, labels: npt.NDArray[np.str_], fold: Indices) -
     best = max(metrics, key=lambda metric: means[metric].mean())
     gain = means[best] - means[METRICS[0]]
     return best if gain.mean() > gain.std(ddof=1) / np.sqrt(count) else METRICS[0]
+
+
+def _leave_labels_out(
+    values: Matrix,
+    labels: npt.NDArray[np.str_],
+    fold: Indices,
+    windows: Matrix,
+    metrics: Sequence[str],
+) -> Iterator[tuple[str, dict[str, Matrix]]]:
+    """Yield each label of a training, and the novelties of windows by metric without its trials.
+
+    The covariance within labels keeps them: it is about the same for all.
+    """
+    classes = np.unique(labels)
+    if len(classes) < 2:
+        return
+    spaces = Spaces.fit(values, labels)
+    measures = {
+        m: NoveltyMeasure.fit(values, labels, fold, m, spaces) for m in metrics if m != RELATIVE
+    }
+    rows = windows - spaces.centre
+    squares = {
+        m: _squares(_project(rows, measure.transform), measure.references)
+        for m, measure in measures.items()
+    }
+    to_labels = _squares(rows @ spaces.within, measures[METRICS[0]].means)
+    for label in classes:
+        known = labels != label
+        to_label = to_labels[:, classes != label].min(axis=1)
+        total, centre = spaces.total, spaces.centre
+        if RELATIVE in metrics:
+            centre = values[known].mean(axis=0)
+            total = _whiten(values[known] - centre, spaces.scaled)
+        to_all = (((windows - centre) @ total) ** 2).sum(axis=1)
+        novelty = {
+            m: _multiply(squares[m][:, known], measure.scale[known], to_label, to_all)
+            for m, measure in measures.items()
+        }
+        if RELATIVE in metrics:
+            novelty[RELATIVE] = _relate(to_label, to_all, values.shape[1])
+        yield str(label), novelty
 
 
 def compute_auroc(is_new: npt.NDArray[np.bool_], novelty: Matrix) -> float:
