@@ -63,7 +63,7 @@ def use(python: Path, folder: Path) -> None:
     run([tactile, '--help'], folder)
     simulate = [tactile, 'simulate', 'texture', '--output', bag.parent, '--contact', 'flexion']
     run([*simulate, '--trials', '6', '--sessions', '2', '--jobs', '1', '--json'], folder)
-    run([tactile, 'train', bag, '--output', model.parent, '--json'], folder)
+    run([tactile, 'train', bag, '--output', model.parent, '--classifier', 'knn', '--json'], folder)
     told = run([tactile, 'evaluate', bag, '--repetitions', '1', '--json'], folder)
     if json.loads(told)['sets'][0]['trials'] != 96:
         raise SystemExit('evaluate did not count the 96 trials that were simulated')

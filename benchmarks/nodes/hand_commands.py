@@ -44,7 +44,7 @@ def make_models(folder: Path) -> Path:
     for protocol in ('texture', 'stiffness'):
         _run(('simulate', protocol, '-o', str(folder / 'bags'), '--trials', '6', '--jobs', '1'))
     bags = [str(bag) for bag in sorted((folder / 'bags').iterdir())]
-    _run(('train', *bags, '-o', str(folder / 'models')))
+    _run(('train', *bags, '-o', str(folder / 'models'), '--classifier', 'knn'))
     return folder / 'models'
 
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from tactile_classifier.datasets.dataset import FeatureTable
     from tactile_classifier.evaluation.cross_validation import Evaluation
     from tactile_classifier.model_file.manifest import Manifest
+    from tactile_classifier.training.feature_choice import FeatureChoice
     from tactile_lab.datasets.feature_tables import FeatureTables, RecordingFeatures
     from tactile_lab.output import Output
 
@@ -39,6 +40,7 @@ class TrainedModel:
             'path': str(self.path),
             'model_id': self.model_id,
             'evaluation': self.evaluation.to_dict(),
+            'choice': self.manifest.cross_validation.get('choice'),
             'parts': [asdict(part) for part in self.manifest.stages],
             'calibration': describe_calibration(self.manifest),
             'false_alarm_rate': self.manifest.false_alarm_rate,
@@ -53,18 +55,19 @@ def train(
     ],
     task: options.TaskOption = None,
     classifier: Annotated[
-        str,
+        Optional[str],
         typer.Option(
             **options.choice('knn', 'svm_linear', 'svm_rbf', 'tree', 'rocket'),
-            help='Which one goes into the model file.',
+            help='Which one goes into the model file. Default: the folds choose features, '
+            'classifier and scaling. With one of these, features are the recorded ones.',
         ),
-    ] = 'knn',
+    ] = None,
     scaling: Annotated[
         Optional[str],
         typer.Option(
             **options.choice('standard', 'none'),
-            help='Scaling in the model file. Default: none for texture, whose features share '
-            'one unit; standard for stiffness, whose features do not.',
+            help='Scaling in the model file. Default: chosen by the folds; with --classifier '
+            'none for texture, whose features share one unit, standard for stiffness.',
         ),
     ] = None,
     false_alarm_rate: Annotated[
@@ -106,9 +109,16 @@ def train(
     features: Annotated[
         Optional[str],
         typer.Option(
-            help='Sets of features instead of the recorded ones, as in --features '
-            'glide_waveform,hold_waveform; the classifier rocket needs these. With auto, set and '
-            'classifier are chosen inside the folds.'
+            help='Sets of features, as in --features glide_waveform,hold_waveform; the '
+            'classifier rocket needs these. Default, and with auto: chosen by the folds; the '
+            'recorded ones with --classifier, --over, --detrend or --partial.'
+        ),
+    ] = None,
+    group: Annotated[
+        Optional[str],
+        typer.Option(
+            help='Choose by holding out each group of trials that agree in these columns. '
+            'Default: session_id where there are several, else random folds.'
         ),
     ] = None,
     force: Annotated[
@@ -137,10 +147,10 @@ def train(
     cluster: options.ClusterOption = '',
     as_json: options.JsonOption = False,
 ) -> None:
-    """Fit the four classifiers, cross-validate them, write a model file.
+    """Choose features and classifier by the folds, write a model file.
 
-    Prints the accuracy of six-fold cross-validation, repeated ten times, for all four
-    classifiers with and without scaling. One ONNX file is written for each task and
+    Also prints the accuracy of six-fold cross-validation, repeated ten times, for the paper's
+    four classifiers with and without scaling. One ONNX file is written for each task and
     kind of contact in the recordings. Its scores are calibrated probabilities, or raw where
     calibration was worse in both of two sessions. It classifies windows that differ from all
     training trials as *unknown*. Existing model files are only replaced with --force.
@@ -157,7 +167,18 @@ def train(
     if recalibrate is not None:
         run_recalibrate(recalibrate, recordings, folder, output, force=force)
         return
-    automatic = features == AUTO
+    if features == AUTO and classifier:
+        raise TactileError('--features auto chooses the classifier: leave --classifier out')
+    if group and classifier:
+        raise TactileError('--group is for the choice of a classifier: leave --classifier out')
+    seconds = parse_seconds(partial)
+    if seconds and (over or features == AUTO):
+        raise TactileError(
+            'features over distance have no early predictions, and so --features auto has none: '
+            'leave --partial out'
+        )
+    stated = bool(classifier or over or detrend or seconds)
+    automatic = features == AUTO or not (features or stated)
     if features and not automatic:
         _check_sets(features)
     reading = Reading(
@@ -176,13 +197,7 @@ def train(
         column, rate_hz, unit, label, label_from, labels, topic, field, separator, decimal,
         header_rows,
     )  # fmt: skip
-    seconds = parse_seconds(partial)
     reading.choose_fields()  # refuses options that do not go together, before the work
-    if seconds and (over or automatic):
-        raise TactileError(
-            'features over distance have no early predictions, and so --features auto has none: '
-            'leave --partial out'
-        )
     with (
         on_cluster(cluster),
         open_features(recordings, reading, statements, folds=folds) as source,
@@ -200,15 +215,33 @@ def train(
             seed=seed,
             force=force,
         )
-        if automatic:
-            say = functools.partial(output.say, plain=True)
-            trained = []
-            for key, each in choose_automatically(source, folds, seed, say).items():
-                _, named, scaled = each.candidate
-                trained += write({key: each.table}, classifier=named, scaling=scaled)
-        else:
+        if classifier:
             found = read_with_progress(source, output)
             trained = write(found.tables, classifier=classifier, scaling=scaling)
+        else:
+            if not automatic:
+                read_with_progress(source, output)
+            said: list[str] = []
+            with output.progress('choosing features and classifier') as show:
+                chosen = choose_automatically(
+                    source,
+                    folds,
+                    seed,
+                    said.append,
+                    [name.strip() for name in (group or 'session_id').split(',')],
+                    any_set=automatic,
+                    must_hold_out=bool(group),
+                    scaling=scaling or '',
+                    progress=show,
+                )
+            for sentence in said:
+                output.say(sentence, plain=True)
+            trained = []
+            for key, each in chosen.items():
+                _, named, scaled = each.candidate
+                trained += write(
+                    {key: each.table}, classifier=named, scaling=scaled, choice=each.choice
+                )
     output.result({'models': [model.to_dict() for model in trained]})
 
 
@@ -271,6 +304,7 @@ def train_models(
     output: 'Output',
     classifier: str = 'knn',
     scaling: Optional[str] = None,
+    choice: 'Optional[FeatureChoice]' = None,
     false_alarm_rate: float = 0.05,
     partial_seconds: Sequence[float] = (),
     stop_error_rate: float = 0.05,
@@ -346,6 +380,7 @@ def train_models(
             false_alarm_rate=false_alarm_rate,
             stop_error_rate=stop_error_rate,
             score=evaluation.score(classifier, chosen),
+            choice=choice,
         )
         model = write_model(paths[key], trained)
         for sentence in describe_answers(trained.manifest):

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`--features auto`: set of features and classifier, chosen inside the folds."""
+"""Set of features, classifier and scaling, chosen inside the folds."""
 
 from __future__ import annotations
 
@@ -15,11 +15,14 @@ import numpy as np
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import grouped_split, Split, stratified_split
 from tactile_classifier.errors import DatasetError, EvaluationError
+from tactile_classifier.evaluation.plans import run_plans
 from tactile_classifier.training.feature_choice import (
     Candidate,
     CandidateScore,
-    choose_candidate,
+    ChoicePlan,
     FeatureChoice,
+    INNER_REPEATS,
+    MANY_TRIALS,
 )
 from tactile_features.feature_sets.registry import list_feature_sets
 from tactile_features.records import PHASE_GLIDE, PHASE_HOLD
@@ -47,8 +50,13 @@ def choose_automatically(
     random_state: int,
     say: Say,
     columns: Sequence[str] = ('session_id',),
+    *,
+    any_set: bool = True,
+    must_hold_out: bool = False,
+    scaling: str = '',
+    progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> dict[Key, Chosen]:
-    """Choose set of features and classifier for each task and contact, and say why.
+    """Choose set of features, classifier and scaling for each task and contact, and say why.
 
     The contacts of a task share a set: that whose best classifiers have the highest mean accuracy.
     Where trials to train on are stated, these alone choose.
@@ -61,19 +69,30 @@ def choose_automatically(
         Takes each sentence on the choice.
     columns : sequence of str
         What each fold holds out.
+    any_set : bool
+        False: the set of features is the stated or recorded one.
+    must_hold_out : bool
+        True: random folds are no substitute.
+    scaling : str
+        The only one that is tried; empty: all.
+    progress : callable
+        ``progress(done, total)`` after each part of the work.
     """
     reading = features.reading
-    tables = _read_all(features, say)
-    choices = {}
-    for key, found in tables.items():
+    tables = _read_all(features, say) if any_set else _read_stated(features)
+    plans = []
+    for found in tables.values():
         parts = {name: reading.training(table) for name, table in found.items()}
-        split = _divide(parts, columns, folds, random_state)
-        choices[key] = choose_candidate(parts, split, random_state)
+        split = _divide(parts, columns, folds, random_state, must_hold_out=must_hold_out)
+        plans.append(ChoicePlan(parts, split, random_state, scaling))
+    choices: dict[Key, FeatureChoice] = dict(
+        zip(tables, run_plans(plans, -1, progress), strict=True)
+    )
     of_these = f'; chosen on trials with {reading.train_where}' if reading.train_where else ''
     picked = {}
     for key, choice in choices.items():
         same = [other for another, other in choices.items() if another[0] == key[0]]
-        shared = [name for name in tables[key] if all(_find_best(each, name) for each in same)]
+        shared = [name for name in tables[key] if all(each.find_best(name) for each in same)]
         name = max(shared, key=lambda n: sum(_best(each, n).accuracy for each in same))
         kind = name_table(key, tables[key][name])
         say(f'{kind}: {describe_choice(choice, name)}{of_these}')
@@ -87,16 +106,20 @@ def describe_choice(choice: FeatureChoice, name: str) -> str:
     The accuracy of the best on the folds that chose it is too good on average, and not told.
     """
     best = _best(choice, name)
-    picks = sum(count for candidate, count in choice.picks if candidate[0] == name)
-    folds = sum(count for _, count in choice.picks)
+    several = len({score.candidate.feature_set for score in choice.ranking}) > 1
+    same = [
+        count
+        for candidate, count in choice.picks
+        if candidate == best.candidate or (several and candidate.feature_set == name)
+    ]
     text = (
-        f'{name_candidate(best.candidate)}; {tell_nested(choice)}; {picks} of {folds} folds '
-        'choose this set, too'
+        f'{name_candidate(best.candidate)}; {tell_nested(choice)}; {sum(same)} of '
+        f'{sum(count for _, count in choice.picks)} folds choose this '
+        f'{"set" if several else "classifier"}, too'
     )
-    others = [score for score in choice.ranking if score.candidate[0] != name]
-    if not others:
+    other = choice.find_runner_up(best.candidate)
+    if other is None:
         return text
-    other = others[0]
     points = 100 * (other.accuracy - best.accuracy)
     return (
         f'{text}; the runner-up is {name_candidate(other.candidate)}: {points:+.1f} points, and '
@@ -104,25 +127,34 @@ def describe_choice(choice: FeatureChoice, name: str) -> str:
     )
 
 
-def _find_best(choice: FeatureChoice, name: str) -> CandidateScore | None:
-    return next((score for score in choice.ranking if score.candidate[0] == name), None)
-
-
 def _best(choice: FeatureChoice, name: str) -> CandidateScore:
-    found = _find_best(choice, name)
+    found = choice.find_best(name)
     assert found is not None
     return found
 
 
 def _divide(
-    tables: Mapping[str, FeatureTable], columns: Sequence[str], folds: int, random_state: int
+    tables: Mapping[str, FeatureTable],
+    columns: Sequence[str],
+    folds: int,
+    random_state: int,
+    *,
+    must_hold_out: bool,
 ) -> Split:
     table = next(iter(tables.values()))
     try:
         return grouped_split(table, columns)
     except (DatasetError, EvaluationError):  # one session only, or none is stated
+        if must_hold_out:
+            raise
         fewest = int(np.unique(table.labels, return_counts=True)[1].min())
-        return stratified_split(table, max(2, min(folds, fewest)), 1, random_state)
+        repeats = INNER_REPEATS if len(table) <= MANY_TRIALS else 1
+        return stratified_split(table, max(2, min(folds, fewest)), repeats, random_state)
+
+
+def _read_stated(features: RecordingFeatures) -> dict[Key, dict[str, FeatureTable]]:
+    found = features.tables().tables
+    return {key: {table.spec.feature_set: table} for key, table in found.items()}
 
 
 def _read_all(features: RecordingFeatures, say: Say) -> dict[Key, dict[str, FeatureTable]]:

@@ -349,7 +349,8 @@ def test_train_and_evaluate_take_what_import_takes(tmp_path, long_table):
     import_json(tmp_path, long_table)
     (found,) = ask_tactile('evaluate', tmp_path / 'imported.npz', *common)['sets']
     means = [score['mean'] for score in found['evaluations'][0]['scores']]
-    (trained,) = ask_tactile('train', long_table, '-o', tmp_path / 'models', *common)['models']
+    to = ('-o', tmp_path / 'models', '--classifier', 'knn')
+    (trained,) = ask_tactile('train', long_table, *to, *common)['models']
     assert [s['mean'] for s in trained['evaluation']['scores']] == means
     model = load_model(tmp_path / 'models' / 'stiffness.onnx')
     assert model.model_id == trained['model_id']

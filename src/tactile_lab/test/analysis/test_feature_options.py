@@ -28,15 +28,41 @@ def bag(tmp_path_factory):
     return folder / 'texture_flexion'
 
 
-def test_automatic_features_are_chosen_and_the_runner_up_is_named(bag, tmp_path):
-    said = hear_tactile('train', bag, '-o', tmp_path, '--features', 'auto', *CHEAP)
+def test_train_chooses_features_and_classifier_and_names_the_runner_up(bag, tmp_path):
+    said = hear_tactile('train', bag, '-o', tmp_path, *CHEAP)
     assert 'times the time of training and tests' in said
-    name = load_model(tmp_path / 'texture_flexion.onnx').spec.feature_set
+    model = load_model(tmp_path / 'texture_flexion.onnx')
     evaluated = hear_tactile('evaluate', bag, '--features', 'auto', *CHEAP)
     for text in (said, evaluated):
-        assert f'texture, flexion: {name} with' in text
+        assert f'texture, flexion: {model.spec.feature_set} with' in text
         assert 'with set and classifier chosen inside the folds (one session held out' in text
         assert 'the runner-up is' in text
+    stated = model.manifest.cross_validation['choice']
+    assert stated['split'] == 'one session held out'
+    assert f'{100 * stated["accuracy"]:.1f} %' in said
+    assert stated['candidates'] == 16  # two sets of features, and two waveforms
+
+
+def test_a_stated_set_leaves_the_classifier_to_the_folds(bag, tmp_path):
+    stated = ('--features', 'texture_spectrum', '--scaling', 'standard')
+    hear_tactile('train', bag, '-o', tmp_path, *stated, '--group', 'mounting', *CHEAP)
+    manifest = load_model(tmp_path / 'texture_flexion.onnx').manifest
+    assert manifest.spec.feature_set == 'texture_spectrum'
+    assert manifest.cross_validation['choice']['candidates'] == 4
+    assert manifest.cross_validation['choice']['split'] == 'one mounting held out'
+
+
+@pytest.mark.parametrize(
+    ('options', 'refusal'),
+    [
+        (('--group', 'bag'), 'all trials have the same bag'),
+        (('--group', 'session_id', '--classifier', 'knn'), '--group is for the choice'),
+        (('--features', 'auto', '--classifier', 'knn'), 'leave --classifier out'),
+    ],
+)
+def test_what_leaves_nothing_to_choose_is_refused(bag, tmp_path, options, refusal):
+    assert refusal in hear_tactile('train', bag, '-o', tmp_path, *options, *CHEAP, code=2)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_named_waveform_goes_into_a_model_of_random_convolutions(bag, tmp_path):

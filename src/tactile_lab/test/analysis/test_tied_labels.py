@@ -13,6 +13,7 @@ from tactile_lab.datasets.feature_tables import read_tables
 from tactile_lab.experiment.folder import ExperimentFolder
 from tactile_lab.experiment.plan import ExperimentPlan
 
+KNN = ('--classifier', 'knn')
 OPTIONS = ('--folds', '2', '--repetitions', '1')
 SENTENCE = 'session and label coincide for 5 of 5 labels'
 
@@ -41,7 +42,7 @@ def test_tied_labels_are_told_in_terminal_json_and_report(tied_bag, tmp_path):
 
 def test_tied_labels_are_told_at_training(tied_bag, tmp_path):
     pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
-    done = tactile('train', tied_bag, '-o', tmp_path, *OPTIONS, '--json')
+    done = tactile('train', tied_bag, '-o', tmp_path, *KNN, *OPTIONS, '--json')
     assert SENTENCE in done.stderr
     (model,) = json.loads(done.stdout)['models']
     assert any(SENTENCE in warning for warning in model['evaluation']['warnings'])
@@ -83,5 +84,7 @@ def test_an_experiment_is_read_without_the_trials_that_do_not_count(
         'one mounting held out',
     ]
     pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
-    (model,) = ask_tactile('train', folder.path, '-o', tmp_path / 'models', *OPTIONS)['models']
+    (model,) = ask_tactile('train', folder.path, '-o', tmp_path / 'models', *KNN, *OPTIONS)[
+        'models'
+    ]
     assert model['evaluation']['trials'] == evaluated['trials'] == 14

@@ -66,7 +66,7 @@ def test_model_answers_partial_windows_and_no_file_is_replaced_unasked(bag, tmp_
 
 @pytest.mark.parametrize('detrend', ['none', 'mean', 'linear'])
 def test_a_model_states_how_its_spectra_were_detrended(bag, tmp_path, detrend):
-    quick = ('--folds', 3, '--repetitions', 1, '--partial', 1)
+    quick = ('--folds', 3, '--repetitions', 1, '--partial', 1, '--classifier', 'knn')
     said = hear_tactile('train', bag, '-o', tmp_path, '--detrend', detrend, *quick)
     assert f'spectrum_detrend {detrend}' in said
     model = load_model(tmp_path / 'texture_flexion.onnx')

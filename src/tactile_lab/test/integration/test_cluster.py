@@ -52,6 +52,7 @@ def test_two_workers_give_the_bits_of_one_process(address, tmp_path):
     told = []
     for folder, where in (('here', ()), ('there', ('--cluster', address))):
         options = ['-o', tmp_path / folder, '--folds', 2, '--repetitions', 1, '--json']
+        options += ['--classifier', 'knn']
         (model,) = json.loads(run('train', bag, *options, *where))['models']
         told.append(model['evaluation'])
     assert told[0] == told[1]
