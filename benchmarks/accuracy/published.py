@@ -82,6 +82,9 @@ def _drive(error_m: float) -> str:
     return f'variation: {{trial: {{tendon_zero_m: {error_m:g}}}}}'
 
 
+QUIET = 'load_cell: {noise_n: 0.0004}'
+
+
 BASE = Setting('base: each mounted once, mean removed, N, gamma scale, not scaled')
 HOLDS = replace(BASE, tasks=('stiffness',))
 SETTINGS = (
@@ -93,7 +96,8 @@ SETTINGS = (
     replace(HOLDS, name='drive repeats to 3.5 um', rig=_drive(3.5e-6)),
     replace(HOLDS, name='drive repeats to 1.75 um', rig=_drive(1.75e-6)),
     replace(HOLDS, name='drive repeats exactly', rig=_drive(0.0)),
-    replace(HOLDS, name='sensor noise 0.4 mN (a tenth)', rig='load_cell: {noise_n: 0.0004}'),
+    replace(HOLDS, name='sensor noise 0.4 mN (a tenth)', rig=QUIET),
+    replace(HOLDS, name='drive 1.75 um, noise 0.4 mN', rig=f'{_drive(1.75e-6)}\n{QUIET}'),
 )
 
 

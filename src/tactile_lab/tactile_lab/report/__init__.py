@@ -1,4 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The evaluation of recordings as one page: analyses, figures, HTML."""
+"""The evaluation of recordings as one page.
+
+- `recordings`, `analysis`, `answers`: sets of trials and their results, without matplotlib.
+- `summary`, `significance`, `published`: results in words, the last beside the paper's.
+- `drawings`, `svg`: figures with text alternatives.
+- `build`, `provenance`: the HTML file, from the templates of the folder ``templates``.
+"""
