@@ -10,6 +10,8 @@ from typing import Any
 
 _HOMES = {
     'AUDIT': 'recorded_topics',
+    'Audit': 'audit',
+    'BagError': 'errors',
     'BagMessage': 'bag_reader',
     'BagWriter': 'bag_writer',
     'CLASSIFICATION': 'recorded_topics',
@@ -39,8 +41,11 @@ _HOMES = {
     'TactileBag': 'bag_reader',
     'Trial': 'trial',
     'WRENCH': 'recorded_topics',
+    'audit_bag': 'audit',
     'join_topic': 'recorded_topics',
     'message_store': 'recorded_topics',
+    'repair_bag': 'bag_repair',
+    'replay_through_core': 'replay',
 }
 
 __all__ = sorted(_HOMES)

@@ -30,7 +30,7 @@ MAX_GAPS = 10_000
 """Gaps that are remembered, for samples that come late after all."""
 
 
-class SampleRun(NamedTuple):
+class _SampleRun(NamedTuple):
     """A block of samples without their values, or a part of one."""
 
     stamp_ns: int
@@ -43,7 +43,7 @@ class SampleRun(NamedTuple):
     def stamp_of(self, i: int) -> int:
         return self.stamp_ns + i * self.period_ns
 
-    def part(self, begin: int, end: int) -> SampleRun:
+    def part(self, begin: int, end: int) -> _SampleRun:
         """Return the samples from ``begin`` up to but not with ``end``."""
         return self._replace(
             stamp_ns=self.stamp_of(begin),
@@ -59,7 +59,7 @@ class SampleRun(NamedTuple):
         return min(self.size, max(0, (stamp_ns - self.stamp_ns) // self.period_ns + 1))
 
 
-class StreamCounts:
+class _StreamCounts:
     """Goes along a stream of runs and counts what is missing, doubled, late."""
 
     def __init__(self) -> None:
@@ -73,13 +73,13 @@ class StreamCounts:
         self._span_ns = self._steps = 0
         self._segment: tuple[int, int] | None = None
 
-    def follow(self, before: SampleRun) -> None:
+    def follow(self, before: _SampleRun) -> None:
         """Begin behind this run, which does not count itself."""
         self._next = before.sequence + before.size
         self._status = before.status
         self.end_ns = before.stamp_of(before.size - 1)
 
-    def stop_before(self, after: SampleRun) -> None:
+    def stop_before(self, after: _SampleRun) -> None:
         """End before this run, which does not count itself."""
         if self._next is not None and after.sequence > self._next:
             self._lose(after.sequence - self._next, after.sequence)
@@ -92,7 +92,7 @@ class StreamCounts:
         if sequence > self._next:
             self._missing.append((self._next, sequence))
 
-    def add(self, run: SampleRun) -> None:
+    def add(self, run: _SampleRun) -> None:
         if self._next is not None and run.sequence < self._next:
             if run.stamp_ns <= self.end_ns:
                 self._take_late(run)
@@ -102,7 +102,7 @@ class StreamCounts:
             self._next = None
         self._take_new(run)
 
-    def _take_late(self, run: SampleRun) -> None:
+    def _take_late(self, run: _SampleRun) -> None:
         """Take a run whose numbers have been passed: late, again, or partly new."""
         assert self._next is not None
         old = min(run.size, self._next - run.sequence)
@@ -129,7 +129,7 @@ class StreamCounts:
             self._missing = deque(left, maxlen=MAX_GAPS)
         return filled
 
-    def _take_new(self, run: SampleRun) -> None:
+    def _take_new(self, run: _SampleRun) -> None:
         if self._next is not None:
             # What the driver knows of may be more than the numbering shows.
             self._lose(max(run.sequence - self._next, run.lost_before), run.sequence)
@@ -177,32 +177,32 @@ MAX_STEPS = 100
 """Most clock steps within `EVENT_DELAY_S` that are kept for events that come late."""
 
 
-class Unstepped(NamedTuple):
+class _Unstepped(NamedTuple):
     """A run of samples in stream time.
 
     Attributes
     ----------
-    run : SampleRun
+    run : _SampleRun
     shift_ns : int
         Its stamps are those of the run plus this [ns].
     step_ns : int
         Clock step between the sample before and its first one [ns]; 0: none.
     """
 
-    run: SampleRun
+    run: _SampleRun
     shift_ns: int
     step_ns: int
 
 
-class SpanCounts:
+class _SpanCounts:
     """Sample counts of a span of the stream, and the clock steps within it."""
 
     def __init__(self) -> None:
-        self.counts = StreamCounts()
+        self.counts = _StreamCounts()
         self.steps = self.first_step_ns = 0
         self.start_shift_ns = self.end_shift_ns = 0
 
-    def add(self, unstepped: Unstepped) -> None:
+    def add(self, unstepped: _Unstepped) -> None:
         """Count the next run."""
         if not self.counts.samples:
             self.start_shift_ns = unstepped.shift_ns
@@ -213,7 +213,7 @@ class SpanCounts:
         self.counts.add(unstepped.run)
 
 
-class HostClock:
+class _HostClock:
     """Converts stamps to stream time: the host's clock as if it had never been set.
 
     Only so can samples before and after a clock step be compared and kept in one order.
@@ -221,10 +221,10 @@ class HostClock:
 
     def __init__(self) -> None:
         self._shift_ns = 0
-        self._last: SampleRun | None = None  # as stamped; late ones left out
+        self._last: _SampleRun | None = None  # as stamped; late ones left out
         self._past: deque[tuple[int, int]] = deque(maxlen=MAX_STEPS)  # end, shift before it
 
-    def take(self, run: SampleRun) -> Unstepped:
+    def take(self, run: _SampleRun) -> _Unstepped:
         """Return the next run in stream time."""
         last = self._last
         step_ns = 0
@@ -235,7 +235,7 @@ class HostClock:
             self._past.append((run.stamp_ns - self._shift_ns - step_ns, self._shift_ns))
             self._shift_ns += step_ns
         stamp_ns = run.stamp_ns - self._shift_ns
-        return Unstepped(run._replace(stamp_ns=stamp_ns), self._shift_ns, step_ns)
+        return _Unstepped(run._replace(stamp_ns=stamp_ns), self._shift_ns, step_ns)
 
     def time_of_event(self, stamp_ns: int, latest_ns: int | None) -> int:
         """Return the stamp of an event in stream time.
@@ -251,7 +251,7 @@ class HostClock:
         return min((stamp_ns - s for s in shifts_ns), key=lambda t: abs(t - latest_ns))
 
 
-def _is_late(run: SampleRun, last: SampleRun) -> bool:
+def _is_late(run: _SampleRun, last: _SampleRun) -> bool:
     """Return whether a run has numbers that have been passed, and the stamps that fit them."""
     if run.sequence >= last.sequence + last.size:
         return False
@@ -260,7 +260,7 @@ def _is_late(run: SampleRun, last: SampleRun) -> bool:
     return error_ns < CLOCK_STEP_S * 1e9 + RATE_TOLERANCE * abs(elapsed_ns)
 
 
-def _clock_step(run: SampleRun, last: SampleRun) -> int:
+def _clock_step(run: _SampleRun, last: _SampleRun) -> int:
     """Return by how much the host's clock was set between two runs [ns]; 0: it was not."""
     is_marked = run.status & ~last.status & StrainStatus.CLOCK_STEP
     is_behind = run.stamp_ns < last.stamp_of(last.size - 1) - round(CLOCK_STEP_S * 1e9)
@@ -271,7 +271,7 @@ def _clock_step(run: SampleRun, last: SampleRun) -> int:
     return run.stamp_ns - last.stamp_of(steps)
 
 
-class TrialCounts:
+class _TrialCounts:
     """A trial under way, or one that waits for its samples; counts those that it is given.
 
     All times are in stream time.
@@ -281,11 +281,11 @@ class TrialCounts:
         self.trial_id = trial_id
         self.start_ns = self.end_ns = stamp_ns
         self.is_over = self.is_too_late = False
-        self.span = SpanCounts()
-        self._before: SampleRun | None = None
+        self.span = _SpanCounts()
+        self._before: _SampleRun | None = None
         self._has_begun = self._has_ended = False
 
-    def add(self, unstepped: Unstepped) -> None:
+    def add(self, unstepped: _Unstepped) -> None:
         """Take in the next run of the stream, wherever it lies."""
         run = unstepped.run
         begin = run.up_to(self.start_ns - 1)
@@ -301,7 +301,7 @@ class TrialCounts:
             self._has_ended = True
             self._after = run.part(end, end + 1)
 
-    def finish(self) -> SpanCounts:
+    def finish(self) -> _SpanCounts:
         """Return what was counted; no more runs come."""
         if self._has_ended:
             self.span.counts.stop_before(self._after)
@@ -371,11 +371,11 @@ class Audit:
         return f'{finger}{what}: {"; ".join(self.findings)}'
 
 
-def make_audit(
-    span: SpanCounts,
+def _make_audit(
+    span: _SpanCounts,
     finger: str,
     nominal_rate_hz: float,
-    trial: TrialCounts | None = None,
+    trial: _TrialCounts | None = None,
 ) -> Audit:
     """Return the audit of a span: of a trial, or of the whole recording."""
     counts = span.counts
@@ -396,7 +396,7 @@ def make_audit(
     )
 
 
-def _findings(span: SpanCounts, nominal_hz: float, trial: TrialCounts | None) -> Iterable[str]:
+def _findings(span: _SpanCounts, nominal_hz: float, trial: _TrialCounts | None) -> Iterable[str]:
     counts = span.counts
     if span.steps:
         first = format_clock_step(span.first_step_ns, 'trial' if trial else 'recording')
@@ -515,18 +515,18 @@ class FingerAuditor:
     def __init__(self, finger: str, nominal_rate_hz: float = 0.0) -> None:
         self.finger = finger
         self.nominal_rate_hz = nominal_rate_hz
-        self._whole = SpanCounts()
-        self._clock = HostClock()
-        self._recent: deque[Unstepped] = deque()
+        self._whole = _SpanCounts()
+        self._clock = _HostClock()
+        self._recent: deque[_Unstepped] = deque()
         self._latest_ns: int | None = None  # in stream time, as all that follow
         self._gone_ns: int | None = None
-        self._trials: deque[TrialCounts] = deque()  # only the last one can be under way
+        self._trials: deque[_TrialCounts] = deque()  # only the last one can be under way
 
     def add_block(self, block: StrainBlock) -> list[Audit]:
         """Take in samples; return the audits of the trials that are now over."""
         if not len(block.tension_n):
             return []
-        stamped = SampleRun(
+        stamped = _SampleRun(
             block.stamp_ns,
             block.period_ns,
             block.sequence,
@@ -568,7 +568,7 @@ class FingerAuditor:
         if trial is None or is_new:
             if trial is not None:
                 trial.is_over = True
-            trial = TrialCounts(event.trial_id, stamp_ns)
+            trial = _TrialCounts(event.trial_id, stamp_ns)
             self._trials.append(trial)
         trial.start_ns = min(trial.start_ns, stamp_ns)
         trial.end_ns = max(trial.end_ns, stamp_ns)
@@ -583,7 +583,7 @@ class FingerAuditor:
         while self._trials:
             self._trials[0].is_over = True
             audits.append(self._audit(self._trials.popleft()))
-        return [*audits, make_audit(self._whole, self.finger, self.nominal_rate_hz)]
+        return [*audits, _make_audit(self._whole, self.finger, self.nominal_rate_hz)]
 
     def _take_complete(self) -> list[Audit]:
         audits = []
@@ -595,10 +595,10 @@ class FingerAuditor:
             audits.append(self._audit(self._trials.popleft()))
         return audits
 
-    def _audit(self, trial: TrialCounts) -> Audit:
+    def _audit(self, trial: _TrialCounts) -> Audit:
         for unstepped in self._recent:
             trial.add(unstepped)
-        return make_audit(trial.finish(), self.finger, self.nominal_rate_hz, trial)
+        return _make_audit(trial.finish(), self.finger, self.nominal_rate_hz, trial)
 
 
 def audit_bag(path: Path) -> list[Audit]:
