@@ -121,7 +121,8 @@ class PalpationRig:
         if self.tendon.displacement_m > _SLACK_M:
             raise RigError(
                 f'the tendon is wound in by {self.tendon.displacement_m * 1e3:.1f} mm; '
-                'release it before changing what lies under the finger'
+                'release it before changing what lies under the finger: '
+                'ros2 service call /tendon_actuator/release std_srvs/srv/Trigger'
             )
         variation = self._variation
         if variation is None:

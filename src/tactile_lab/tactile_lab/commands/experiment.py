@@ -301,7 +301,10 @@ def _check_labels(plan: 'ExperimentPlan') -> list[str]:
 
 @experiment.command()
 def status(folder: FolderArgument, as_json: JsonOption = False) -> None:
-    """Print how far an experiment is, its set-up, and the corrections of its trials."""
+    """Print how far an experiment is, and the corrections of its trials.
+
+    ``--json`` also has the set-up and every attempt.
+    """
     from tactile_lab.output import Output
 
     output = Output(as_json)

@@ -39,7 +39,7 @@ def describe_answer(answer: ClassificationResult, true_label: str) -> dict[str, 
     }
 
 
-def describe_line(
+def format_answer(
     finger: str, answer: ClassificationResult, true_label: str, *, names_model: bool = False
 ) -> str:
     """Return one line about an answer: finger, task, label with its score or *unknown*."""

@@ -13,7 +13,7 @@ from typing import Any
 
 from tactile_classifier.records import ClassificationResult
 from tactile_features.records import TrialEvent
-from tactile_lab.watch.answer_text import describe_line
+from tactile_lab.watch.answer_text import format_answer
 from tactile_lab.watch.finger import Finger, SHOWN_S
 from tactile_ros.strain import StrainBlock
 
@@ -107,7 +107,7 @@ class WatchState:
                 return
             finger.take_answer(answer)
             _, true_label = finger.last_answer() or (answer, '')
-            line = describe_line(name, answer, true_label, names_model=finger.names_model(answer))
+            line = format_answer(name, answer, true_label, names_model=finger.names_model(answer))
             if not answer.partial:
                 self.say(line, finger=name)
         if not answer.partial:
