@@ -41,7 +41,8 @@ def test_training_on_one_day_and_testing_on_the_other_equals_a_fit_by_hand(save)
     path, _ = save()
     stated = ('--train-where', 'day=2', '--test-where', 'day=1')
     (found,) = ask_tactile('evaluate', path, *CHEAP, *stated)['sets']
-    plain, stated = found['evaluations']
+    plain, held_out, stated = found['evaluations']
+    assert held_out['split'] == 'one day held out'
     assert stated['split'] == 'trained on day=2 (24 trials), tested on day=1'
     assert (plain['trials'], stated['trials']) == (48, 24)
     assert len(stated['scores']) == 8

@@ -62,7 +62,7 @@ def test_an_experiment_is_read_without_the_trials_that_do_not_count(
             if message.trial_id not in known:
                 known.append(message.trial_id)
             message.session_id = f's{known.index(message.trial_id) % 2}'
-            message.mounting_id = f'{message.object_label} {known.index(message.trial_id)}'
+            message.mounting_id = f'{message.object_label} {known.index(message.trial_id) % 2}'
         return message
 
     rewrite(stiffness_bag, folder.bags / 'soft-s01-01', change)
