@@ -142,7 +142,7 @@ def run(
     if not is_experiment(home.path):
         home.set_up(planned)
     operator = (Nobody if yes else Terminal)(output, accept_setup)
-    ended = 'interrupted'
+    ended, is_error = 'interrupted', False
     # The order changes under the lock of the journal alone. A block is appended once the rig
     # runs, so a call that is refused appends nothing.
     with home.open_journal() as journal:
@@ -166,10 +166,10 @@ def run(
             else:
                 ended = ''
         except Exception as error:
-            ended = str(error)
+            ended, is_error = str(error), True
             raise
         finally:
-            _summarise(home, output, ended)
+            _summarise(home, output, ended, is_error)
     raise typer.Exit(1 if operator.has_given_up else 0)
 
 
@@ -389,8 +389,13 @@ def _correct(
     output.result({'folder': str(folder.path), 'trial': asdict(attempt)})
 
 
-def _summarise(folder: 'ExperimentFolder', output: 'Output', ended: str = '') -> None:
-    """Print what is recorded, why the command ended, and the next command."""
+def _summarise(
+    folder: 'ExperimentFolder', output: 'Output', ended: str = '', is_error: bool = False
+) -> None:
+    """Print what is recorded, why the command ended, and the next command.
+
+    An error is printed by itself.
+    """
     progress = folder.read_progress()
     found = progress.to_dict()
     parts = [f'{found["done"]} of {found["planned"]} trials recorded']
@@ -411,7 +416,7 @@ def _summarise(folder: 'ExperimentFolder', output: 'Output', ended: str = '') ->
             output.say(f'   {attempt.trial_id} is {attempt.label}: {attempt.why}', plain=True)
         if attempt.excluded:
             output.say(f'   {attempt.trial_id} is excluded: {attempt.excluded}', plain=True)
-    if ended and found['sessions_left']:
+    if ended and not is_error and found['sessions_left']:
         output.say(f'Ended: {ended}', plain=True)
     if found['sessions_left']:
         output.say(f'Go on: tactile experiment {folder.path}')
