@@ -206,7 +206,7 @@ class RecordedBag(TactileBag):
             'task': first.protocol,
             'glide_speed_m_s': max(event.glide_speed_m_s for event in events),
             'simulated': simulated,
-            'bag': str(self.path),
+            'bag': self.path.resolve().name,
             'namespace': namespace,
         }
         return Trial(

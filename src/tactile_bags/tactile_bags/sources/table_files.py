@@ -45,6 +45,9 @@ UNIT, ROLE = b'unit', b'role'
 _FIRST = ('trial', 'label', 'session_id', 'mounting_id')
 """First columns of a long table."""
 
+_UNITS_OF_ENDINGS = (('_mm_s', 'mm/s'), ('_m_s', 'm/s'))
+"""Units of columns by how their names end."""
+
 _CODE_BYTES = 8
 """Of a number in NumPy, or of a code into a dictionary, at most [byte]."""
 
@@ -505,7 +508,8 @@ def build_long_table(trials: Sequence[tuple[Trial, str]], rate_hz: float | None)
         stated = {ROLE: b'value', **({UNIT: unit.encode()} if unit else {})}
         add(name, pyarrow.array(values), stated)
     for name in others:
-        add(name, repeat(name))
+        unit = next((unit for end, unit in _UNITS_OF_ENDINGS if name.endswith(end)), '')
+        add(name, repeat(name), {UNIT: unit.encode()} if unit else None)
     stated_rate = {} if rate_hz is None else {'rate_hz': rate_hz}
     metadata = {METADATA_KEY: json.dumps(stated_rate).encode()}
     return pyarrow.table(columns, schema=pyarrow.schema(fields, metadata=metadata))

@@ -140,8 +140,8 @@ def format_card(file: Path, recording: 'Recording', trials: 'Sequence[Trial]', t
         '\n## Columns\n',
         '| column | type | unit |\n|---|---|---|',
         *(
-            f'| `{f.name}` | {f.type} | {(f.metadata or {}).get(b"unit", b"").decode()} |'
-            for f in table.schema
+            f'| `{each.name}` | {_format_type(each.type)} | {_unit_of(each)} |'
+            for each in table.schema
         ),
         '\nA row is a sample, in the order of time within a trial. Hold whole sessions out when '
         'you test: trials of one session resemble each other.\n',
@@ -150,6 +150,14 @@ def format_card(file: Path, recording: 'Recording', trials: 'Sequence[Trial]', t
         'publish it beside the table on a hub.',
     ]
     return '\n'.join(line for line in lines if line) + '\n'
+
+
+def _format_type(kind: Any) -> str:
+    return str(getattr(kind, 'value_type', kind))  # a text stands once in a dictionary
+
+
+def _unit_of(field: Any) -> str:
+    return str((field.metadata or {}).get(b'unit', b'').decode())
 
 
 def _stated(recording: 'Recording') -> str:

@@ -63,6 +63,9 @@ def test_a_table_has_units_and_a_card(stiffness_bag, tmp_path):
     ):
         assert text in body, body
     assert str(tmp_path) not in card
+    assert set(table['bag'].to_pylist()) == {stiffness_bag.name}
+    assert table.schema.field('glide_speed_m_s').metadata[b'unit'] == b'm/s'
+    assert '| `label` | string |  |' in card
 
 
 def write_trials(folder, heading='force_mN', *, rate=True):
