@@ -59,6 +59,8 @@ TOPICS = (
     Topic('published', 'accuracy.published', "the paper's statements, by setting", LONG),
     Topic('hard-plates', 'accuracy.twelve_plates', 'twelve plates, pitches 5 % apart', LONG),
     Topic('speeds', 'accuracy.speeds', 'public recordings at a speed never seen', LONG),
+    Topic('choice', 'accuracy.choices', 'features and classifier chosen by the folds', LONG),
+    Topic('unlearned', 'accuracy.choices', 'labels that training has not seen', LONG),
     Topic('peers', 'accuracy.peers', 'features of aeon and tsfresh beside ours', LONG),
     Topic(
         'speed-error', 'accuracy.speed_error', 'accuracy over time, every set and classifier', LONG

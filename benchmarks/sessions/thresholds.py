@@ -15,6 +15,7 @@ from benchmarks.measuring import Report, Row
 from benchmarks.sessions.sessions import Array, count_seeds, describe, simulate_windows, TRAIN
 from benchmarks.simulator.trials import CONTACTS
 from tactile_classifier.confidence.calibration import fit_novelty, make_group_folds
+from tactile_classifier.confidence.novelty import NoveltyMeasure
 from tactile_classifier.confidence.recalibration import fit_session_statistics
 from tactile_classifier.confidence.session_statistics import TRIALS
 from tactile_classifier.datasets.dataset import FeatureTable
@@ -64,6 +65,13 @@ def _judge(protocol: str, contact: str, seed: int, tests: int) -> dict[str, Arra
     assert statistics is not None
     estimator = build_estimator('knn', scaling).fit(train.values, train.labels)
     classes, label = np.unique(test.labels, return_inverse=True)
+    others = {str(one): train.labels != one for one in classes}
+    without = {
+        one: NoveltyMeasure.fit(
+            train.values[kept], train.labels[kept], folds.fold[kept], measure.metric
+        )
+        for one, kept in others.items()
+    }
     rows: dict[str, list[list[float]]] = {}
     generator = np.random.default_rng(seed)
     for each in np.unique(test.column('session_id')):
@@ -80,8 +88,7 @@ def _judge(protocol: str, contact: str, seed: int, tests: int) -> dict[str, Arra
             named = classes[compute_raw_scores(estimator, moved).argmax(axis=1)]
             # Only labels that the known trials do not show can be unknown.
             missed: list[NDArray[np.bool_]] = [
-                measure.compute_without(moved[test.labels[rest] == one], train.labels, one)
-                <= limit
+                without[one].compute(moved[test.labels[rest] == one]) <= limit
                 for one in np.setdiff1d(test.labels[rest], test.labels[known])
             ]
             rows.setdefault(name, []).append(

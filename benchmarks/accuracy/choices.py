@@ -1,0 +1,127 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Choices that training makes, on public recordings: features and classifier, kind of novelty."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from benchmarks.measuring import Report, Row
+from benchmarks.recordings import FABRIC_SLIDE, find_recording, PHAC_HOLD, say_missing
+from tactile_classifier import load_archive
+from tactile_classifier.datasets.dataset import FeatureTable, table_from_trials
+from tactile_classifier.datasets.splits import grouped_split, Split, stratified_split
+from tactile_classifier.evaluation.open_set import evaluate_open_set
+from tactile_classifier.training.feature_choice import choose_candidate
+from tactile_features import FeatureConfig
+
+SEEDS = 5
+CELLS = ('speed_mm_s', 'force_set')
+REPETITION = ('repetition',)
+OVER_MM = {'spatial_length_m': 0.048, 'spatial_finest_m': 0.003}
+
+
+def read_fabrics(channel: int | None = None) -> dict[str, FeatureTable]:
+    """Return the tables of the fabrics by set of features; None: mean of the channels."""
+    trials = load_archive(find_recording(FABRIC_SLIDE) or '').where('balanced')
+    speeds_m_s = trials.columns['speed_mm_s'] / 1e3
+    sets = ('texture_spectrum', 'texture_spatial', 'glide_waveform', 'spatial_waveform')
+    return {
+        name: table_from_trials(
+            'texture',
+            trials,
+            channel,
+            config=FeatureConfig(texture_features=name, **OVER_MM),
+            speeds_m_s=speeds_m_s,
+        )
+        for name in sets
+    }
+
+
+def read_holds() -> dict[str, FeatureTable]:
+    """Return the tables of the holds by set of features."""
+    trials = load_archive(find_recording(PHAC_HOLD) or '').between(1.0, 5.0)
+    sets = ('stiffness_regression', 'stiffness_relaxation', 'hold_waveform')
+    return {
+        name: table_from_trials('stiffness', trials, config=FeatureConfig(stiffness_features=name))
+        for name in sets
+    }
+
+
+def run_choice(quick: bool) -> Report:
+    """Compare the choice of features and classifier with the best of them afterwards."""
+    rows = [Row(say_missing(PHAC_HOLD))]
+    if find_recording(PHAC_HOLD) and find_recording(FABRIC_SLIDE):
+        rows = [
+            Row(case, more=_measure_choice(tables, split, 1 if quick else SEEDS))
+            for case, tables, split in _list_splits(quick)
+        ]
+    return Report(
+        'features, classifier and scaling chosen inside the folds',
+        '',
+        'accuracy of the choice (nested) beside that of the best set afterwards; their difference '
+        'is the regret',
+        rows,
+    )
+
+
+Divide = Callable[[FeatureTable, int], Split]
+
+
+def _list_splits(quick: bool) -> Iterator[tuple[str, dict[str, FeatureTable], Divide]]:
+    yield 'holds, one repetition', read_holds(), lambda table, _: grouped_split(table, REPETITION)
+    if quick:
+        return
+    fabrics = read_fabrics()
+    yield 'fabrics, six folds', fabrics, lambda table, seed: stratified_split(table, 6, 1, seed)
+    for columns in (CELLS[:1], CELLS):
+        case = f'fabrics, one {" and ".join(columns)}'
+        yield case, fabrics, lambda table, _, columns=columns: grouped_split(table, columns)
+
+
+def _measure_choice(tables: dict[str, FeatureTable], divide: Divide, seeds: int) -> dict[str, Any]:
+    first = next(iter(tables.values()))
+    found = [choose_candidate(tables, divide(first, seed), 100 * seed) for seed in range(seeds)]
+    nested, best = (
+        100 * np.array(values)
+        for values in zip(*((c.nested_accuracy, c.best.accuracy) for c in found), strict=True)
+    )
+    return {
+        'seeds': seeds,
+        'choice, %': f'{nested.mean():.1f} ± {nested.std():.1f}',
+        'best afterwards, %': f'{best.mean():.1f}',
+        'regret, points': f'{(best - nested).mean():.1f}',
+    }
+
+
+def run_unlearned(quick: bool) -> Report:
+    """Leave each label out of the training, and tell its trials from those of known labels."""
+    rows = [Row(say_missing(FABRIC_SLIDE))]
+    if find_recording(PHAC_HOLD) and find_recording(FABRIC_SLIDE):
+        cases = [(f'holds, {name}', table, REPETITION) for name, table in read_holds().items()]
+        for channel in () if quick else (None, 9, 12):
+            title = 'mean of 16' if channel is None else f'channel {channel}'
+            for name, table in read_fabrics(channel).items():
+                cases.append((f'fabrics, {title}, {name}', table, CELLS))
+        rows = [Row(case, more=_measure_unlearned(*what)) for case, *what in cases]
+    return Report(
+        'labels that training has not seen',
+        '',
+        'each label left out in turn, held-out groups; stated rate of false rejection: 5 %',
+        rows,
+    )
+
+
+def _measure_unlearned(table: FeatureTable, columns: tuple[str, ...]) -> dict[str, Any]:
+    known = {name: column for name, column in table.columns.items() if name in columns}
+    found = evaluate_open_set(replace(table, columns=known), 'knn', hold_out=columns)
+    return {
+        'AUROC, %': f'{100 * found.auroc:.1f}',
+        'named, %': f'{100 * found.miss_rate:.0f}',
+        'false rejection, %': f'{100 * found.realised_false_alarm_rate:.1f}',
+    }
