@@ -26,7 +26,7 @@ _HOMES = {
     'MODELS_TOPIC': 'recorded_topics',
     'PARTIAL_CLASSIFICATION_TOPIC': 'recorded_topics',
     'PARTIAL_FEATURES_TOPIC': 'recorded_topics',
-    'RecordedBag': 'recording',
+    'RecordedBag': 'recorded_bag',
     'RecordedTopic': 'recorded_topics',
     'Recording': 'recording',
     'SLIP': 'recorded_topics',

@@ -26,12 +26,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_bags.bag_reader import BagMessage, TactileBag
-from tactile_bags.errors import BagDamageError
-from tactile_bags.experiment_journal import Correction, experiment_of, read_corrections
-from tactile_bags.message_records import KeptMessage, read_records, RECORDED_TYPES
-from tactile_bags.recorded_setup import nominal_rate_hz
-from tactile_bags.recorded_topics import CLASSIFICATION, EVENT, STRAIN
+from tactile_bags.experiment_journal import experiment_of
 from tactile_bags.sources.files import find_leaves, Kind, Leaf, Notes, SourceError, SourceOptions
 from tactile_bags.sources.raw_trials import arrays_from_trials, find_fault, RawTrial
 from tactile_bags.trial import Signal, Trial
@@ -40,206 +35,14 @@ from tactile_classifier.datasets.archive import (
     read_arrays,
     trials_from_arrays,
 )
-from tactile_features.records import PHASE_ABORTED, PHASE_DONE, TrialEvent
 
 if TYPE_CHECKING:
     import pyarrow
 
-MAX_KEPT_BYTES = 2**28
-"""Largest bag whose messages are kept in memory [byte]; those of a larger one are read anew."""
+    from tactile_bags.recorded_bag import RecordedBag
 
 OWN = 'bags with trial events'
 """Kind of a recording of our own bags; others are `Kind` values."""
-
-
-class RecordedBag(TactileBag):
-    """A bag of ours that is read once: messages and their records are kept.
-
-    Its events carry the labels and the names of sessions that the experiment's journal and the
-    other recordings demand. Whatever takes a `TactileBag` takes it, and opens no file.
-
-    Parameters
-    ----------
-    path : Path
-    needs_strain : bool
-        Refuse a bag without strain blocks.
-    """
-
-    def __init__(self, path: Path, *, needs_strain: bool = True) -> None:
-        super().__init__(path, needs_strain=needs_strain)
-        self.corrections: Mapping[str, Correction] = {}
-        self._prefix = ''
-        self._kept: list[BagMessage] | None = None
-        self._damage: BagDamageError | None = None
-        self._strain: dict[str, tuple[NDArray[Any], ...]] = {}
-
-    def __enter__(self) -> RecordedBag:
-        return self
-
-    def messages(
-        self, *type_names: str, namespace: str | None = None, since_ns: int = 0
-    ) -> Iterator[BagMessage]:
-        """Yield messages as `TactileBag.messages` does; those of our types from memory."""
-        is_kept = bool(type_names) and set(type_names) <= set(RECORDED_TYPES)
-        if not is_kept or since_ns or not self._keep(type_names):
-            yield from super().messages(*type_names, namespace=namespace, since_ns=since_ns)
-            return
-        chosen = self.choose_topics(type_names, namespace)
-        yield from (message for message in self._kept or () if message.topic in chosen)
-        if self._damage is not None:
-            raise self._damage
-
-    def _keep(self, type_names: Sequence[str]) -> bool:
-        """Read the messages of our types, once; return whether those asked for are there."""
-        known = [name for name in RECORDED_TYPES if name not in self.foreign]
-        if not set(type_names) <= set(known) or self.size_bytes > MAX_KEPT_BYTES:
-            return False
-        if self._kept is None:
-            self._kept = []
-            try:
-                for m in super().messages(*known):
-                    self._kept.append(
-                        KeptMessage(
-                            m.topic,
-                            m.type_name,
-                            m.received_at_ns,
-                            m.data,
-                            m.store,
-                            self._correct if m.type_name == EVENT and self._is_changed else None,
-                        )
-                    )
-            except BagDamageError as error:
-                self._damage = error
-        return True
-
-    @property
-    def is_own(self) -> bool:
-        """True where strain and trial events of ours say what a trial is."""
-        counts = {type_name: count for type_name, count in self.topics.values() if count}
-        return STRAIN in counts and EVENT in counts
-
-    def correct(self, corrections: Mapping[str, Correction], prefix: str = '') -> None:
-        """Correct what is read from now on.
-
-        Parameters
-        ----------
-        corrections : mapping of str to Correction
-            By trial id.
-        prefix : str
-            Put before the names of sessions and mountings, which keeps those of experiments
-            apart.
-        """
-        self.corrections, self._prefix, self._kept = corrections, prefix, None
-
-    @property
-    def _is_changed(self) -> bool:
-        return bool(self._prefix) or any(each.label for each in self.corrections.values())
-
-    def _correct(self, event: TrialEvent) -> TrialEvent:
-        correction = self.corrections.get(event.trial_id, Correction())
-        return replace(
-            event,
-            object_label=correction.label or event.object_label,
-            session_id=self._prefix + event.session_id,
-            mounting_id=self._prefix + event.mounting_id if event.mounting_id else '',
-        )
-
-    def strain(self, namespace: str = '') -> tuple[NDArray[Any], ...]:
-        """Return stamps [ns], tension [N] and status of all samples of a finger."""
-        if namespace not in self._strain:
-            stamps: list[NDArray[np.int64]] = [np.empty(0, dtype=np.int64)]
-            values: list[NDArray[np.float64]] = [np.empty(0)]
-            status: list[NDArray[np.intp]] = [np.empty(0, dtype=np.intp)]
-            for _, block in read_records(self.messages(STRAIN, namespace=namespace)):
-                count = len(block.tension_n)
-                stamps.append(block.stamp_ns + np.arange(count) * block.period_ns)
-                values.append(np.asarray(block.tension_n, dtype=np.float64))
-                status.append(np.full(count, int(block.status), dtype=np.intp))
-            self._strain[namespace] = (
-                np.concatenate(stamps),
-                np.concatenate(values),
-                np.concatenate(status),
-            )
-        return self._strain[namespace]
-
-    def signal_between(self, namespace: str, start_ns: int, end_ns: int) -> Signal:
-        """Return the samples from ``start_ns`` to ``end_ns``; time counts from the start."""
-        stamps_ns, tension_n, status = self.strain(namespace)
-        inside = (stamps_ns >= start_ns) & (stamps_ns <= end_ns)
-        return Signal(
-            1e-9 * (stamps_ns[inside] - start_ns),
-            tension_n[inside][np.newaxis],
-            ('tension_n',),
-            'N',
-            self.rate_hz(namespace),
-            status[inside],
-        )
-
-    def rate_hz(self, namespace: str) -> float | None:
-        """Return the sample rate that the recording states, or else its stamps [Hz]."""
-        return nominal_rate_hz(self, namespace) or self._measured_rate_hz(namespace)
-
-    def _measured_rate_hz(self, namespace: str) -> float | None:
-        stamps_ns = self.strain(namespace)[0]
-        return RawTrial('', np.empty((1, 0)), 1e-9 * (stamps_ns - stamps_ns[:1])).rate_hz
-
-    def trials(self, namespace: str) -> list[Trial]:
-        """Return the trials of a finger in the order of their first events."""
-        found: list[list[TrialEvent]] = []
-        running: dict[str, list[TrialEvent]] = {}
-        for _, event in read_records(self.messages(EVENT, namespace=namespace)):
-            if event.trial_id not in running:
-                running[event.trial_id] = []
-                found.append(running[event.trial_id])
-            running[event.trial_id].append(event)
-            if event.phase in (PHASE_DONE, PHASE_ABORTED):
-                del running[event.trial_id]  # what follows is another trial of that name
-        return [self._make_trial(namespace, events) for events in found]
-
-    def _make_trial(self, namespace: str, events: Sequence[TrialEvent]) -> Trial:
-        first, last = events[0], events[-1]
-        simulated = self.metadata.get('simulated') is True or any(e.simulated for e in events)
-        known = {
-            'session_id': first.session_id,
-            'mounting_id': first.mounting_id,
-            'contact': first.contact,
-            'task': first.protocol,
-            'glide_speed_m_s': max(event.glide_speed_m_s for event in events),
-            'simulated': simulated,
-            'bag': self.path.resolve().name,
-            'namespace': namespace,
-        }
-        return Trial(
-            name=first.trial_id,
-            source=str(self.path),
-            label=first.object_label,
-            session_id=first.session_id,
-            mounting_id=first.mounting_id,
-            contact=first.contact,
-            task=first.protocol,
-            namespace=namespace,
-            why_not=self._find_why_not(events),
-            columns=known,
-            events=tuple(events),
-            begin_ns=first.stamp_ns,
-            load_signal=lambda: self.signal_between(namespace, first.stamp_ns, last.stamp_ns),
-            load_answers=lambda: tuple(
-                answer
-                for _, answer in read_records(self.messages(CLASSIFICATION, namespace=namespace))
-                if answer.trial_id == first.trial_id
-                and first.stamp_ns <= answer.window_start_ns <= last.stamp_ns
-            ),
-        )
-
-    def _find_why_not(self, events: Sequence[TrialEvent]) -> str:
-        first, last = events[0], events[-1]
-        if why_not := self.corrections.get(first.trial_id, Correction()).why_not:
-            return why_not
-        if last.phase == PHASE_ABORTED:
-            return f'the trial was aborted: {last.message or "no reason given"}'
-        if len(events) < 2:
-            return 'the recording ends at its first event'
-        return '' if first.object_label else 'the trial has no label'
 
 
 class Recording:
@@ -334,12 +137,14 @@ class Recording:
         BagError
             When a bag cannot be read.
         """
+        from tactile_bags.recorded_bag import correct_bags, RecordedBag  # readers of bags
+
         with ExitStack() as stack:
             bags: list[RecordedBag] = []
             for path in paths:
                 bags.append(RecordedBag(path))
                 stack.callback(bags[-1].close)
-            _correct(bags)
+            correct_bags(bags)
             stack.pop_all()
         return cls(OWN, paths[0].name if paths else '', paths, bags=bags)
 
@@ -394,6 +199,8 @@ class Recording:
 
     def records(self, type_name: str, namespace: str | None = None) -> Iterator[Any]:
         """Yield the records of a type of message, of one finger or all, bag by bag."""
+        from tactile_bags.message_records import read_records
+
         for bag in self.bags:
             for _, record in read_records(bag.messages(type_name, namespace=namespace)):
                 yield record
@@ -569,8 +376,10 @@ def _raw_of(trial: Trial, name: str) -> RawTrial:
 
 def _open_own(leaves: Sequence[Leaf], options: SourceOptions) -> list[RecordedBag]:
     """Open the bags with trial events; none: the leaves are others. With a topic, none is."""
-    if options.topic:
+    if options.topic or not any(leaf.kind is Kind.BAG for leaf in leaves):
         return []
+    from tactile_bags.recorded_bag import correct_bags, RecordedBag  # readers of bags
+
     with ExitStack() as stack:
         own: list[RecordedBag] = []
         others: list[Leaf] = []
@@ -594,24 +403,9 @@ def _open_own(leaves: Sequence[Leaf], options: SourceOptions) -> list[RecordedBa
                 f'take bags with trial events or other recordings, not both: {own[0].path} is the '
                 f'one, {others[0].path} the other'
             )
-        _correct(own)
+        correct_bags(own)
         stack.pop_all()
     return own
-
-
-def _correct(bags: Sequence[RecordedBag]) -> None:
-    """Correct bags by the journals of their experiments; several have their sessions apart."""
-    folders = [experiment_of(bag.path) for bag in bags]
-    experiments = list(dict.fromkeys(folder for folder in folders if folder))
-    names = [folder.name for folder in experiments]
-    if len(set(names)) < len(names):
-        names = [f'{name}#{i + 1}' for i, name in enumerate(names)]
-    prefixes = dict(zip(experiments, names, strict=True)) if len(experiments) > 1 else {}
-    corrections = {folder: read_corrections(folder) for folder in experiments}
-    for bag, folder in zip(bags, folders, strict=True):
-        if folder is not None:
-            prefix = f'{prefixes[folder]}/' if folder in prefixes else ''
-            bag.correct(corrections[folder], prefix)
 
 
 def _read_others(

@@ -16,7 +16,7 @@ from tactile_lab.options import JsonOption, SeedOption
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
-    from tactile_bags.recording import RecordedBag
+    from tactile_bags.recorded_bag import RecordedBag
     from tactile_bringup.trial_protocols import TrialRequest
     from tactile_classifier.datasets.dataset import FeatureTable
     from tactile_lab.commands.replay import ReplayReport
@@ -186,7 +186,7 @@ def draw_plots(
     folder: Path, live: Sequence['LiveTrial'], trained: Sequence['TrainedModel']
 ) -> None:
     """Draw one strain trace with its phases and one spectrum for each texture."""
-    from tactile_bags.recording import RecordedBag
+    from tactile_bags.recorded_bag import RecordedBag
 
     touched = [
         trial.request

@@ -93,7 +93,8 @@ def show(
 
 def _open(path: Path) -> 'Recording':
     from tactile_bags.experiment_journal import is_experiment
-    from tactile_bags.recording import OWN, RecordedBag, Recording
+    from tactile_bags.recorded_bag import RecordedBag
+    from tactile_bags.recording import OWN, Recording
     from tactile_bags.sources.files import find_leaves, Kind
 
     inside = sorted([p.parent for p in path.glob('*/metadata.yaml')] + [*path.glob('*.onnx')])

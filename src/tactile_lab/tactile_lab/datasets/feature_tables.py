@@ -10,8 +10,7 @@ in the live node; of others each trial is one window.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,9 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_bags.errors import BagError
-from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
-from tactile_bags.recording import RecordedBag, Recording
-from tactile_bags.replay import replay_phases, replay_windows
+from tactile_bags.recording import Recording
 from tactile_bags.sources.files import SourceOptions
 from tactile_bags.trial import Trial
 from tactile_classifier.datasets.archive import LabelledTrials, Skipped
@@ -32,24 +29,9 @@ from tactile_classifier.datasets.dataset import ALL, Channel, FeatureTable, usab
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
 from tactile_features.extraction.extractor import features_from_trials
-from tactile_features.feature_sets.registry import task_of
-from tactile_features.records import (
-    FeatureWindow,
-    Measure,
-    Outcome,
-    PHASE_ABORTED,
-    PHASE_DONE,
-    PHASE_GLIDE,
-    PROTOCOL_SLIP,
-    PROTOCOL_TEXTURE,
-    TrialEvent,
-)
-from tactile_features.spec import FeatureSpec, WantedFeatures
+from tactile_features.records import Measure, PHASE_GLIDE, PROTOCOL_TEXTURE
 from tactile_lab.datasets.reading import parse_span, Reading, select_trials
 from tactile_ros.errors import TactileError
-
-BLOCKS = 6
-"""Into how many parts the trials of a session are cut in the order of time, as many as folds."""
 
 Key = tuple[str, ...]
 """Task and contact of a table; then, but of the first specification of a task, its digest."""
@@ -186,8 +168,11 @@ def features_of(
     TactileError, DatasetError
         When options and recording do not fit, or no trial of an archive can be used.
     """
-    kind = BagFeatures if recording.is_own else TrialFeatures
-    return kind(recording, reading or Reading(), folds)
+    if recording.is_own:
+        from tactile_lab.datasets.bag_features import BagFeatures  # readers of bags
+
+        return BagFeatures(recording, reading or Reading())
+    return TrialFeatures(recording, reading or Reading(), folds)
 
 
 @contextmanager
@@ -233,136 +218,6 @@ def read_tables(paths: Sequence[Path], fields: Fields = NONE) -> FeatureTables:
         return features_of(recording).tables(fields)
 
 
-# -- our own bags ------------------------------------------------------------------------------
-
-Row = tuple[FeatureWindow, TrialEvent, str, str]
-"""A labelled window, its trial's last event before it, bag and namespace."""
-
-
-class BagFeatures(RecordingFeatures):
-    """Features of our own bags: every finger (namespace) of each counts."""
-
-    def __init__(self, recording: Recording, reading: Reading, _folds: int = 0) -> None:
-        super().__init__(recording, reading)
-        reading.check_for_bags()
-        self._fields = reading.choose_fields()
-        self._bags = {str(bag.path): bag for bag in recording.bags}
-
-    def title(self, key: Key, table: FeatureTable) -> str:
-        return name_table(key, table)
-
-    def _compute(self, fields: Fields) -> FeatureTables:
-        chosen = {**self._fields, **fields}
-        first: RecordedFeatures | None = None
-        found: defaultdict[tuple[str, str, str], list[Row]] = defaultdict(list)
-        specs: dict[str, FeatureSpec] = {}
-        left_out: list[str] = []
-        paths = list(self._bags)
-        for path, bag in self._bags.items():
-            for namespace in bag.namespaces:
-                features = _choose(path, recorded_features(bag, namespace), chosen)
-                first = first or features
-                if _compared(features) != _compared(first):
-                    finger = f'{namespace} of ' if namespace else ''
-                    raise BagError(
-                        f'{finger}{path} was recorded with other feature parameters than '
-                        f'{paths[0]}; train on each of them alone, or name the features'
-                    )
-                specs |= _collect(bag, namespace, features, found, left_out)
-        if not found:
-            raise BagError(
-                f'no labelled trial with features in {", ".join(paths) or "no bag"}'
-                + (f'; the first reason: {left_out[0]}' if left_out else '')
-            )
-        tables: dict[Key, FeatureTable] = {}
-        places = {digest: place for place, digest in enumerate(specs)}
-        for task, contact, digest in sorted(found, key=lambda key: (*key[:2], places[key[2]])):
-            key: Key = (task, contact)
-            key = (*key, digest) if key in tables else key
-            tables[key] = _table(found[task, contact, digest], specs[digest])
-        return FeatureTables(tables, tuple(dict.fromkeys(left_out)))
-
-    def partial_tables(
-        self, table: FeatureTable, seconds: Sequence[float]
-    ) -> dict[int, FeatureTable]:
-        fields = table.spec.config_values()
-        counts = count_samples(seconds, FeatureConfig(**fields, buffer_s=600.0))
-        found = {
-            (*source, window.window_start_ns, window.sample_count): window.values
-            for *source, window in self._replay(
-                table,
-                lambda recorded: RecordedFeatures(
-                    replace(recorded.config, **fields, partial_samples=counts, measures=False)
-                ),
-            )
-            if window.partial
-        }
-        trials = _list_rows(table, 'bag', 'namespace', 'window_start_ns')
-        try:
-            return {
-                count: replace(
-                    table, values=np.array([found[(*trial, count)] for trial in trials])
-                )
-                for count in counts
-            }
-        except KeyError as error:
-            raise BagError(f'a window has no features of its first part: {error}') from error
-
-    def measures(self, table: FeatureTable) -> list[tuple[Measure, ...]]:
-        found = {
-            (*source, window.window_start_ns, window.window_end_ns): window.measures
-            for *source, window in self._replay(
-                table,
-                lambda recorded: RecordedFeatures(
-                    replace(recorded.config, measures=True, partial_samples=()),
-                    tuple(WantedFeatures(each.spec) for each in recorded.wanted),
-                ),
-            )
-        }
-        trials = _list_rows(table, 'bag', 'namespace', 'window_start_ns', 'window_end_ns')
-        try:
-            return [found[trial] for trial in trials]
-        except KeyError as error:
-            raise BagError(
-                'the features are of other windows than those recorded, and measures are not '
-                'made of these'
-            ) from error
-
-    def _replay(
-        self, table: FeatureTable, change: Callable[[RecordedFeatures], RecordedFeatures]
-    ) -> Iterator[tuple[str, str, FeatureWindow]]:
-        """Yield bag, namespace and window of each usable window of the table's bags."""
-        for path, namespace in sorted(set(_list_rows(table, 'bag', 'namespace'))):
-            bag = self._bags[path]
-            features = change(recorded_features(bag, namespace))
-            for window in replay_windows(bag, features, namespace, finish=True):
-                if window.outcome == Outcome.OK:
-                    yield path, namespace, window
-
-    def windows(self, table: FeatureTable, rows: Sequence[int]) -> list[Samples]:
-        trials = _list_rows(table, 'bag', 'namespace', 'window_start_ns', 'window_end_ns')
-        samples = []
-        for path, namespace, start_ns, end_ns in (trials[row] for row in rows):
-            signal = self._bags[path].signal_between(namespace, start_ns, end_ns)
-            assert signal.time_s is not None
-            samples.append((signal.time_s, signal.values[0]))
-        return samples
-
-    def find_trial(self, table: FeatureTable, row: int) -> Trial | None:
-        path, namespace, name = _list_rows(table, 'bag', 'namespace', 'trial_id')[row]
-        found = [
-            trial
-            for trial in self.recording.trials
-            if (trial.source, trial.namespace, trial.name) == (path, namespace, name)
-        ]
-        return found[0] if len(found) == 1 else None  # else its phases cannot be told apart
-
-
-def _list_rows(table: FeatureTable, *names: str) -> list[tuple[Any, ...]]:
-    """Return these columns of each trial."""
-    return list(zip(*(table.column(name).tolist() for name in names), strict=True))
-
-
 def count_samples(seconds: Sequence[float], config: FeatureConfig) -> tuple[int, ...]:
     """Return the ``partial_samples`` of windows that have filled for so long.
 
@@ -376,127 +231,6 @@ def count_samples(seconds: Sequence[float], config: FeatureConfig) -> tuple[int,
         return replace(config, partial_samples=counts).partial_samples
     except FeatureError as error:
         raise BagError(f'no early predictions after {list(seconds)} s: {error}') from error
-
-
-def _choose(path: str, recorded: RecordedFeatures, chosen: Fields) -> RecordedFeatures:
-    # A table has features of full windows alone: measures would be made in vain.
-    if not chosen:
-        return recorded.without_parts()
-    try:
-        config = replace(recorded.bound(), partial_samples=(), measures=False, **chosen)
-    except FeatureError as error:
-        raise BagError(f'{path}: {error}') from error
-    return RecordedFeatures(config)
-
-
-def _compared(features: RecordedFeatures) -> tuple[object, ...]:
-    """Return what the recordings of a table must share."""
-    digests = tuple(sorted(spec.digest for spec in features.specifications))
-    return features.bound().without_detection(), digests
-
-
-def _collect(
-    bag: RecordedBag,
-    namespace: str,
-    features: RecordedFeatures,
-    found: defaultdict[tuple[str, str, str], list[Row]],
-    left_out: list[str],
-) -> dict[str, FeatureSpec]:
-    """Collect the labelled windows of a finger; return their specifications by digest."""
-    replayed = replay_phases(bag, features, namespace, finish=True)
-    dropped = {name: each.why_not for name, each in bag.corrections.items() if each.why_not}
-    events: defaultdict[str, list[TrialEvent]] = defaultdict(list)
-    for event in replayed.events:
-        events[event.trial_id].append(event)
-    left_out.extend(
-        f'{trial_id}: a slip trial, and there are no slip features yet'
-        for trial_id, (event, *_) in events.items()
-        if event.protocol == PROTOCOL_SLIP
-    )
-    for window in replayed.windows:
-        event = _event_before(window, events[window.trial_id])
-        end = _end_after(window, events[window.trial_id])
-        if window.trial_id in dropped:
-            left_out.append(f'{window.trial_id}: {dropped[window.trial_id]}')
-        elif window.outcome != Outcome.OK:
-            left_out.append(f'{window.trial_id}: {window.reason}')
-        elif end is not None and end.phase == PHASE_ABORTED:
-            reason = end.message or 'no reason given'
-            left_out.append(f'{window.trial_id}: the trial was aborted later: {reason}')
-        elif not event.object_label:
-            left_out.append(f'{window.trial_id}: the trial has no label')
-        else:
-            # By what the features are: a trial of one protocol may have a window of the other.
-            key = task_of(window.feature_set), event.contact, window.specification_digest
-            found[key].append((window, event, str(bag.path), namespace))
-    return {spec.digest: spec for spec in replayed.specifications}
-
-
-def _event_before(window: FeatureWindow, events: Sequence[TrialEvent]) -> TrialEvent:
-    """Return its trial's last event before the window; a trial's name may come again."""
-    return max(
-        (event for event in events if event.stamp_ns <= window.window_start_ns),
-        key=lambda event: event.stamp_ns,
-    )
-
-
-def _end_after(window: FeatureWindow, events: Sequence[TrialEvent]) -> TrialEvent | None:
-    """Return how its trial ended after the window, if that was recorded."""
-    ends = (
-        event
-        for event in events
-        if event.stamp_ns >= window.window_end_ns and event.phase in (PHASE_DONE, PHASE_ABORTED)
-    )
-    return min(ends, key=lambda event: event.stamp_ns, default=None)
-
-
-def _table(rows: Sequence[Row], spec: FeatureSpec) -> FeatureTable:
-    windows, events, bags, namespaces = zip(*rows, strict=True)
-    labels = np.array([event.object_label for event in events])
-    session_ids = np.array([event.session_id for event in events])
-    starts_ns = np.array([window.window_start_ns for window in windows])
-    return FeatureTable(
-        values=np.array([window.values for window in windows]),
-        labels=labels,
-        spec=spec,
-        columns={
-            'trial_id': np.array([event.trial_id for event in events]),
-            'session_id': session_ids,
-            'mounting_id': np.array([event.mounting_id for event in events]),
-            'trial_block': number_blocks(starts_ns, session_ids, labels),
-            'contact': np.array([event.contact for event in events]),
-            'glide_speed_m_s': np.array([event.glide_speed_m_s for event in events]),
-            'simulated': np.array([window.simulated for window in windows]),
-            'bag': np.array(bags),
-            'namespace': np.array(namespaces),
-            'window_start_ns': starts_ns,
-            'window_end_ns': np.array([window.window_end_ns for window in windows]),
-        },
-    )
-
-
-def number_blocks(
-    starts_ns: NDArray[np.int64], session_ids: NDArray[np.str_], labels: NDArray[np.str_]
-) -> NDArray[np.intp]:
-    """Return which sixth of its label's trials in its session each trial belongs to, from 0.
-
-    Trials that follow each other share wear, warmth and drift; with random folds they stand
-    on both sides. Held out in turn, these blocks keep neighbours together.
-
-    Parameters
-    ----------
-    starts_ns, session_ids, labels : ndarray of shape (trials,)
-    """
-    blocks = np.zeros(len(labels), dtype=np.intp)
-    for session in np.unique(session_ids):
-        for label in np.unique(labels):
-            (trials,) = np.nonzero((session_ids == session) & (labels == label))
-            in_order = trials[np.argsort(starts_ns[trials], kind='stable')]
-            blocks[in_order] = np.arange(len(trials)) * BLOCKS // max(len(trials), 1)
-    return blocks
-
-
-# -- recordings of others ----------------------------------------------------------------------
 
 
 _STATED_BY_TRIALS = ('rate_hz', 'texture_samples', 'stiffness_samples')

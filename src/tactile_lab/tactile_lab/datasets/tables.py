@@ -6,25 +6,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from rich.table import Table
 
 from tactile_classifier.evaluation.cross_validation import Evaluation
 from tactile_classifier.evaluation.intervals import Interval
-from tactile_classifier.model_file.manifest import (
-    format_scores,
-    Manifest,
-    RECALIBRATED,
-    STATISTICS,
-)
 from tactile_classifier.records import (
     CLASSIFIER_TITLES,
     PROBABILITY,
     SCALING_TITLES,
     short_scaling,
 )
-from tactile_classifier.training.feature_choice import Candidate, FeatureChoice
+
+if TYPE_CHECKING:
+    from tactile_classifier.model_file.manifest import Manifest
+    from tactile_classifier.training.feature_choice import Candidate, FeatureChoice
 
 
 def tell_interval(interval: Interval) -> str:
@@ -100,6 +97,8 @@ def tell_warnings(evaluations: Sequence[Evaluation]) -> list[str]:
 
 def describe_calibration(manifest: Manifest) -> dict[str, Any]:
     """Return the manifest's entry without its long lists."""
+    from tactile_classifier.model_file.manifest import RECALIBRATED, STATISTICS
+
     found = {k: v for k, v in manifest.calibration.items() if k != STATISTICS}
     if RECALIBRATED in found:
         found[RECALIBRATED] = {k: v for k, v in found[RECALIBRATED].items() if k != 'offsets'}
@@ -108,6 +107,8 @@ def describe_calibration(manifest: Manifest) -> dict[str, Any]:
 
 def describe_answers(manifest: Manifest) -> list[str]:
     """Return what held-out trials say of probabilities, threshold and early predictions."""
+    from tactile_classifier.model_file.manifest import format_scores
+
     if 'reason' in manifest.calibration:
         return [f'no probabilities and no "unknown": {manifest.calibration["reason"]}']
     whole, *partial = manifest.stages

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
@@ -22,12 +22,14 @@ from tactile_classifier.datasets.splits import (
 )
 from tactile_classifier.errors import EvaluationError
 from tactile_classifier.evaluation.cross_validation import AccuracyPlan, Evaluation
-from tactile_classifier.evaluation.feature_selection import SelectionPlan, SelectionResult
 from tactile_classifier.evaluation.plans import Plan, run_plans
 from tactile_classifier.evaluation.significance import rank_sum_p_values, RankSum
 from tactile_features.records import PROTOCOL_STIFFNESS
 from tactile_lab.report.answers import Answers, AnswersPlan
 from tactile_lab.report.recordings import RecordingSet
+
+if TYPE_CHECKING:
+    from tactile_classifier.evaluation.feature_selection import SelectionResult
 
 FORCE_UNITS = {'MN': 1e-6, 'kN': 1e-3, 'N': 1.0, 'mN': 1e3, 'µN': 1e6}
 """Units of force and how many of each are one newton."""
@@ -181,6 +183,8 @@ def _divide(
 def _plan_selection(
     table: FeatureTable, splits: Sequence[Split], random_state: int, not_done: list[str]
 ) -> list[Plan[Any]]:
+    from tactile_classifier.evaluation.feature_selection import SelectionPlan
+
     plans: list[Plan[Any]] = []
     if table.values.shape[1] < 2:
         not_done.append('feature selection: there is one feature only')

@@ -8,17 +8,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_classifier.confidence.calibration import calibrate_stage, make_group_folds
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ClassifierError
 from tactile_classifier.estimators.classifiers import default_scaling, SCORE_KINDS
-from tactile_classifier.evaluation.early_answers import evaluate_stopping, StoppingEvaluation
-from tactile_classifier.evaluation.open_set import evaluate_open_set, OpenSetEvaluation
 from tactile_classifier.evaluation.plans import Task
 from tactile_classifier.records import CLASSIFIERS, MARGIN
 from tactile_features.config import FeatureConfig
@@ -27,6 +24,10 @@ from tactile_features.records import Measure, PROTOCOL_TEXTURE
 from tactile_features.spec import spec_for
 from tactile_lab.datasets.feature_tables import RecordingFeatures
 from tactile_ros.errors import TactileError
+
+if TYPE_CHECKING:
+    from tactile_classifier.evaluation.early_answers import StoppingEvaluation
+    from tactile_classifier.evaluation.open_set import OpenSetEvaluation
 
 CLASSIFIER = 'knn'
 """Default classifier of `tactile train`; it uses the default scaling."""
@@ -188,6 +189,8 @@ def _try(work: Callable[..., Any], *arguments: Any) -> tuple[Any, str]:
 
 
 def _evaluate_open_set(table: FeatureTable, hold_out: Sequence[str]) -> OpenSetEvaluation:
+    from tactile_classifier.evaluation.open_set import evaluate_open_set  # builds models: slow
+
     return evaluate_open_set(
         table, CLASSIFIER, hold_out=hold_out, false_alarm_rate=FALSE_ALARM_RATE
     )
@@ -196,6 +199,8 @@ def _evaluate_open_set(table: FeatureTable, hold_out: Sequence[str]) -> OpenSetE
 def _evaluate_stopping(
     table: FeatureTable, hold_out: Sequence[str], partial: dict[int, FeatureTable] | str
 ) -> StoppingEvaluation:
+    from tactile_classifier.evaluation.early_answers import evaluate_stopping
+
     if isinstance(partial, str):
         raise TactileError(partial)
     return evaluate_stopping(
@@ -204,6 +209,8 @@ def _evaluate_stopping(
 
 
 def _find_raw_scores(table: FeatureTable) -> tuple[str, ...]:
+    from tactile_classifier.confidence.calibration import calibrate_stage, make_group_folds
+
     folds = make_group_folds(table)
     if folds.groups != 2:  # for others nothing needs to be fitted
         return ()

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,15 +17,17 @@ from tactile_classifier.datasets.archive import Skipped
 from tactile_classifier.datasets.dataset import FeatureTable, plain_name
 from tactile_classifier.datasets.splits import grouped_split, Split
 from tactile_classifier.errors import EvaluationError
-from tactile_classifier.training.feature_choice import Candidate, FeatureChoice
 from tactile_features.feature_sets.stiffness import StiffnessRegression, StiffnessRelaxation
 from tactile_features.feature_sets.texture_spectrum import TextureSpectrum
 from tactile_features.records import PROTOCOL_STIFFNESS
-from tactile_lab.datasets.automatic_features import AUTO, Chosen
 from tactile_lab.datasets.feature_tables import Key, RecordingFeatures
 from tactile_lab.datasets.reading import select_features
 from tactile_lab.report.answers import read_extras, WindowExtras
 from tactile_ros.errors import TactileError
+
+if TYPE_CHECKING:
+    from tactile_classifier.training.feature_choice import Candidate, FeatureChoice
+    from tactile_lab.datasets.automatic_features import Chosen
 
 PAPER: Mapping[str, Any] = MappingProxyType(
     {
@@ -175,7 +177,7 @@ def make_sets(
     for key, table in tables.items():
         simulated = bool(np.any(table.columns.get('simulated', False)))
         columns, not_done = (hold_out, []) if hold_out else usual_splits(table)
-        of_auto = f', {AUTO}: {table.spec.feature_set}' if chosen and not recording.is_own else ''
+        of_auto = f', auto: {table.spec.feature_set}' if chosen and not recording.is_own else ''
         found = RecordingSet(
             title=features.title(key, table) + of_auto + (', simulated' if simulated else ''),
             contact=key[1],

@@ -13,7 +13,8 @@ from tactile_bags import (
     TactileBag,
 )
 from tactile_bags.errors import BagError
-from tactile_lab.datasets.feature_tables import number_blocks, read_tables
+from tactile_lab.datasets.bag_features import number_blocks
+from tactile_lab.datasets.feature_tables import read_tables
 from tactile_lab.simulation.simulated_trials import SAMPLES_PER_BLOCK
 
 
