@@ -48,7 +48,7 @@ COMMANDS = {
     ),
     'train': (
         'tactile_lab.commands.train',
-        'Fit the four classifiers, cross-validate them, write a model file.',
+        'Choose features and classifier by the folds, write a model file.',
     ),
     'evaluate': (
         'tactile_lab.commands.evaluate',
