@@ -25,6 +25,7 @@ from tactile_lab.report.significance import find_components, format_alike_pairs
 from tactile_lab.report.summary import (
     format_accuracy,
     format_first_sentence,
+    format_model,
     format_raw_scores,
 )
 from tactile_ros.errors import TactileError
@@ -139,7 +140,11 @@ def _summarise(result: SetResult) -> dict[str, Any]:
         'simulated': result.recordings.simulated,
         'first_sentence': format_first_sentence(result),
         'pictures': [drawings.draw_split_accuracies(result), drawings.draw_answers(result)],
-        'facts': [format_accuracy(result), *tell_warnings(result.evaluations)],
+        'facts': [
+            format_model(result),
+            format_accuracy(result),
+            *tell_warnings(result.evaluations),
+        ],
         'features': format_features(result.recordings.table.spec),
         'preparation': result.recordings.tell_preparation(),
         'table_sha256': result.recordings.table.compute_sha256(),

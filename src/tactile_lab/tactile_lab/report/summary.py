@@ -3,8 +3,8 @@
 
 """The summary of one set of trials: its accuracy as a plain sentence, its answers in rows.
 
-The accuracy is that of the classifier that `tactile train` writes: by default, so it was not
-chosen by the accuracies that are shown; or the chosen one, with the accuracy of such a choice.
+The accuracy is that of three nearest neighbours, which were not chosen by the accuracies that
+are shown; or, with ``--features auto``, of the choice inside the folds.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tactile_classifier.datasets.dataset import plain_name
 from tactile_classifier.estimators.classifiers import default_scaling
 from tactile_classifier.evaluation.cross_validation import Evaluation, Score
-from tactile_classifier.records import CLASSIFIER_TITLES
+from tactile_classifier.records import CLASSIFIER_TITLES, short_scaling
 from tactile_lab.datasets.tables import name_candidate, tell_interval, tell_nested
 from tactile_lab.report.analysis import SetResult
 from tactile_lab.report.answers import Answers, CLASSIFIER
@@ -25,7 +25,7 @@ _RANDOM = 'stratified '
 
 
 def shown_score(result: SetResult, evaluation: Evaluation) -> Score:
-    """Return the score of the classifier that `tactile train` writes for these features."""
+    """Return the score of the chosen classifier, or else of three nearest neighbours."""
     if result.recordings.choice is not None:
         candidate, _ = result.recordings.choice
         return evaluation.score(candidate.classifier, candidate.scaling)
@@ -43,6 +43,19 @@ def hardest_evaluation(result: SetResult) -> Evaluation:
     held_out = [each for each in result.evaluations if not each.split.startswith(_RANDOM)]
     return min(
         reversed(held_out or result.evaluations), key=lambda each: shown_score(result, each).mean
+    )
+
+
+def format_model(result: SetResult) -> str:
+    """Return the model of the first sentence, and the command that writes it."""
+    if result.recordings.choice is not None:
+        chosen = name_candidate(result.recordings.choice[0])
+        return f'This model: {chosen}, as chosen by the folds.'
+    score = shown_score(result, result.plain)
+    return (
+        f'This model: {CLASSIFIER_TITLES[score.classifier]}, {short_scaling(score.scaling)}, as '
+        f'from tactile train --classifier {score.classifier}. The default of tactile train '
+        'chooses features and classifier; --features auto evaluates that choice.'
     )
 
 

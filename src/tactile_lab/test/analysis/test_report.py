@@ -128,6 +128,7 @@ def test_sentence_picture_signals_tables_come_in_this_order_and_the_rest_is_fold
     whole, *folded = page.split('<details>')
     sentence = format_first_sentence(textures)
     assert sentence.startswith('With a new day, this model names ')
+    assert '<li>This model: 3 nearest neighbours, not scaled, as from tactile train' in whole
     order = [sentence, '<svg', '>Signals</h2>', '>Accuracy</h2>', '<table']
     places = [whole.index(text) for text in order]
     assert places == sorted(places)
