@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where the public recordings are that docs/real_recordings.md names."""
+"""Folder of the public recordings that docs/real_recordings.md names."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""All that `python -m benchmarks` can measure."""
+"""Topics of `python -m benchmarks`."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ class Session:
 
 @dataclass(frozen=True)
 class Disturbance:
-    """What is done to a stream besides what the simulated load cell does.
+    """Disturbance of a stream beyond that of the simulated load cell.
 
     Attributes
     ----------

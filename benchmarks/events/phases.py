@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How often and how exactly the phases of a trial are found in the tension itself."""
+"""Frequency and error of phases that are found in the tension itself."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ def _by_trial(session: Session, events: Iterable[TrialEvent]) -> list[list[Trial
 
 
 def run_phase_features(quick: bool) -> Report:
-    """What the errors of the phases do to the features and to the answers."""
+    """Effect of the phases' errors on features and answers."""
     trials = 4 if quick else 15
     rows = []
     for protocol in MARK:

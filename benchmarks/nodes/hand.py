@@ -45,7 +45,7 @@ processes = multiprocessing.get_context('spawn')
 
 @dataclass
 class Run:
-    """What one run of the chain, or of the bare one, has come to."""
+    """Result of one run of the chain, or of the bare one."""
 
     latencies_s: list[float]
     wanted: int

@@ -26,7 +26,7 @@ COMMANDS = {
 
 
 class Cost(NamedTuple):
-    """What one process takes: CPU time in % of a core, and resident memory [MB]."""
+    """Cost of one process: CPU time in % of a core, and resident memory [MB]."""
 
     cpu_percent: float
     rss_mb: float

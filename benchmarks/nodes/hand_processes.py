@@ -73,7 +73,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Work:
-    """What a process is to do: ours or the bare chain.
+    """Work of a process: ours or the bare chain.
 
     ``within``: the sources of the samples are nodes of the same process, as a driver is.
     """

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How long guide and tendon of the simulated rig move on after a fault, phase by phase.
+"""Motion of the simulated rig's guide and tendon after a fault, phase by phase.
 
 Every node is a process of its own, and so is the program that commands them. The truth comes
 from the simulated rig, not from the drivers. Nothing starts a killed node again. The tendon
@@ -53,7 +53,7 @@ START = {'do': 'move', 'position_m': 0.06, 'speed_m_s': 0.1}
 
 
 class Phase(NamedTuple):
-    """What comes before, what runs when the fault comes, and what it moves."""
+    """Steps before the fault, the step that it interrupts, and its motion."""
 
     before: tuple[dict[str, Any], ...]
     action: dict[str, Any] | None

@@ -54,7 +54,7 @@ class TwinContact:
 
 
 class TipState(NamedTuple):
-    """What the plate does to the tip, and what the tip remembers.
+    """Forces of the plate on the tip, and the tip's memory.
 
     Attributes
     ----------

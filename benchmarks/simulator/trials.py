@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the topics about the simulator share: drawn trials, their windows, their errors."""
+"""Drawn trials, their windows and errors, for the topics about the simulator."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ _PAST_SCALE = 1.3474  # mean square of normal values, over that of values trimme
 
 @dataclass(frozen=True)
 class SlipConfig:
-    """When a fall of the tension is a slip.
+    """Conditions under which a fall of the tension is a slip.
 
     Raises
     ------

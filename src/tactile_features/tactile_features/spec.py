@@ -218,7 +218,7 @@ class WantedFeatures:
 
 @dataclass(frozen=True)
 class FeatureSpecifications:
-    """All specifications that a feature node computes, as it announces them.
+    """Specifications that a feature node computes, as it announces them.
 
     Attributes
     ----------

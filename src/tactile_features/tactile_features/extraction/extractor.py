@@ -246,12 +246,12 @@ class TrialFeatureExtractor:
 
     @property
     def specifications(self) -> tuple[FeatureSpec, ...]:
-        """All specifications that are computed."""
+        """Specifications that are computed."""
         return tuple(lane.spec for lane in self._lanes)
 
     @property
     def wanted(self) -> tuple[WantedFeatures, ...]:
-        """All specifications that are computed, with their partial windows."""
+        """Specifications that are computed, with their partial windows."""
         return tuple(WantedFeatures(lane.spec, lane.partial_samples) for lane in self._lanes)
 
     @property

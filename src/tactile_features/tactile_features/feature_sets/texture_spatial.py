@@ -111,7 +111,7 @@ class SpatialWindow:
 
     @property
     def grid_m(self) -> NDArray[np.float64]:
-        """Where the smoothed signal is evaluated [m]."""
+        """Places at which the smoothed signal is evaluated [m]."""
         step_m = self.finest_m / GRID_PER_SCALE
         return np.asarray(np.arange(0.0, self.length_m * (1 + 1e-9), step_m), dtype=np.float64)
 

@@ -130,7 +130,7 @@ def write_simulated_bag(
             for trial in _simulate(plan, planned, trial_config, catalogue, jobs):
                 for stamp_ns, type_name, data in trial.messages:
                     if missing and type_name == STRAIN:
-                        data = _tell_loss(data, missing)
+                        data = _state_loss(data, missing)
                         missing = 0
                     writer.write_raw(topics[type_name], stamp_ns, data)
                 missing += trial.missing_samples
@@ -199,7 +199,7 @@ def _chunk_groups(plan: SimulationPlan, labels: Sequence[str]) -> Iterator[list[
             ]
 
 
-def _tell_loss(data: bytes, lost_before: int) -> bytes:
+def _state_loss(data: bytes, lost_before: int) -> bytes:
     """Return a strain block that says how many samples before it are missing."""
     block = known_messages().deserialize_cdr(data, STRAIN)
     block.lost_before = lost_before  # type: ignore[attr-defined]

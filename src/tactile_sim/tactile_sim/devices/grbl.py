@@ -101,12 +101,12 @@ class Planner:
 
     @property
     def end_s(self) -> float:
-        """When it will be at rest as things stand; in the past if it is."""
+        """Time of rest as things stand; in the past if it is at rest."""
         return self._motion.end_s
 
     @property
     def next_end_s(self) -> float:
-        """When the first queued move will be done; never during a hold."""
+        """End of the first queued move; never during a hold."""
         return self._blocks[0].end_s if self._blocks else math.inf
 
     @property
@@ -116,7 +116,7 @@ class Planner:
 
     @property
     def target(self) -> float:
-        """Where the last queued move ends."""
+        """End of the last queued move."""
         return self._blocks[-1].target if self._blocks else self._motion.target
 
     def state_at(self, time_s: float) -> tuple[float, float]:
@@ -284,7 +284,7 @@ class GrblDevice:
     # ---- the world's side ---------------------------------------------------------------
 
     def position_m(self, now_s: float) -> float:
-        """Where the carriage is on the rail [m]; call with rising times."""
+        """Place of the carriage on the rail [m]; call with rising times."""
         self._advance(now_s)
         return self._on_rail(self._planner.state_at(now_s)[0]) * 1e-3
 

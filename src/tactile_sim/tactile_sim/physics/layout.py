@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where each quantity of a trial stands in a solver's block of rows, shape (ROWS, trials).
+"""Rows of a trial's quantities in a solver's block, shape (ROWS, trials).
 
 The first STATE_ROWS are what a trial remembers from one step to the next; then follow
 what makes it differ from others; the rest is scratch of one step.

@@ -187,7 +187,7 @@ def locate(z: Any, t: Any, guide_m: float, constants: Any) -> None:
 def find_cell(
     z: Any, t: Any, shape_m: float, origin_m: float, per_spacing: float, last: float
 ) -> None:
-    """Where on the surface's grid the tip is; beyond the ends it is level."""
+    """Place of the tip on the surface's grid; beyond the ends it is level."""
     cell = (z[at.REACH, t] - shape_m - origin_m) * per_spacing
     cell = select(cell > 0.0, cell, 0.0)
     z[at.CELL, t] = select(cell < last, cell, last)
