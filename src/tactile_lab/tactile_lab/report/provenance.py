@@ -27,7 +27,7 @@ class Source:
     name : str
         Of the file or folder, without where it lies.
     sha256 : str
-        Of the file, or of the files of a bag one after the other, by name.
+        Of the file, of the files of a folder by name, or of the data files of a bag.
     facts : dict
         What the recording says of itself, such as seed and simulator.
     """
@@ -52,7 +52,7 @@ def describe_sources(paths: Sequence[Path], recording: Recording) -> list[Source
     return [
         Source(
             bag.path.resolve().name,
-            _compute_digest(bag.path),
+            bag.sha256(),
             {k: v for k, v in bag.metadata.items() if not isinstance(v, (dict, list))},
         )
         for bag in recording.bags
