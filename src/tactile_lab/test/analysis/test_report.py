@@ -4,9 +4,11 @@
 """The report: what it says must follow from the numbers, and it must stand alone."""
 
 import dataclasses
+import hashlib
 import html.parser
 import json
 import re
+import sys
 
 import jinja2
 import numpy as np
@@ -399,3 +401,23 @@ def test_sessions_and_mountings_are_held_out_without_being_asked_for(columns, he
     found, not_done = usual_splits(make_grouped(**columns))
     assert found == held_out
     assert len(not_done) == (columns.get('session_id') == 1)
+
+
+def test_report_and_answers_open_each_bag_once(stiffness_bag):
+    opened = []
+    counting = [True]
+
+    def count(event, arguments):
+        if counting and event == 'open' and str(arguments[0]).endswith('.mcap'):
+            opened.append(arguments[0])
+
+    sys.addaudithook(count)  # it cannot be taken away again
+    with open_features([stiffness_bag]) as features:
+        sets = make_sets(features, report=True, answers=True)
+        (source,) = describe_sources([stiffness_bag], features.recording)
+    counting.clear()
+    assert len(opened) == 1
+    assert sets[0].examples
+    assert sets[0].trial
+    (file,) = stiffness_bag.glob('*.mcap')
+    assert source.sha256 == hashlib.sha256(file.read_bytes()).hexdigest()
