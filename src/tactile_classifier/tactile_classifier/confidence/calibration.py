@@ -25,7 +25,6 @@ from tactile_classifier.confidence.novelty import (
     NoveltyMeasure,
     rank_of_sessions,
 )
-from tactile_classifier.confidence.score_choice import ScoreChoice
 from tactile_classifier.datasets.dataset import divide_groups, FeatureTable
 from tactile_classifier.errors import TooFewTrialsError
 from tactile_classifier.estimators.classifiers import (
@@ -374,8 +373,6 @@ class CalibratedStage:
         trial is rejected as unknown.
     wrong : ndarray of bool, shape (trials,)
         Whether the answer is not the label.
-    choice : ScoreChoice
-        Whether raw scores do better on held-out trials.
     """
 
     calibration: Calibration
@@ -386,7 +383,6 @@ class CalibratedStage:
     error_after: float
     confidence: Matrix
     wrong: npt.NDArray[np.bool_]
-    choice: ScoreChoice
 
 
 def calibrate_stage(
@@ -403,8 +399,7 @@ def calibrate_stage(
     scores, true = hold_out_scores(table, classifier, scaling, fold)
     measure, novelty, threshold = fit_novelty(table, folds, false_alarm_rate)
     probabilities = hold_out_probabilities(scores, true, fold)
-    kind = SCORE_KINDS[classifier]
-    uncalibrated = compute_uncalibrated(scores, kind)
+    uncalibrated = compute_uncalibrated(scores, SCORE_KINDS[classifier])
     return CalibratedStage(
         calibration=Calibration.fit(scores, true),
         novelty=measure,
@@ -414,5 +409,4 @@ def calibrate_stage(
         error_after=compute_calibration_error(probabilities, true),
         confidence=np.where(novelty > threshold, -1.0, probabilities.max(axis=1)),
         wrong=scores.argmax(axis=1) != true,
-        choice=ScoreChoice.compare(uncalibrated, probabilities, true, folds.session, kind),
     )

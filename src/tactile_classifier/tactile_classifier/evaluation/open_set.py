@@ -76,8 +76,6 @@ class OpenSetEvaluation(Result):
     calibration_error_before, calibration_error_after : float
         Expected calibration error on held-out trials; after: of what a model file trained on
         the other folds would state [1].
-    raw_parts : int
-        Parts held out for which that file would keep raw scores, see `ScoreChoice`.
     """
 
     classifier: str
@@ -94,7 +92,6 @@ class OpenSetEvaluation(Result):
     unknown: tuple[UnknownLabel, ...]
     calibration_error_before: float
     calibration_error_after: float
-    raw_parts: int = 0
 
 
 @on_one_thread
@@ -146,7 +143,7 @@ def evaluate_open_set(
         raise EvaluationError(f'the trials do not allow it: {error}') from error
     except ValueError as error:
         raise EvaluationError(str(error)) from error
-    rejected, right, before, after, true, unknown, splits, raw = zip(*folds, strict=True)
+    rejected, right, before, after, true, unknown, splits = zip(*folds, strict=True)
     all_true, all_right = np.concatenate(true), np.concatenate(right)
     kept = ~np.concatenate(rejected)
     found = tuple(_pool_unknown(str(label), unknown, outer.split) for label in labels)
@@ -165,7 +162,6 @@ def evaluate_open_set(
         unknown=found,
         calibration_error_before=compute_calibration_error(np.concatenate(before), all_true),
         calibration_error_after=compute_calibration_error(np.concatenate(after), all_true),
-        raw_parts=sum(raw),
     )
 
 
@@ -179,7 +175,6 @@ class _Part(NamedTuple):
     true: npt.NDArray[np.intp]
     unknown: dict[str, tuple[float, npt.NDArray[np.bool_]]]
     calibration_split: str
-    keeps_raw: bool
 
 
 def _evaluate_fold(
@@ -194,7 +189,6 @@ def _evaluate_fold(
     classes = np.unique(train.labels)
     inner = make_group_folds(train, columns)
     stage = calibrate_stage(train, classifier, scaling, inner, rate)
-    keeps_raw = stage.choice.keeps_raw
     estimator = build_estimator(classifier, scaling, table.channels)
     estimator.fit(train.values, train.labels)
     scores = compute_raw_scores(estimator, test.values)
@@ -213,11 +207,10 @@ def _evaluate_fold(
         rejected=stage.novelty.compute(test.values) > stage.novelty_threshold,
         right=scores.argmax(axis=1) == true,
         before=before,
-        after=before if keeps_raw else stage.calibration.compute(scores),
+        after=stage.calibration.compute(scores),
         true=true,
         unknown=unknown,
         calibration_split=inner.split,
-        keeps_raw=keeps_raw,
     )
 
 

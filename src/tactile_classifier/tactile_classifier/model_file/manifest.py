@@ -126,8 +126,7 @@ class Manifest:
         hold (negative: there were no sessions), or ``reason`` why there are none. With
         sessions also ``session_statistics``, one entry a stage, for `recalibrate`; and
         ``recalibrated``, what `recalibrate` took and found. ``held_out_novelty``: for each stage
-        the novelties of held-out trials, by session. ``scores``: which were ``kept``,
-        ``raw`` or ``calibrated``, and the log losses behind the choice (`ScoreChoice`).
+        the novelties of held-out trials, by session.
         ``unlearned``: rejection of labels left out in turn (`UnlearnedLabels`).
     false_alarm_rate : float
         Share of windows of known labels that the thresholds reject [1]; negative: no
@@ -369,17 +368,10 @@ def _format_choice(choice: Mapping[str, Any] | None) -> str:
 
 
 def format_scores(manifest: Manifest) -> str:
-    """Return what the scores of a model are, and why raw ones were kept."""
+    """Return what the scores of a model are."""
     if manifest.score_kind == PROBABILITY:
         return 'calibrated probabilities'
-    choice = manifest.calibration.get('scores')
-    if choice is None:
-        return f'raw ({manifest.score_kind}), not calibrated'
-    return (
-        f'raw ({manifest.score_kind}) are kept, because calibration was worse in both held-out '
-        f'sessions (log loss {choice["log_loss_calibrated"]:.2f} calibrated, '
-        f'{choice["log_loss_raw"]:.2f} raw)'
-    )
+    return f'raw ({manifest.score_kind}), not calibrated'
 
 
 def list_limits(manifest: Manifest) -> list[str]:

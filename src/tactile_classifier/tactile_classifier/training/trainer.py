@@ -98,8 +98,6 @@ def train(
     Thresholds and probabilities come from trials that are held out in turn, whole sessions
     where there are several (`make_group_folds`); the classifier in the file is then fitted to
     all trials. Too few trials: no novelty, no probabilities, and the manifest says why.
-    Raw scores are kept where calibration is worse on held-out sessions (`ScoreChoice`), unless
-    there are early predictions, whose stopping rule needs probabilities.
 
     Parameters
     ----------
@@ -157,11 +155,6 @@ def train(
     )
     if partial and not calibrated:
         raise DatasetError(f'early predictions need calibrated ones: {stated["reason"]}')
-    raw = bool(calibrated) and not partial and calibrated[0].choice.keeps_raw
-    if calibrated:
-        losses = dataclasses.asdict(calibrated[0].choice)
-        del losses['keeps_raw']
-        stated['scores'] = {'kept': 'raw' if raw else 'calibrated', **losses}
     stages = [
         FittedStage(
             sample_count=count,
@@ -169,7 +162,7 @@ def train(
                 table.values, table.labels
             ),
             values=table.values,
-            calibration=held_out.calibration if held_out and not raw else None,
+            calibration=held_out.calibration if held_out else None,
             novelty=held_out.novelty if held_out else None,
         )
         for (count, table), held_out in zip_longest(tables.items(), calibrated)
@@ -181,7 +174,7 @@ def train(
         contact=_only_contact(table),
         spec=table.spec,
         labels=tuple(str(label) for label in labels),
-        score_kind=PROBABILITY if calibrated and not raw else SCORE_KINDS[classifier],
+        score_kind=PROBABILITY if calibrated else SCORE_KINDS[classifier],
         classifier=classifier,
         scaling=scaling,
         simulated=bool(np.any(table.columns.get('simulated', False))),

@@ -6,11 +6,17 @@ import datetime
 import numpy as np
 import pytest
 
+from tactile_classifier.confidence.calibration import (
+    Calibration,
+    hold_out_scores,
+    make_group_folds,
+)
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError
 from tactile_classifier.evaluation.cross_validation import evaluate
 from tactile_classifier.training import trainer
 from tactile_classifier.training.trainer import train
+from tactile_features.spec import array_spec
 
 
 def test_manifest_states_what_was_trained(small_table):
@@ -83,3 +89,36 @@ def test_only_too_few_trials_are_a_reason_for_no_probabilities(small_table, monk
     monkeypatch.setattr(trainer, 'calibrate_stage', fail)
     with pytest.raises(ValueError, match='a fault'):
         train(small_table, 'knn')
+
+
+def draw_sessions(noises, seed=3, each=20):
+    """Return trials of three labels; one session for each size of noise."""
+    rng = np.random.default_rng(seed)
+    label = np.tile(np.repeat(np.arange(3), each), len(noises))
+    session = np.repeat(np.arange(len(noises)), 3 * each)
+    values = (
+        3.0 * np.eye(3)[label] + rng.normal(size=(len(label), 3)) * np.array(noises)[session, None]
+    )
+    columns = {'session_id': session.astype(str)}
+    spec = array_spec('stiffness', 50, 60.0)
+    return FeatureTable(values, np.array(['foam', 'pla', 'steel'])[label], spec, columns)
+
+
+@pytest.mark.parametrize('classifier', ['knn', 'tree'])
+@pytest.mark.parametrize('sessions', [1, 2])
+def test_votes_without_a_mistake_are_calibrated(classifier, sessions):
+    trained = train(draw_sessions((0.2,) * sessions), classifier)
+    part = trained.manifest.stages[0]
+    assert (part.accuracy, part.calibration_error_before) == (1.0, 0.0)
+    assert part.calibration_error_after > 0.0  # a naive rule would keep certainty 1
+    assert trained.manifest.score_kind == 'probability'
+    assert trained.stages[0].calibration.compute(np.eye(3))[0, 0] < 0.999
+
+
+@pytest.mark.parametrize('noises', [(0.2, 4.0), (0.2, 4.0, 0.2, 4.0)])
+def test_unlike_sessions_are_calibrated_by_all(noises):
+    table = draw_sessions(noises)
+    trained = train(table, 'svm_linear')
+    assert trained.manifest.score_kind == 'probability'
+    scores, true = hold_out_scores(table, 'svm_linear', 'standard', make_group_folds(table).fold)
+    assert trained.stages[0].calibration == Calibration.fit(scores, true)

@@ -151,9 +151,9 @@ def train(
 
     Also prints the accuracy of six-fold cross-validation, repeated ten times, for the paper's
     four classifiers with and without scaling. One ONNX file is written for each task and
-    kind of contact in the recordings. Its scores are calibrated probabilities, or raw where
-    calibration was worse in both of two sessions. It classifies windows that differ from all
-    training trials as *unknown*. Existing model files are only replaced with --force.
+    kind of contact in the recordings. Its scores are calibrated probabilities. It
+    classifies windows that differ from all training trials as *unknown*. Existing model files
+    are only replaced with --force.
     """
     from tactile_bags.sources.files import SourceOptions
     from tactile_lab.cluster import on_cluster

@@ -15,9 +15,7 @@ from numpy.typing import NDArray
 
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ClassifierError
-from tactile_classifier.estimators.classifiers import default_scaling, SCORE_KINDS
 from tactile_classifier.evaluation.plans import Task
-from tactile_classifier.records import CLASSIFIERS, MARGIN
 from tactile_features.config import FeatureConfig
 from tactile_features.feature_sets.registry import find_feature_set
 from tactile_features.records import Measure, PROTOCOL_TEXTURE
@@ -72,17 +70,12 @@ class MeasureSummary:
 
 @dataclass(frozen=True)
 class Answers:
-    """Answers on one set of trials; ``not_done`` says why one is None or empty.
-
-    ``raw_scores`` names the classifiers whose model file, trained on all these trials, would
-    keep raw scores, because calibration was worse in both of two sessions.
-    """
+    """Answers on one set of trials; ``not_done`` says why one is None or empty."""
 
     open_set: OpenSetEvaluation | None
     stopping: StoppingEvaluation | None
     measures: tuple[MeasureSummary, ...]
     not_done: tuple[str, ...]
-    raw_scores: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the answers as what JSON can hold."""
@@ -91,7 +84,6 @@ class Answers:
             'stopping': None if self.stopping is None else self.stopping.to_dict(),
             'measures': [asdict(measure) for measure in self.measures],
             'not_done': list(self.not_done),
-            'raw_scores': list(self.raw_scores),
         }
 
 
@@ -160,12 +152,11 @@ class AnswersPlan:
             (_try, (_evaluate_open_set, table, hold_out)),
             (_try, (_evaluate_stopping, table, hold_out, extras.partial)),
             (_try, (_summarise_measures, table, extras.measures)),
-            (_try, (_find_raw_scores, table)),
         ]
 
     def finish(self, answers: Sequence[tuple[Any, str]]) -> Answers:
         """Put their results together; see `Plan`."""
-        (open_set, _), (stopping, _), (measures, _), (raw_scores, _) = answers
+        (open_set, _), (stopping, _), (measures, _) = answers
         names = ('unknown objects', 'early predictions', 'measures')
         return Answers(
             open_set,
@@ -173,10 +164,9 @@ class AnswersPlan:
             measures or (),
             tuple(
                 f'{name}: {reason}'
-                for name, (_, reason) in zip(names, answers, strict=False)
+                for name, (_, reason) in zip(names, answers, strict=True)
                 if reason
             ),
-            raw_scores or (),
         )
 
 
@@ -205,22 +195,6 @@ def _evaluate_stopping(
         raise TactileError(partial)
     return evaluate_stopping(
         table, partial, CLASSIFIER, hold_out=hold_out, false_alarm_rate=FALSE_ALARM_RATE
-    )
-
-
-def _find_raw_scores(table: FeatureTable) -> tuple[str, ...]:
-    from tactile_classifier.confidence.calibration import calibrate_stage, make_group_folds
-
-    folds = make_group_folds(table)
-    if folds.groups != 2:  # for others nothing needs to be fitted
-        return ()
-    return tuple(
-        name
-        for name in CLASSIFIERS
-        if SCORE_KINDS[name] == MARGIN
-        and calibrate_stage(
-            table, name, default_scaling(table.task, name), folds, FALSE_ALARM_RATE
-        ).choice.keeps_raw
     )
 
 

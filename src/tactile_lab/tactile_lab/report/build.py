@@ -26,7 +26,6 @@ from tactile_lab.report.summary import (
     format_accuracy,
     format_first_sentence,
     format_model,
-    format_raw_scores,
 )
 from tactile_ros.errors import TactileError
 
@@ -173,7 +172,6 @@ def _answer(results: Sequence[SetResult]) -> dict[str, Any]:
                 'found': answers.open_set,
                 'drawing': drawings.draw_open_set(result, answers.open_set),
                 'split': _format_split(result, answers.open_set),
-                'raw_scores': format_raw_scores(answers) if answers.raw_scores else '',
             }
             for result, answers in answered
             if answers.open_set is not None

@@ -136,15 +136,6 @@ def format_confusion(score: Score) -> str:
     )
 
 
-def format_raw_scores(answers: Answers) -> str:
-    """Return which classifiers would keep raw scores, and why."""
-    names = ' and '.join(CLASSIFIER_TITLES[name] for name in answers.raw_scores)
-    return (
-        f'{names} would keep raw scores when trained on all these trials, because calibration '
-        'was worse in both held-out sessions'
-    )
-
-
 def answer_rows(answers: Answers) -> list[tuple[str, str]]:
     """Return what became of unknown labels, probabilities and early answers, in rows."""
     rows = []
@@ -160,8 +151,6 @@ def answer_rows(answers: Answers) -> list[tuple[str, str]]:
             ('calibration error before', f'{100 * unknown.calibration_error_before:.1f} %'),
             ('calibration error after', f'{100 * unknown.calibration_error_after:.1f} %'),
         ]
-    if answers.raw_scores:
-        rows.append(('calibration', format_raw_scores(answers)))
     for rule in answers.stopping.rules if answers.stopping is not None else ():
         rows.append(
             (

@@ -16,7 +16,6 @@ from tactile_bags.replay import replay_windows
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.evaluation.open_set import evaluate_open_set
 from tactile_classifier.evaluation.plans import run_plans
-from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
 from tactile_features.records import Measure
 from tactile_features.spec import spec_for
@@ -83,26 +82,6 @@ def test_unknown_twin_is_missed_and_a_far_label_is_not():
     assert miss['twin'] > 0.7
     assert miss['far'] == 0.0
     assert answers.open_set.split == 'one session held out'
-
-
-def test_raw_scores_that_a_training_would_keep_are_told():
-    rng = np.random.default_rng(3)
-    label, session = np.tile(np.repeat(np.arange(3), 20), 2), np.repeat([0, 1], 60)
-    noise = np.where(session == 0, 0.2, 4.0)[:, np.newaxis]
-    values = 3.0 * np.eye(3)[label] + noise * rng.normal(size=(120, 3))
-    labels = np.array(['foam', 'pla', 'steel'])[label]
-    spec = spec_for('stiffness', FeatureConfig())
-    table = FeatureTable(values, labels, spec, {'session_id': session})
-    kept = train(table, 'svm_linear').manifest.calibration['scores']['kept']
-    found = answer(table)
-    assert ('svm_linear' in found.raw_scores, kept) == (True, 'raw')
-    assert 'knn' not in found.raw_scores
-    rows = dict(answer_rows(found))
-    assert 'SVM, linear kernel' in rows['calibration']
-    assert 'would keep raw scores when trained on all these trials' in rows['calibration']
-    assert found.to_dict()['raw_scores'] == list(found.raw_scores)
-    third = np.arange(120) % 3
-    assert answer(FeatureTable(values, labels, spec, {'session_id': third})).raw_scores == ()
 
 
 def test_what_cannot_be_done_says_why_and_the_rest_is_done():

@@ -5,7 +5,6 @@
 
 import dataclasses
 
-import numpy as np
 import pytest
 from tactile_command import hear_tactile
 
@@ -15,10 +14,9 @@ from tactile_bags import TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
 from tactile_bags.replay import replay_windows
-from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.model import load_model
-from tactile_features.spec import array_spec, spec_for
+from tactile_features.spec import spec_for
 from tactile_lab.commands.train import parse_seconds, train_models
 from tactile_lab.datasets.feature_tables import open_features
 from tactile_lab.datasets.reading import Reading
@@ -120,34 +118,3 @@ def test_recalibration_reads_bags_of_the_session_and_replaces_nothing_unasked(
     assert len(stated['offsets']) == 2  # of whole and partial windows
     assert 'session_statistics' not in trained.to_dict()['calibration']
     assert 'would be replaced' in hear_tactile(*command, code=2)
-
-
-def test_raw_scores_that_are_kept_are_printed_and_in_json(tmp_path, capsys):
-    rng = np.random.default_rng(3)
-    label, session = np.tile(np.repeat(np.arange(3), 20), 2), np.repeat([0, 1], 60)
-    noise = np.where(session == 0, 0.2, 4.0)[:, np.newaxis]
-    table = FeatureTable(
-        3.0 * np.eye(3)[label] + noise * rng.normal(size=(120, 3)),
-        np.array(['foam', 'pla', 'steel'])[label],
-        array_spec('stiffness', 50, 60.0),
-        {'session_id': session.astype(str)},
-    )
-    archive = tmp_path / 'any.npz'
-    signals = rng.normal(size=(8, 1, 60))
-    np.savez(archive, x=signals, label=np.repeat(['a', 'b'], 4), rate_hz=60.0)
-    with open_features([archive], Reading(task='stiffness')) as features:
-        (trained,) = train_models(
-            features,
-            {('stiffness', ''): table},
-            folder=tmp_path,
-            output=Output(as_json=False),
-            classifier='svm_linear',
-            folds=3,
-            repetitions=1,
-        )
-    printed = ' '.join(capsys.readouterr().out.split())
-    assert (
-        'scores: raw (margin) are kept, because calibration was worse in both held-out sessions'
-        in printed
-    )
-    assert trained.to_dict()['calibration']['scores']['kept'] == 'raw'
