@@ -188,7 +188,7 @@ class Recording:
 
     @property
     def notes(self) -> list[str]:
-        """What could not be known, in the first line; then what was taken for what."""
+        """Facts that are not known, in the first line; then what was taken for what."""
         unknown = list(self._found.unknown)
         if not self.unit:
             unknown.append('unit of the signal (--unit N)')
