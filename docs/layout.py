@@ -142,3 +142,29 @@ def draw_layout(source: Path, axes: Any) -> None:
     axes.set_xlim(0.0, 12.0)
     axes.set_ylim(-1.0, 2.2 * len(LAYERS) - 1.2)
     axes.axis('off')
+
+
+def find_missing(page: str, source: Path) -> list[str]:
+    """Return the steps of the page's walks that name nothing in the code."""
+    modules = read_modules(source)
+    steps = re.findall(r'^\| `([\w.]+)` \|', page.split(BEGIN)[0], re.MULTILINE)
+    return [step for step in steps if not _is_there(step, modules, source)]
+
+
+def _is_there(step: str, modules: dict[str, Module], source: Path) -> bool:
+    owner = _owner(step, modules)
+    names = step.removeprefix(owner).strip('.').split('.')
+    if not owner or names == ['']:
+        return bool(owner)
+    path = source / owner.split('.')[0] / Path(*owner.split('.'))
+    path = path / '__init__.py' if path.is_dir() else path.with_suffix('.py')
+    text = path.read_text('utf-8')
+    if path.name == '__init__.py':  # offered there, defined elsewhere
+        return f"'{names[0]}'" in text
+    body: list[ast.stmt] = ast.parse(text).body
+    for name in names:
+        found = [n for n in body if getattr(n, 'name', '') == name]
+        if not found:
+            return False
+        body = getattr(found[0], 'body', [])
+    return True

@@ -26,7 +26,7 @@ FIRST_PAGES = (
     'README.md',
     *(f'docs/{p}.md' for p in ('index', 'on_your_hand', 'your_rig', 'your_data')),
 )
-GENERATED = {'parameters.md', 'interfaces.md', 'simulator_constants.md'}
+GENERATED = {'parameters.md', 'interfaces.md', 'layout.md', 'simulator_constants.md'}
 INTERFACES = sorted((ROOT / 'src' / 'tactile_msgs').glob('*/*.*'))
 UNITLESS = {
     'bool',
@@ -83,6 +83,22 @@ def test_constants_and_interfaces_are_those_of_the_code(monkeypatch):
     assert constants.replace_tables(text, constants.build_tables(config)) == text, renewal
     page = interfaces.build_page(ROOT / 'src' / 'tactile_msgs')
     assert page == (DOCS / 'interfaces.md').read_text(), renewal
+
+
+def test_the_layout_is_that_of_the_code(monkeypatch):
+    monkeypatch.syspath_prepend(str(DOCS))
+    layout = importlib.import_module('layout')
+    page, source = (DOCS / 'layout.md').read_text(), ROOT / 'src'
+    assert not layout.find_missing(page, source), 'a walk names what is not there'
+    assert layout.replace_tables(page, layout.build_tables(source)) == page, (
+        'renew it: ./tactile run python docs/generate.py'
+    )
+    for walk in page.split('\n## ')[1:4]:
+        modules = {
+            layout._owner(step, layout.read_modules(source))
+            for step in re.findall(r'^\| `([\w.]+)` \|', walk, re.MULTILINE)
+        }
+        assert 8 <= len(modules) <= 20
 
 
 def test_the_promises_of_motion_name_tests_that_exist():
