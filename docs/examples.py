@@ -4,20 +4,50 @@
 """Run the examples and renew their pages: ./tactile run python docs/examples.py.
 
 A line ``# %%`` begins a part of an example: first comments, which are Markdown, then code.
-What the code prints stands below it, and each figure that it leaves open.
+What the code prints stands below it, and each figure that it leaves open. The same parts are the
+cells of a notebook beside the page.
 """
 
 from __future__ import annotations
 
 from contextlib import redirect_stdout
 import io
+import json
 from pathlib import Path
 import re
+from typing import Any
 
 import matplotlib as mpl
 
 FOLDER = Path(__file__).with_name('examples')
 IMAGES = Path(__file__).with_name('images')
+
+
+def read_parts(script: Path) -> list[tuple[str, str]]:
+    """Return prose (Markdown) and code of each part of an example."""
+    _, *parts = re.split(r'^# %%\n', script.read_text('utf-8'), flags=re.MULTILINE)
+    prose = [re.match(r'(#.*\n)*', part)[0] for part in parts]
+    return [
+        (re.sub(r'^# ?', '', text, flags=re.MULTILINE).strip(), part[len(text) :].strip())
+        for text, part in zip(prose, parts, strict=True)
+    ]
+
+
+def build_notebook(script: Path) -> str:
+    """Return an example as a notebook (nbformat 4.5) that was not run yet."""
+    cells: list[dict[str, Any]] = []
+    for prose, code in read_parts(script):
+        for kind, text in (('markdown', prose), ('code', code)):
+            if not text:
+                continue
+            cell: dict[str, Any] = {'cell_type': kind, 'id': f'cell-{len(cells)}', 'metadata': {}}
+            cell['source'] = text.splitlines(keepends=True)
+            if kind == 'code':
+                cell |= {'execution_count': None, 'outputs': []}
+            cells.append(cell)
+    kernel = {'display_name': 'Python 3', 'language': 'python', 'name': 'python3'}
+    notebook = {'cells': cells, 'metadata': {'kernelspec': kernel}}
+    return json.dumps({**notebook, 'nbformat': 4, 'nbformat_minor': 5}, indent=1) + '\n'
 
 
 def build_page(script: Path, images: Path) -> str:
@@ -32,13 +62,10 @@ def build_page(script: Path, images: Path) -> str:
     mpl.use('Agg')
     from matplotlib import pyplot as plt
 
-    _, *parts = re.split(r'^# %%\n', script.read_text('utf-8'), flags=re.MULTILINE)
     scope = {'__name__': script.stem}
     page = []
-    for part in parts:
-        prose = re.match(r'(#.*\n)*', part)[0]
-        code = part[len(prose) :].strip()
-        page.append(re.sub(r'^# ?', '', prose, flags=re.MULTILINE).strip())
+    for prose, code in read_parts(script):
+        page.append(prose)
         printed = io.StringIO()
         with redirect_stdout(printed):
             exec(compile(code, str(script), 'exec'), scope)  # noqa: S102 - our own scripts
@@ -49,12 +76,16 @@ def build_page(script: Path, images: Path) -> str:
             plt.figure(number).savefig(images / image, dpi=100, metadata={'Software': None})
             page.append(f'![{script.stem}](../images/{image})')
         plt.close('all')
-    source = f'Made by `docs/examples.py` from [{script.name}]({script.name}); SIMULATED numbers.'
+    source = (
+        f'Made by `docs/examples.py` from [{script.name}]({script.name}); also a '
+        f'[notebook]({script.stem}.ipynb). SIMULATED numbers.'
+    )
     return '\n\n'.join([text for text in page if text] + [source]) + '\n'
 
 
 def main() -> None:
     for script in sorted(FOLDER.glob('*.py')):
+        script.with_suffix('.ipynb').write_text(build_notebook(script), 'utf-8')
         script.with_suffix('.md').write_text(build_page(script, IMAGES), 'utf-8')
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from constants import build_tables, replace_tables
 from interfaces import build_page
+import layout
 import matplotlib as mpl
 import numpy as np
 from numpy.typing import NDArray

@@ -30,5 +30,9 @@ def test_the_page_of_an_example_is_what_it_does(script, tmp_path, monkeypatch):
     assert page == script.with_suffix('.md').read_text(), (
         'renew it: ./tactile run python docs/examples.py'
     )
+    notebook = script.with_suffix('.ipynb').read_text()
+    assert examples.build_notebook(script) == notebook, (
+        'renew it: ./tactile run python docs/examples.py'
+    )
     for image in tmp_path.glob('*.png'):
         assert (DOCS / 'images' / image.name).is_file()
