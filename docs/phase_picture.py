@@ -10,8 +10,7 @@ from pathlib import Path
 from matplotlib import pyplot as plt
 import numpy as np
 
-from tactile_bringup.records import TrialConfig
-from tactile_bringup.trial_protocols import TrialRequest
+from tactile_bringup.trial_protocols import TrialConfig, TrialRequest
 from tactile_features.config import FeatureConfig
 from tactile_features.phases import find_phases
 from tactile_lab.simulation.simulated_trials import plan_trial

@@ -25,8 +25,7 @@ from sklearn.tree import DecisionTreeClassifier
 
 from benchmarks.measuring import Report, Row
 from benchmarks.simulator.trials import CONTACTS, find_window
-from tactile_bringup.records import TrialConfig
-from tactile_bringup.trial_protocols import TrialRequest
+from tactile_bringup.trial_protocols import TrialConfig, TrialRequest
 from tactile_classifier.evaluation.significance import rank_sum_p_values
 from tactile_features.feature_sets.stiffness import compute_regression
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum

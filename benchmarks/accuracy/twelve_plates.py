@@ -18,8 +18,7 @@ from sklearn.preprocessing import StandardScaler
 from sklearn.svm import SVC
 
 from benchmarks.measuring import Report, Row
-from tactile_bringup.records import TrialConfig
-from tactile_bringup.trial_protocols import TrialRequest
+from tactile_bringup.trial_protocols import TrialConfig, TrialRequest
 from tactile_classifier.estimators.random_convolutions import RandomConvolutions
 from tactile_features import FeatureConfig, features_from_trials
 from tactile_lab.simulation.simulated_trials import plan_trial

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_bringup.records import TrialConfig
-from tactile_bringup.trial_protocols import TrialRequest
+from tactile_bringup.trial_protocols import TrialConfig, TrialRequest
 from tactile_lab.simulation.simulated_trials import plan_trial, PlannedTrial
 from tactile_ros.strain import StrainBlock
 from tactile_sim.descriptions.catalogue import default_catalogue

@@ -12,8 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_bringup.records import TrialConfig
-from tactile_bringup.trial_protocols import TrialRequest
+from tactile_bringup.trial_protocols import TrialConfig, TrialRequest
 from tactile_features.records import TrialEvent
 from tactile_lab.simulation.simulated_trials import plan_trial
 from tactile_ros.strain import StrainBlock

@@ -18,8 +18,7 @@ from benchmarks.events.grips import (
     simulate_grips,
 )
 from benchmarks.measuring import Report, Row
-from tactile_bringup.records import TrialConfig
-from tactile_bringup.trial_protocols import TrialRequest
+from tactile_bringup.trial_protocols import TrialConfig, TrialRequest
 from tactile_features.slip import SlipConfig, SlipDetector
 
 SEED = 4000

@@ -3,6 +3,6 @@
 
 """Nodes and programs over ptys, UDP and DDS: cost, loss, latency, faults."""
 
-from tactile_ros.programs.memory import share_one_heap
+from tactile_ros.process import share_one_heap
 
 share_one_heap()  # as the nodes' programs do before their imports

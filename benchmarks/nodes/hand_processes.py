@@ -20,13 +20,13 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import Header
 
-from tactile_bringup.nodes.finger import connect_fingers
+from tactile_bringup.nodes.finger_node import connect_fingers
 from tactile_bringup.nodes.graph_runner import ros_context
 from tactile_classifier.tactile_classifier_node import TactileClassifierNode
 from tactile_features.config import FeatureConfig
 from tactile_features.tactile_features_node import TactileFeaturesNode
 from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
-from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 from tactile_ros.strain import StrainBlock as StrainRecord
 from tendon_sensor_driver.conversions import to_strain_msg

@@ -42,8 +42,7 @@ PARAMETERS = {
     'sensor': {},
 }
 RUN_NODE = (
-    'import sys; from tactile_ros.programs.node_program import main; '
-    'del sys.argv[0]; sys.exit(main())'
+    'import sys; from tactile_ros.node_program import main; del sys.argv[0]; sys.exit(main())'
 )
 
 PULL = {'do': 'pull', 'displacement_m': 0.008, 'speed_m_s': 0.004}
@@ -217,9 +216,9 @@ def _command() -> None:
     from rclpy.action import ActionClient
 
     from tactile_msgs.action import HomeGuide, MoveGuide, PullTendon
-    from tactile_ros.health.heartbeat import Heartbeat
-    from tactile_ros.node.requests import send
-    from tactile_ros.programs.node_group import NodeGroup
+    from tactile_ros.goals import send
+    from tactile_ros.health import Heartbeat
+    from tactile_ros.node_group import NodeGroup
 
     rclpy.init()
     node = rclpy.create_node('commander')

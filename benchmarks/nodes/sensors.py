@@ -27,7 +27,7 @@ from benchmarks.measuring import Report, Row
 from tactile_bringup.nodes.graph_runner import ros_context
 from tactile_msgs.msg import StrainBlock
 from tactile_ros.qos import STREAM
-from tendon_sensor_driver.lines.line_protocol import encode_reading
+from tendon_sensor_driver.line_sensor import encode_reading
 from tendon_sensor_driver.tendon_sensor_node import TendonSensorNode
 
 sys.path.append(str(Path(__file__).parents[2] / 'src/tendon_sensor_driver/test/peers'))

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.simulator.trials import find_window
-from tactile_bringup.records import TrialConfig
-from tactile_bringup.trial_protocols import TrialRequest
+from tactile_bringup.trial_protocols import TrialConfig, TrialRequest
 from tactile_lab.simulation.simulated_trials import plan_trial
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.physics.trials import simulate_trials

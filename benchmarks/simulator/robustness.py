@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from benchmarks.measuring import Report, Row
-from tactile_bringup.records import TrialConfig
-from tactile_bringup.trial_protocols import glide_speed_m_s, TrialRequest
+from tactile_bringup.trial_protocols import glide_speed_m_s, TrialConfig, TrialRequest
 from tactile_classifier.estimators.classifiers import build_estimator, DEFAULT_SCALING
 from tactile_features.config import FeatureConfig
 from tactile_features.extraction.extractor import TrialFeatureExtractor

@@ -14,8 +14,7 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_bringup.records import TrialConfig
-from tactile_bringup.trial_protocols import TrialRequest
+from tactile_bringup.trial_protocols import TrialConfig, TrialRequest
 from tactile_features.config import FeatureConfig
 from tactile_lab.simulation.simulated_trials import plan_trial, PlannedTrial
 from tactile_sim.descriptions.catalogue import default_catalogue

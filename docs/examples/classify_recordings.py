@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_bringup.records import TrialConfig
+from tactile_bringup.trial_protocols import TrialConfig
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_classifier import evaluate, load_archive, load_model, table_from_trials, train, write_model
 from tactile_lab.simulation.simulated_trials import plan_trial

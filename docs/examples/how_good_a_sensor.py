@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 from sklearn.neighbors import KNeighborsClassifier
 
-from tactile_bringup.records import TrialConfig
+from tactile_bringup.trial_protocols import TrialConfig
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_features import features_from_trials
 from tactile_lab.simulation.simulated_trials import plan_trial

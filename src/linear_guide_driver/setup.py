@@ -23,8 +23,8 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'linear_guide_node = tactile_ros.programs.node_program:main',
-            'tendon_actuator_node = tactile_ros.programs.node_program:main',
+            'linear_guide_node = tactile_ros.node_program:main',
+            'tendon_actuator_node = tactile_ros.node_program:main',
         ],
         'tactile.nodes': [
             'linear_guide_node = linear_guide_driver.linear_guide_node:LinearGuideNode',

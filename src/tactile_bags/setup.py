@@ -31,8 +31,8 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'bag_recorder_node = tactile_ros.programs.node_program:main',
-            'bag_player_node = tactile_ros.programs.node_program:main',
+            'bag_recorder_node = tactile_ros.node_program:main',
+            'bag_player_node = tactile_ros.node_program:main',
         ],
         'tactile.nodes': [
             'bag_recorder_node = tactile_bags.nodes.bag_recorder_node:BagRecorderNode',

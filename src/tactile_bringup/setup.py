@@ -34,7 +34,7 @@ setup(
     entry_points={
         'console_scripts': [
             'finger_node = tactile_bringup.nodes.finger_node:main',
-            'trial_runner_node = tactile_ros.programs.node_program:main',
+            'trial_runner_node = tactile_ros.node_program:main',
         ],
         'tactile.nodes': [
             'trial_runner_node = tactile_bringup.nodes.trial_runner_node:TrialRunnerNode',

@@ -32,7 +32,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'tactile_classifier_node = tactile_ros.programs.node_program:main',
+            'tactile_classifier_node = tactile_ros.node_program:main',
         ],
         'tactile.nodes': [
             'tactile_classifier_node = '

@@ -22,7 +22,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'tendon_sensor_node = tactile_ros.programs.node_program:main',
+            'tendon_sensor_node = tactile_ros.node_program:main',
         ],
         'tactile.nodes': [
             'tendon_sensor_node = tendon_sensor_driver.tendon_sensor_node:TendonSensorNode',

@@ -15,8 +15,8 @@ from linear_guide_driver.records import GuideState, LinearGuideConfig
 from linear_guide_driver.safety import TopicWatchdog
 from tactile_msgs.action import HomeGuide, MoveGuide
 from tactile_msgs.msg import StrainBlock
-from tactile_ros.health.diagnostics import ERROR, Health, OK, WARN
-from tactile_ros.node.goals import Goal, GoalAborted, GoalRunner
+from tactile_ros.goals import Goal, GoalAborted, GoalRunner
+from tactile_ros.health import ERROR, Health, OK, WARN
 from tactile_ros.qos import NEWEST
 from tactile_ros.strain import NOT_LIVE
 

@@ -16,11 +16,16 @@ from std_srvs.srv import Trigger
 
 from linear_guide_driver.errors import LinearGuideDriverError
 from linear_guide_driver.safety import find_loss, Watch
-from tactile_ros.health.diagnostics import Diagnostics, ERROR, Health
-from tactile_ros.health.heartbeat import Heartbeat, HeartbeatWatch
-from tactile_ros.health.readiness import ReadinessPublisher
-from tactile_ros.node.goals import Goal, GoalAborted
-from tactile_ros.node.polling_node import PollingNode
+from tactile_ros.goals import Goal, GoalAborted
+from tactile_ros.health import (
+    Diagnostics,
+    ERROR,
+    Health,
+    Heartbeat,
+    HeartbeatWatch,
+    ReadinessPublisher,
+)
+from tactile_ros.polling import PollingNode
 
 FEEDBACK_PERIOD_S = 0.1
 WAIT_STEP_S = 0.02

@@ -17,10 +17,10 @@ from linear_guide_driver.records import REST_REPORT_S, TendonActuatorConfig, Ten
 from linear_guide_driver.safety import Ending, SampleLag, Zero
 from tactile_msgs.action import HomeTendon, PullTendon
 from tactile_msgs.msg import StrainBlock
-from tactile_ros.health.diagnostics import ERROR, Health, OK, WARN
-from tactile_ros.health.hang_watch import HangWatch
-from tactile_ros.node.goals import Goal, GoalRunner
-from tactile_ros.node.polling_node import POLL_S
+from tactile_ros.goals import Goal, GoalRunner
+from tactile_ros.hang_watch import HangWatch
+from tactile_ros.health import ERROR, Health, OK, WARN
+from tactile_ros.polling import POLL_S
 from tactile_ros.qos import STREAM
 from tactile_ros.strain import NOT_LIVE, StrainStatus
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 
-from linear_guide_driver.grbl.motion_track import MotionSummary
-from tactile_bringup.records import TrialConfig
+from linear_guide_driver.grbl.guide_client import MotionSummary
+from tactile_bringup.trial_protocols import TrialConfig
 
 REST_SPEED_M_S = 0.0005
 """A tendon this slow is at rest: two steps of the servo's speed with a pulley of 10 mm."""

@@ -24,11 +24,10 @@ from tactile_features.conversions import (
 from tactile_features.records import FeatureWindow
 from tactile_msgs.msg import Classification, FeatureSpecifications, TactileFeatures
 from tactile_msgs.msg import ModelInfos as ModelInfosMsg
-from tactile_ros.health.diagnostics import Diagnostics, Health, OK, WARN
-from tactile_ros.node.record_publisher import RecordPublisher
-from tactile_ros.node.stage_node import Stage, StageNode
-from tactile_ros.programs.node_group import run_node
+from tactile_ros.health import Diagnostics, Health, OK, WARN
+from tactile_ros.node_group import run_node
 from tactile_ros.qos import LATEST, RESULTS
+from tactile_ros.stages import RecordPublisher, Stage, StageNode
 
 FEATURES_TOPIC, PARTIAL_TOPIC = 'tactile_features/features', 'tactile_features/partial_features'
 SPECIFICATIONS_TOPIC = 'tactile_features/specifications'

@@ -18,10 +18,10 @@ from tactile_features.records import PHASE_ABORTED, PHASE_DONE, TrialEvent
 from tactile_features.slip import SlipConfig, SlipDetector, SMALLEST_RATE_HZ
 from tactile_msgs.msg import Slip, StrainBlock
 from tactile_msgs.msg import TrialEvent as TrialEventMsg
-from tactile_ros.health.diagnostics import Diagnostics, Health, OK, WARN
-from tactile_ros.node.stage_node import Stage, StageNode
-from tactile_ros.programs.node_group import run_node
+from tactile_ros.health import Diagnostics, Health, OK, WARN
+from tactile_ros.node_group import run_node
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
+from tactile_ros.stages import Stage, StageNode
 from tactile_ros.strain import StrainBlock as StrainRecord
 
 STRAIN_TOPIC = 'tendon_sensor/strain'

@@ -27,11 +27,10 @@ from tactile_features.spec import FeatureSpecifications
 from tactile_msgs.msg import FeatureSpecifications as FeatureSpecificationsMsg
 from tactile_msgs.msg import StrainBlock, TactileFeatures
 from tactile_msgs.msg import TrialEvent as TrialEventMsg
-from tactile_ros.health.diagnostics import Diagnostics, Health, OK, WARN
-from tactile_ros.node.record_publisher import RecordPublisher
-from tactile_ros.node.stage_node import ignore, Stage, StageNode
-from tactile_ros.programs.node_group import run_node
+from tactile_ros.health import Diagnostics, Health, OK, WARN
+from tactile_ros.node_group import run_node
 from tactile_ros.qos import EVENTS, LATEST, RESULTS, STREAM
+from tactile_ros.stages import ignore, RecordPublisher, Stage, StageNode
 from tactile_ros.strain import StrainBlock as StrainRecord
 
 STRAIN_TOPIC = 'tendon_sensor/strain'

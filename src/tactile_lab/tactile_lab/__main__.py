@@ -5,8 +5,7 @@
 
 import os
 
-from tactile_ros.programs.memory import share_one_heap
-from tactile_ros.programs.signals import hold_signals, ignore_signals
+from tactile_ros.process import hold_signals, ignore_signals, share_one_heap
 
 
 def main() -> int:

@@ -12,14 +12,14 @@ import time
 from typing import Any
 
 from tactile_bringup.nodes.graph_runner import ros_context
+from tactile_lab.devices.checks import MakeSensor
 from tactile_lab.devices.device_probe import FoundDevice
-from tactile_lab.devices.sensor_checks import MakeSensor
 from tactile_ros.message_classes import message_class
-from tactile_ros.node.polling_node import PollingNode
-from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.node_group import NodeGroup
+from tactile_ros.polling import PollingNode
 from tendon_sensor_driver.records import TendonSensorConfig
-from tendon_sensor_driver.topics.readings import READERS
-from tendon_sensor_driver.topics.topic_client import BEST_EFFORT, TopicClient
+from tendon_sensor_driver.topic_sensor import BEST_EFFORT, TopicClient
+from tendon_sensor_driver.topic_stream import READERS
 
 _OWN = '/tendon_sensor/wrench'  # made of a sensor that is there already
 

@@ -26,8 +26,7 @@ import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
 
 from tactile_ros.errors import TactileError
-from tactile_ros.programs.signals import held_signals
-from tactile_ros.programs.transports import choose_transports
+from tactile_ros.process import choose_transports, held_signals
 
 COMMANDS = {
     'demo': (

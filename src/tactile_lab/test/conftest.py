@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from tactile_bags import BagWriter, RecordedTopic, TactileBag
-from tactile_bringup.records import TrialConfig
+from tactile_bringup.trial_protocols import TrialConfig
 from tactile_features.config import FeatureConfig
 from tactile_lab.simulation.simulated_bags import write_simulated_bag
 from tactile_lab.simulation.simulated_trials import SimulationPlan

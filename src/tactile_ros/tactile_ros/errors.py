@@ -19,7 +19,7 @@ class MessageError(ValueError):
     """A message holds a value that it must not hold, or that is not known here.
 
     A conversion raises it. The node refuses that message and runs on; see
-    `tactile_ros.node.message_guard`. The reason goes into logs, so what others sent stands in it
+    `tactile_ros.lifecycle`. The reason goes into logs, so what others sent stands in it
     without what a terminal would obey, and shortened.
     """
 

@@ -9,21 +9,21 @@ import importlib
 from typing import Any
 
 _HOMES = {
-    'Bias': '.stream.tare',
+    'Bias': '.tare',
     'Health': '.records',
-    'LineDecoder': '.lines.line_protocol',
+    'LineDecoder': '.line_sensor',
     'LinkError': '.errors',
     'Reading': '.records',
-    'SensorClient': '.client_base',
+    'SensorClient': '.client',
     'StrainBlock': 'tactile_ros.strain',
     'StrainStatus': 'tactile_ros.strain',
-    'StrainStream': '.stream.strain_stream',
-    'Tare': '.stream.tare',
-    'TareError': '.stream.tare',
-    'TendonSensorClient': '.lines.line_client',
+    'StrainStream': '.strain_stream',
+    'Tare': '.tare',
+    'TareError': '.tare',
+    'TendonSensorClient': '.line_sensor',
     'TendonSensorConfig': '.records',
     'TendonSensorError': '.errors',
-    'encode_reading': '.lines.line_protocol',
+    'encode_reading': '.line_sensor',
     'make_sensor': '.sensors',
 }
 

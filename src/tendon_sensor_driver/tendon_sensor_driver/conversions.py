@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tactile_ros.message_classes import time_to_msg
 from tactile_ros.strain import StrainBlock, StrainStatus
 from tendon_sensor_driver.records import AXES, Health, TendonSensorConfig
-from tendon_sensor_driver.stream.tare import Bias
+from tendon_sensor_driver.tare import Bias
 
 LEVEL_OK, LEVEL_WARN, LEVEL_ERROR = 0, 1, 2
 """The levels of ``diagnostic_msgs/DiagnosticStatus``."""

@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
-from tendon_sensor_driver.client_base import NowNs, OnBlock, SensorClient
+from tendon_sensor_driver.client import NowNs, OnBlock, SensorClient
 from tendon_sensor_driver.errors import TendonSensorError
-from tendon_sensor_driver.lines.line_client import TendonSensorClient
+from tendon_sensor_driver.line_sensor import TendonSensorClient
 from tendon_sensor_driver.records import TendonSensorConfig
 
 
@@ -30,7 +30,7 @@ def make_sensor(config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) ->
     if config.sensor == 'topic':
         raise TendonSensorError('a topic is read by the node tendon_sensor_node alone; run that')
     if config.sensor == 'net_ft':
-        from tendon_sensor_driver.ati.net_ft import NetFtClient
+        from tendon_sensor_driver.net_ft import NetFtClient
 
         return NetFtClient(config, on_block, now_ns)
     return TendonSensorClient(config, on_block, now_ns)

@@ -15,15 +15,15 @@ from geometry_msgs.msg import WrenchStamped
 from std_srvs.srv import Trigger
 
 from tactile_msgs.msg import StrainBlock, Tare
-from tactile_ros.health import diagnostics
-from tactile_ros.node.record_publisher import RecordPublisher
-from tactile_ros.node.stage_node import ignore, Stage, StageNode
+from tactile_ros import health as diagnostics
+from tactile_ros.node_group import run_node
 from tactile_ros.periodic import Periodic
-from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import LATEST, STREAM
+from tactile_ros.stages import ignore, RecordPublisher, Stage, StageNode
 from tactile_ros.strain import StrainBlock as StrainRecord
 from tactile_ros.strain import StrainStatus
-from tendon_sensor_driver.client_base import SensorClient
+from tendon_sensor_driver import tare
+from tendon_sensor_driver.client import SensorClient
 from tendon_sensor_driver.conversions import (
     assess_health,
     describe_restart,
@@ -35,7 +35,6 @@ from tendon_sensor_driver.conversions import (
 )
 from tendon_sensor_driver.records import Health, TendonSensorConfig
 from tendon_sensor_driver.sensors import make_sensor
-from tendon_sensor_driver.stream import tare
 
 WATCH_PERIOD_S = 0.2
 _NEWS_PERIODS = 5  # what was counted in the last second is news
@@ -129,7 +128,7 @@ class SensorStage(Stage):
     def _open(self, config: TendonSensorConfig) -> SensorClient:
         client: SensorClient
         if config.sensor == 'topic':
-            from tendon_sensor_driver.topics.topic_client import TopicClient
+            from tendon_sensor_driver.topic_sensor import TopicClient
 
             client = TopicClient(self._node, config, self._on_block, self._node.now_ns)
         else:

@@ -4,7 +4,7 @@
 """Liveliness of the topics and samples that a motion depends on. No IO and no clock.
 
 A `Watch` tells whether a sign of life is there: a `TopicWatchdog` by the messages of a topic, and
-`tactile_ros.health.heartbeat.HeartbeatWatch` by DDS liveliness. `TensionLevel` tells whether the
+`tactile_ros.health.HeartbeatWatch` by DDS liveliness. `TensionLevel` tells whether the
 tension is known and how high it is, `SampleLag` how much later than usual samples arrive. All go
 by the monotonic clock: ROS time may be simulated, paused or stepped.
 """

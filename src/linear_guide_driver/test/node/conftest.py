@@ -15,7 +15,7 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 from topic_peers import Peers
 
-from tactile_ros.node.requests import send
+from tactile_ros.goals import send
 from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 10.0

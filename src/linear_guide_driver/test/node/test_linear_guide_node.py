@@ -10,7 +10,7 @@ from linear_guide_driver.grbl.connection import GrblConnection
 from linear_guide_driver.linear_guide_node import LinearGuideNode
 from tactile_msgs.action import HomeGuide, MoveGuide
 from tactile_msgs.msg import Readiness
-from tactile_ros.node.requests import send
+from tactile_ros.goals import send
 from tactile_ros.qos import LATEST
 from tactile_testing.waiting import wait_until
 

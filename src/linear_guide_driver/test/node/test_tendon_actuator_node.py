@@ -14,7 +14,7 @@ from linear_guide_driver.safety import Zero
 from linear_guide_driver.tendon_actuator_node import TendonActuatorNode
 from tactile_msgs.action import HomeTendon, PullTendon
 from tactile_msgs.msg import StrainBlock
-from tactile_ros.health.diagnostics import ERROR, OK, WARN
+from tactile_ros.health import ERROR, OK, WARN
 from tactile_testing.waiting import wait_until
 
 

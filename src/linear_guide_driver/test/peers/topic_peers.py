@@ -9,7 +9,7 @@ import time
 from std_msgs.msg import Empty
 
 from tactile_msgs.msg import StrainBlock
-from tactile_ros.health.heartbeat import heartbeat_qos
+from tactile_ros.health import heartbeat_qos
 from tactile_ros.qos import STREAM
 
 

@@ -4,7 +4,7 @@
 import pytest
 
 from linear_guide_driver.errors import DeviceRefusedError
-from linear_guide_driver.grbl.settings import GuideSettings
+from linear_guide_driver.grbl.protocol import GuideSettings
 
 LINES = {
     13: '0', 20: '1', 22: '1', 24: '60.000', 25: '600.000', 27: '1.000', 100: '250.000',

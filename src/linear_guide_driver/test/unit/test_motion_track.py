@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 
-from linear_guide_driver.grbl.motion_track import MotionTrack
+from linear_guide_driver.grbl.guide_client import MotionTrack
 
 START_NS = 1_700_000_000_000_000_000
 GLIDE = (0.060, 0.125, 0.015)  # the texture protocol

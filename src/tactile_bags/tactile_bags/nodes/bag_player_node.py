@@ -18,9 +18,9 @@ from tactile_bags.bag_reader import TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.recorded_topics import EVENT, STRAIN
 from tactile_bags.records import PlayerConfig
+from tactile_ros.lifecycle import TactileNode
 from tactile_ros.message_classes import message_class
-from tactile_ros.node.lifecycle import TactileNode
-from tactile_ros.programs.node_group import run_node
+from tactile_ros.node_group import run_node
 from tactile_ros.qos import CLOCK, EVENTS, STREAM
 
 CLOCK_PERIOD_S = 0.02

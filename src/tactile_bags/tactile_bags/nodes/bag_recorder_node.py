@@ -41,12 +41,11 @@ from tactile_features.conversions import (
 from tactile_features.records import PHASE_ABORTED, PHASE_DONE
 from tactile_features.spec import shared_rate_hz
 from tactile_msgs.msg import RecordingAudit, TrialEvent
-from tactile_ros.health.diagnostics import Diagnostics, ERROR, Health, OK, WARN
+from tactile_ros.health import Diagnostics, ERROR, Health, OK, WARN
 from tactile_ros.message_classes import message_class
-from tactile_ros.node.polled_subscription import PolledSubscription
-from tactile_ros.node.polling_node import PollingNode
+from tactile_ros.node_group import run_node
 from tactile_ros.periodic import Periodic
-from tactile_ros.programs.node_group import run_node
+from tactile_ros.polling import PolledSubscription, PollingNode
 from tactile_ros.qos import EVENTS, STREAM
 from tactile_ros.strain import StrainStatus
 

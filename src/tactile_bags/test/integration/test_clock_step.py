@@ -72,7 +72,7 @@ class Lab:
 @pytest.mark.parametrize('step_s', [5.0, -0.5])
 def test_a_trial_across_a_step_is_refused_and_the_next_one_is_not(monkeypatch, step_s):
     with Lab() as lab:
-        monkeypatch.setattr('tendon_sensor_driver.stream.clock.time', lab)
+        monkeypatch.setattr('tendon_sensor_driver.clock.time', lab)
         lab.send(30)
         for trial_id in ('before', 'across', 'after'):
             lab.tell('glide', trial_id)

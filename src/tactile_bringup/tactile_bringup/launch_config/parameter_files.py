@@ -22,7 +22,7 @@ from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
 from tactile_bags.recorded_topics import join_topic
 from tactile_bags.records import PlayerConfig, RecorderConfig
 from tactile_bags.yaml_files import load_yaml, read_text
-from tactile_bringup.records import TrialConfig
+from tactile_bringup.trial_protocols import TrialConfig
 from tactile_classifier.records import ClassifierConfig
 from tactile_features.config import FeaturesNodeConfig
 from tactile_features.slip import SlipConfig

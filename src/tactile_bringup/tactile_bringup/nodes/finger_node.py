@@ -1,19 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``finger_node``: the nodes of one finger, or of a whole hand, in one process.
-
-``finger_node /index/tendon_sensor /index/tactile_features /index/tactile_classifier --ros-args
---params-file hand.yaml`` runs these nodes with the parameters that the file has for each. Each
-argument is a node's name, with its namespace before it. The stages of a finger call each other,
-see `finger`. A node that cannot be started, as without its device, is tried again and again, and
-the others run. The process ends with 1 when a node's parameters cannot be, or when one fails, so
-that ``launch`` starts the whole of it again.
-"""
+"""The nodes of fingers in one process, with their stages joined by calls."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 import sys
 import threading
@@ -21,8 +13,74 @@ import time
 from typing import Any
 
 from tactile_bringup.launch_config.graph import NodeDescription
+from tactile_classifier.tactile_classifier_node import TactileClassifierNode
+from tactile_features.slip_detector_node import SlipDetectorNode
+from tactile_features.tactile_features_node import TactileFeaturesNode
 from tactile_ros.errors import TactileError
-from tactile_ros.programs.node_program import prepare_process
+from tactile_ros.node_program import prepare_process
+from tactile_ros.stages import StageNode
+from tactile_ros.strain import StrainBlock
+from tendon_sensor_driver.tendon_sensor_node import TendonSensorNode
+
+
+def connect_fingers(nodes: Iterable[Any]) -> None:
+    """Have the nodes of each finger call each other; before they are configured.
+
+    Nodes of one namespace are a finger. Without a sensor node among them, samples come from the
+    topic of one elsewhere.
+
+    Parameters
+    ----------
+    nodes : iterable of rclpy.node.Node
+        Others than those of sensing are passed over.
+    """
+    fingers: dict[str, dict[type, Any]] = {}
+    for node in nodes:
+        if isinstance(node, StageNode):
+            fingers.setdefault(node.get_namespace(), {})[type(node)] = node
+    for finger in fingers.values():
+        _connect(
+            finger.get(TendonSensorNode),
+            finger.get(TactileFeaturesNode),
+            finger.get(SlipDetectorNode),
+            finger.get(TactileClassifierNode),
+        )
+
+
+def sources_last(nodes: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """Return nodes by name in the order to bring them up: none misses a sensor's first sample."""
+    return sorted(nodes.items(), key=lambda item: isinstance(item[1], TendonSensorNode))
+
+
+def _connect(
+    sensor: TendonSensorNode | None,
+    features: TactileFeaturesNode | None,
+    slip: SlipDetectorNode | None,
+    classifier: TactileClassifierNode | None,
+) -> None:
+    lock = threading.RLock()
+    for node in (features, slip, classifier):
+        if node is not None:
+            node.lock = lock
+    if features is not None and classifier is not None:
+        classifier.is_fed_by_calls = True
+        features.emit = classifier.add_window
+    if sensor is None:
+        return
+    takers = [node for node in (features, slip) if node is not None]
+    for taker in takers:
+        taker.is_fed_by_calls = True
+    if features is not None and slip is not None:
+        features.emit_event = slip.add_event
+    inputs = [taker.add_block for taker in takers]
+
+    def take(block: StrainBlock) -> None:
+        with lock:  # no node sees the next block before the others have seen this one
+            for add_block in inputs:
+                add_block(block)
+
+    sensor.emit = take
+
 
 PACKAGES = {
     'tendon_sensor': 'tendon_sensor_driver',
@@ -48,7 +106,7 @@ def main() -> int:
     from rclpy.utilities import remove_ros_args
 
     from tactile_bringup.nodes.graph_runner import ros_context, running_graph
-    from tactile_ros.programs.node_group import end_process, outliving
+    from tactile_ros.node_group import end_process, outliving
 
     logger, ended = get_logger('finger_node'), threading.Event()
 

@@ -18,10 +18,9 @@ from rclpy.signals import SignalHandlerOptions
 
 from tactile_bringup.launch_config.graph import join_namespaces, NodeDescription
 from tactile_ros.errors import TactileError
-from tactile_ros.programs.memory import keep_heap_small
-from tactile_ros.programs.node_group import NodeGroup
-from tactile_ros.programs.node_program import find_node_class
-from tactile_ros.programs.signals import Signals
+from tactile_ros.node_group import NodeGroup
+from tactile_ros.node_program import find_node_class
+from tactile_ros.process import keep_heap_small, Signals
 
 
 def create_node(
@@ -131,7 +130,10 @@ def running_graph(
             if is_ending():
                 return
             nodes[description.path] = create_node(description, context, namespace, quiet=quiet)
-        from tactile_bringup.nodes.finger import connect_fingers, sources_last  # slow to import
+        from tactile_bringup.nodes.finger_node import (  # slow to import
+            connect_fingers,
+            sources_last,
+        )
 
         connect_fingers(nodes.values())
         for name, node in sources_last(nodes):

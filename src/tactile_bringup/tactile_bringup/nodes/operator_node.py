@@ -19,17 +19,16 @@ from std_srvs.srv import Trigger
 
 from tactile_bags.recorded_topics import CLASSIFICATION_TOPIC, MODELS_TOPIC
 from tactile_bringup.nodes.trial_devices import cancel_late_goal
-from tactile_bringup.records import TrialConfig
-from tactile_bringup.trial_protocols import longest_trial_s, TrialRequest
+from tactile_bringup.trial_protocols import longest_trial_s, TrialConfig, TrialRequest
 from tactile_classifier.conversions import classification_from_msg, model_infos_from_msg
 from tactile_classifier.records import ClassificationResult, ModelInfo
 from tactile_msgs.action import HomeGuide, RunTrial
 from tactile_msgs.msg import Classification, ModelInfos
 from tactile_ros.errors import TactileError
-from tactile_ros.health.diagnostics import Diagnostics, Health, OK
-from tactile_ros.node.message_guard import MessageGuard
-from tactile_ros.node.requests import send
-from tactile_ros.programs.signals import INTERRUPT_TIMEOUT_S
+from tactile_ros.goals import send
+from tactile_ros.health import Diagnostics, Health, OK
+from tactile_ros.lifecycle import MessageGuard
+from tactile_ros.process import INTERRUPT_TIMEOUT_S
 from tactile_ros.qos import LATEST, RESULTS
 
 HOMING_TIMEOUT_S = 120.0

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The guide and the tendon actuator as the trial runner sees them, and the sensor's stream."""
+"""A running trial, and guide, tendon and strain as it sees them."""
 
 from __future__ import annotations
 
@@ -18,16 +18,74 @@ from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from linear_guide_driver.grbl.motion_track import MotionTrack
+from linear_guide_driver.grbl.guide_client import MotionTrack
 from linear_guide_driver.records import REST_REPORT_S
-from tactile_bringup.records import TrialConfig
+from tactile_bringup.trial_protocols import TrialConfig, TrialRequest
 from tactile_msgs.msg import Readiness, StrainBlock
-from tactile_ros.health.heartbeat import HeartbeatWatch
-from tactile_ros.node.goals import GoalAborted, GoalCanceled
-from tactile_ros.node.polling_node import PollingNode
-from tactile_ros.node.requests import send
+from tactile_ros.goals import Goal, GoalAborted, GoalCanceled, send
+from tactile_ros.health import HeartbeatWatch
+from tactile_ros.polling import PollingNode
 from tactile_ros.qos import LATEST, NEWEST, STREAM
 from tactile_ros.strain import NOT_LIVE
+
+
+class ContactLost(GoalAborted):
+    """The tendon has left its displacement; its driver may say why."""
+
+
+class RunningTrial:
+    """State of one running trial, and the numbers for its result.
+
+    Attributes
+    ----------
+    is_watched : bool
+        The thread of the trial looks at it again and again, and gives the runner's sign of life.
+    """
+
+    def __init__(self, request: TrialRequest, goal: Goal) -> None:
+        self.request, self.goal = request, goal
+        self.phase = ''
+        self.stamp_ns = 0  # of the last event
+        self.has_moved = self.needs_strain = self.is_watched = False
+        self.glide_end_ns: int | None = None
+        self.glide_speed_m_s = self.glide_lag_s = self.displacement_error_m = 0.0
+        self._started_s = self._looked_s = time.monotonic()
+
+    @property
+    def elapsed_s(self) -> float:
+        return time.monotonic() - self._started_s
+
+    def look(self, most_s: float = math.inf) -> None:
+        """Note that somebody watches the trial now.
+
+        Parameters
+        ----------
+        most_s : float
+            Longest time since the last look [s].
+
+        Raises
+        ------
+        GoalAborted
+            When nobody has looked for longer: the process was stopped, or got no core.
+        """
+        now_s = time.monotonic()
+        away_s, self._looked_s = now_s - self._looked_s, now_s
+        if away_s > most_s:
+            raise GoalAborted(
+                f'the trial runner stood still for {away_s:.2f} s in the {self.phase}, and nobody '
+                f'watched it meanwhile; heartbeat_timeout_s allows {most_s:g} s. Repeat the '
+                'trial, and see what else its computer runs'
+            )
+
+    def numbers(self) -> dict[str, Any]:
+        """Return what the result says of the trial's motion."""
+        return {
+            'trial_id': self.request.trial_id,
+            'glide_speed_m_s': self.glide_speed_m_s,
+            'glide_lag_s': self.glide_lag_s,
+            'displacement_error_m': self.displacement_error_m,
+        }
+
 
 POLL_S = 0.02
 """Period at which waits check for a reason to end [s]."""

@@ -15,10 +15,14 @@ from rclpy.clock import Clock, ClockType
 from rclpy.time import Time
 
 from linear_guide_driver.dynamixel.tendon_client import POSITION_TOLERANCE_M
-from linear_guide_driver.grbl.motion_track import MotionTrack
-from tactile_bringup.nodes.running_trial import ContactLost, RunningTrial
-from tactile_bringup.nodes.trial_devices import POLL_S, StrainWatch, TrialDevice
-from tactile_bringup.records import TrialConfig
+from linear_guide_driver.grbl.guide_client import MotionTrack
+from tactile_bringup.nodes.trial_devices import (
+    ContactLost,
+    POLL_S,
+    RunningTrial,
+    StrainWatch,
+    TrialDevice,
+)
 from tactile_bringup.trial_observation import judge_glide, TendonContact
 from tactile_bringup.trial_protocols import (
     glide_speed_m_s,
@@ -26,17 +30,16 @@ from tactile_bringup.trial_protocols import (
     Step,
     TendonStep,
     trial_steps,
+    TrialConfig,
     TrialRequest,
     WaitStep,
 )
 from tactile_msgs.action import MoveGuide, PullTendon, RunTrial
 from tactile_msgs.msg import TrialEvent
-from tactile_ros.health.heartbeat import Heartbeat, HeartbeatWatch
-from tactile_ros.health.readiness import ReadinessPublisher
-from tactile_ros.node.goals import Goal, GoalAborted, GoalRunner
-from tactile_ros.node.polling_node import PollingNode
-from tactile_ros.node.requests import wait_for
+from tactile_ros.goals import Goal, GoalAborted, GoalRunner, wait_for
+from tactile_ros.health import Heartbeat, HeartbeatWatch, ReadinessPublisher
 from tactile_ros.periodic import Periodic
+from tactile_ros.polling import PollingNode
 from tactile_ros.qos import EVENTS
 
 REPORT_S = 0.5

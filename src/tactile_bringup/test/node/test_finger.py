@@ -17,10 +17,10 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from tactile_bringup.launch_config.graph import NodeDescription
-from tactile_bringup.nodes.finger import connect_fingers, sources_last
+from tactile_bringup.nodes.finger_node import connect_fingers, sources_last
 from tactile_bringup.nodes.graph_runner import create_node
 from tactile_msgs.msg import Slip, StrainBlock, TactileFeatures, TrialEvent
-from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 from tactile_testing.waiting import wait_until
 from tendon_sensor_driver import encode_reading

@@ -16,7 +16,7 @@ from rclpy.node import Node
 from tactile_bringup.nodes.finger_node import describe, PACKAGES
 from tactile_msgs.msg import StrainBlock
 from tactile_ros.errors import TactileError
-from tactile_ros.programs.node_program import find_node_class
+from tactile_ros.node_program import find_node_class
 from tactile_ros.qos import STREAM
 from tactile_sim.rig_process import SimulatedRig
 from tactile_testing.waiting import wait_until

@@ -12,8 +12,8 @@ from tactile_bringup.nodes import operator_node
 from tactile_bringup.nodes.operator_node import OperatorNode, StoppedError
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_ros.errors import TactileError
-from tactile_ros.node.requests import send
-from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.goals import send
+from tactile_ros.node_group import NodeGroup
 from tactile_testing.waiting import DEADLINE_S, wait_until
 
 

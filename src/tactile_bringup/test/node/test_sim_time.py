@@ -12,7 +12,7 @@ from rosgraph_msgs.msg import Clock
 from tactile_bringup.launch_config.graph import sensing_graph
 from tactile_bringup.nodes.graph_runner import running_graph
 from tactile_msgs.msg import StrainBlock
-from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import CLOCK, STREAM
 from tactile_sim.rig_process import SimulatedRig
 

@@ -18,8 +18,8 @@ from trial_bench import DEADLINE_S
 from tactile_bringup.nodes import trial_devices
 from tactile_bringup.nodes.trial_runner_node import REPORT_S
 from tactile_msgs.action import MoveGuide
-from tactile_ros.health.heartbeat import Heartbeat, HeartbeatWatch
-from tactile_ros.node.requests import send
+from tactile_ros.goals import send
+from tactile_ros.health import Heartbeat, HeartbeatWatch
 from tactile_ros.qos import STREAM
 from tactile_testing.waiting import wait_until
 

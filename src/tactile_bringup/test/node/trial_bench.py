@@ -21,11 +21,10 @@ from std_srvs.srv import Trigger
 from tactile_bringup.nodes.trial_runner_node import TrialRunnerNode
 from tactile_msgs.action import MoveGuide, PullTendon, RunTrial
 from tactile_msgs.msg import Readiness, StrainBlock, TrialEvent
-from tactile_ros.health.heartbeat import Heartbeat
-from tactile_ros.node.goals import GoalAborted, GoalRunner
-from tactile_ros.node.lifecycle import TactileNode
-from tactile_ros.node.requests import send
-from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.goals import GoalAborted, GoalRunner, send
+from tactile_ros.health import Heartbeat
+from tactile_ros.lifecycle import TactileNode
+from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, LATEST, STREAM
 from tactile_testing.waiting import wait_until
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from linear_guide_driver.dynamixel import registers
-from linear_guide_driver.grbl.motion_track import MotionSummary
+from linear_guide_driver.grbl.guide_client import MotionSummary
 from tactile_bringup.nodes.trial_runner_node import REPORT_S
-from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_observation import judge_glide, TendonContact
+from tactile_bringup.trial_protocols import TrialConfig
 from tactile_features.config import FeatureConfig
 
 CONFIG = TrialConfig()

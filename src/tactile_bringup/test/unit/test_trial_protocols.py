@@ -3,7 +3,6 @@
 
 import pytest
 
-from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_protocols import (
     glide_speed_m_s,
     GuideStep,
@@ -13,6 +12,7 @@ from tactile_bringup.trial_protocols import (
     simulated_steps,
     TendonStep,
     trial_steps,
+    TrialConfig,
     TrialRequest,
     WaitStep,
 )

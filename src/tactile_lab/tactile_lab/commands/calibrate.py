@@ -23,7 +23,7 @@ from tactile_ros.errors import TactileError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from tactile_lab.devices.load_cell_fit import LoadCellFit, Reading
+    from tactile_lab.devices.load_cell import LoadCellFit, Reading
     from tactile_lab.output import Output
     from tactile_ros.strain import StrainBlock
     from tendon_sensor_driver.records import TendonSensorConfig
@@ -72,8 +72,7 @@ def calibrate(
     (poles), so its default is wrong by up to 0.3 %.
     """
     from tactile_bringup.launch_config.parameter_files import ParameterFile
-    from tactile_lab.devices.load_cell_fit import fit_load_cell
-    from tactile_lab.devices.parameter_edit import set_parameters
+    from tactile_lab.devices.load_cell import fit_load_cell, set_parameters
     from tactile_lab.output import Output
     from tactile_sim.pty_server import WeightStand
 
@@ -132,7 +131,7 @@ def parse_weights(text: str) -> tuple[float, ...]:
     CalibrationError
         When they are none, or too few.
     """
-    from tactile_lab.devices.load_cell_fit import CalibrationError, FEWEST_WEIGHTS
+    from tactile_lab.devices.load_cell import CalibrationError, FEWEST_WEIGHTS
 
     try:
         weights = tuple(sorted({float(part) for part in text.split(',') if part.strip()}))
@@ -158,7 +157,7 @@ def measure(
     goes_down: bool,
 ) -> list['Reading']:
     """Return a settled reading under each weight, up and, if wanted, down again."""
-    from tactile_lab.devices.load_cell_fit import Reading
+    from tactile_lab.devices.load_cell import Reading
     from tendon_sensor_driver.errors import TendonSensorError
     from tendon_sensor_driver.sensors import make_sensor
 
@@ -204,7 +203,7 @@ class _Listener:
         """Return mean and standard deviation of the second after a settled one."""
         import numpy as np
 
-        from tactile_lab.devices.load_cell_fit import settled_mean
+        from tactile_lab.devices.load_cell import settled_mean
 
         has_settled = False
         deadline = time.monotonic() + SETTLE_TIMEOUT_S

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from tactile_bringup.launch_config.graph import Ports
-    from tactile_lab.devices.device_checks import CheckReport
+    from tactile_lab.devices.checks import CheckReport
 
 _NODES = {'sensor': 'tendon_sensor', 'guide': 'linear_guide', 'tendon': 'tendon_actuator'}
 _Config = TypeVar('_Config')
@@ -140,8 +140,7 @@ def _list_checks(
 ) -> Iterator[Callable[[], 'CheckReport']]:
     """Yield the check of each device."""
     from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
-    from tactile_lab.devices.device_checks import check_guide, check_tendon
-    from tactile_lab.devices.sensor_checks import check_sensor, MakeSensor
+    from tactile_lab.devices.checks import check_guide, check_sensor, check_tendon, MakeSensor
     from tendon_sensor_driver.records import TendonSensorConfig
     from tendon_sensor_driver.sensors import make_sensor
 

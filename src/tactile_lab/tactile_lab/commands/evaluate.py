@@ -125,7 +125,7 @@ def evaluate(
     file = None
     if report is not None:
         from tactile_lab.report.build import report_path, write_report  # matplotlib
-        from tactile_lab.report.provenance import describe_sources
+        from tactile_lab.report.summary import describe_sources
 
         file = report_path(report)
     with on_cluster(cluster):

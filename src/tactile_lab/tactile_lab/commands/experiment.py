@@ -284,7 +284,7 @@ def _check_labels(plan: 'ExperimentPlan') -> list[str]:
     ExperimentError
         When a label is that of an object for other trials.
     """
-    from tactile_bringup.records import PROTOCOLS
+    from tactile_bringup.trial_protocols import PROTOCOLS
     from tactile_lab.experiment.plan import ExperimentError
     from tactile_sim.descriptions.catalogue import list_objects
 

@@ -45,7 +45,7 @@ def rig(
     """
     from tactile_bringup.launch_config.graph import ModelChoice, Ports, recorder_node, rig_graph
     from tactile_lab.running import open_ports, read_rig_parameters, run_nodes
-    from tactile_ros.programs.signals import hold_signals
+    from tactile_ros.process import hold_signals
 
     if hold_signals().received:
         return

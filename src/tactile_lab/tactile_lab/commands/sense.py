@@ -99,7 +99,7 @@ def run_fingers(
     from tactile_bringup.launch_config.hand import find_fingers, hand_graph
     from tactile_bringup.launch_config.parameter_files import ParameterFile
     from tactile_lab.running import run_nodes
-    from tactile_ros.programs.signals import hold_signals
+    from tactile_ros.process import hold_signals
     from tactile_sim.rig_process import SimulatedRig
 
     if hold_signals().received:

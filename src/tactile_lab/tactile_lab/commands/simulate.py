@@ -121,7 +121,7 @@ def simulate(
     sessions = sessions or (1 if is_published else SESSIONS)
     trials = trials or max(1, ALL_TRIALS // sessions)
 
-    from tactile_bringup.records import TrialConfig
+    from tactile_bringup.trial_protocols import TrialConfig
     from tactile_lab.cluster import on_cluster
     from tactile_lab.output import Output
     from tactile_lab.simulation.simulated_bags import count_trials
@@ -193,7 +193,7 @@ def make_bags(
         When one of the bags exists already: nothing is simulated then.
     """
     from tactile_bags.errors import BagError
-    from tactile_bringup.records import TrialConfig
+    from tactile_bringup.trial_protocols import TrialConfig
     from tactile_features.config import FeatureConfig
     from tactile_lab.output import make_output_folder
     from tactile_lab.simulation.simulated_bags import count_trials, write_simulated_bag

@@ -26,9 +26,9 @@ from serial.tools import list_ports
 
 from linear_guide_driver.dynamixel.bus import READ_WAIT_S
 from linear_guide_driver.serial_link import LINE_ERRORS
-from tendon_sensor_driver.ati.net_ft_web import BoxWeb
 from tendon_sensor_driver.errors import LinkError
-from tendon_sensor_driver.lines.line_protocol import LineDecoder, split_line, UNITS
+from tendon_sensor_driver.line_sensor import LineDecoder, split_line, UNITS
+from tendon_sensor_driver.net_ft_protocol import BoxWeb
 from tendon_sensor_driver.records import TendonSensorConfig
 
 LISTEN_S = 2.5

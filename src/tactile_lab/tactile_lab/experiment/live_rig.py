@@ -31,17 +31,23 @@ from tactile_classifier.records import Outcome as AnswerOutcome
 from tactile_features.conversions import feature_window_from_msg, strain_block_from_msg
 from tactile_features.records import FeatureWindow, Outcome
 from tactile_lab.experiment.journal import FAILED, Notes, Progress
-from tactile_lab.experiment.loop import AGAIN, KEEP, TrialLoop, TrialOrder, TrialResult
+from tactile_lab.experiment.loop import (
+    AGAIN,
+    KEEP,
+    summarise_tension,
+    TrialLoop,
+    TrialOrder,
+    TrialResult,
+)
 from tactile_lab.experiment.plan import ExperimentError, PlannedTrial
-from tactile_lab.experiment.quality import summarise_tension
 from tactile_lab.output import Output
 from tactile_lab.running import open_ports, read_rig_parameters, say_address
-from tactile_lab.watch.access import WatchOptions
-from tactile_lab.watch.watching import watching
+from tactile_lab.watch.node import watching
+from tactile_lab.watch.server import WatchOptions
 from tactile_msgs.msg import StrainBlock as StrainBlockMsg
 from tactile_msgs.msg import TactileFeatures
 from tactile_ros.errors import TactileError
-from tactile_ros.node.message_guard import MessageGuard
+from tactile_ros.lifecycle import MessageGuard
 from tactile_ros.qos import RESULTS, STREAM
 from tactile_ros.strain import StrainBlock
 from tactile_sim.rig_process import SimulatedRig

@@ -15,7 +15,7 @@ import re
 from typing import Any
 
 from tactile_bags.yaml_files import load_yaml, read_text
-from tactile_bringup.records import PROTOCOLS
+from tactile_bringup.trial_protocols import PROTOCOLS
 from tactile_classifier.records import CONTACTS
 from tactile_ros.errors import TactileError
 

@@ -19,13 +19,14 @@ from tactile_lab.datasets.tables import tell_interval, tell_warnings
 from tactile_lab.report import drawings
 from tactile_lab.report.analysis import SetResult
 from tactile_lab.report.answers import MeasureSummary
-from tactile_lab.report.provenance import find_versions, Source
 from tactile_lab.report.published import compare_with_paper, format_design, is_the_papers
 from tactile_lab.report.significance import find_components, format_alike_pairs
 from tactile_lab.report.summary import (
+    find_versions,
     format_accuracy,
     format_first_sentence,
     format_model,
+    Source,
 )
 from tactile_ros.errors import TactileError
 

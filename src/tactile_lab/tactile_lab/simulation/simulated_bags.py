@@ -29,7 +29,7 @@ from joblib import delayed, Parallel
 
 from tactile_bags.bag_writer import BagWriter
 from tactile_bags.recorded_topics import EVENT, EVENT_TOPIC, STRAIN, STRAIN_TOPIC
-from tactile_bringup.records import PROTOCOLS, TrialConfig
+from tactile_bringup.trial_protocols import PROTOCOLS, TrialConfig
 from tactile_classifier.records import CONTACTS
 from tactile_features.config import FeatureConfig
 from tactile_lab.simulation.simulated_trials import (

@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from rosbags.typesys.store import Typestore
 
 from tactile_bags.recorded_topics import EVENT, message_store, STRAIN
-from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_protocols import (
     glide_speed_m_s,
     GuideStep,
     PullStep,
     simulated_steps,
     TendonStep,
+    TrialConfig,
     TrialRequest,
     WaitStep,
 )

@@ -17,7 +17,7 @@ from matplotlib.patches import Circle, Polygon
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_bringup.records import TrialConfig
+from tactile_bringup.trial_protocols import TrialConfig
 from tactile_features.config import FeatureConfig
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_lab.plots import draw_spectrum, shade_phases

@@ -17,8 +17,8 @@ from tactile_bringup.nodes.operator_node import OperatorNode
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_lab.watch.node import CANCEL, place_of, TARE, WatchNode
 from tactile_ros.errors import TactileError
-from tactile_ros.node.requests import send
-from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.goals import send
+from tactile_ros.node_group import NodeGroup
 
 ANSWER_TIMEOUT_S = 5.0
 FIND_TIMEOUT_S = 0.5

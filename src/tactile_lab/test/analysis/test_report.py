@@ -23,11 +23,11 @@ from tactile_lab.datasets.reading import select_features
 from tactile_lab.report.analysis import analyse, in_unit
 from tactile_lab.report.build import build_page, fill_template, report_path, write_report
 from tactile_lab.report.drawings import draw_textures
-from tactile_lab.report.provenance import describe_sources
 from tactile_lab.report.published import compare_with_paper, format_design, LABELS
 from tactile_lab.report.recordings import Example, make_sets, RecordingSet, usual_splits
 from tactile_lab.report.significance import find_components
 from tactile_lab.report.summary import (
+    describe_sources,
     format_accuracy,
     format_confusion,
     format_first_sentence,

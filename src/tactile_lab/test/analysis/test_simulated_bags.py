@@ -12,8 +12,7 @@ from tactile_command import tactile
 
 from tactile_bags import EVENT, STRAIN, TactileBag
 from tactile_bags.errors import BagError
-from tactile_bringup.records import TrialConfig
-from tactile_bringup.trial_protocols import TrialRequest
+from tactile_bringup.trial_protocols import TrialConfig, TrialRequest
 from tactile_features.config import FeatureConfig
 from tactile_features.conversions import event_from_msg, strain_block_from_msg
 from tactile_lab.commands.replay import replay_and_compare

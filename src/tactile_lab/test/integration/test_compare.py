@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
-from tactile_bringup.records import TrialConfig
+from tactile_bringup.trial_protocols import TrialConfig
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.model_file.model import load_model
 from tactile_classifier.records import NO_ANSWER

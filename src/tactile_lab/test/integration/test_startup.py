@@ -89,9 +89,9 @@ def test_a_process_that_senses_loads_no_library_of_other_work():
     """Each finger may have a process of its own, on a small computer."""
     program = (
         'import json, sys\n'
-        'import tactile_bringup.nodes.graph_runner, tactile_lab.watch.watching\n'
+        'import tactile_bringup.nodes.graph_runner, tactile_lab.watch.node\n'
         'import tactile_lab.program, tactile_lab.running, onnxruntime\n'
-        'from tactile_ros.programs.node_program import find_node_class\n'
+        'from tactile_ros.node_program import find_node_class\n'
         "for name in 'tendon_sensor tactile_features slip_detector tactile_classifier'.split():\n"
         "    find_node_class(name + '_node')\n"
         'print(json.dumps(sorted(sys.modules)))\n'

@@ -18,7 +18,7 @@ import launch_testing.actions
 from rclpy.node import Node
 
 from tactile_bringup.nodes.graph_runner import ros_context
-from tactile_bringup.records import TrialConfig
+from tactile_bringup.trial_protocols import TrialConfig
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
@@ -26,7 +26,7 @@ from tactile_lab.commands.train import model_path
 from tactile_lab.datasets.feature_tables import read_tables
 from tactile_lab.simulation.simulated_bags import write_simulated_bag
 from tactile_lab.simulation.simulated_trials import SimulationPlan
-from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import RESULTS
 from tactile_testing.waiting import wait_until
 

@@ -30,7 +30,7 @@ from tactile_bringup.nodes.operator_node import OperatorNode
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_msgs.msg import TrialEvent
 from tactile_ros.errors import TactileError
-from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS
 from tactile_sim.rig_process import SimulatedRig
 

@@ -16,7 +16,7 @@ from tactile_bringup.launch_config.graph import NodeDescription
 from tactile_bringup.nodes.graph_runner import create_node, running_graph
 from tactile_msgs.msg import StrainBlock, TrialEvent
 from tactile_ros.errors import TactileError
-from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import CLOCK, EVENTS, STREAM
 from tactile_testing.waiting import wait_until
 

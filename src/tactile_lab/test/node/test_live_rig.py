@@ -21,7 +21,7 @@ from tactile_bringup.trial_protocols import TrialRequest
 from tactile_msgs.action import HomeGuide, RunTrial
 from tactile_msgs.msg import TrialEvent
 from tactile_ros.errors import TactileError
-from tactile_ros.node.requests import send
+from tactile_ros.goals import send
 from tactile_ros.qos import EVENTS
 from tactile_sim.rig_process import SimulatedRig
 from tactile_testing.simulated_rigs import (

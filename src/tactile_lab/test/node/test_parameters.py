@@ -22,8 +22,8 @@ from tactile_bringup.launch_config.graph import (
     slip_node,
 )
 from tactile_bringup.nodes.graph_runner import create_node, ros_context
-from tactile_ros.programs.node_group import NodeGroup
-from tactile_ros.programs.node_program import GROUP
+from tactile_ros.node_group import NodeGroup
+from tactile_ros.node_program import GROUP
 from tactile_sim.rig_process import SimulatedRig
 
 DEADLINE_S = 20.0

@@ -15,7 +15,7 @@ import sys
 from ament_index_python.packages import get_package_prefix
 import pytest
 
-from tactile_ros.programs.node_program import find_node_class, GROUP
+from tactile_ros.node_program import find_node_class, GROUP
 from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 60.0
@@ -107,7 +107,7 @@ def test_no_thread_of_a_program_has_a_heap_of_its_own(arguments):
 
 def test_an_executable_without_a_node_is_refused():
     done = subprocess.run(
-        [sys.executable, '-c', 'from tactile_ros.programs.node_program import main; main()'],
+        [sys.executable, '-c', 'from tactile_ros.node_program import main; main()'],
         capture_output=True,
         text=True,
         timeout=DEADLINE_S,

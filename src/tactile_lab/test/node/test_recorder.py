@@ -41,7 +41,7 @@ from tactile_features.conversions import specifications_to_msg, strain_block_fro
 from tactile_lab.experiment.live_rig import check_recording
 from tactile_msgs.msg import FeatureSpecifications, RecordingAudit, StrainBlock, TrialEvent
 from tactile_ros.errors import TactileError
-from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, LATEST, STREAM
 from tactile_testing.waiting import wait_until
 

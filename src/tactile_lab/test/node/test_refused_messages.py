@@ -26,7 +26,7 @@ from tactile_bringup.nodes.operator_node import OperatorNode
 from tactile_bringup.nodes.replay_nodes import replay_through_nodes
 from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.errors import TactileError
-from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 from tactile_testing.waiting import wait_until
 

@@ -25,7 +25,7 @@ from tactile_bags import EVENT, STRAIN, TactileBag
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
 from tactile_bags.replay import replay_through_core, sensed_messages
 from tactile_bringup.launch_config.graph import NodeDescription
-from tactile_bringup.nodes.finger import connect_fingers
+from tactile_bringup.nodes.finger_node import connect_fingers
 from tactile_bringup.nodes.graph_runner import create_node
 from tactile_classifier import ModelSet
 from tactile_classifier.conversions import classification_from_msg
@@ -42,7 +42,7 @@ from tactile_features.model_contract import plan_features
 from tactile_features.slip import SlipConfig, SlipDetector
 from tactile_lab.datasets.feature_tables import open_features
 from tactile_msgs.msg import Classification, Slip, StrainBlock, TactileFeatures, TrialEvent
-from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 from tactile_testing.waiting import wait_until
 

@@ -17,10 +17,10 @@ from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from typer.testing import CliRunner
 
-from tactile_lab.devices.sensor_checks import check_sensor
+from tactile_lab.devices.checks import check_sensor
 from tactile_lab.force_topics import sensors_on_topics
 from tactile_lab.program import app
-from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.node_group import NodeGroup
 from tendon_sensor_driver.records import TendonSensorConfig
 
 MEASURED = {'sensor': 'topic', 'rate_hz': 0.0}

@@ -18,7 +18,7 @@ from tactile_lab.watch.controls import WatchControls
 from tactile_lab.watch.node import WatchNode
 from tactile_lab.watch.state import WatchState
 from tactile_ros.errors import TactileError
-from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.node_group import NodeGroup
 from tactile_testing.waiting import wait_until
 
 STOP = '/late/linear_guide/stop'

@@ -14,7 +14,7 @@ import typer
 from typer.testing import CliRunner
 
 from tactile_lab import commands, program
-from tactile_ros.programs.transports import PROFILES, TRANSPORTS
+from tactile_ros.process import PROFILES, TRANSPORTS
 
 
 @pytest.mark.parametrize(('before', 'after'), [(None, 'LOCALHOST'), ('SUBNET', 'SUBNET')])

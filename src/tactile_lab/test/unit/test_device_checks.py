@@ -6,7 +6,7 @@
 import numpy as np
 import pytest
 
-from tactile_lab.devices.sensor_checks import judge_blocks
+from tactile_lab.devices.checks import judge_blocks
 from tactile_ros.strain import StrainBlock, StrainStatus
 from tendon_sensor_driver.records import TendonSensorConfig
 

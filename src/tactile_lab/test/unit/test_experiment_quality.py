@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tactile_lab.experiment.quality import (
+from tactile_lab.experiment.loop import (
     FALSE_ALARMS,
     find_outlier,
     summarise_tension,

@@ -19,7 +19,7 @@ from tactile_bringup.launch_config.graph import (
 )
 from tactile_features.errors import FeatureError, ModelFileError
 from tactile_ros.errors import TactileError
-from tactile_ros.programs.node_program import find_node_class
+from tactile_ros.node_program import find_node_class
 
 PORTS = Ports('/dev/guide', '/dev/tendon', '/dev/sensor')
 

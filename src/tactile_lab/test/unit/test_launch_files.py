@@ -20,7 +20,7 @@ from tactile_bringup.launch_config.parameter_tables import (
     read_launch_arguments,
 )
 from tactile_lab.options import PHASES
-from tactile_ros.programs.node_program import find_node_class
+from tactile_ros.node_program import find_node_class
 
 WITH_NODES = tuple(ARGUMENTS_OF.values())
 INCLUDES = {'texture': 'rig', 'stiffness': 'rig', 'sense': 'hand'}

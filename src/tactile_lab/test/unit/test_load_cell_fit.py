@@ -13,13 +13,14 @@ import pytest
 import yaml
 
 from tactile_lab.commands.calibrate import parse_weights
-from tactile_lab.devices.load_cell_fit import (
+from tactile_lab.devices.load_cell import (
     CalibrationError,
+    edit_parameters,
     fit_load_cell,
     Reading,
+    set_parameters,
     settled_mean,
 )
-from tactile_lab.devices.parameter_edit import edit_parameters, set_parameters
 from tactile_ros.errors import TactileError
 
 

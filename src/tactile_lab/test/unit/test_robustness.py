@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactile_bringup.records import TrialConfig
+from tactile_bringup.trial_protocols import TrialConfig
 from tactile_features.config import FeatureConfig
 from tactile_lab.datasets.feature_tables import read_tables
 from tactile_sim.descriptions.catalogue import Catalogue

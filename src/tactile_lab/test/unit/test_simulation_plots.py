@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from tactile_bringup.records import TrialConfig
+from tactile_bringup.trial_protocols import TrialConfig
 from tactile_lab.simulation.simulated_trials import SimulationPlan
 from tactile_lab.simulation.trial_picture import (
     draw_picture,

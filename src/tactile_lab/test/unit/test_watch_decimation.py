@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from tactile_lab.watch.decimation import BUCKET_NS, Decimator
+from tactile_lab.watch.finger import BUCKET_NS, Decimator
 from tactile_ros.strain import StrainBlock
 
 RATES_HZ = st.sampled_from([1.0, 60.0, 150.0, 199.0, 200.0, 201.0, 1000.0, 7000.0])

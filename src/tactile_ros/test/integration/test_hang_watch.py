@@ -10,14 +10,14 @@ import sys
 
 import pytest
 
-from tactile_ros.health import hang_watch
+from tactile_ros import hang_watch
 from tactile_testing.waiting import wait_until
 
 TIMEOUT_S = 0.5
 
 PARENT = f"""
 import sys, time
-from tactile_ros.health.hang_watch import HangWatch
+from tactile_ros.hang_watch import HangWatch
 watch = HangWatch({TIMEOUT_S})
 print(watch._child.pid, flush=True)
 for line in sys.stdin:

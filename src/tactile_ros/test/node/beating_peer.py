@@ -8,7 +8,7 @@ import time
 
 import rclpy
 
-from tactile_ros.health.heartbeat import Heartbeat
+from tactile_ros.health import Heartbeat
 
 if __name__ == '__main__':
     rclpy.init()

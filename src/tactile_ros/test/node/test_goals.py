@@ -11,10 +11,9 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
 
 from tactile_msgs.action import MoveGuide
-from tactile_ros.node.goals import GoalAborted, GoalRunner
-from tactile_ros.node.lifecycle import TactileNode
-from tactile_ros.node.requests import send
-from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.goals import GoalAborted, GoalRunner, send
+from tactile_ros.lifecycle import TactileNode
+from tactile_ros.node_group import NodeGroup
 from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 10.0

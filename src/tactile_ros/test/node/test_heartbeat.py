@@ -15,10 +15,10 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import Empty
 
+from tactile_ros import health
 from tactile_ros.errors import TactileError
-from tactile_ros.health import heartbeat
-from tactile_ros.health.heartbeat import Heartbeat, HeartbeatWatch
-from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.health import Heartbeat, HeartbeatWatch
+from tactile_ros.node_group import NodeGroup
 from tactile_testing.waiting import wait_until
 
 START_S = 60.0
@@ -159,7 +159,7 @@ def test_a_middleware_that_tells_nothing_of_liveliness_is_named(node, monkeypatc
     def refuse(*_):
         raise UnsupportedEventTypeError('event type is not supported')
 
-    monkeypatch.setattr(heartbeat, 'SubscriptionStatus', refuse)
+    monkeypatch.setattr(health, 'SubscriptionStatus', refuse)
     with pytest.raises(TactileError, match=r'rmw_.* alive; set RMW_IMPLEMENTATION'):
         HeartbeatWatch(node, 'peer/heartbeat')
     assert node.count_subscribers('/peer/heartbeat') == 0

@@ -10,9 +10,8 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from tactile_ros.node.lifecycle import TactileNode
-from tactile_ros.node.parameters import read_config
-from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.lifecycle import read_config, TactileNode
+from tactile_ros.node_group import NodeGroup
 from tactile_testing.waiting import wait_until
 
 

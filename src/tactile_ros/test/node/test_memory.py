@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from tactile_ros.programs.transports import choose_transports, PROFILES_OF
+from tactile_ros.process import choose_transports, PROFILES_OF
 
 PROGRAM = """
 import os, rclpy

@@ -13,11 +13,11 @@ from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Int32
 
+from tactile_ros import lifecycle
 from tactile_ros.errors import MessageError
-from tactile_ros.health.diagnostics import Diagnostics, Health, OK, WARN
-from tactile_ros.node import message_guard
-from tactile_ros.node.lifecycle import TactileNode
-from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.health import Diagnostics, Health, OK, WARN
+from tactile_ros.lifecycle import TactileNode
+from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import CLOCK, STREAM
 from tactile_testing.waiting import wait_until
 
@@ -46,7 +46,7 @@ class Listener(TactileNode):
 
 @pytest.fixture
 def graph(context, monkeypatch):
-    monkeypatch.setattr('tactile_ros.health.diagnostics.PERIOD_S', 0.1)
+    monkeypatch.setattr('tactile_ros.health.PERIOD_S', 0.1)
     listener, peer = Listener(context=context), Node('peer', context=context)
     publisher = peer.create_publisher(Int32, 'numbers', STREAM)
     wait_until(publisher.get_subscription_count)
@@ -95,7 +95,7 @@ def test_diagnostics_show_the_count_and_warn_for_a_while(graph, monkeypatch):
     assert values['a'] == '1'
     assert values['refused_messages'] == '1'
     assert 'data is -1' in values['last_refused_message']
-    monkeypatch.setattr(message_guard, 'SHOWN_S', 0.0)
+    monkeypatch.setattr(lifecycle, 'SHOWN_S', 0.0)
     wait_until(lambda: heard[-1].level == OK)
     assert {pair.key: pair.value for pair in heard[-1].values} == values
 
@@ -105,7 +105,7 @@ def test_the_log_mentions_refused_messages_now_and_then(graph, capfd, monkeypatc
     for number in (-1, -2, -3):
         publisher.publish(Int32(data=number))
     wait_until(lambda: listener.message_guard.refused_count == 3)
-    monkeypatch.setattr(message_guard, 'LOG_PERIOD_S', 0.0)
+    monkeypatch.setattr(lifecycle, 'LOG_PERIOD_S', 0.0)
     publisher.publish(Int32(data=-4))
     wait_until(lambda: listener.message_guard.refused_count == 4)
     log = []

@@ -12,8 +12,8 @@ from lifecycle_msgs.srv import ChangeState
 import pytest
 from rclpy.node import Node
 
-from tactile_ros.node.lifecycle import TactileNode
-from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.lifecycle import TactileNode
+from tactile_ros.node_group import NodeGroup
 
 DEADLINE_S = 10.0
 
@@ -86,8 +86,8 @@ INTERRUPTED = """
 import os, signal, sys
 from rclpy.context import Context
 import rclpy
-from tactile_ros.programs.node_group import NodeGroup
-from tactile_ros.programs.signals import hold_signals
+from tactile_ros.node_group import NodeGroup
+from tactile_ros.process import hold_signals
 from test_node_group import Probe
 
 class Interrupting(Probe):

@@ -15,11 +15,10 @@ from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import Int32
 
 from tactile_ros.errors import MessageError
-from tactile_ros.node.polling_node import PollingNode
-from tactile_ros.node.record_publisher import RecordPublisher
-from tactile_ros.node.stage_node import Stage, StageNode
-from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.node_group import NodeGroup
+from tactile_ros.polling import PollingNode
 from tactile_ros.qos import EVENTS, STREAM
+from tactile_ros.stages import RecordPublisher, Stage, StageNode
 from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 10.0
@@ -157,7 +156,7 @@ def test_a_slow_callback_loses_the_oldest_as_any_queue_of_dds_does(context, spun
 
 
 def test_a_publisher_whose_profile_does_not_fit_is_named_once(context, spun, monkeypatch, capfd):
-    monkeypatch.setattr('tactile_ros.node.polling_node.MISFITS_S', 0.01)
+    monkeypatch.setattr('tactile_ros.polling.MISFITS_S', 0.01)
     peer, listener = Node('peer', context=context), Listener('listener', context=context)
     listener.poll(Int32, 'numbers', listener.take, STREAM)
     spun(peer, listener)

@@ -18,9 +18,9 @@ import ctypes
 import sys
 import time
 from dataclasses import dataclass, field
-from tactile_ros.programs import node_group, signals
-from tactile_ros.node.lifecycle import TactileNode
-from tactile_ros.programs.node_group import run_node
+from tactile_ros import node_group, process
+from tactile_ros.lifecycle import TactileNode
+from tactile_ros.node_group import run_node
 
 @dataclass(frozen=True)
 class Config:
@@ -30,7 +30,7 @@ class Node(TactileNode):
     def __init__(self):
         if 'slow' in sys.argv:
             print('constructing', flush=True)
-            while not signals.held_signals().received:
+            while not process.held_signals().received:
                 time.sleep(0.001)
         super().__init__('probe', Config)
     def set_up(self, config):
@@ -38,7 +38,7 @@ class Node(TactileNode):
             print('configuring', flush=True)
             self.ending.wait()
         if config.device == 'stuck':
-            signals.INTERRUPT_TIMEOUT_S = 0.2
+            process.INTERRUPT_TIMEOUT_S = 0.2
             print('configuring', flush=True)
             time.sleep(60)
         if config.device == 'broken':

@@ -12,7 +12,7 @@ import pytest
 
 PROGRAM = """
 import ctypes, sys
-from tactile_ros.programs.memory import keep_heap_small
+from tactile_ros.process import keep_heap_small
 
 class Mallinfo(ctypes.Structure):
     _fields_ = [(name, ctypes.c_size_t) for name in (
@@ -58,7 +58,7 @@ def test_freed_blocks_do_not_move_later_ones_into_the_heaps():
 
 HEAPS = """
 import ctypes, sys, threading
-from tactile_ros.programs.memory import keep_heap_small
+from tactile_ros.process import keep_heap_small
 
 libc = ctypes.CDLL(None)
 libc.malloc.restype = ctypes.c_void_p

@@ -13,8 +13,8 @@ DEADLINE_S = 20.0
 
 HOLD = """
 import os, signal, sys, threading, time
-from tactile_ros.programs import signals as module
-from tactile_ros.programs.signals import hold_signals, ignore_signals, uninterrupted
+from tactile_ros import process as module
+from tactile_ros.process import hold_signals, ignore_signals, uninterrupted
 
 signals = hold_signals()
 NUMBER = int(sys.argv[1])

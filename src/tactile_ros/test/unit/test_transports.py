@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ElementTree
 
 import pytest
 
-from tactile_ros.programs.transports import choose_transports, PROFILES
+from tactile_ros.process import choose_transports, PROFILES
 
 FAST = 'rmw_fastrtps_cpp'
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'

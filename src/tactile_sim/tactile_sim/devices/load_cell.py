@@ -15,7 +15,7 @@ from tactile_sim.physics.sensing import (
     convert_to_reading,
     low_pass_coefficients,
 )
-from tendon_sensor_driver.lines.line_protocol import encode_reading
+from tendon_sensor_driver.line_sensor import encode_reading
 
 GRAVITY_M_S2 = 9.80665
 DECIMALS = 5

@@ -14,7 +14,7 @@ import serial
 
 from tactile_sim import RigError, SimulatedRig
 from tactile_testing.waiting import wait_until
-from tendon_sensor_driver.lines.line_protocol import LineDecoder
+from tendon_sensor_driver.line_sensor import LineDecoder
 from tendon_sensor_driver.records import TendonSensorConfig
 
 DEADLINE_S = 20.0

@@ -9,7 +9,7 @@ import pytest
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.devices.load_cell import LoadCellDevice
 from tactile_sim.physics.sensing import read_tension
-from tendon_sensor_driver.lines.line_protocol import LineDecoder
+from tendon_sensor_driver.line_sensor import LineDecoder
 from tendon_sensor_driver.records import TendonSensorConfig
 
 CELL = default_catalogue().rig().load_cell

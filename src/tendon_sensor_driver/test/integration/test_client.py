@@ -11,13 +11,13 @@ import pytest
 
 from tactile_ros.strain import StrainStatus
 from tactile_testing.waiting import wait_until
+from tendon_sensor_driver import client as module
 from tendon_sensor_driver import (
     encode_reading,
     LinkError,
     TendonSensorClient,
     TendonSensorConfig,
     TendonSensorError,
-    transport,
 )
 
 
@@ -63,13 +63,13 @@ def test_readings_come_out_as_blocks(sensor, make_client, blocks):
 def test_readings_that_waited_in_the_port_are_stamped_when_they_were_taken(
     sensor, make_client, blocks, monkeypatch
 ):
-    read, waiting = transport.SerialTransport.read, threading.Event()
+    read, waiting = module.SerialTransport.read, threading.Event()
 
     def read_late(self, timeout_s):
         waiting.wait(5.0)
         return read(self, timeout_s)
 
-    monkeypatch.setattr(transport.SerialTransport, 'read', read_late)
+    monkeypatch.setattr(module.SerialTransport, 'read', read_late)
     make_client()
     sensor.write(b'\n' + b''.join(encode_reading(1000 + 20 * i, 0.5) for i in range(20)))
     time_ns = time.time_ns()
@@ -141,7 +141,7 @@ def test_ports_that_vanish_while_they_are_listed_keep_no_sensor_away(
     sensor, make_client, blocks, monkeypatch
 ):
     """Pyserial raises a TypeError for a port that is unplugged while it is looked at."""
-    real, vanishing = transport.list_ports.comports, []
+    real, vanishing = module.list_ports.comports, []
 
     def comports():
         if vanishing:
@@ -149,7 +149,7 @@ def test_ports_that_vanish_while_they_are_listed_keep_no_sensor_away(
             int(None)
         return real()
 
-    monkeypatch.setattr(transport.list_ports, 'comports', comports)
+    monkeypatch.setattr(module.list_ports, 'comports', comports)
     client = make_client()
     sensor.unplug()
     wait_until(lambda: not client.health().is_connected)
@@ -206,7 +206,7 @@ def test_a_board_that_restarts_with_the_cable_begins_anew(sensor, make_client, b
 
 
 def test_close_does_not_wait_for_a_sensor_that_is_away(sensor, make_client, monkeypatch):
-    monkeypatch.setattr('tendon_sensor_driver.client_base.FIRST_DELAY_S', 30.0)
+    monkeypatch.setattr('tendon_sensor_driver.client.FIRST_DELAY_S', 30.0)
     client = make_client()
     sensor.unplug()
     wait_until(lambda: not client.health().is_connected)
@@ -220,7 +220,7 @@ def slow_client(make_client, blocks, monkeypatch):
     """Return a function that gives a client, and what its consumer waits for."""
 
     def make(longest_delivery_ns):
-        name = 'tendon_sensor_driver.lines.line_client.LONGEST_DELIVERY_NS'
+        name = 'tendon_sensor_driver.line_sensor.LONGEST_DELIVERY_NS'
         monkeypatch.setattr(name, longest_delivery_ns)
         gate = threading.Event()
         return make_client(lambda block: (blocks.append(block), gate.wait())), gate

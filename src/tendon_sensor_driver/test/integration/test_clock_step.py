@@ -30,7 +30,7 @@ class Clocks:
 @pytest.fixture
 def clock(monkeypatch):
     clock = Clocks()
-    monkeypatch.setattr('tendon_sensor_driver.stream.clock.time', clock)
+    monkeypatch.setattr('tendon_sensor_driver.clock.time', clock)
     return clock
 
 

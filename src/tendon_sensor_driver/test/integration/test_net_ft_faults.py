@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 
 from tactile_testing.waiting import wait_until
-from tendon_sensor_driver import LinkError, StrainStatus, TendonSensorConfig
-from tendon_sensor_driver.ati import net_ft_link
-from tendon_sensor_driver.ati.net_ft import NetFtClient
+from tendon_sensor_driver import LinkError, net_ft, StrainStatus, TendonSensorConfig
+from tendon_sensor_driver.net_ft import NetFtClient
 
 INTERNAL_HZ = 7000
 STEP_N = 1e-4  # of the force from one tick to the next
@@ -78,7 +77,7 @@ def configure(device, way, **changes):
 
 @pytest.fixture
 def rig(way, monkeypatch):
-    monkeypatch.setattr(net_ft_link, '_DEAD_S', 0.4)
+    monkeypatch.setattr(net_ft, '_DEAD_S', 0.4)
     with NetFtDevice(NetFtBox(ramp, noise_counts=0.0)) as device:
         recorder = Recorder()
         with NetFtClient(configure(device, way), recorder, time.time_ns) as client:

@@ -9,7 +9,7 @@ import types
 import pytest
 
 from tendon_sensor_driver import LinkError
-from tendon_sensor_driver.transport import find_serial_number, SerialTransport
+from tendon_sensor_driver.client import find_serial_number, SerialTransport
 
 
 @pytest.fixture
@@ -57,7 +57,7 @@ def test_the_serial_number_is_that_of_the_adapter_behind_the_name(sensor, monkey
         types.SimpleNamespace(device='/dev/ttyUSB9', serial_number='other'),
         types.SimpleNamespace(device=os.path.realpath(sensor.port), serial_number='A50285BI'),
     ]
-    monkeypatch.setattr('tendon_sensor_driver.transport.list_ports.comports', lambda: adapters)
+    monkeypatch.setattr('tendon_sensor_driver.client.list_ports.comports', lambda: adapters)
     assert find_serial_number(sensor.port) == 'A50285BI'
     adapters[1].serial_number = None
     assert find_serial_number(sensor.port) == ''

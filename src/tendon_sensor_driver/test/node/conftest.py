@@ -89,7 +89,7 @@ class Graph:
 
 @pytest.fixture
 def make_graph(context, monkeypatch):
-    monkeypatch.setattr('tactile_ros.health.diagnostics.PERIOD_S', 0.25)
+    monkeypatch.setattr('tactile_ros.health.PERIOD_S', 0.25)
     monkeypatch.setattr('tendon_sensor_driver.tendon_sensor_node._NEWS_PERIODS', 5)
     graphs = []
 

@@ -123,7 +123,7 @@ def test_the_quality_of_service_can_be_overridden(make_graph, sensor):
 
 def test_the_serial_number_is_the_hardware_id(graph, monkeypatch):
     monkeypatch.setattr(
-        'tendon_sensor_driver.lines.line_client.find_serial_number', lambda port: 'A50285BI'
+        'tendon_sensor_driver.line_sensor.find_serial_number', lambda port: 'A50285BI'
     )
     assert graph.node.bring_up()
     graph.spin_until(lambda: graph.diagnostics)

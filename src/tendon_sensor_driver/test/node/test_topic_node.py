@@ -24,7 +24,7 @@ from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import Float32, Float64
 
 from tactile_ros.strain import StrainStatus
-from tendon_sensor_driver.topics import topic_client
+from tendon_sensor_driver import topic_sensor
 
 RELIABLE = QoSProfile(depth=1000)
 SECOND_NS = 1_000_000_000
@@ -169,7 +169,7 @@ def test_drops_reordering_and_duplicates_are_seen_at_any_rate(
 
 
 def test_a_pause_of_the_thread_costs_no_sample(topic_graph, make_source, monkeypatch):
-    measure, calls = topic_client._measure_wait_ns, itertools.count()
+    measure, calls = topic_sensor._measure_wait_ns, itertools.count()
 
     def measure_and_pause(info):
         pause_s = 0.15 if next(calls) == 20 else 0.0
@@ -178,7 +178,7 @@ def test_a_pause_of_the_thread_costs_no_sample(topic_graph, make_source, monkeyp
         time.sleep(pause_s)
         return wait_ns
 
-    monkeypatch.setattr(topic_client, '_measure_wait_ns', measure_and_pause)
+    monkeypatch.setattr(topic_sensor, '_measure_wait_ns', measure_and_pause)
     source = make_source(WrenchStamped)
     graph = topic_graph(rate_hz=60.0)
     meet(graph, source)

@@ -11,15 +11,15 @@ from urllib.parse import parse_qs, urlsplit
 import numpy as np
 from numpy.typing import NDArray
 
-from tendon_sensor_driver.ati.net_ft_protocol import (
+from tendon_sensor_driver.net_ft_protocol import (
     Command,
+    CONFIGURATION_PAGE,
     ERROR_SUMMARY,
     INTERNAL_RATE_HZ,
     MOST_RECORDS,
     RECORD,
     SATURATED,
 )
-from tendon_sensor_driver.ati.net_ft_web import CONFIGURATION_PAGE
 from tendon_sensor_driver.records import AXES, NEWTONS
 
 Force = Callable[[NDArray[np.float64]], NDArray[np.float64]]

@@ -15,7 +15,7 @@ import time
 
 from net_ft_box import NetFtBox
 
-from tendon_sensor_driver.ati.net_ft_protocol import Command
+from tendon_sensor_driver.net_ft_protocol import Command
 
 HOST = '127.0.0.1'
 _SLICE_S = 0.001

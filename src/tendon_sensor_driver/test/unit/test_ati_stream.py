@@ -8,10 +8,10 @@ import pytest
 
 from tactile_ros.strain import StrainStatus
 from tendon_sensor_driver import TendonSensorConfig
-from tendon_sensor_driver.ati.counter_clock import CounterClock, CounterRestartError
+from tendon_sensor_driver.clock import Batch
+from tendon_sensor_driver.counter_clock import CounterClock, CounterRestartError
 from tendon_sensor_driver.records import AXES
-from tendon_sensor_driver.stream.clock import Batch
-from tendon_sensor_driver.stream.strain_stream import Stream
+from tendon_sensor_driver.strain_stream import Stream
 
 RATE_HZ = 7000
 START_NS = 1_800_000_000_000_000_000

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 
-from tendon_sensor_driver.stream.clock import DeviceClock, HostClock
+from tendon_sensor_driver.clock import DeviceClock, HostClock
 
 SECOND_NS = 1_000_000_000
 MS_NS = 1_000_000

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 import pytest
 
 from tactile_ros.strain import StrainStatus
+from tendon_sensor_driver.clock import ArrivalClock, DeviceClock
 from tendon_sensor_driver.records import Reading, TendonSensorConfig
-from tendon_sensor_driver.stream.clock import ArrivalClock, DeviceClock
-from tendon_sensor_driver.stream.strain_stream import StrainStream
+from tendon_sensor_driver.strain_stream import StrainStream
 
 SECOND_NS = 1_000_000_000
 PERIOD_NS = 16_666_667

@@ -21,7 +21,7 @@ from tendon_sensor_driver.conversions import (
     turn_wrench,
 )
 from tendon_sensor_driver.records import AXES
-from tendon_sensor_driver.stream.tare import Bias
+from tendon_sensor_driver.tare import Bias
 
 BLOCK = StrainBlock(
     stamp_ns=1_700_000_000_123_456_789,

@@ -10,8 +10,8 @@ import pytest
 
 from tactile_ros.strain import StrainStatus
 from tendon_sensor_driver import TendonSensorConfig
-from tendon_sensor_driver.stream.clock import Batch, Instant, SampleClock
-from tendon_sensor_driver.stream.strain_stream import Stream
+from tendon_sensor_driver.clock import Batch, Instant, SampleClock
+from tendon_sensor_driver.strain_stream import Stream
 
 MS_NS = 1_000_000
 PERIOD_NS = 16_666_667

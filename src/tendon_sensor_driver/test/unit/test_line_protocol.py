@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import pytest
 
 from tendon_sensor_driver import encode_reading, LineDecoder, TendonSensorConfig
-from tendon_sensor_driver.lines.line_protocol import MAX_LINE_BYTES, MAX_VALUE
+from tendon_sensor_driver.line_sensor import MAX_LINE_BYTES, MAX_VALUE
 
 CONFIG = TendonSensorConfig()
 LINE = b'1204,0.53000,kg,\r\n'

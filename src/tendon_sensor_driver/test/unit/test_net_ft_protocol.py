@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tactile_ros.strain import StrainStatus
-from tendon_sensor_driver.ati.net_ft_protocol import (
+from tendon_sensor_driver.net_ft_protocol import (
     classify_status,
     Command,
     compute_rate_hz,

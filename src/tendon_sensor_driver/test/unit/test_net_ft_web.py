@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 
 from tendon_sensor_driver import LinkError
-from tendon_sensor_driver.ati.net_ft_web import parse_configuration
-from tendon_sensor_driver.ati.units import compute_si_per_count, unit_of_code
+from tendon_sensor_driver.net_ft_protocol import (
+    compute_si_per_count,
+    parse_configuration,
+    unit_of_code,
+)
 
 TAGS = {
     'prodname': 'Ethernet F/T',

@@ -8,7 +8,7 @@ import pytest
 
 from tactile_ros.strain import StrainBlock, StrainStatus
 from tendon_sensor_driver import TendonSensorConfig
-from tendon_sensor_driver.stream.tare import Tare, TareError
+from tendon_sensor_driver.tare import Tare, TareError
 
 CONFIG = TendonSensorConfig(tare_samples=50)
 PERIOD_NS = CONFIG.period_ns

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 
-from tendon_sensor_driver.topics.stamps import measure_rate_hz, RateMeter, StampClock
+from tendon_sensor_driver.topic_stream import measure_rate_hz, RateMeter, StampClock
 
 PERIOD_NS = 1_000_000
 START_NS = 1_795_378_589_611_991_580

@@ -14,14 +14,13 @@ import pytest
 from tactile_ros.strain import StrainStatus
 from tendon_sensor_driver import TendonSensorConfig, TendonSensorError
 from tendon_sensor_driver.sensors import make_sensor
-from tendon_sensor_driver.topics.diagnosis import (
+from tendon_sensor_driver.topic_sensor import (
     choose_type,
     describe_publishers,
     describe_stream,
     Publisher,
 )
-from tendon_sensor_driver.topics.readings import READERS, ReadingError, TopicReading
-from tendon_sensor_driver.topics.topic_stream import TopicStream
+from tendon_sensor_driver.topic_stream import READERS, ReadingError, TopicReading, TopicStream
 
 START_NS = 1_795_378_589_611_991_580
 WRENCH, FLOAT = 'geometry_msgs/msg/WrenchStamped', 'std_msgs/msg/Float64'

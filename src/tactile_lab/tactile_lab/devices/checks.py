@@ -1,0 +1,398 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Checks of sensor, guide and tendon, each with the remedy of what it finds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+import time
+from typing import Any
+
+import numpy as np
+
+from linear_guide_driver.dynamixel import registers
+from linear_guide_driver.dynamixel.bus import DynamixelBus
+from linear_guide_driver.dynamixel.servo import arm_watchdog, set_up_servo
+from linear_guide_driver.errors import LinearGuideDriverError
+from linear_guide_driver.grbl.guide_client import LinearGuideClient
+from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
+from tactile_ros.strain import StrainBlock, StrainStatus
+from tendon_sensor_driver.client import NowNs, OnBlock, SensorClient
+from tendon_sensor_driver.errors import TendonSensorError
+from tendon_sensor_driver.records import Health, TendonSensorConfig
+from tendon_sensor_driver.sensors import make_sensor
+
+MakeSensor = Callable[[TendonSensorConfig, OnBlock, NowNs], SensorClient]
+"""Makes the client of a sensor, as `make_sensor` does."""
+
+RATE_TOLERANCE = 0.02
+MOST_STAMP_ERROR_S = 0.005
+
+_STATUS_REMEDIES = {
+    StrainStatus.SATURATED: (
+        'the sensor saturates',
+        'unload the tendon; if it stays, check the wiring of the bridge',
+    ),
+    StrainStatus.STUCK: (
+        'the reading does not change at all',
+        'check the cable between load cell and amplifier; a coarse sensor needs stuck_s = 0',
+    ),
+}
+
+
+def check_sensor(
+    config: TendonSensorConfig, seconds: float, make: MakeSensor = make_sensor
+) -> CheckReport:
+    """Listen to the sensor.
+
+    Parameters
+    ----------
+    config : TendonSensorConfig
+    seconds : float
+        How long [s]; leave the tendon alone meanwhile, or the noise is not noise.
+    make : callable
+        Makes the client; for a sensor on a topic one that has a node.
+    """
+    link = {'net_ft': config.host, 'topic': config.topic}.get(config.sensor, config.port)
+    blocks: list[StrainBlock] = []
+    client = make(config, blocks.append, time.time_ns)
+    try:
+        client.open()
+        time.sleep(seconds)
+        health, identity = client.health(), client.identity
+    except TendonSensorError as error:
+        return CheckReport('sensor', link, {}, (Problem(str(error)),))
+    finally:
+        client.close()
+    if not config.rate_hz and health.rate_hz:
+        config = replace(config, rate_hz=health.rate_hz)
+    facts, problems = judge_blocks(blocks, config)
+    if config.sensor == 'topic':
+        problems = _judge_topic(health, problems, seconds, is_heard=bool(blocks))
+        return CheckReport('sensor', link, facts, tuple(problems))
+    if identity:
+        facts = {'identity': identity, **facts}
+    if health.rate_hz:
+        facts['rate that the device states [Hz]'] = round(health.rate_hz, 3)
+    if health.device_status:
+        problems.append(Problem(f'the sensor says: {health.device_status}', 'power-cycle it'))
+    if out_of_order := health.duplicates + health.late_samples + health.outliers:
+        problems.append(
+            Problem(
+                f'{out_of_order} readings came twice, too late or at an impossible time',
+                'check time_column and time_unit_s, and the cable',
+            )
+        )
+    if not blocks:
+        said = health.last_error or (
+            f'the last line was "{health.last_rejected}": {health.last_reason}'
+            if health.last_rejected
+            else 'silence'
+        )
+        remedy = 'check baud, unit and columns; "tactile devices" says what fits'
+        problems = [Problem(f'no reading in {seconds:g} s: {said}', remedy)]
+    elif health.rejected_lines:
+        problems.append(
+            Problem(
+                f'{health.rejected_lines} lines were no readings, the last one '
+                f'"{health.last_rejected}": {health.last_reason}',
+                'check ground and shield of the cable, and the columns',
+            )
+        )
+    return CheckReport('sensor', link, facts, tuple(problems))
+
+
+def _judge_topic(
+    health: Health, problems: list[Problem], seconds: float, *, is_heard: bool
+) -> list[Problem]:
+    if not is_heard:
+        said = (
+            health.last_error
+            or health.last_rejected
+            or health.advice
+            or 'too few messages to measure the rate; set rate_hz, or listen longer'
+        )
+        return [Problem(f'no reading in {seconds:g} s: {said}')]
+    rejected = [Problem(health.last_rejected)] if health.rejected_lines else []
+    # The rate is judged by the blocks already.
+    advice = [Problem(health.advice)] if health.advice and 'rate_hz' not in health.advice else []
+    return [*problems, *rejected, *advice]
+
+
+def judge_blocks(
+    blocks: list[StrainBlock], config: TendonSensorConfig
+) -> tuple[dict[str, Any], list[Problem]]:
+    """Return facts and problems of the blocks of a sensor whose tendon is left alone."""
+    if not blocks:
+        return {'samples': 0}, []
+    tension_n = np.concatenate([block.tension_n for block in blocks])
+    time_s = np.concatenate(
+        [
+            (
+                block.stamp_ns
+                - blocks[0].stamp_ns
+                + block.period_ns * np.arange(block.tension_n.size)
+            )
+            * 1e-9
+            for block in blocks
+        ]
+    )
+    # The first block may count what was lost before anybody listened.
+    lost = sum(block.lost_before for block in blocks[1:])
+    status = StrainStatus.OK
+    for block in blocks:
+        status |= block.status
+    span_s = float(time_s[-1] - time_s[0])
+    rate_hz = (tension_n.size + lost - 1) / span_s if span_s > 0 else 0.0
+    noise_n = _compute_noise_n(time_s, tension_n)
+    error_s = blocks[-1].stamp_error_s
+    clock = 'none: host time' if status & StrainStatus.HOST_TIME else 'not known yet'
+    facts = {
+        'samples': int(tension_n.size),
+        'rate [Hz]': round(rate_hz, 3),
+        'lost samples': int(lost),
+        'tension [N]': round(float(tension_n.mean()), 4),
+        'noise, standard deviation [N]': round(noise_n, 5),
+        'error of the stamps [s]': round(error_s, 6) if error_s >= 0 else clock,
+    }
+    if status & StrainStatus.SIMULATED:
+        facts['simulated'] = 'SIMULATED: no number is a measurement'
+    problems = [Problem(*text) for bit, text in _STATUS_REMEDIES.items() if status & bit]
+    if abs(rate_hz - config.rate_hz) > RATE_TOLERANCE * config.rate_hz:
+        problems.append(
+            Problem(
+                f'the rate is {rate_hz:.2f} Hz and rate_hz is {config.rate_hz:g}',
+                f'set rate_hz to {rate_hz:.4g}, or the sensor to {config.rate_hz:g}',
+            )
+        )
+    if lost:
+        problems.append(
+            Problem(
+                f'{lost} of {tension_n.size + lost} samples were lost',
+                'check the cable, a higher baud, and what else this computer does',
+            )
+        )
+    if error_s > MOST_STAMP_ERROR_S:
+        problems.append(
+            Problem(
+                f'the stamps may be wrong by {error_s * 1e3:.1f} ms',
+                "install the udev rule for the adapter's latency timer; free the computer",
+            )
+        )
+    return facts, problems
+
+
+def _compute_noise_n(time_s: Any, tension_n: Any) -> float:
+    """Standard deviation about a straight line, so that a slow drift is no noise [N]."""
+    if tension_n.size < 3:
+        return 0.0
+    line = np.polynomial.Polynomial.fit(time_s, tension_n, 1)
+    return float(np.std(tension_n - line(time_s), ddof=2))
+
+
+MOST_TEMPERATURE_C = 60.0
+MOVE_M = 0.005
+MOVE_SPEED_M_S = 0.01
+MOVE_TOLERANCE_M = 0.0001
+LATE_S = 0.5
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Something wrong, and what to do about it, when the sentence does not say that itself."""
+
+    what: str
+    remedy: str = ''
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """Result of the check of one device (sensor, guide or tendon) on its port or address.
+
+    ``facts`` are measured or read values, by name with unit. A device without ``problems`` is fit
+    for trials.
+    """
+
+    device: str
+    link: str
+    facts: dict[str, Any] = field(default_factory=dict)
+    problems: tuple[Problem, ...] = ()
+
+
+# -- guide ---------------------------------------------------------------------------------
+
+
+def check_guide(config: LinearGuideConfig, may_move: bool) -> CheckReport:
+    """Reset the guide's controller, check its settings; home and move a little if allowed."""
+    facts: dict[str, Any] = {}
+    problems: list[Problem] = []
+    client = LinearGuideClient(config)
+    try:
+        client.connect()
+        state = client.state
+        facts['firmware'] = client.identification
+        facts['settings'] = 'fit'  # or it would not be connected
+        facts['state'] = state.state if state else 'unknown'
+        is_locked = state is not None and state.state == 'Alarm'
+        facts['homed since power-up'] = 'no' if is_locked else 'perhaps; trials home it anyway'
+        if may_move:
+            problems += _exercise_guide(client, config, facts)
+        if client.garbage_lines:
+            problems.append(
+                Problem(
+                    f'{client.garbage_lines} lines were no Grbl',
+                    'check ground and shield of the cable',
+                )
+            )
+    except LinearGuideDriverError as error:
+        problems.append(Problem(str(error)))
+    finally:
+        client.close()
+    return CheckReport('guide', config.port, facts, tuple(problems))
+
+
+def _exercise_guide(
+    client: LinearGuideClient, config: LinearGuideConfig, facts: dict[str, Any]
+) -> list[Problem]:
+    start_s = time.monotonic()
+    home_m = client.home().position_m or 0.0
+    facts['homing took [s]'] = round(time.monotonic() - start_s, 1)
+    facts['position after homing [m]'] = round(home_m, 5)
+    target_m = home_m + (MOVE_M if home_m < config.travel_m / 2 else -MOVE_M)
+    speed_m_s = min(MOVE_SPEED_M_S, config.max_speed_m_s)
+    start_s = time.monotonic()
+    rest_m = client.move_to(target_m, speed_m_s).position_m or 0.0
+    took_s = time.monotonic() - start_s
+    client.move_to(home_m, speed_m_s)
+    facts['move of 5 mm took [s]'] = round(took_s, 2)
+    facts['error at rest [mm]'] = round((rest_m - target_m) * 1e3, 3)
+    problems = []
+    if abs(rest_m - target_m) > MOVE_TOLERANCE_M:
+        problems.append(
+            Problem(
+                f'the guide rests {(rest_m - target_m) * 1e3:.2f} mm beside its target',
+                'check $100 (steps per mm)',
+            )
+        )
+    least_s = MOVE_M / speed_m_s
+    if not least_s - LATE_S < took_s < least_s + 2 * LATE_S:
+        problems.append(
+            Problem(
+                f'a move of {least_s:.1f} s took {took_s:.1f} s',
+                'check $110 (maximum rate) and $120 (acceleration)',
+            )
+        )
+    return problems
+
+
+# -- tendon --------------------------------------------------------------------------------
+
+
+def check_tendon(config: TendonActuatorConfig, may_move: bool) -> CheckReport:
+    """Read the servo, hold it where it is, and see whether its watchdog stops it in silence.
+
+    With ``may_move`` it winds in 2 mm and lets out again.
+    """
+    facts: dict[str, Any] = {}
+    problems: list[Problem] = []
+    bus = None
+    try:
+        bus = DynamixelBus(config.port, config.baud, config.device_id)
+        problems += _read_servo(bus, facts)
+        servo = set_up_servo(bus, config)
+        facts['servo'] = servo.identification
+        problems += _try_watchdog(bus, config, facts)
+        if may_move:
+            problems += _wind(bus, config, facts)
+    except LinearGuideDriverError as error:
+        problems.append(Problem(str(error)))
+    finally:
+        if bus is not None:
+            for register in (registers.TORQUE_ENABLE, registers.BUS_WATCHDOG):
+                with suppress(LinearGuideDriverError):
+                    bus.write(register, 0)
+            bus.close()
+    return CheckReport('tendon', config.port, facts, tuple(problems))
+
+
+def _read_servo(bus: DynamixelBus, facts: dict[str, Any]) -> list[Problem]:
+    model, firmware = bus.ping(), bus.read(registers.FIRMWARE)
+    facts['servo'] = f'{registers.MODELS.get(model, f"model {model}")} firmware {firmware}'
+    voltage_v = bus.read(registers.PRESENT_VOLTAGE) * registers.VOLTAGE_UNIT_V
+    temperature_c = bus.read(registers.PRESENT_TEMPERATURE)
+    error = bus.read(registers.HARDWARE_ERROR)
+    words = registers.format_hardware_error(error) if error else 'none'
+    facts |= {
+        'voltage [V]': round(voltage_v, 1),
+        'temperature [C]': temperature_c,
+        'hardware errors': words,
+    }
+    problems = []
+    if error:
+        problems.append(
+            Problem(
+                f'the servo has shut down: {words}',
+                'remove the cause; the driver restarts the servo when it is configured',
+            )
+        )
+    if temperature_c > MOST_TEMPERATURE_C:
+        problems.append(
+            Problem(
+                f'the servo has {temperature_c} degrees Celsius', 'let it cool; lower its load'
+            )
+        )
+    return problems
+
+
+def _try_watchdog(
+    bus: DynamixelBus, config: TendonActuatorConfig, facts: dict[str, Any]
+) -> list[Problem]:
+    time.sleep(config.watchdog_s + 5 * registers.WATCHDOG_STEP_S)
+    works = bus.read(registers.BUS_WATCHDOG) == registers.WATCHDOG_TRIPPED
+    facts['watchdog'] = (
+        f'stops the servo after {config.watchdog_s:g} s of silence' if works else 'does not trip'
+    )
+    if works:
+        return []
+    return [
+        Problem(
+            f'the servo keeps moving although the bus was silent for {config.watchdog_s:g} s',
+            'check that no other device sends on the bus; update the firmware',
+        )
+    ]
+
+
+def _wind(bus: DynamixelBus, config: TendonActuatorConfig, facts: dict[str, Any]) -> list[Problem]:
+    """Wind in by a short way and let out; each read feeds the watchdog."""
+    length_m = min(0.002, config.max_displacement_m)
+    sign = -1 if config.reverse else 1
+    counts = sign * registers.m_to_counts(length_m, config.pulley_radius_m)
+    bus.write(registers.BUS_WATCHDOG, 0)  # it has tripped, which locks the goals
+    bus.write(
+        registers.PROFILE_VELOCITY,
+        registers.m_s_to_velocity(config.speed_m_s, config.pulley_radius_m),
+    )
+    arm_watchdog(bus, config.watchdog_s)
+    most_a = 0.0
+    for goal in (counts, 0):
+        bus.write(registers.GOAL_POSITION, goal)
+        until_s = time.monotonic() + length_m / config.speed_m_s + LATE_S
+        while time.monotonic() < until_s:
+            state = registers.decode_state(bus.read_block(registers.STATE_BLOCK))
+            most_a = max(most_a, abs(registers.current_to_a(state.current)))
+            if abs(state.position_counts - goal) <= 8 and state.velocity == 0:
+                break
+        else:
+            off_m = registers.counts_to_m(state.position_counts - goal, config.pulley_radius_m)
+            return [
+                Problem(
+                    f'the servo rests {abs(off_m) * 1e3:.2f} mm beside its goal',
+                    'see whether the tendon is caught; check current_limit_a',
+                )
+            ]
+    facts['wound in and out [mm]'] = round(length_m * 1e3, 1)
+    facts['largest current [A]'] = round(most_a, 3)
+    return []

@@ -1,0 +1,261 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A load cell against known weights: the fit, and the edit of the parameter file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+import math
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+import yaml
+
+from tactile_bags.yaml_files import load_yaml, read_text
+from tactile_lab.output import write_atomically
+from tactile_ros.errors import TactileError
+
+MAX_BYTES = 2**20
+"""Longest file that is edited [byte]."""
+
+_PARAMETERS = 'ros__parameters'
+
+
+def set_parameters(path: Path, node: str, values: Mapping[str, float]) -> None:
+    """Set parameters of a node in its file, at once; make the file if there is none.
+
+    Raises
+    ------
+    TactileError
+        When the file cannot be read, edited or written.
+    """
+    try:
+        text = read_text(path, MAX_BYTES) if path.exists() else ''
+        write_atomically(path, edit_parameters(text, node, values))
+    except OSError as error:
+        raise TactileError(f'cannot write {path}: {error.strerror}') from error
+    except TactileError as error:
+        raise TactileError(f'cannot set parameters in {path}: {error}') from error
+
+
+def edit_parameters(text: str, node: str, values: Mapping[str, float]) -> str:
+    """Return the text of a parameter file with some values of a node set.
+
+    Raises
+    ------
+    TactileError
+        When it is no parameter file, or this would change anything else in it.
+    """
+    before = load_yaml(text)
+    if before is not None and not isinstance(before, dict):
+        raise TactileError('it is no ROS parameter file: node names are expected on top')
+    new = text
+    for name, value in values.items():
+        new = _edit(new, node, name, repr(float(value)))
+    wanted = _expected(before or {}, node, values)
+    try:
+        is_right = load_yaml(new) == wanted
+    except TactileError:
+        is_right = False
+    if not is_right:
+        lines = ', '.join(f'{name}: {float(value)!r}' for name, value in values.items())
+        raise TactileError(f'its form is not known here; set under {node} by hand: {lines}')
+    return new
+
+
+def _expected(before: dict[str, object], node: str, values: Mapping[str, float]) -> object:
+    keys = [k for k in before if str(k).strip('/') == node]
+    if len(keys) > 1:
+        raise TactileError(f'it has {" and ".join(map(str, keys))}; keep one of them')
+    key = keys[0] if keys else node
+    content = before.get(key) or {}
+    parameters = content.get(_PARAMETERS) or {} if isinstance(content, dict) else {}
+    if not isinstance(content, dict) or not isinstance(parameters, dict):
+        raise TactileError(f'{key} has no {_PARAMETERS} below it')
+    numbers = {name: float(value) for name, value in values.items()}
+    return {**before, key: {**content, _PARAMETERS: {**parameters, **numbers}}}
+
+
+def _edit(text: str, node: str, name: str, value: str) -> str:
+    root = yaml.compose(text, Loader=yaml.SafeLoader)
+    of_node = _find(root, node)
+    parameters = _find(of_node, _PARAMETERS)
+    if not isinstance(parameters, yaml.MappingNode) or not parameters.value:
+        end = '' if not text or text.endswith('\n') else '\n'
+        return f'{text}{end}{node}:\n  {_PARAMETERS}:\n    {name}: {value}\n'
+    old = _find(parameters, name)
+    if old is not None:
+        return text[: old.start_mark.index] + value + text[old.end_mark.index :]
+    mark = parameters.value[0][0].start_mark
+    if parameters.flow_style:
+        return f'{text[: mark.index]}{name}: {value}, {text[mark.index :]}'
+    return f'{text[: mark.index]}{name}: {value}\n{" " * mark.column}{text[mark.index :]}'
+
+
+def _find(parent: yaml.Node | None, name: str) -> yaml.Node | None:
+    if not isinstance(parent, yaml.MappingNode):
+        return None
+    return next((v for k, v in parent.value if str(k.value).strip('/') == name), None)
+
+
+FEWEST_WEIGHTS = 3
+"""Different weights; with two there is no residual, and no uncertainty."""
+
+LARGEST_SPREAD_N = 0.1
+"""Standard deviation within a second above which a weight still swings."""
+
+SMALLEST_CHANGE_N = 0.005
+"""Change over a second below which a reading is at rest, whatever the noise."""
+
+_REJECTED = 5.0 * 1.4826
+"""Median absolute deviations from the median at which a sample is left out: five sigma."""
+
+
+class CalibrationError(TactileError):
+    """The readings give no calibration; the message says why."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Sensor reading under one weight: mean and standard deviation of a settled second [N].
+
+    It is taken with scale 1 and offset 0. ``is_rising``: the weight before was smaller.
+    """
+
+    mass_kg: float
+    reading_n: float
+    noise_n: float
+    is_rising: bool
+
+
+@dataclass(frozen=True)
+class LoadCellFit:
+    """The line ``force = scale * reading + offset_n``.
+
+    Attributes
+    ----------
+    scale, offset_n : float
+        Parameters of the sensor node.
+    scale_error, offset_error_n : float
+        Their standard uncertainties, from the residuals.
+    residuals_n : tuple of float
+        Calibrated force minus true force of each reading [N].
+    largest_residual_n : float
+        Its largest magnitude.
+    hysteresis_n : float or None
+        Largest difference at one weight between its readings on the way up and down [N]; None:
+        no weight was measured both ways.
+    readings : tuple of Reading
+    """
+
+    scale: float
+    offset_n: float
+    scale_error: float
+    offset_error_n: float
+    residuals_n: tuple[float, ...]
+    largest_residual_n: float
+    hysteresis_n: float | None
+    readings: tuple[Reading, ...]
+
+
+def settled_mean(tension_n: ArrayLike) -> tuple[float, float] | None:
+    """Return mean and standard deviation of a second of samples; None while it is not settled.
+
+    Samples far from the median are left out. It is settled when both halves have the same mean
+    within four standard errors of their difference, or `SMALLEST_CHANGE_N`.
+    """
+    values = np.asarray(tension_n, dtype=np.float64)
+    if values.size < 4 or not np.isfinite(values).all():
+        return None
+    median = np.median(values)
+    spread = np.median(np.abs(values - median))
+    # Half of the samples may be equal, as of a coarse converter: then none is left out.
+    is_near = np.abs(values - median) <= (_REJECTED * spread if spread > 0.0 else np.inf)
+    half = values.size // 2
+    first, second = values[:half][is_near[:half]], values[half:][is_near[half:]]
+    kept = values[is_near]
+    deviation = float(kept.std(ddof=1))
+    if deviation > LARGEST_SPREAD_N or not first.size or not second.size:
+        return None
+    error = deviation * math.sqrt(1.0 / first.size + 1.0 / second.size)
+    if abs(float(second.mean() - first.mean())) > max(4.0 * error, SMALLEST_CHANGE_N):
+        return None
+    return float(kept.mean()), deviation
+
+
+def fit_load_cell(readings: Sequence[Reading], gravity_m_s2: float) -> LoadCellFit:
+    """Fit the line by least squares of the readings over the true forces.
+
+    The weights are known and the readings are noisy, so the readings are regressed; the line is
+    then turned around. Uncertainties: first order in those of slope and intercept.
+
+    Raises
+    ------
+    CalibrationError
+        With too few weights, or readings that do not follow the weights.
+    """
+    force_n = np.array([reading.mass_kg for reading in readings]) * gravity_m_s2
+    value_n = np.array([reading.reading_n for reading in readings])
+    _check_order(readings)
+    slope, intercept = _fit_line(force_n, value_n)
+    scale, offset_n = 1.0 / slope, -intercept / slope
+    residuals = (value_n - (slope * force_n + intercept)) / slope
+    count = len(readings)
+    middle = float(force_n.mean())
+    width = float(((force_n - middle) ** 2).sum())
+    sigma_n = math.sqrt(float((residuals**2).sum()) / (count - 2))  # as a force
+    return LoadCellFit(
+        scale=scale,
+        offset_n=offset_n,
+        scale_error=abs(scale) * sigma_n / math.sqrt(width),
+        offset_error_n=sigma_n * math.sqrt(1.0 / count + middle**2 / width),
+        residuals_n=tuple(residuals.tolist()),
+        largest_residual_n=float(np.abs(residuals).max()),
+        hysteresis_n=_find_hysteresis(readings, abs(scale)),
+        readings=tuple(readings),
+    )
+
+
+def _fit_line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float]:
+    x_mean, y_mean = float(x.mean()), float(y.mean())
+    from_mean = x - x_mean
+    slope = float(from_mean @ (y - y_mean)) / float(from_mean @ from_mean)
+    return slope, y_mean - slope * x_mean
+
+
+def _check_order(readings: Sequence[Reading]) -> None:
+    masses = sorted({reading.mass_kg for reading in readings})
+    if len(masses) < FEWEST_WEIGHTS:
+        raise CalibrationError(
+            f'{len(masses)} different weights are too few; hang {FEWEST_WEIGHTS} at least, one of '
+            'them none'
+        )
+    means = [
+        math.fsum(values) / len(values)
+        for mass in masses
+        if (values := [r.reading_n for r in readings if r.mass_kg == mass])
+    ]
+    steps = np.diff(means)
+    if not (np.all(steps > 0.0) or np.all(steps < 0.0)):
+        wrong = int(np.argmin(steps * np.sign(means[-1] - means[0])))
+        raise CalibrationError(
+            f'the reading does not follow the weight from {masses[wrong]:g} to '
+            f'{masses[wrong + 1]:g} kg ({means[wrong]:.4g} to {means[wrong + 1]:.4g} N); check '
+            'the order of the weights, that they hang freely, and the capacity of the cell'
+        )
+
+
+def _find_hysteresis(readings: Sequence[Reading], scale: float) -> float | None:
+    found = []
+    for mass in {reading.mass_kg for reading in readings}:
+        ways = [
+            [r.reading_n for r in readings if r.mass_kg == mass and r.is_rising is rising]
+            for rising in (True, False)
+        ]
+        if all(ways):
+            up, down = (math.fsum(way) / len(way) for way in ways)
+            found.append(scale * abs(up - down))
+    return max(found, default=None)

@@ -1,0 +1,342 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Health on ``/diagnostics``, ``~/ready``, and signs of life by DDS liveliness."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+import threading
+import time
+from typing import NamedTuple
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
+from rclpy.event_handler import (
+    QoSSubscriptionEventType,
+    SubscriptionEventCallbacks,
+    UnsupportedEventTypeError,
+)
+from rclpy.node import Node
+from rclpy.qos import LivelinessPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.utilities import get_rmw_implementation_identifier
+from std_msgs.msg import Empty
+
+from tactile_msgs.msg import Readiness
+from tactile_ros.errors import TactileError
+from tactile_ros.lifecycle import TactileNode
+from tactile_ros.qos import LATEST
+from tactile_ros.rclpy_internals import NotOnExecutor, SubscriptionStatus
+
+PERIOD_S = 1.0
+
+OK = DiagnosticStatus.OK
+WARN = DiagnosticStatus.WARN
+ERROR = DiagnosticStatus.ERROR
+
+
+class Health(NamedTuple):
+    """One row of diagnostics: a level, a sentence, and values by name."""
+
+    level: bytes
+    message: str
+    values: Mapping[str, object]
+
+
+class Diagnostics:
+    """Publishes what ``provider()`` returns, under the node's name, once a second.
+
+    The rejections of the node's `MessageGuard` are added; the level is a warning for a while
+    after a message was refused.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        A `TactileNode` asks on the thread of periodic calls, any other on its executor.
+    hardware_id : callable
+    provider : callable
+        Returns a `Health`. It must not take the lock of a stage, which may wait for `close`.
+    """
+
+    def __init__(
+        self, node: Node, hardware_id: Callable[[], str], provider: Callable[[], Health]
+    ) -> None:
+        self._node = node
+        self._hardware_id = hardware_id
+        self._provider = provider
+        self._lock = threading.Lock()
+        self._is_closed = False
+        self._stop_timer: Callable[[], object]
+        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        # Once a second of the computer's time: what is asked about may be why the other stands.
+        if isinstance(node, TactileNode):
+            self._stop_timer = node.call_every(PERIOD_S, self.publish).cancel
+        else:
+            clock = Clock(clock_type=ClockType.STEADY_TIME)
+            timer = node.create_timer(PERIOD_S, self.publish, clock=clock)
+            self._stop_timer = lambda: node.destroy_timer(timer)
+
+    def publish(self) -> None:
+        """Publish at once."""
+        with self._lock:
+            if self._is_closed:
+                return
+            health = self._provider()  # asked in any case: it may count what has come since
+            if self._publisher.get_subscription_count():
+                self._publisher.publish(self._to_message(health))
+
+    def _to_message(self, health: Health) -> DiagnosticArray:
+        health = self._with_refused_messages(health)
+        message = DiagnosticArray()
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        message.status = [
+            DiagnosticStatus(
+                level=health.level,
+                name=self._node.get_fully_qualified_name().lstrip('/'),
+                message=health.message,
+                hardware_id=self._hardware_id(),
+                values=[KeyValue(key=k, value=str(v)) for k, v in health.values.items()],
+            )
+        ]
+        return message
+
+    def _with_refused_messages(self, health: Health) -> Health:
+        guard = getattr(self._node, 'message_guard', None)
+        if guard is None:
+            return health
+        level, message = health.level, health.message
+        if guard.warning:
+            level = max(level, WARN)
+            message = f'{message}; {guard.warning}'
+        return Health(level, message, {**health.values, **guard.values})
+
+    def close(self) -> None:
+        """Publish no more. Harmless when called twice."""
+        self._stop_timer()
+        with self._lock:
+            if not self._is_closed:
+                self._is_closed = True
+                del self._provider, self._hardware_id  # they hold what asked for diagnostics
+                self._node.destroy_publisher(self._publisher)
+
+
+READY_PERIOD_S = 0.1
+
+
+class ReadinessPublisher:
+    """Publishes ``~/ready`` once at the start and then at each change.
+
+    Parameters
+    ----------
+    node : TactileNode
+    find_missing : callable
+        Returns a sentence for each thing that is missing; asked ten times a second on the
+        thread of periodic calls, and by `update`. Not asked any more when `close` has returned.
+
+    Attributes
+    ----------
+    missing : list of str or None
+        The sentences published last; None: none yet.
+    """
+
+    def __init__(self, node: TactileNode, find_missing: Callable[[], Sequence[str]]) -> None:
+        self._node, self._find_missing = node, find_missing
+        self._lock = threading.Lock()  # no older answer is published after a newer one
+        self._is_closed = False
+        self.missing: list[str] | None = None
+        self._publisher = node.create_publisher(Readiness, '~/ready', LATEST)
+        self._calls = node.call_every(READY_PERIOD_S, self.update)
+
+    def update(self) -> None:
+        """Publish if something has changed."""
+        with self._lock:
+            if self._is_closed:
+                return
+            missing = list(self._find_missing())
+            if missing == self.missing:
+                return
+            self.missing = missing
+            message = Readiness(ready=not missing, missing=missing)
+            message.header.stamp = self._node.get_clock().now().to_msg()
+            self._publisher.publish(message)
+
+    def close(self) -> None:
+        """Publish no more. Harmless when called twice."""
+        self._calls.cancel()
+        with self._lock:
+            if not self._is_closed:
+                self._is_closed = True
+                self._node.destroy_publisher(self._publisher)
+
+
+LEASE_S = 0.15
+"""Lease that a heartbeat offers [s]: a listener can ask for this or a longer one."""
+
+BEAT_PERIOD_S = 0.03
+"""Shortest time between two beats [s]. Workers turn every 17 or 20 ms: four beats a lease."""
+
+
+def heartbeat_qos(lease_s: float = LEASE_S) -> QoSProfile:
+    """Return the quality of service of a heartbeat topic with a lease [s]."""
+    return QoSProfile(
+        depth=1,
+        reliability=ReliabilityPolicy.BEST_EFFORT,
+        liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
+        liveliness_lease_duration=Duration(seconds=lease_s),
+    )
+
+
+class Heartbeat:
+    """Publisher of ``~/heartbeat``.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    is_well : callable
+        Asked before each beat, on the thread of `beat`.
+    """
+
+    def __init__(self, node: Node, is_well: Callable[[], bool]) -> None:
+        self._node, self._is_well = node, is_well
+        self._publisher = node.create_publisher(Empty, '~/heartbeat', heartbeat_qos())
+        self._lock = threading.Lock()
+        self._due_s = 0.0
+        self._is_closed = False
+
+    def beat(self) -> None:
+        """Beat if the node is well and the last beat is `BEAT_PERIOD_S` old.
+
+        Call it on the thread that does the work, each time that it comes round: a thread of its
+        own would go on when the work hangs.
+        """
+        now_s = time.monotonic()
+        if now_s < self._due_s or not self._is_well():
+            return
+        with self._lock:
+            if not self._is_closed and self._node.context.ok():
+                self._due_s = now_s + BEAT_PERIOD_S
+                self._publisher.publish(Empty())
+
+    def close(self) -> None:
+        """Take the publisher away."""
+        with self._lock:
+            self._is_closed = True
+            self._node.destroy_publisher(self._publisher)
+
+
+class HeartbeatWatch:
+    """Liveliness of one heartbeat topic; thread-safe.
+
+    Exactly one publisher must be alive. Two are two rigs in one ROS domain, which would answer
+    each other's goals. A publisher that was killed is alive no longer than the lease, although
+    it stays in the graph for many seconds.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    topic : str
+    timeout_s : float
+        Lease [s]: a publisher that is silent for longer is not alive. At least `LEASE_S`.
+    is_own : bool
+        The topic is the node's own, which may be silent: only a second publisher is a loss.
+
+    Raises
+    ------
+    TactileError
+        When the middleware does not tell of liveliness.
+    """
+
+    def __init__(
+        self, node: Node, topic: str, timeout_s: float = LEASE_S, *, is_own: bool = False
+    ) -> None:
+        self._node, self._timeout_s, self._is_own = node, timeout_s, is_own
+        self._subscription = node.create_subscription(
+            Empty,
+            topic,
+            _ignore,
+            heartbeat_qos(timeout_s),
+            callback_group=NotOnExecutor(),
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+        )
+        self._topic = topic.replace('~', node.get_name())
+        kinds = QoSSubscriptionEventType
+        try:
+            self._liveliness, self._misfits = (
+                SubscriptionStatus(self._subscription, kind)
+                for kind in (
+                    kinds.RCL_SUBSCRIPTION_LIVELINESS_CHANGED,
+                    kinds.RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS,
+                )
+            )
+        except UnsupportedEventTypeError:
+            node.destroy_subscription(self._subscription)
+            raise TactileError(
+                f'{get_rmw_implementation_identifier()} does not tell which publishers are '
+                'alive; set RMW_IMPLEMENTATION=rmw_fastrtps_cpp'
+            ) from None
+        self._lock = threading.Lock()
+        self._alive = 0
+        self._was_heard = self._is_closed = False
+
+    @property
+    def was_heard(self) -> bool:
+        """True once a publisher was alive, and always of the node's own topic."""
+        return self._count_alive() > 0 or self._was_heard or self._is_own
+
+    def format_loss(self, now_ns: int = 0) -> str:
+        """Return why nothing may move, with the remedy; empty while one publisher is alive.
+
+        ``now_ns`` is not used: the middleware goes by a monotonic clock of its own.
+        """
+        alive = self._count_alive()
+        if alive > 1:
+            return self._format_rivals(alive)
+        if alive or self._is_own:
+            return ''
+        if self._was_heard:
+            return (
+                f'Nothing was heard on {self._topic} for {self._timeout_s:g} s; is its node '
+                'running and active?'
+            )
+        if self._has_misfit:
+            return (
+                f'The publisher of {self._topic} has another quality of service; it must offer '
+                f'the liveliness MANUAL_BY_TOPIC with a lease of {self._timeout_s:g} s or less.'
+            )
+        return f'Nothing has been heard on {self._topic} yet; start its node.'
+
+    def close(self) -> None:
+        """Take the subscription away."""
+        with self._lock:
+            self._is_closed = True
+            self._liveliness.destroy()
+            self._misfits.destroy()
+            self._node.destroy_subscription(self._subscription)
+
+    def _count_alive(self) -> int:
+        with self._lock:
+            status = None if self._is_closed else self._liveliness.take()
+            if status is not None:
+                self._alive = status.alive_count
+                self._was_heard = self._was_heard or self._alive > 0
+            return self._alive
+
+    @property
+    def _has_misfit(self) -> bool:
+        with self._lock:
+            status = None if self._is_closed else self._misfits.take()
+            return status is not None and status.total_count > 0
+
+    def _format_rivals(self, alive: int) -> str:
+        """Return a sentence that names the publishers; the graph also knows dead ones."""
+        known = self._node.get_publishers_info_by_topic(self._subscription.topic_name)
+        names = {f'{each.node_namespace.rstrip("/")}/{each.node_name}' for each in known}
+        return (
+            f'{alive} nodes are alive on {self._topic} ({", ".join(sorted(names))}): '
+            'two rigs share this ROS domain. End one, or start it with another ROS_DOMAIN_ID or '
+            'namespace.'
+        )
+
+
+def _ignore(_: Empty) -> None: ...

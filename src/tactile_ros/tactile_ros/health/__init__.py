@@ -1,4 +1,0 @@
-# Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
-
-"""Health of a node: diagnostics, heartbeat and readiness."""

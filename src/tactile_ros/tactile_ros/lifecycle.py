@@ -1,0 +1,462 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The lifecycle of all nodes, parameters from a Config class, guarded subscriptions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import copy
+import dataclasses
+import functools
+import threading
+import time
+from typing import Any, TypeVar
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos_overriding_options import QoSOverridingOptions
+
+from tactile_ros.configs import find_objection
+from tactile_ros.errors import MessageError
+from tactile_ros.periodic import Periodic, SLOW_CALLS, Ticker
+from tactile_ros.qos import publisher_warnings, STREAM, subscription_warnings
+from tactile_ros.rclpy_internals import (
+    change_state_service,
+    destroy_state_machine,
+    parameter_overrides,
+    RCLError,
+)
+
+LOG_PERIOD_S = 10.0
+"""The log mentions refused messages at most this often."""
+
+SHOWN_S = 10.0
+"""Diagnostics warn of a refused message for this long."""
+
+
+class MessageGuard:
+    """Keeps a node running when a message cannot be converted.
+
+    A callback that raises `MessageError` ends with that message. Every other exception is a
+    fault of the program and ends the node.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Its logger is used.
+
+    Attributes
+    ----------
+    refused_count : int
+        Messages refused since the node was made.
+    last_reason : str
+        The topic of the last one, and why it was refused; empty when there is none.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self.refused_count = 0
+        self.last_reason = ''
+        self._refused_at_s: float | None = None
+        self._logged_at_s: float | None = None
+
+    def wrap(self, topic: str, callback: Callable[..., Any]) -> Callable[..., Any]:
+        """Return the callback of a subscription, guarded."""
+
+        @functools.wraps(callback)  # rclpy looks at the signature
+        def guarded(*arguments: Any) -> None:
+            try:
+                callback(*arguments)
+            except MessageError as error:
+                self.refuse(topic, error)
+
+        return guarded
+
+    def refuse(self, topic: str, reason: object) -> None:
+        """Count one refused message."""
+        now_s = time.monotonic()
+        self.refused_count += 1
+        self.last_reason = f'{topic}: {reason}'
+        self._refused_at_s = now_s
+        if self._logged_at_s is None or now_s - self._logged_at_s >= LOG_PERIOD_S:
+            self._logged_at_s = now_s
+            self._node.get_logger().error(
+                f'refused a message on {self.last_reason} (refused so far: {self.refused_count})'
+            )
+
+    @property
+    def warning(self) -> str:
+        """A sentence for `SHOWN_S` after a message was refused; empty otherwise."""
+        at_s = self._refused_at_s
+        if at_s is None or time.monotonic() - at_s > SHOWN_S:
+            return ''
+        return f'refused a message on {self.last_reason}'
+
+    @property
+    def values(self) -> dict[str, object]:
+        """Values for diagnostics: count and last reason; empty until a message is refused."""
+        if not self.refused_count:
+            return {}
+        return {'refused_messages': self.refused_count, 'last_refused_message': self.last_reason}
+
+
+Config = TypeVar('Config')
+
+REMEDY = 'deactivate and clean up the node first'
+
+
+def describe_field(field: dataclasses.Field[Any]) -> ParameterDescriptor:
+    """Return the descriptor of the parameter that stands for one Config field."""
+    metadata = field.metadata
+    text = metadata['description']
+    if metadata.get('unit'):
+        text += f' [{metadata["unit"]}]'
+    if metadata.get('choices'):
+        text += f'; one of {", ".join(map(str, metadata["choices"]))}'
+    descriptor = ParameterDescriptor(name=field.name, description=text)
+    if not metadata.get('live'):
+        descriptor.additional_constraints = f'read when the node is configured; {REMEDY}'
+    if 'range' in metadata:
+        low, high = metadata['range']
+        if isinstance(field.default, float):
+            descriptor.floating_point_range = [
+                FloatingPointRange(from_value=float(low), to_value=float(high))
+            ]
+        else:
+            descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
+    return descriptor
+
+
+def declare_config(node: Node, config_class: type[Config]) -> None:
+    """Declare a parameter for every field of ``config_class``.
+
+    While the node's ``is_configured`` is true, only fields that are live can change.
+
+    Raises
+    ------
+    rclpy.exceptions.InvalidParameterValueException
+        When an override is out of range or of the wrong type.
+    """
+    for field in dataclasses.fields(config_class):  # type: ignore[arg-type]
+        default = list(field.default) if isinstance(field.default, tuple) else field.default
+        if default == []:
+            is_integer = field.metadata.get('element') is int
+            types = Parameter.Type
+            default = types.INTEGER_ARRAY if is_integer else types.STRING_ARRAY
+        overrides = parameter_overrides(node)
+        if field.name in overrides:
+            overrides[field.name] = _with_float(field, overrides[field.name])
+        node.declare_parameter(field.name, default, describe_field(field))
+
+    fields = {f.name: f for f in dataclasses.fields(config_class)}  # type: ignore[arg-type]
+
+    def convert(parameters: list[Parameter]) -> list[Parameter]:
+        return [_with_float(fields[p.name], p) if p.name in fields else p for p in parameters]
+
+    node.add_pre_set_parameters_callback(convert)
+
+    def check(parameters: list[Parameter]) -> SetParametersResult:
+        for parameter in parameters:
+            field = fields.get(parameter.name)
+            reason = _find_objection(node, field, parameter) if field else ''
+            if reason:
+                return SetParametersResult(successful=False, reason=reason)
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(check)
+
+
+def _with_float(field: dataclasses.Field[Any], parameter: Parameter) -> Parameter:
+    """Return the parameter; an integer becomes a float where the field is one."""
+    if isinstance(field.default, float) and parameter.type_ == Parameter.Type.INTEGER:
+        return Parameter(parameter.name, value=float(parameter.value))
+    return parameter
+
+
+def _find_objection(node: Node, field: dataclasses.Field[Any], parameter: Parameter) -> str:
+    """Return why a parameter cannot take a value; empty when it can."""
+    if objection := find_objection(field, parameter.value):
+        return objection
+    if not node.is_configured or field.metadata.get('live'):
+        return ''
+    # A file of parameters may be loaded again: what it does not change is no change.
+    present = node.get_parameter_or(field.name, None)
+    if present is not None and present.get_parameter_value() == parameter.get_parameter_value():
+        return ''
+    return f'{parameter.name} is read when the node is configured: {REMEDY}'
+
+
+def read_config(node: Node, config_class: type[Config]) -> Config:
+    """Return a Config that holds the parameters' present values.
+
+    Raises
+    ------
+    ValueError
+        When a value is not one of the field's choices, or whatever the Config's
+        own ``__post_init__`` refuses.
+    """
+    values = {}
+    for field in dataclasses.fields(config_class):  # type: ignore[arg-type]
+        value: Any = node.get_parameter_or(field.name, None)
+        value = field.default if value is None or value.value is None else value.value
+        if isinstance(field.default, tuple):
+            value = tuple(value)
+        if objection := find_objection(field, value):
+            raise ValueError(objection)
+        values[field.name] = value
+    return config_class(**values)
+
+
+class TactileNode(LifecycleNode):
+    """A lifecycle node whose parameters are the fields of a Config class.
+
+    The constructor declares. A subclass says what else happens:
+
+    ``set_up(config)``
+        configure: build publishers and subscriptions, open devices. What it
+        raises refuses the transition; the message is logged.
+    ``start()`` / ``stop()``
+        activate / deactivate: let the data flow, or not.
+    ``on_goal_end()``
+        the work of a goal has ended; its client does not know yet. On the executor's thread.
+    ``tear_down()``
+        cleanup, shutdown, error, end of the process: give everything back. Must
+        be harmless when called twice or after a ``set_up`` that failed half way.
+
+    Parameters
+    ----------
+    name : str
+        Default node name.
+    config_class : type
+        Frozen dataclass; see `tactile_ros.lifecycle`.
+    node_options
+        Passed on to `rclpy.lifecycle.LifecycleNode`.
+
+    Attributes
+    ----------
+    is_finished, has_failed : bool
+        Set by a node whose work comes to an end, as a recording does: its process ends
+        then, with 1 when it has failed.
+    is_quiet : bool
+        Nothing but requests wakes the node's executor: nodes like it can share one.
+    is_configured : bool
+        From the begin of configure to the end of cleanup: parameters do not change.
+    ending : threading.Event
+        Set when the process is to end. What waits for long in ``set_up``, waits on this.
+    message_guard : MessageGuard
+        Guards every subscription of the node: a callback may raise `MessageError`.
+    """
+
+    is_finished = False
+    is_quiet = False
+    has_failed = False
+    is_configured = False
+
+    def __init__(self, name: str, config_class: type, **node_options: Any) -> None:
+        self.ending = threading.Event()
+        self.message_guard = MessageGuard(self)
+        super().__init__(name, **node_options)
+        self._config_class = config_class
+        declare_config(self, config_class)
+        self.declare_parameter(
+            'autostart',
+            True,
+            ParameterDescriptor(
+                description='configure and activate when the process starts', read_only=True
+            ),
+        )
+        self.config: Any = None
+        self.goal_runners: list[Any] = []
+        self.is_active = False
+        self._refuse_impossible_transitions()
+
+    # -- for subclasses ----------------------------------------------------------
+
+    def create_subscription(
+        self,
+        message_type: Any,
+        topic: str,
+        callback: Callable[..., Any],
+        *args: Any,
+        **options: Any,
+    ) -> Any:
+        """Subscribe; a message for which the callback raises `MessageError` is refused.
+
+        A publisher whose quality of service does not fit is told with the cure.
+        """
+        guarded = self.message_guard.wrap(topic, callback)
+        options.setdefault('event_callbacks', subscription_warnings(self, topic))
+        return super().create_subscription(message_type, topic, guarded, *args, **options)
+
+    def create_publisher(self, message_type: Any, topic: str, *args: Any, **options: Any) -> Any:
+        """Publish; a subscriber whose quality of service does not fit is told with the cure."""
+        options.setdefault('event_callbacks', publisher_warnings(self, topic))
+        return super().create_publisher(message_type, topic, *args, **options)
+
+    def create_lifecycle_publisher(
+        self, message_type: Any, topic: str, *args: Any, **options: Any
+    ) -> Any:
+        """Publish while active; a subscriber that does not fit is told with the cure."""
+        options.setdefault('event_callbacks', publisher_warnings(self, topic))
+        return super().create_lifecycle_publisher(message_type, topic, *args, **options)
+
+    def create_stream_publisher(self, message_type: type, topic: str) -> Any:
+        """Make a lifecycle publisher of samples, whose quality of service can be overridden.
+
+        By parameters, as ``qos_overrides./tendon_sensor/strain.publisher.reliability``.
+        """
+        return self.create_lifecycle_publisher(
+            message_type,
+            topic,
+            copy.copy(STREAM),  # rclpy writes the overrides into it
+            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+        )
+
+    def call_every(self, period_s: float, callback: Callable[[], object]) -> Periodic:
+        """Call again and again by the monotonic clock, on the thread for all periodic calls.
+
+        An exception of the callback ends the node's executor, as one of its own callbacks would.
+        """
+        return self._call_on(SLOW_CALLS, period_s, callback)
+
+    def _call_on(
+        self, ticker: Ticker, period_s: float, callback: Callable[[], object]
+    ) -> Periodic:
+        def call() -> None:
+            try:
+                callback()
+            except Exception as error:
+                periodic.cancel()
+                if self.context.ok():
+                    self._fail(error)
+
+        periodic = ticker.every(period_s, call)
+        return periodic
+
+    def _fail(self, error: Exception) -> None:
+        """End the executor with what a callback of another thread has raised."""
+
+        def fail() -> None:
+            raise error
+
+        executor = self.executor
+        if executor is None:
+            self.get_logger().fatal(f'a callback failed: {error!r}')
+        else:
+            executor.create_task(fail)
+
+    def set_up(self, config: Any) -> None: ...
+
+    def start(self) -> None: ...
+
+    def stop(self) -> None: ...
+
+    def on_goal_end(self) -> None: ...
+
+    def tear_down(self) -> None: ...
+
+    # -- transitions ---------------------------------------------------------------
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self.is_configured = True
+        try:
+            self.config = read_config(self, self._config_class)
+            self.set_up(self.config)
+        except Exception as error:
+            self.get_logger().error(f'cannot configure: {error}')
+            self._give_back()
+            return TransitionCallbackReturn.FAILURE
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        result = super().on_activate(state)
+        try:
+            self.start()
+        except Exception as error:
+            self.get_logger().error(f'cannot activate: {error}')
+            super().on_deactivate(state)
+            return TransitionCallbackReturn.FAILURE
+        self.is_active = True
+        return result
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self.is_active = False
+        self.stop()
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        if any(runner.is_busy for runner in self.goal_runners):
+            # To wait here would keep the executor from telling the goal's client its end,
+            # and a goal that needs other nodes from ever coming to rest.
+            self.get_logger().error(
+                'cannot clean up: a goal is still coming to rest; try again when it has ended'
+            )
+            return TransitionCallbackReturn.FAILURE
+        self._give_back()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self._stop_and_tear_down()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        return self.on_shutdown(state)
+
+    # -- use --------------------------------------------------------------------------
+
+    def bring_up(self) -> bool:
+        """Configure and activate; return whether both succeeded, and the process is not ending."""
+        for transition in (self.trigger_configure, self.trigger_activate):
+            if self.ending.is_set() or transition() != TransitionCallbackReturn.SUCCESS:
+                return False
+        return True
+
+    def take_down(self) -> None:
+        """Stop, give everything back and destroy the node, from any state."""
+        try:
+            self._stop_and_tear_down()
+        finally:
+            self.destroy_node()
+
+    def destroy_node(self) -> None:
+        super().destroy_node()
+        destroy_state_machine(self)
+
+    def _refuse_impossible_transitions(self) -> None:
+        """Answer an invalid transition request with "no".
+
+        rclpy raises instead, which leaves the caller without an answer, and the executor
+        without the requests that came with it.
+        """
+        service = change_state_service(self)
+        change_state = service.callback
+
+        def answer(request: Any, response: Any) -> Any:
+            try:
+                return change_state(request, response)
+            except RCLError as error:
+                self.get_logger().error(f'a transition is not possible: {error}')
+                response.success = False
+                return response
+
+        service.callback = answer
+
+    def _stop_and_tear_down(self) -> None:
+        try:
+            if self.is_active:
+                self.is_active = False
+                self.stop()
+        finally:
+            self._give_back()
+
+    def _give_back(self) -> None:
+        self.tear_down()
+        self.is_configured = False

@@ -1,0 +1,251 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Nodes that live in one process, from start to an orderly end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, ExitStack
+import faulthandler
+import threading
+import time
+import traceback
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.logging import get_logger
+from rclpy.signals import SignalHandlerOptions
+
+from tactile_ros.lifecycle import TactileNode
+from tactile_ros.process import (
+    hold_signals,
+    ignore_signals,
+    keep_heap_small,
+    Signals,
+    STDERR,
+    uninterrupted,
+)
+from tactile_ros.rclpy_internals import RCLError
+
+REST_TIMEOUT_S = 3.0
+"""Longest wait at the end of a process for running goals to come to rest [s]."""
+
+PEERS_END_S = 0.4
+"""Time that the DDS participant outlives its node at the end of a process [s]; see `run_node`."""
+
+PARTICIPANT_ENDS_S = 5.0
+"""Longest shutdown of the process after that [s]; then it exits with a traceback."""
+
+SPIN_S = 2.0
+"""Longest sleep of an executor. What it waits for, and the end, wake it earlier."""
+
+POLL_S = 0.2
+"""Period of the check for a finished node [s]."""
+
+
+class NodeGroup:
+    """Spins nodes: the quiet ones of a class on one executor, each other on one of its own.
+
+    An executor goes through all that its nodes own each time it wakes. Only requests and trial
+    events wake that of quiet nodes; see docs/decisions/0006-executor.md.
+
+    On close, running goals are asked to end and the executors go on until they
+    have, so that the devices are brought to rest over a graph that still works.
+    Use as a context manager.
+
+    A callback that raises ends its executor, and the group is to be closed: a node that has
+    lost a callback half way must not go on moving things. The traceback is logged and the
+    exception kept.
+
+    Parameters
+    ----------
+    nodes : sequence of rclpy.node.Node
+        Plain nodes are spun and destroyed; `TactileNode` are taken down in order.
+    context : rclpy.context.Context, optional
+        The nodes' context; the default context when left out.
+    on_end : callable
+        Called once, when the first executor has stopped, for whatever reason, on its thread.
+
+    Attributes
+    ----------
+    ended : threading.Event
+        Set when an executor has stopped.
+    error : Exception or None
+        What a callback raised that ended an executor; the first one.
+    """
+
+    def __init__(
+        self,
+        nodes: Sequence[Any],
+        context: Context | None = None,
+        on_end: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._nodes = list(nodes)
+        self._on_end = on_end
+        self._ending = threading.Event()
+        self._end_lock = threading.Lock()
+        self.ended = threading.Event()
+        self.error: Exception | None = None
+        self._spinning: list[tuple[SingleThreadedExecutor, threading.Thread]] = []
+        together: dict[Any, list[Any]] = {}
+        for node in self._nodes:
+            key = type(node) if getattr(node, 'is_quiet', False) else node
+            together.setdefault(key, []).append(node)
+        for nodes in together.values():
+            executor = SingleThreadedExecutor(context=context)
+            for node in nodes:
+                executor.add_node(node)
+            name = f'executor of {nodes[0].get_name()}'
+            thread = threading.Thread(target=self._spin, args=(executor,), name=name, daemon=True)
+            self._spinning.append((executor, thread))
+
+    def __enter__(self) -> NodeGroup:
+        for _, thread in self._spinning:
+            thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _spin(self, executor: SingleThreadedExecutor) -> None:
+        try:
+            while not self._ending.is_set():
+                _spin_once(executor)
+        except ExternalShutdownException:
+            pass
+        except Exception as error:
+            self.error = self.error or error
+            _logger().fatal(f'a callback failed, so all nodes end here:\n{traceback.format_exc()}')
+        finally:
+            with self._end_lock:
+                is_first = not self.ended.is_set()
+                self.ended.set()
+            if is_first:
+                self._on_end()
+
+    def close(self) -> None:
+        """End goals, stop spinning, take the nodes down. Harmless when called twice.
+
+        Ctrl-C does not interrupt it.
+        """
+        with uninterrupted():
+            self._close()
+
+    def _close(self) -> None:
+        for node in self._nodes:
+            if isinstance(node, TactileNode):
+                node.ending.set()
+        runners = [r for node in self._nodes for r in getattr(node, 'goal_runners', ())]
+        for runner in runners:
+            runner.end_goal()
+        deadline = time.monotonic() + REST_TIMEOUT_S
+        while any(r.is_busy for r in runners) and self._is_spinning():
+            if time.monotonic() > deadline:
+                break
+            time.sleep(0.01)
+        self._ending.set()
+        for executor, thread in self._spinning:
+            if thread.is_alive():
+                # A mere wake-up would go back to waiting; something to do ends the wait.
+                executor.create_task(lambda: None)
+        deadline = time.monotonic() + REST_TIMEOUT_S
+        for executor, thread in self._spinning:
+            if thread.is_alive():
+                thread.join(max(0.0, deadline - time.monotonic()))
+            if thread.is_alive():  # the other nodes have devices to bring to rest
+                names = ', '.join(node.get_name() for node in executor.get_nodes())
+                _logger().error(f'a callback of {names} does not end')
+        nodes, self._nodes = self._nodes, []
+        spinning, self._spinning = self._spinning, []
+        for node in reversed(nodes):
+            name = node.get_name()
+            if node.executor is not None:
+                node.executor.remove_node(node)
+            try:
+                if isinstance(node, TactileNode):
+                    node.take_down()
+                else:
+                    node.destroy_node()
+            except Exception:  # the other nodes have devices to bring to rest, too
+                _logger().error(f'{name} did not end well:\n{traceback.format_exc()}')
+        for executor, _ in spinning:
+            executor.shutdown()
+
+    def _is_spinning(self) -> bool:
+        return any(thread.is_alive() for _, thread in self._spinning)
+
+
+def _spin_once(executor: SingleThreadedExecutor) -> None:
+    try:
+        executor.spin_once(timeout_sec=SPIN_S)
+    except RCLError as error:
+        # rclpy raises here for an invalid request. That must not stop the rig.
+        _logger().error(f'a request failed: {error}')
+
+
+def _logger() -> Any:
+    return get_logger('tactile')
+
+
+def run_node(factory: Callable[[], TactileNode], args: list[str] | None = None) -> int:
+    """Run one node until it is finished, or SIGINT or SIGTERM; return the process's exit code.
+
+    With the parameter ``autostart`` (the default) the node configures and
+    activates itself; a node that cannot, or whose callback raises, exits with 1.
+    Without, it waits for a lifecycle manager. After a signal the code is 0, whenever it came:
+    also while the node was being configured, which is given up then.
+
+    Fast DDS can wait forever when a participant is destroyed while it hears another one end
+    (eProsima/Fast-DDS issue 6513; seen with the wheels of PyPI). The nodes of a launch end
+    together, so the participant stays a moment longer than its node. A process that hangs there
+    all the same is ended with exit code 1. Call this last: the process has 5 s to end after it.
+    """
+    signals = hold_signals()
+    try:
+        try:
+            keep_heap_small()
+            # No handlers of rclpy, because they take the context down at once: a node could no
+            # longer tell the guide to stop.
+            rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+            node = factory()
+        except Exception as error:
+            _logger().fatal(f'cannot start: {error}')
+            return 1
+        with outliving(node):
+            return _serve(node, signals)
+    finally:
+        end_process()
+
+
+@contextmanager
+def outliving(*nodes: Any) -> Iterator[None]:
+    """Keep the DDS participant of nodes for a moment after the block, which destroys them."""
+    with ExitStack() as handles:  # the participant lives for as long as a handle is in use
+        for node in nodes:
+            handles.enter_context(node.handle)
+        yield
+        time.sleep(PEERS_END_S)
+        faulthandler.dump_traceback_later(PARTICIPANT_ENDS_S, exit=True, file=STDERR)
+
+
+def end_process(context: Context | None = None) -> None:
+    """Shut ROS down, and see to it that the process ends; call this last, see `run_node`."""
+    faulthandler.dump_traceback_later(PARTICIPANT_ENDS_S, exit=True, file=STDERR)
+    rclpy.try_shutdown(context=context)
+    ignore_signals()
+
+
+def _serve(node: TactileNode, signals: Signals) -> int:
+    """Run a node until it is finished or a signal comes; return the process's exit code."""
+    if node.get_parameter('autostart').value:
+        if not signals.run(node.bring_up, node.ending.set):
+            node.take_down()
+            return 0 if signals.received else 1
+        node.get_logger().info('active')
+    with NodeGroup([node], on_end=signals.wake) as group:
+        while not (signals.wait(POLL_S) or group.ended.is_set() or node.is_finished):
+            pass
+    return 1 if group.error or node.has_failed else 0

@@ -1,4 +1,0 @@
-# Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
-
-"""ATI Net F/T: protocol, settings, samples."""

@@ -1,0 +1,329 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Bytes from a serial port."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from contextlib import suppress
+import errno
+import logging
+import os
+import select
+import termios
+import threading
+import time
+from typing import Any, Generic, Protocol, TypeVar
+
+import serial
+from serial.tools import list_ports
+
+from tactile_ros.strain import StrainBlock
+from tendon_sensor_driver.clock import ArrivalClock
+from tendon_sensor_driver.errors import LinkError, TendonSensorError
+from tendon_sensor_driver.records import Health, TendonSensorConfig
+
+_WRITE_TIMEOUT_S = 0.5
+_MOST_BYTES = 4096
+
+# What pyserial lets through when the other side of a port dies; termios.error is no OSError.
+_FAILURES = (OSError, termios.error, ValueError)
+
+_REMEDIES = {
+    errno.ENOENT: 'there is no such device; check the cable and the parameter "port"',
+    errno.EACCES: 'no permission; add the user to the group that owns it (usually dialout)',
+    errno.EAGAIN: 'another program has it open; close that first',
+    errno.EBUSY: 'another program has it open; close that first',
+}
+
+
+class SerialTransport:
+    """A serial port that is open from construction to `close`.
+
+    Boards that reset when their port is opened do so here.
+
+    Parameters
+    ----------
+    port : str
+        Name of the device.
+    baud : int
+        Its speed.
+
+    Raises
+    ------
+    LinkError
+        By every method, when the port cannot be opened, has gone or takes nothing.
+    """
+
+    def __init__(self, port: str, baud: int) -> None:
+        self._name = port
+        self._lock = threading.Lock()
+        try:
+            # exclusive: two readers would each get half of the lines.
+            self._port = serial.Serial(
+                port, baud, timeout=0, write_timeout=_WRITE_TIMEOUT_S, exclusive=True
+            )
+        except _FAILURES as error:
+            reason = _REMEDIES.get(getattr(error, 'errno', None) or 0, str(error))
+            raise LinkError(f'cannot open serial port {port}: {reason}') from error
+        self._cancelled, self._cancel = os.pipe()
+        os.set_blocking(self._cancel, False)
+
+    def read(self, timeout_s: float) -> bytes:
+        """Return what has arrived, or nothing after some time without any or after `cancel`."""
+        # As pyserial's read, but with one wait and one read for all that has come.
+        try:
+            port = self._port.fileno()
+            ready, _, _ = select.select([port, self._cancelled], [], [], timeout_s)
+            if self._cancelled in ready:
+                os.read(self._cancelled, 1)
+                return b''
+            data = os.read(port, _MOST_BYTES) if ready else b''
+        except BlockingIOError:
+            return b''
+        except _FAILURES as error:
+            raise LinkError(f'lost serial port {self._name}: {error}') from error
+        if ready and not data:
+            raise LinkError(
+                f'lost serial port {self._name}: it is ready to read and gives nothing'
+            )
+        return data
+
+    def write(self, data: bytes) -> None:
+        """Send bytes."""
+        try:
+            self._port.write(data)
+        except _FAILURES as error:
+            raise LinkError(f'cannot write to serial port {self._name}: {error}') from error
+
+    def cancel(self) -> None:
+        """Make a `read` that waits in another thread return. Harmless on a closed port."""
+        with self._lock:  # the pipe's number may belong to another file after close
+            if self._port.is_open:
+                with suppress(BlockingIOError):  # a full pipe ends the wait, too
+                    os.write(self._cancel, b'x')
+
+    def close(self) -> None:
+        """Close the port. Not while another thread reads: `cancel` first."""
+        with self._lock:
+            if self._port.is_open:
+                self._port.close()
+                os.close(self._cancelled)
+                os.close(self._cancel)
+
+
+def find_serial_number(port: str) -> str:
+    """Return the serial number of the USB adapter behind a port, empty when it has none."""
+    device = os.path.realpath(port)
+    try:
+        ports = list_ports.comports()
+    except (OSError, TypeError, ValueError):  # of pyserial, while a device is being unplugged
+        return ''
+    for found in ports:
+        if os.path.realpath(found.device) == device:
+            return found.serial_number or ''
+    return ''
+
+
+_Self = TypeVar('_Self', bound='SensorClient')
+
+OnBlock = Callable[[StrainBlock], None]
+NowNs = Callable[[], int]
+
+FIRST_DELAY_S = 0.25
+LONGEST_DELAY_S = 0.5
+JOIN_TIMEOUT_S = 5.0
+
+_logger = logging.getLogger(__name__)
+
+
+class SensorClient(ABC):
+    """One sensor, opened once, that hands out blocks on a thread of its own until it is closed.
+
+    Parameters
+    ----------
+    config : TendonSensorConfig
+    on_block : callable
+        ``on_block(block)``; called on a thread of the client.
+    now_ns : callable
+        The present ROS time [ns].
+
+    Attributes
+    ----------
+    identity : str
+        Serial number or the like, empty while it is not known.
+    """
+
+    def __init__(self, config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) -> None:
+        self.identity = ''
+        self._config = config
+        self._on_block = on_block
+        self._host_ns = now_ns
+        self._arrivals = ArrivalClock(now_ns)
+        self._stop = threading.Event()
+        self._is_connected = False
+        self._heard_monotonic_ns = 0
+        self._delay_s = FIRST_DELAY_S
+        self._reconnects = 0
+        self._last_error = ''
+
+    def __enter__(self: _Self) -> _Self:
+        self.open()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @abstractmethod
+    def open(self) -> None:
+        """Open the link and start to read.
+
+        Raises
+        ------
+        TendonSensorError
+            When there is no such sensor, or it refuses its settings.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Hand out what has arrived and close the link. Harmless when called twice."""
+
+    @abstractmethod
+    def health(self) -> Health:
+        """Return the state of the link now."""
+
+    # -- for subclasses ------------------------------------------------------------------
+
+    def _make_health(self, **values: Any) -> Health:
+        """Return what all sensors tell, and these values."""
+        # Of the last reading, on the host's clock as it is set now.
+        heard_at_ns = self._host_ns() - (time.monotonic_ns() - self._heard_monotonic_ns)
+        common = {'reconnects': self._reconnects, 'last_error': self._last_error}
+        return Health(self._is_connected, heard_at_ns, **{**common, **values})
+
+    def _note_heard(self) -> None:
+        self._heard_monotonic_ns = time.monotonic_ns()
+
+    def _check_is_new(self, was_opened: bool) -> None:
+        if was_opened or self._stop.is_set():
+            raise TendonSensorError('this client has been opened before; make a new one')
+
+    def _deliver(self, blocks: list[StrainBlock]) -> None:
+        try:
+            for block in blocks:
+                self._on_block(block)
+        except Exception as error:
+            # The stream outlives a fault of its consumer, which is told once.
+            text = f'the consumer of the blocks failed: {error}'
+            if text != self._last_error:
+                self._last_error = text
+                _logger.exception('the consumer of the blocks failed')
+
+
+class _Link(Protocol):
+    def close(self) -> None: ...
+
+
+LinkType = TypeVar('LinkType', bound=_Link)
+
+
+class LinkClient(SensorClient, Generic[LinkType]):
+    """Reads over a link on one thread, and makes the link anew after every loss.
+
+    The first attempt comes after 0.25 s, further ones every 0.5 s.
+    """
+
+    def __init__(self, config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) -> None:
+        super().__init__(config, on_block, now_ns)
+        self._link: LinkType | None = None
+        name = type(self).__name__
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+
+    def open(self) -> None:
+        """Set the sensor up and start to read.
+
+        Raises
+        ------
+        LinkError
+            When it does not answer, or does not take its settings.
+        TendonSensorError
+            When this client has been opened before.
+        """
+        self._check_is_new(self._has_started)
+        self._link = self._connect()
+        self._note_heard()
+        self._is_connected = True
+        self._thread.start()
+
+    def close(self) -> None:
+        """Hand out what has arrived and stop the stream. Harmless when called twice."""
+        self._stop.set()
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join(JOIN_TIMEOUT_S)
+            if self._thread.is_alive():
+                self._last_error = 'the consumer of the blocks does not return'
+
+    # -- for subclasses ------------------------------------------------------------------
+
+    @property
+    def _has_started(self) -> bool:
+        return self._thread.ident is not None
+
+    @abstractmethod
+    def _connect(self) -> LinkType:
+        """Set the sensor up and start its stream; LinkError when that fails."""
+
+    @abstractmethod
+    def _read(self, link: LinkType) -> None:
+        """Deliver what has arrived; LinkError when the link is lost."""
+
+    @abstractmethod
+    def _flush(self) -> list[StrainBlock]:
+        """Return the unfinished block, if there is one."""
+
+    def _note_loss(self, link: LinkType) -> None:
+        """Take over what counts from a link that has been closed."""
+
+    def _wants_pause(self, error: LinkError) -> bool:
+        """Tell whether to wait before the next attempt."""
+        return True
+
+    def _note_samples(self) -> None:
+        """Note that new samples have come: the link is well."""
+        self._note_heard()
+        self._delay_s = FIRST_DELAY_S
+        if not self._is_connected:
+            self._is_connected = True
+            self._reconnects += 1
+
+    # -- the thread ----------------------------------------------------------------------
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            self._step()
+        self._deliver(self._flush())
+        self._is_connected = False
+        self._disconnect()
+
+    def _step(self) -> None:
+        try:
+            if self._link is not None:
+                self._read(self._link)
+            else:
+                self._link = self._connect()
+        except LinkError as error:
+            self._is_connected = False
+            self._last_error = str(error)
+            self._deliver(self._flush())
+            self._disconnect()
+            if self._wants_pause(error):
+                self._stop.wait(self._delay_s)
+                self._delay_s = min(2 * self._delay_s, LONGEST_DELAY_S)
+
+    def _disconnect(self) -> None:
+        link, self._link = self._link, None
+        if link is not None:
+            link.close()
+            self._note_loss(link)

@@ -1,0 +1,241 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The sample counter of a device as a clock: new samples, their time, what is missing."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_ros.strain import StrainStatus
+from tendon_sensor_driver.clock import Batch, DeviceClock, Instant, Run, SampleClock
+from tendon_sensor_driver.errors import LinkError
+
+_AGREEMENT_S = 1.0  # of the device's counter with the host's clock
+_HALF = 1 << 31
+_SECOND_NS = 1_000_000_000
+_MASK = (1 << 32) - 1
+
+
+class CounterRestartError(LinkError):
+    """The device's counter does not go on from where it was: it has been restarted."""
+
+
+class Order(NamedTuple):
+    """The new samples of a batch.
+
+    Attributes
+    ----------
+    indices : ndarray
+        Of the new samples, oldest first, shape (new,).
+    steps : ndarray
+        Whole samples from the one before to each, 1 when nothing is missing, int64,
+        shape (new,).
+    ahead_ticks : ndarray
+        Ticks of each sample of the batch after the newest one of the batch before, int64,
+        shape (samples,).
+    ticks : ndarray
+        The counter at each sample of the batch, uint32, shape (samples,).
+    is_restart : bool
+        Whether the counter began anew, so that nothing is known of what is missing.
+    """
+
+    indices: NDArray[np.intp]
+    steps: NDArray[np.int64]
+    ahead_ticks: NDArray[np.int64]
+    ticks: NDArray[np.uint32]
+    is_restart: bool
+
+
+class CounterClock(SampleClock):
+    """Follows the counter of a device over batches, wraps and sessions: clock and number in one.
+
+    The ticks from one sample to the next are taken from the records themselves, because a
+    box rounds the rate that it reports; until two measurements agree, ``ticks_per_sample``
+    stands in.
+
+    Attributes
+    ----------
+    ticks_per_sample : int
+        Ticks from one sample to the next.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(period_ns=1)
+        self.ticks_per_sample = 1
+        self._tick_rate_hz = 1.0
+        self._clock: DeviceClock | None = None  # of the ticks
+        self._newest: tuple[int, int] | None = None  # ticks, host time [ns]
+        self._record: int | None = None
+        self._measured = 0
+        self._is_new_session = True
+        self._lost = 0  # samples that had no place in time, before the next one
+        self._end_ns: int | None = None  # stamp of the newest sample
+        self._event = 0  # bits of `StrainStatus`, before the next sample
+
+    @property
+    def rate_hz(self) -> float:
+        """Rate at which the device truly sends [Hz]."""
+        return self._tick_rate_hz / self.ticks_per_sample
+
+    def begin_session(self, tick_rate_hz: float, ticks_per_sample: int) -> None:
+        """Expect record numbers from 1, and perhaps a counter that began anew.
+
+        Parameters
+        ----------
+        tick_rate_hz : float
+            Rate of the counter [Hz].
+        ticks_per_sample : int
+            Expected ticks from one sample to the next.
+        """
+        if self._clock is None or tick_rate_hz != self._tick_rate_hz:
+            self._tick_rate_hz = tick_rate_hz
+            self._clock = DeviceClock(float(1 / Fraction(tick_rate_hz)), self.period_ns)
+        self._clock.note_reconnection()
+        self._measured = ticks_per_sample
+        self._set_period(ticks_per_sample)
+        self._record = None
+        self._is_new_session = True
+
+    def note_step(self, step_ns: int) -> None:
+        if self._clock is not None:
+            self._clock.note_step(step_ns)
+        if self._newest is not None:
+            self._newest = (self._newest[0], self._newest[1] + step_ns)
+        if self._end_ns is not None:
+            self._end_ns += step_ns
+
+    def place_batch(self, batch: Batch) -> list[Run]:
+        """Return the new samples of a batch as runs.
+
+        Raises
+        ------
+        CounterRestartError
+            When the counter jumps within a session; begin another one.
+        """
+        assert self._clock is not None, 'begin_session comes first'
+        order = self._sort(batch)
+        if order.is_restart:
+            self._event |= int(StrainStatus.RESTARTED)
+        indices, ahead = order.indices, order.ahead_ticks
+        if not len(indices):
+            return []
+        # A sample that came twice or late has no place in time.
+        timed = batch.timed if ahead[batch.timed] > 0 else int(indices[0])
+        instant = self._clock.place(int(order.ticks[timed]), batch.received_at_ns)
+        if instant is None:  # its time fits nothing: what is dropped here is missed below
+            self.outliers += len(indices)
+            self._lost += int(order.steps.sum())
+            return []
+        # The counter, not the clock, shows a restart: without it the host's clock was set.
+        if instant.is_step or (instant.is_restart and not self._event & StrainStatus.RESTARTED):
+            self._event |= int(StrainStatus.CLOCK_STEP)
+        if instant.is_leap:
+            self._event |= int(StrainStatus.RESYNCHRONISED)
+        return self._make_runs(order, ahead[indices] - ahead[timed], instant)
+
+    def _make_runs(self, order: Order, ticks: NDArray[np.int64], instant: Instant) -> list[Run]:
+        """Return runs of new samples; later than any before.
+
+        Parameters
+        ----------
+        order : Order
+        ticks : ndarray
+            Of each new sample, from the one that ``instant`` belongs to, int64, shape (new,).
+        instant : Instant
+        """
+        offsets_ns = np.rint(ticks * (_SECOND_NS / self._tick_rate_hz)).astype(np.int64)
+        stamps_ns = instant.stamp_ns + offsets_ns
+        error_s = instant.stamp_error_s
+        if self._end_ns is not None:
+            shift_ns = self._end_ns + self.period_ns // 2 - int(stamps_ns[0])
+            if shift_ns > 0:
+                stamps_ns += shift_ns
+                error_s += shift_ns / 1e9 if error_s >= 0 else 0.0
+        self._end_ns = int(stamps_ns[-1])
+        lost = order.steps - 1
+        lost[0] += self._lost
+        self._lost = 0
+        starts = [0, *(np.flatnonzero(lost[1:]) + 1).tolist()]
+        event, self._event = self._event, 0
+        runs = []
+        for first, last in zip(starts, [*starts[1:], len(lost)], strict=True):
+            samples = order.indices[first:last]
+            runs.append(Run(samples, int(stamps_ns[first]), error_s, int(lost[first]), event))
+            event = 0
+        return runs
+
+    def _sort(self, batch: Batch) -> Order:
+        """Return the new samples of a batch in their order."""
+        ticks = np.asarray(batch.ticks, dtype=np.uint32)
+        is_restart = self._judge(ticks, batch.received_at_ns)
+        if is_restart or self._newest is None:
+            before = (int(ticks[0]) - self.ticks_per_sample) & _MASK
+            self._newest = (before, batch.received_at_ns)
+        ahead = _subtract(ticks, self._newest[0])
+        indices = self._select(ahead)
+        steps: NDArray[np.int64] = np.empty(0, dtype=np.int64)
+        if len(indices):
+            newest = indices[-1]
+            if batch.records is not None:
+                self._measure(int(batch.records[newest]), int(ahead[newest]))
+            self._newest = (int(ticks[newest]), batch.received_at_ns)
+            elapsed = ahead[indices]
+            elapsed[1:] -= elapsed[:-1].copy()
+            if is_restart:
+                elapsed[0] = self.ticks_per_sample
+            steps = np.maximum(np.rint(elapsed / self.ticks_per_sample).astype(np.int64), 1)
+        return Order(indices, steps, ahead, ticks, is_restart)
+
+    def _set_period(self, ticks_per_sample: int) -> None:
+        self.ticks_per_sample = ticks_per_sample
+        self.period_ns = round(_SECOND_NS * ticks_per_sample / self._tick_rate_hz)
+
+    def _judge(self, batch_ticks: NDArray[np.uint32], received_at_ns: int) -> bool:
+        """Return whether the counter began anew with this session; an error if within one."""
+        is_new_session, self._is_new_session = self._is_new_session, False
+        if self._newest is None:
+            return False
+        ticks, before_ns = self._newest
+        # The host's clock may be set back, the counter not.
+        elapsed_s = max(0.0, (received_at_ns - before_ns) / 1e9)
+        jump_s = int(_subtract(batch_ticks, ticks).max()) / self._tick_rate_hz
+        least_s = elapsed_s - _AGREEMENT_S if is_new_session else -_AGREEMENT_S / 4
+        if least_s < jump_s < elapsed_s + _AGREEMENT_S:
+            return False
+        if not is_new_session:
+            raise CounterRestartError(
+                f'the sample counter jumped by {jump_s:.1f} s: the device was restarted'
+            )
+        self.restarts += 1
+        return True
+
+    def _select(self, ahead: NDArray[np.int64]) -> NDArray[np.intp]:
+        if ahead[0] > 0 and (ahead[1:] > ahead[:-1]).all():
+            return np.arange(len(ahead), dtype=np.intp)
+        unique, indices = np.unique(ahead, return_index=True)
+        self.duplicates += len(ahead) - len(unique) + int((unique == 0).sum())
+        self.late_samples += int((unique < 0).sum())
+        chosen: NDArray[np.intp] = indices[unique > 0]
+        return chosen
+
+    def _measure(self, record: int, ahead_ticks: int) -> None:
+        """Correct the ticks of a sample when two measurements in turn agree on another."""
+        if self._record is not None:
+            records = (record - self._record) & _MASK
+            if 0 < records < _HALF and ahead_ticks >= records:
+                measured = round(ahead_ticks / records)
+                if measured == self._measured:
+                    self._set_period(measured)
+                self._measured = measured
+        self._record = record
+
+
+def _subtract(ticks: NDArray[np.uint32], before: int) -> NDArray[np.int64]:
+    """Signed difference of 32-bit counters."""
+    difference: NDArray[np.uint32] = ticks.astype(np.uint32) - np.uint32(before)
+    return difference.view(np.int32).astype(np.int64)

@@ -1,0 +1,462 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Load cells that write lines of text: their forms, and the client that reads them."""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+
+from tactile_ros.strain import StrainBlock
+from tendon_sensor_driver.client import (
+    find_serial_number,
+    LinkClient,
+    NowNs,
+    OnBlock,
+    SerialTransport,
+)
+from tendon_sensor_driver.records import Health, Reading, TendonSensorConfig
+from tendon_sensor_driver.strain_stream import StrainStream
+
+MAX_LINE_BYTES = 256
+"""A longer line is dropped: no load cell sends one, and the memory stays bounded."""
+
+MAX_VALUE = 1e15
+"""A larger value is refused: no load cell counts that far, and no later product overflows."""
+
+SIMULATED = b'SIMULATED'
+"""A column after the value with which a simulated load cell says that it is one."""
+
+_UNIT_NAMES = {
+    'kg': (b'kg', b'Kg', b'KG', b'kgf'),
+    'g': (b'g', b'G', b'gf'),
+    't': (b't',),
+    'N': (b'N',),
+    'mN': (b'mN',),
+    'kN': (b'kN', b'KN'),
+    'lbf': (b'lbs', b'lb', b'lbf', b'LB', b'LBS'),
+    'oz': (b'oz', b'OZ', b'ozf'),
+}
+UNITS = {name: unit for unit, names in _UNIT_NAMES.items() for name in names}
+"""The parameter ``unit`` by the word in a line."""
+
+_STATE_LETTERS = (b'N', b'G')  # before a value: net, gross
+_STABILITY = frozenset((b'ST', b'US', b'S', b'D'))  # stable or not; they alternate
+_FAULTS = frozenset(
+    form.encode()
+    for word in ('OVERLOAD', 'UNDERLOAD', 'OVERFLOW', 'UNDERFLOW', 'ERROR')
+    for form in (word, word.title(), word.lower())
+) | {b'OL', b'UL', b'OF', b'UF', b'OVER', b'UNDER', b'ERR'}
+_FAULT_LINES = (b'S +', b'S -')  # of Mettler SICS: overload, underload
+
+_NUMBER = rb'[+-]?(?:\d+%(mark)s?\d*|%(mark)s\d+)(?:[eE][+-]?\d+)?'
+# Patterns, because float() and int() take more: '1_0', 'infinity', digits of other scripts.
+_POINT, _COMMA = (_NUMBER % {b'mark': mark} for mark in (rb'\.', b','))
+_NAMED = rb'([A-Za-z_]*[:=])?(%s)([A-Za-z]*)'  # 'Weight:' and '12.3g' written together
+_split_columns = re.compile(rb'[ \t]*[,;][ \t]*|[ \t]+').split
+# Where a comma is the decimal mark, it separates columns unless digits are on both sides.
+_split_at_other_commas = re.compile(rb'[ \t]*(?:;|(?<!\d),|,(?!\d))[ \t]*|[ \t]+').split
+_join_sign = re.compile(rb'(?<![^ \t,;])([+-]) +(?=[\d.,])').sub
+_find_digit = re.compile(rb'\d').search
+_find_letter = re.compile(rb'[A-Za-z%\x80-\xff]').search  # % is a unit, too
+# A decimal comma, commas between thousands, or points between thousands and a decimal comma.
+_match_comma_number = re.compile(
+    _NAMED
+    % (
+        rb'[+-]?(?:\d*(?:,\d+)+(?:[eE][+-]?\d+)?'
+        rb'|[1-9]\d{0,2}(?:,\d{3})+\.\d*'
+        rb'|[1-9]\d{0,2}(?:\.\d{3})+,\d*)'
+    )
+).fullmatch
+
+_FEW_COLUMNS = 'it has too few columns: check value_column and time_column'
+_NO_TIME = 'its time_column holds no device time: check time_column and time_decimals'
+_NO_NUMBER = 'its value_column holds no number: check value_column and decimal_mark'
+_UNUSUAL = 'its columns or words are not those of the lines before: is it cut, or a banner?'
+_AMBIGUOUS = (
+    'its comma may be a decimal mark or separate columns: set decimal_mark to "," or "."; '
+    'commas between thousands cannot be read'
+)
+_FAULT = 'the device reports an overload or an error: unload it, then see its manual'
+_TOO_LONG = 'it is too long: check the baud'
+
+_Shape = tuple[int, tuple[bytes, ...]]
+
+
+def split_line(line: bytes, decimal_mark: str = 'auto') -> list[bytes]:
+    """Return the columns of a line without its end."""
+    line = line.strip(b' \t')
+    if b'+ ' in line or b'- ' in line:
+        line = _join_sign(rb'\1', line)
+    return _split_at_other_commas(line) if decimal_mark == ',' else _split_columns(line)
+
+
+def _is_word(column: bytes) -> bool:
+    return column != SIMULATED and bool(_find_letter(column))
+
+
+def describe_line(line: bytes) -> str:
+    r"""Return a line as printable text; other bytes as ``\xff``."""
+    return ''.join(chr(b) if 0x20 <= b < 0x7F else f'\\x{b:02x}' for b in line)
+
+
+class LineDecoder:
+    """Incremental decoder of load-cell lines. No IO, no clock.
+
+    The first line after the start and after `reset` is dropped without being
+    counted: its beginning may be missing.
+
+    Parameters
+    ----------
+    config : TendonSensorConfig
+        Says which columns hold the value and the time, the unit and the decimal mark.
+
+    Attributes
+    ----------
+    bytes, lines, readings, rejected_lines : int
+        Counters; see `tendon_sensor_driver.records.Health`.
+    last_rejected : bytes
+        The last rejected line, or the start of it.
+    last_reason : str
+        The reason of its rejection, and a remedy.
+    last_byte : bytes
+        The last byte since the start or `reset`, empty before the first.
+    """
+
+    def __init__(self, config: TendonSensorConfig) -> None:
+        self._value_column = config.value_column
+        self._time_column = config.time_column
+        self._last_column = max(config.value_column, config.time_column)
+        decimals = config.time_decimals
+        self._is_auto = config.decimal_mark == 'auto'
+        self._has_comma = config.decimal_mark == ','
+        self._split = _split_at_other_commas if self._has_comma else _split_columns
+        mark = b',' if self._has_comma else rb'\.'
+        ticks = rb'\d{1,19}'
+        if decimals:
+            ticks = rb'\d{1,%d}%s\d{%d}' % (19 - decimals, mark, decimals)
+        self._match_ticks = re.compile(ticks).fullmatch
+        number = _COMMA if self._has_comma else _POINT
+        self._match_number = re.compile(number).fullmatch
+        self._match_named = re.compile(_NAMED % number).fullmatch
+        self._unit = config.unit
+        self._units = frozenset(_UNIT_NAMES[config.unit])
+        self._other_units = frozenset(UNITS) - self._units - frozenset(_STATE_LETTERS)
+        self.bytes = 0
+        self.lines = 0
+        self.readings = 0
+        self.rejected_lines = 0
+        self.last_rejected = b''
+        self.last_reason = ''
+        # Number of columns and words before the value in a line of this device; None: not
+        # known yet. And in the line before, when they were others.
+        self._shape: _Shape | None = None
+        self._odd_shape: _Shape | None = None
+        self.last_byte = b''
+        self.reset()
+
+    @property
+    def unfinished(self) -> bytes:
+        """The line that has not ended yet; at most `MAX_LINE_BYTES`."""
+        return self._rest
+
+    def reset(self) -> None:
+        """Forget the unfinished line: the bytes that follow do not continue it."""
+        self._rest = b''
+        self._skip_line = True
+        self._has_dropped = False
+        self.last_byte = b''
+
+    def feed(self, data: bytes, received_at_ns: int) -> list[Reading]:
+        """Return the readings that ``data`` completes.
+
+        Parameters
+        ----------
+        data : bytes
+            The next bytes of the stream, any number of them.
+        received_at_ns : int
+            When they were received [ns].
+        """
+        self.bytes += len(data)
+        self.last_byte = data[-1:] or self.last_byte
+        *lines, rest = (self._rest + data).replace(b'\r', b'\n').split(b'\n')
+        if lines and self._skip_line:
+            self._skip_line = False
+            del lines[0]
+        readings = []
+        for line in lines:
+            if len(line) > MAX_LINE_BYTES:
+                self._reject(line, _TOO_LONG)
+                continue
+            line = line.strip(b' \t')
+            if not line:
+                continue
+            decoded = self._decode_line(line)
+            if isinstance(decoded, str):
+                self._reject(line, _FAULT if line in _FAULT_LINES else decoded)
+                continue
+            ticks, value, is_simulated = decoded
+            readings.append(Reading(ticks, value, received_at_ns, self._has_dropped, is_simulated))
+            self._has_dropped = False
+        self.readings += len(readings)
+        self.lines += len(readings)
+        if self._skip_line:
+            rest = b''
+        elif len(rest) > MAX_LINE_BYTES:
+            self._reject(rest, _TOO_LONG)
+            self._skip_line = True
+            rest = b''
+        self._rest = rest
+        return readings
+
+    def _decode_line(self, line: bytes) -> tuple[int | None, float, bool] | str:
+        """Return device time, value and whether it is simulated; or the reason of a refusal."""
+        if b'+ ' in line or b'- ' in line:
+            line = _join_sign(rb'\1', line)
+        columns = self._split(line)
+        if not _FAULTS.isdisjoint(columns):
+            return _FAULT
+        if len(columns) <= self._last_column:
+            return _FEW_COLUMNS
+        ticks = None
+        if self._time_column >= 0:
+            text = columns[self._time_column]
+            if not self._match_ticks(text):
+                return _NO_TIME
+            ticks = int(text.replace(b',' if self._has_comma else b'.', b''))
+        text = columns[self._value_column]
+        words = [w for w in columns[: self._value_column] if w and not _find_digit(w)]
+        unit = b''
+        if not self._match_number(text):
+            named = self._match_named(text)
+            if not named:
+                return _NO_NUMBER
+            name, text, unit = named.groups()
+            words += [name or b'', unit]
+        after_value = self._value_column + 1
+        after = b''
+        if after_value < len(columns):
+            after = columns[after_value]
+            if self._is_auto and after[:1].isdigit() and self._is_ambiguous(line):
+                return _AMBIGUOUS
+        if unit:
+            if unit not in self._units:
+                return self._refuse_word(unit)
+        elif after_value < len(columns) and after not in self._units:
+            for column in columns[after_value:]:
+                if self._match_number(column):
+                    break  # the value of something else
+                if column in self._other_units or (column is after and _is_word(after)):
+                    return self._refuse_word(column)
+        value = float(text.replace(b',', b'.') if self._has_comma else text)
+        if not math.fabs(value) <= MAX_VALUE:
+            return _NO_NUMBER
+        shape = len(columns), tuple(words)
+        if shape != self._shape:
+            for word in words:
+                if word.strip(b'[]():=') in self._other_units:
+                    return self._refuse_word(word)
+            shape = len(columns), tuple(b'' if word in _STABILITY else word for word in words)
+        if not self._is_usual(shape):
+            return _UNUSUAL
+        return ticks, value, SIMULATED in columns
+
+    def _refuse_word(self, word: bytes) -> str:
+        word = word.strip(b'[]():=')
+        if word in UNITS:
+            return (
+                f'its unit is {word.decode()}, and "unit" is {self._unit}: '
+                f'set unit to {UNITS[word]}'
+            )
+        return (
+            f'the word "{describe_line(word)}" after the value is no unit that is known here: let '
+            f'the device send {self._unit}, or no word'
+        )
+
+    def _is_ambiguous(self, line: bytes) -> bool:
+        """Tell whether the value would be another one, were a comma a decimal mark."""
+        if b',' not in line:
+            return False
+        others = _split_at_other_commas(line)
+        if len(others) <= self._last_column:
+            return False
+        return bool(_match_comma_number(others[self._value_column]))
+
+    def _is_usual(self, shape: _Shape) -> bool:
+        # A cut or melted line differs once, and so does a banner that looks like a reading;
+        # a device that was set up anew differs for good.
+        is_plain_start = self._shape is None and not shape[1]
+        if shape == self._shape or shape == self._odd_shape or is_plain_start:
+            self._shape = shape
+            self._odd_shape = None
+            return True
+        self._odd_shape = shape
+        return False
+
+    def _reject(self, line: bytes, reason: str) -> None:
+        self.lines += 1
+        self.rejected_lines += 1
+        self.last_rejected = line[:80]
+        self.last_reason = reason
+        self._has_dropped = True
+
+
+def encode_reading(
+    device_ticks: int | None,
+    value: float,
+    unit: str = 'kg',
+    decimals: int = 5,
+    *,
+    is_simulated: bool = False,
+) -> bytes:
+    r"""Return one line as an OpenScale writes it, such as ``b'1204,0.53000,kg,\r\n'``.
+
+    Parameters
+    ----------
+    device_ticks : int or None
+        Device time; None leaves the column out.
+    value : float
+        In ``unit``.
+    unit : str
+        That of the parameter; lbf is written ``lbs``.
+    decimals : int
+        Digits after the point.
+    is_simulated : bool
+        Add the column `SIMULATED`.
+
+    Raises
+    ------
+    ValueError
+        When ``value`` is not finite.
+    """
+    if not math.isfinite(value):
+        raise ValueError(f'a reading must be a finite number, not {value}')
+    time = '' if device_ticks is None else f'{device_ticks},'
+    mark = f'{SIMULATED.decode()},' if is_simulated else ''
+    name = _UNIT_NAMES[unit][0].decode()
+    return f'{time}{value:.{decimals}f},{name},{mark}\r\n'.encode('ascii')
+
+
+LONGEST_DELIVERY_NS = 250_000_000
+"""Longest time a consumer may take before the kernel's serial buffer can overflow [ns]."""
+
+_DROP_S = 0.05
+_BURST_READINGS = 3
+_MENU_PROMPT = b'>'
+
+
+class TendonSensorClient(LinkClient[SerialTransport]):
+    """Reads one sensor and hands out blocks of tension until it is closed.
+
+    One thread reads, decodes and calls ``on_block``, which must return soon: bytes that come
+    meanwhile are stamped late. If it takes longer than 0.25 s, what has come meanwhile is dropped,
+    since the kernel may have dropped parts of it. That is counted, and visible in the blocks like
+    any other lost sample.
+
+    A board that says nothing may be an OpenScale whose settings menu somebody left open. A
+    carriage return makes the menu show itself and means nothing to a board that measures;
+    the prompt of a menu is answered with the ``x`` that leaves it.
+
+    A client is opened once; make a new one to open the port again. Its ``identity`` is the serial
+    number of the USB adapter.
+
+    Examples
+    --------
+    >>> with TendonSensorClient(config, print, time.time_ns):  # doctest: +SKIP
+    ...     time.sleep(10)
+    """
+
+    def __init__(self, config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) -> None:
+        super().__init__(config, on_block, now_ns)
+        self._decoder = LineDecoder(config)
+        self._stream = StrainStream(config)
+        self._delivered_in_ns = 0
+        self._overruns = 0
+        self._bursts = 0
+
+    def close(self) -> None:
+        """Hand out what has arrived and close the port. Harmless when called twice."""
+        self._stop.set()
+        link = self._link
+        if link is not None:
+            link.cancel()
+        super().close()
+
+    def health(self) -> Health:
+        """Return the state of the link now."""
+        decoder, stream = self._decoder, self._stream
+        return self._make_health(
+            bytes=decoder.bytes,
+            lines=decoder.lines,
+            readings=decoder.readings,
+            rejected_lines=decoder.rejected_lines,
+            lost_samples=stream.lost_samples,
+            duplicates=stream.clock.duplicates,
+            late_samples=stream.clock.late_samples,
+            outliers=stream.clock.outliers,
+            bursts=self._bursts,
+            restarts=stream.clock.restarts,
+            overruns=self._overruns,
+            status=stream.status,
+            last_rejected=describe_line(decoder.last_rejected),
+            last_reason=decoder.last_reason,
+        )
+
+    # -- the client's thread -----------------------------------------------------------
+
+    def _connect(self) -> SerialTransport:
+        link = SerialTransport(self._config.port, self._config.baud)
+        self.identity = find_serial_number(self._config.port)
+        if self._has_started:
+            self._is_connected = True
+            self._reconnects += 1
+            self._decoder.reset()
+            self._stream.note_reconnection()
+        return link
+
+    def _flush(self) -> list[StrainBlock]:
+        return self._stream.flush()
+
+    def _read(self, link: SerialTransport) -> None:
+        if self._delivered_in_ns > LONGEST_DELIVERY_NS:
+            self._drop_input(link)
+        data = link.read(self._config.silence_s)
+        if not data:
+            self._deliver(self._stream.flush())
+            self._leave_menu(link)
+            return
+        received_at_ns = self._arrivals.now_ns()
+        step_ns = self._arrivals.take_step_ns()
+        if step_ns:
+            self._stream.note_clock_step(step_ns)
+        began_ns = time.monotonic_ns()
+        readings = self._decoder.feed(data, received_at_ns)
+        self._bursts += len(readings) >= _BURST_READINGS
+        if readings:
+            newest = readings[-1]
+            self._stream.clock.note_newest(newest.device_ticks, newest.received_at_ns)
+        for reading in readings:
+            self._note_samples()
+            self._deliver(self._stream.add_reading(reading))
+        self._delivered_in_ns = time.monotonic_ns() - began_ns
+
+    def _drop_input(self, link: SerialTransport) -> None:
+        """Drop what has come meanwhile: pieces of two lines may be joined in it."""
+        end_s = time.monotonic() + _DROP_S
+        while time.monotonic() < end_s:
+            link.read(_DROP_S)
+        self._decoder.reset()
+        self._stream.note_dropped_bytes()
+        self._delivered_in_ns = 0
+        self._overruns += 1
+
+    def _leave_menu(self, link: SerialTransport) -> None:
+        last = self._decoder.last_byte
+        if not self._config.leave_menu or self._stop.is_set():
+            return
+        if last == _MENU_PROMPT:
+            link.write(b'x')
+        elif not last:
+            link.write(b'\r')

@@ -1,0 +1,328 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""ATI Net F/T: the link that asks for packets, and the client."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import contextlib
+import select
+import socket
+import time
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_ros.strain import StrainBlock
+from tendon_sensor_driver.client import LinkClient, NowNs, OnBlock
+from tendon_sensor_driver.clock import Batch
+from tendon_sensor_driver.counter_clock import CounterClock, CounterRestartError
+from tendon_sensor_driver.errors import LinkError
+from tendon_sensor_driver.net_ft_protocol import (
+    BoxConfiguration,
+    BoxWeb,
+    classify_status,
+    Command,
+    compute_rate_hz,
+    decode_records,
+    describe_status,
+    encode_request,
+    MOST_RECORDS,
+    RECORD_BYTES,
+)
+from tendon_sensor_driver.records import AXES, Health, TendonSensorConfig
+from tendon_sensor_driver.strain_stream import Stream
+
+_WAIT_S = 0.1
+_LONGEST_WAIT_S = 0.25
+_DEAD_S = 0.6
+_PERIODS = 6  # without a record, after which one is missing
+_LONGEST_GATHER_S = 0.02
+_MOST_DATAGRAMS = 4096  # in one batch
+_BUFFER_BYTES = 4 << 20
+
+
+class LinkCounts(NamedTuple):
+    """Bytes and datagrams that a link has received, and those of them that were no records."""
+
+    bytes: int = 0
+    datagrams: int = 0
+    rejected: int = 0
+
+    def plus(self, other: LinkCounts) -> LinkCounts:
+        """Return the sums."""
+        return LinkCounts(*(own + its for own, its in zip(self, other, strict=True)))
+
+
+class NetFtLink:
+    """A running stream of records.
+
+    In buffered mode a datagram holds up to 40 records: then the kernel keeps some hundred
+    milliseconds at 7000 Hz for a host that is busy elsewhere, and loses nothing.
+
+    Parameters
+    ----------
+    config : TendonSensorConfig
+    box : BoxConfiguration
+        What the box says of itself.
+    rate_hz : float
+        Rate at which it sends [Hz].
+    now_ns : callable
+        The present host time [ns].
+
+    Raises
+    ------
+    LinkError
+        When there is no such host.
+    """
+
+    def __init__(
+        self,
+        config: TendonSensorConfig,
+        box: BoxConfiguration,
+        rate_hz: float,
+        now_ns: Callable[[], int],
+    ) -> None:
+        self._host = config.host
+        self._axis = AXES.index(config.axis)
+        self._scale = config.scale
+        self._is_axia = box.is_axia
+        self._now_ns = now_ns
+        self._gather_s = min((config.block_samples - 1) / rate_hz, _LONGEST_GATHER_S)
+        self._missing_s = max(_WAIT_S, _PERIODS / rate_hz)
+        self._dead_s = max(_DEAD_S, 2 * self._missing_s)
+        self._wait_s = min(self._missing_s, _LONGEST_WAIT_S)
+        self._heard_s = self._asked_s = time.monotonic()
+        self._status_word = box.status
+        self._counts = LinkCounts()
+        self._si_per_count = box.si_per_count
+        self._start = (
+            Command.START_BUFFERED
+            if 1 < box.records_per_datagram <= MOST_RECORDS
+            else Command.START_REALTIME
+        )
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            # The kernel grants less than is asked for where its limit is lower.
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
+            self._socket.setblocking(False)
+            self._socket.connect((config.host, config.rdt_port))  # so that nobody else is heard
+            self._socket.send(encode_request(Command.STOP))
+            self._socket.send(encode_request(self._start))
+        except OSError as error:
+            self._socket.close()
+            raise LinkError(f'cannot reach the Net F/T at {config.host}: {error}') from error
+
+    @property
+    def counts(self) -> LinkCounts:
+        """Bytes, datagrams and rejected datagrams received so far."""
+        return self._counts
+
+    def describe_status(self) -> str:
+        """Return what the newest record says is wrong with the box; empty when nothing is."""
+        return ', '.join(describe_status(self._status_word, is_axia=self._is_axia))
+
+    def read(self) -> Batch | None:
+        """Return what has arrived, or None after a quarter of a second without any.
+
+        Raises
+        ------
+        LinkError
+            When no records come any more.
+        """
+        try:
+            if not select.select([self._socket], [], [], self._wait_s)[0]:
+                if self._check_silence():  # the request may have been lost
+                    self._socket.send(encode_request(self._start))
+                return None
+            received_at_ns = self._now_ns()
+            if self._gather_s:
+                time.sleep(self._gather_s)
+            datagrams = self._take_waiting()
+        except OSError as error:
+            raise LinkError(f'lost the Net F/T at {self._host}: {error}') from error
+        good = [datagram for datagram in datagrams if _is_whole(datagram)]
+        self._counts = self._counts.plus(
+            LinkCounts(
+                bytes=sum(map(len, datagrams)),
+                datagrams=len(datagrams),
+                rejected=len(datagrams) - len(good),
+            )
+        )
+        if not good:
+            self._check_silence()
+            return None
+        return self._decode(good, received_at_ns)
+
+    def close(self) -> None:
+        """Ask the box to stop, and let go of it."""
+        with contextlib.suppress(OSError):
+            self._socket.send(encode_request(Command.STOP))
+        self._socket.close()
+
+    def _take_waiting(self) -> list[bytes]:
+        datagrams: list[bytes] = []
+        with contextlib.suppress(BlockingIOError):
+            while len(datagrams) < _MOST_DATAGRAMS:
+                datagrams.append(self._socket.recv(65536))
+        return datagrams
+
+    def _decode(self, datagrams: list[bytes], received_at_ns: int) -> Batch:
+        """Note that records came; return them as a batch."""
+        records: NDArray[np.void] = decode_records(b''.join(datagrams))
+        words = records['status'].astype(np.uint32)
+        self._heard_s = self._asked_s = time.monotonic()
+        self._status_word = int(words[-1])
+        wrench = records['counts'] * self._si_per_count
+        return Batch(
+            received_at_ns=received_at_ns,
+            tension_n=self._scale * wrench[:, self._axis],
+            ticks=records['ft_sequence'].astype(np.uint32),
+            wrench=wrench,
+            status=classify_status(words, is_axia=self._is_axia),
+            # A datagram is sent as soon as its last record is there.
+            timed=len(datagrams[0]) // RECORD_BYTES - 1,
+            records=records['rdt_sequence'].astype(np.uint32),
+        )
+
+    def _check_silence(self) -> bool:
+        """Return whether to request the stream again.
+
+        Raises
+        ------
+        LinkError
+            When no records have come despite repeated requests.
+        """
+        now_s = time.monotonic()
+        if now_s - self._heard_s > self._dead_s:
+            raise LinkError(
+                f'no records from the Net F/T at {self._host} for {now_s - self._heard_s:.1f} s; '
+                'check its power and cable, and that no other program has started its stream'
+            )
+        if now_s - self._asked_s < self._missing_s:
+            return False
+        self._asked_s = now_s
+        return True
+
+
+def _is_whole(datagram: bytes) -> bool:
+    return 0 < len(datagram) <= MOST_RECORDS * RECORD_BYTES and not len(datagram) % RECORD_BYTES
+
+
+class NetFtClient(LinkClient[NetFtLink]):
+    """Reads one Net F/T and hands out blocks of tension and wrench until it is closed.
+
+    Opening it reads the box's configuration from its web server, sets rate, filter and
+    buffer where they differ, reads back what the box made of them, and starts the stream;
+    after every loss of the link the same is done again.
+
+    One thread reads, decodes and calls ``on_block``; while that does not return, the kernel
+    keeps what arrives, and what does not fit there is counted as lost.
+    """
+
+    def __init__(self, config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) -> None:
+        super().__init__(config, on_block, now_ns)
+        self._web = BoxWeb(config.host, config.http_port)
+        self._stream = Stream(config, CounterClock())
+        self._before = LinkCounts()  # of the links before this one
+        self._seen_rejected = 0
+
+    def health(self) -> Health:
+        """Return the state of the link now."""
+        stream, clock, link = self._stream, self._stream.clock, self._link
+        counts = self._before
+        if link is not None:
+            counts = counts.plus(link.counts)
+        return self._make_health(
+            bytes=counts.bytes,
+            lines=counts.datagrams,
+            readings=stream.readings,
+            rejected_lines=counts.rejected,
+            lost_samples=stream.lost_samples,
+            duplicates=clock.duplicates,
+            late_samples=clock.late_samples,
+            outliers=clock.outliers,
+            restarts=clock.restarts,
+            status=stream.status,
+            device_status='' if link is None else link.describe_status(),
+            rate_hz=clock.rate_hz,
+        )
+
+    # -- the client's thread -----------------------------------------------------------
+
+    def _connect(self) -> NetFtLink:
+        box, rate_hz = self._set_up(self._web.read_configuration())
+        link = NetFtLink(self._config, box, rate_hz, self._arrivals.now_ns)
+        self._seen_rejected = 0
+        self.identity = box.serial or box.product
+        ticks_per_sample = round(box.internal_rate_hz / rate_hz)
+        self._stream.clock.begin_session(box.internal_rate_hz, ticks_per_sample)
+        if self._stream.readings:
+            self._stream.note_reconnection()
+        return link
+
+    def _set_up(self, box: BoxConfiguration) -> tuple[BoxConfiguration, float]:
+        """Give the box the settings that it lacks; return what it then says, and its rate."""
+        config = self._config
+        if config.rate_hz > box.internal_rate_hz:
+            raise LinkError(
+                f'the Net F/T samples at {box.internal_rate_hz:g} Hz and cannot send '
+                f'{config.rate_hz:g} Hz; set a lower "rate_hz"'
+            )
+        wanted_hz = compute_rate_hz(max(1, round(config.rate_hz)), box.internal_rate_hz)
+        # They lie in its flash memory: what is right already is not written again.
+        if not self._is_set_up(box, wanted_hz):
+            self._web.write_settings(config.rate_hz, config.low_pass_hz, config.block_samples)
+            box = self._web.read_configuration()
+        if not box.is_rdt_enabled:
+            raise LinkError('the Net F/T keeps RDT disabled; enable it on its communications page')
+        if box.low_pass_hz not in (config.low_pass_hz, -1):
+            raise LinkError(
+                f'the Net F/T was asked for a low pass of {config.low_pass_hz} Hz and has '
+                f'{box.low_pass_hz} Hz; set another "low_pass_hz"'
+            )
+        rate_hz = compute_rate_hz(box.rdt_rate_hz or config.rate_hz, box.internal_rate_hz)
+        if abs(rate_hz - wanted_hz) > 0.05 * wanted_hz:
+            raise LinkError(
+                f'the Net F/T was asked for {config.rate_hz:g} Hz and sends {rate_hz:.2f} Hz; '
+                'set another "rate_hz"'
+            )
+        return box, rate_hz
+
+    def _is_set_up(self, box: BoxConfiguration, wanted_hz: float) -> bool:
+        return (
+            box.is_rdt_enabled
+            and box.rdt_rate_hz > 0
+            and compute_rate_hz(box.rdt_rate_hz, box.internal_rate_hz) == wanted_hz
+            and box.low_pass_hz == self._config.low_pass_hz
+            and box.records_per_datagram == min(self._config.block_samples, MOST_RECORDS)
+        )
+
+    def _flush(self) -> list[StrainBlock]:
+        return self._stream.flush()
+
+    def _note_loss(self, link: NetFtLink) -> None:
+        self._before = self._before.plus(link.counts)
+
+    def _wants_pause(self, error: LinkError) -> bool:
+        # A box that was restarted is there already.
+        return not isinstance(error, CounterRestartError)
+
+    def _read(self, link: NetFtLink) -> None:
+        batch = link.read()
+        rejected = link.counts.rejected
+        if rejected != self._seen_rejected:
+            self._seen_rejected = rejected
+            self._stream.note_dropped_bytes()
+        if batch is None:
+            self._deliver(self._stream.flush())
+            return
+        step_ns = self._arrivals.take_step_ns()
+        if step_ns:
+            self._stream.note_clock_step(step_ns)
+        readings = self._stream.readings
+        self._deliver(self._stream.add(batch))
+        if self._stream.readings != readings:
+            self._note_samples()

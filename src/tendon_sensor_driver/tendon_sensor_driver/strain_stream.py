@@ -1,0 +1,290 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Samples of any sensor to numbered, stamped blocks, without IO.
+
+A client reads a `Batch`: a line of text is a batch of one, a datagram of a Net F/T one of forty.
+The sensor's clock (`SampleClock`) drops samples without a place in time and returns `Run` of
+consecutive ones. `Stream` judges the values and groups them into blocks:
+
+    Batch -> SampleClock.place_batch -> Run, Run ... -> status of each sample -> StrainBlock ...
+
+A block ends when it is full, before a gap, before something that happened, before a change of
+status, and before a run whose stamp is more than half a period from where the block would put it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+import math
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_ros.strain import StrainBlock, StrainStatus
+from tendon_sensor_driver.clock import Batch, DeviceClock, HostClock, Run, SampleClock
+from tendon_sensor_driver.records import NEWTONS, Reading, TendonSensorConfig
+
+_FEWEST_EQUAL = 10
+# As integers: operations on flags take a third of the time of a sample.
+_SATURATED, _STUCK = int(StrainStatus.SATURATED), int(StrainStatus.STUCK)
+_RECONNECTED = int(StrainStatus.RECONNECTED)
+_RESYNCHRONISED = int(StrainStatus.RESYNCHRONISED)
+_CLOCK_STEP = int(StrainStatus.CLOCK_STEP)
+_SIMULATED = np.array([int(StrainStatus.SIMULATED)], dtype=np.uint32)
+
+Clock = TypeVar('Clock', bound=SampleClock)
+
+
+@dataclass
+class _OpenBlock:
+    """The block under construction."""
+
+    stamp_ns: int
+    sequence: int
+    lost_before: int
+    error_s: float
+    status: int  # bits of each sample
+    event: int  # bits of what happened before the first
+    period_ns: int
+    samples: int = 0
+    tensions: list[NDArray[np.float64]] = field(default_factory=list)
+    wrenches: list[NDArray[np.float64]] = field(default_factory=list)
+
+    def end_ns(self) -> int:
+        """Return where the block would put a next sample [ns]."""
+        return self.stamp_ns + self.samples * self.period_ns
+
+
+class Stream(Generic[Clock]):
+    """Numbers the samples of one sensor, judges them and groups them into blocks.
+
+    A sample is saturated from ``saturation_n``, and stuck when it and those before it have been
+    exactly equal for ``stuck_s``, at least ten of them.
+
+    Parameters
+    ----------
+    config : TendonSensorConfig
+    clock : SampleClock
+        What gives the samples their time.
+    status : StrainStatus
+        What holds for every sample, such as HOST_TIME.
+
+    Attributes
+    ----------
+    clock : SampleClock
+        Counts the samples that have no place in time.
+    readings, lost_samples : int
+        Samples handed on, and samples missing between them.
+    """
+
+    def __init__(
+        self, config: TendonSensorConfig, clock: Clock, status: StrainStatus = StrainStatus.OK
+    ) -> None:
+        self.clock = clock
+        self.readings = self.lost_samples = 0
+        self._status = int(status)
+        self._samples_per_block = config.block_samples
+        self._always = int(status)
+        self._saturation_n = config.saturation_n or math.inf
+        self._stuck_ns = config.stuck_s * 1e9 or math.inf
+        self._equal = 0  # samples in a row, the newest one too
+        self._last_n = math.nan
+        self._sequence = -1
+        self._event = 0  # bits, before the next sample
+        self._open: _OpenBlock | None = None
+        self._next_ns: int | None = None  # no block begins before this
+
+    @property
+    def status(self) -> StrainStatus:
+        """Status of the newest sample."""
+        return StrainStatus(self._status)
+
+    def add(self, batch: Batch) -> list[StrainBlock]:
+        """Take samples that were read together; return the blocks that they complete.
+
+        Raises
+        ------
+        CounterRestartError
+            When a counter jumps within a session; begin another one.
+        """
+        outliers = self.clock.outliers
+        runs = self.clock.place_batch(batch)
+        if self.clock.outliers > outliers:  # samples were dropped after all
+            self._event |= _RESYNCHRONISED
+        blocks: list[StrainBlock] = []
+        for run in runs:
+            blocks += self._add_run(batch, run)
+        return blocks
+
+    def note_dropped_bytes(self) -> None:
+        """Note that part of the stream is missing, or was no sample, before the next one."""
+        self._event |= _RESYNCHRONISED
+
+    def note_reconnection(self) -> None:
+        """Note that the link was lost and came back before the next sample."""
+        self.clock.note_reconnection()
+        self._event |= _RECONNECTED
+
+    def note_clock_step(self, step_ns: int) -> None:
+        """Note that the host's clock was set by this before the next sample [ns]."""
+        self.clock.note_step(step_ns)
+        if self._next_ns is not None:
+            self._next_ns += step_ns
+        self._event |= _CLOCK_STEP
+
+    def flush(self) -> list[StrainBlock]:
+        """Return the unfinished block, if there is one."""
+        made, self._open = self._open, None
+        if made is None:
+            return []
+        tension_n = made.tensions[0] if len(made.tensions) == 1 else np.concatenate(made.tensions)
+        tension_n.flags.writeable = False  # neighbours in the process look at it, too
+        self._next_ns = made.end_ns() - made.period_ns + 1
+        return [
+            StrainBlock(
+                stamp_ns=made.stamp_ns,
+                sequence=made.sequence,
+                period_ns=made.period_ns,
+                tension_n=tension_n,
+                lost_before=made.lost_before,
+                stamp_error_s=made.error_s,
+                status=StrainStatus(made.status | made.event),
+                wrench=np.concatenate(made.wrenches) if made.wrenches else None,
+            )
+        ]
+
+    # -- one run -----------------------------------------------------------------------
+
+    def _add_run(self, batch: Batch, run: Run) -> list[StrainBlock]:
+        tension_n = batch.tension_n[run.samples]
+        wrench = None if batch.wrench is None else batch.wrench[run.samples]
+        stated = None if batch.status is None else batch.status[run.samples]
+        status = self._judge(tension_n, stated)
+        self.lost_samples += run.lost
+        self._sequence += run.lost
+        self.readings += len(tension_n)
+        if run.event:
+            self._event |= run.event
+            if run.event & _CLOCK_STEP:
+                self._next_ns = None
+        blocks: list[StrainBlock] = []
+        if run.lost or self._event or self._misfit_ns(run.stamp_ns) * 2 > self.clock.period_ns:
+            blocks += self.flush()
+        changes = np.flatnonzero(status[1:] != status[:-1]) + 1 if len(status) > 1 else ()
+        first, lost = 0, run.lost
+        for end in (*changes, len(status)):
+            while first < end:
+                stamp_ns = run.stamp_ns + first * self.clock.period_ns
+                blocks += self._open_for(stamp_ns, run.stamp_error_s, lost, int(status[first]))
+                made, lost = self._open, 0
+                assert made is not None
+                last = min(end, first + self._samples_per_block - made.samples)
+                made.tensions.append(tension_n[first:last])
+                if wrench is not None:
+                    made.wrenches.append(wrench[first:last])
+                made.samples += last - first
+                self._sequence += last - first
+                first = last
+                if made.samples == self._samples_per_block:
+                    blocks += self.flush()
+        self._status = int(status[-1])
+        return blocks
+
+    def _misfit_ns(self, stamp_ns: int) -> int:
+        """Return how far a stamp is from where the open block would put it [ns]."""
+        return 0 if self._open is None else abs(stamp_ns - self._open.end_ns())
+
+    def _open_for(
+        self, stamp_ns: int, error_s: float, lost: int, status: int
+    ) -> list[StrainBlock]:
+        """See that a block is open that a sample fits; return the block that this ends."""
+        blocks: list[StrainBlock] = []
+        made = self._open
+        if made is not None and (status != made.status or self.clock.period_ns != made.period_ns):
+            blocks = self.flush()
+            made = None
+        if made is None:
+            if self._next_ns is not None and stamp_ns < self._next_ns:
+                error_s += (self._next_ns - stamp_ns) / 1e9 if error_s >= 0 else 0.0
+                stamp_ns = self._next_ns
+            event, self._event = self._event, 0
+            period_ns, sequence = self.clock.period_ns, self._sequence + 1
+            self._open = _OpenBlock(stamp_ns, sequence, lost, error_s, status, event, period_ns)
+        elif made.error_s >= 0:
+            misfit_s = self._misfit_ns(stamp_ns) / 1e9
+            made.error_s = max(made.error_s, error_s + misfit_s) if error_s >= 0 else -1.0
+        return blocks
+
+    def _judge(
+        self, tension_n: NDArray[np.float64], stated: NDArray[np.uint32] | None
+    ) -> Sequence[int] | NDArray[np.uint32]:
+        """Return the status bits of each sample: those stated, and those of its value."""
+        if len(tension_n) == 1:  # the same rule; a third of the time of arrays
+            value_n = float(tension_n[0])
+            self._equal = self._equal + 1 if value_n == self._last_n else 1
+            self._last_n = value_n
+            bits = self._always if stated is None else self._always | int(stated[0])
+            bits |= _SATURATED if abs(value_n) >= self._saturation_n else 0
+            return (bits | _STUCK if self._are_stuck(self._equal) else bits,)
+        status = np.full(len(tension_n), self._always, dtype=np.uint32)
+        if stated is not None:
+            status |= stated
+        status[np.abs(tension_n) >= self._saturation_n] |= np.uint32(_SATURATED)
+        is_equal = np.empty(len(tension_n), dtype=np.bool_)
+        is_equal[0] = tension_n[0] == self._last_n
+        np.equal(tension_n[1:], tension_n[:-1], out=is_equal[1:])
+        self._last_n = float(tension_n[-1])
+        if not is_equal.any():
+            self._equal = 1
+            return status
+        # Equal samples in a row, up to and with each one.
+        position = np.arange(1, len(tension_n) + 1)
+        change = np.maximum.accumulate(np.where(is_equal, -self._equal, position))
+        equal = np.where(change > 0, position - change + 1, position + self._equal)
+        self._equal = int(equal[-1])
+        status[self._are_stuck(equal)] |= np.uint32(_STUCK)
+        return status
+
+    def _are_stuck(self, equal: Any) -> Any:
+        """Return whether so many equal samples in a row are a stuck sensor; int or array."""
+        return (equal >= _FEWEST_EQUAL) & ((equal - 1) * self.clock.period_ns >= self._stuck_ns)
+
+
+class StrainStream(Stream[SampleClock]):
+    """Turns the readings of a load-cell line into blocks of tension.
+
+    Newtons are value * scale * (newtons in one unit) + offset.
+
+    A board without a clock counts as restarted after every reconnection: it may have lost its
+    power, and many boards measure a zero of their own when they start.
+    """
+
+    def __init__(self, config: TendonSensorConfig) -> None:
+        self._newtons_per_value = NEWTONS[config.unit] * config.scale
+        self._offset_n = config.offset_n
+        if config.time_column < 0:
+            super().__init__(config, HostClock(config.period_ns), StrainStatus.HOST_TIME)
+        else:
+            super().__init__(config, DeviceClock(config.tick_s, config.period_ns))
+
+    def note_reconnection(self) -> None:
+        super().note_reconnection()
+        if isinstance(self.clock, HostClock):
+            self.clock.restarts += 1
+            self._event |= int(StrainStatus.RESTARTED)
+
+    def add_reading(self, reading: Reading) -> list[StrainBlock]:
+        """Take one reading; return the blocks that it completes."""
+        if reading.resynchronised:
+            self.note_dropped_bytes()
+        return self.add(
+            Batch(
+                reading.received_at_ns,
+                np.array([reading.value * self._newtons_per_value + self._offset_n]),
+                None if reading.device_ticks is None else (reading.device_ticks,),
+                status=_SIMULATED if reading.simulated else None,
+            )
+        )

@@ -1,4 +1,0 @@
-# Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
-
-"""A force that another node publishes, as a sensor."""
