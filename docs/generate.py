@@ -160,7 +160,7 @@ def draw_hold(ax: Any) -> None:
 
 
 def draw_glide(path: Path) -> None:
-    """What the fingertip feels of three plates, and what the tendon makes of it."""
+    """Draw the path of the fingertip over three plates, and the tension."""
     figure, axes = plt.subplots(2, 3, figsize=(13, 5), sharex=True, layout='constrained')
     for column, label in zip(axes.T, ('R1', 'T2', 'C1'), strict=True):
         draw_passage(column, build_scene('texture', label, 'flexion'), label)

@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 @dataclass(frozen=True)
 class Library:
-    """How a library from PyPI is declared.
+    """A library from PyPI, as it is declared.
 
     Attributes
     ----------

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What `./tactile` does with its arguments: set up what is missing, then run the command."""
+"""The arguments of `./tactile`: set up what is missing, then run the command."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ COMPUTING = ('unit', 'analysis')
 
 @dataclass
 class Outcome:
-    """What one package's tests, or one rule, came to."""
+    """The outcome of one package's tests, or of one rule."""
 
     name: str
     passed: int = 0

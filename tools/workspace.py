@@ -29,7 +29,7 @@ DISTROS = ('jazzy', 'kilted')
 
 LOOPBACK = ROOT / 'src' / 'tactile_ros' / 'tactile_ros' / 'loopback.xml'
 COMMON_REQUIREMENTS = ROOT / 'requirements' / 'common.txt'
-"""What the requirements of every distribution include."""
+"""The requirements that every distribution includes."""
 
 
 class SetupError(Exception):

@@ -1,4 +1,4 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which features recognise textures, beside those of others."""
+"""Features that recognise textures, beside those of others."""

@@ -50,7 +50,7 @@ EXCUSED = {'correlation pla/solid_rubber', 'correlation pla/rubber_shell'}
 
 @dataclass(frozen=True)
 class Setting:
-    """How trials are made and classified.
+    """A way of making and classifying trials.
 
     Attributes
     ----------

@@ -26,7 +26,7 @@ from tactile_features import compute_spectrum, FeatureConfig, features_from_tria
 Array = NDArray[Any]
 
 LENGTH_M = 0.048
-"""What the slowest slides cover, without a sample at either end."""
+"""Path of the slowest slides, without a sample at either end."""
 
 FINEST_M = 0.003
 """At 100 mm/s and 35.6 Hz there is a sample every 2.8 mm: nothing finer can be served."""

@@ -38,7 +38,7 @@ SESSIONS, TRIALS = 8, 3
 SEEDS = (1, 2, 3)
 CROP_M, PATH_M = 0.010, 0.035
 SAMPLES = 84
-"""What the path has at 25 mm/s; over time, every signal is cut to it."""
+"""Samples of the path at 25 mm/s; over time, every signal is cut to it."""
 
 POINTS = 128
 

@@ -22,7 +22,7 @@ PLAN, ORDER, JOURNAL, BAGS = 'plan.yaml', 'order.csv', 'journal.jsonl', 'bags'
 
 @dataclass(frozen=True)
 class Correction:
-    """What the journal says of a trial.
+    """The journal's word on one trial.
 
     Attributes
     ----------

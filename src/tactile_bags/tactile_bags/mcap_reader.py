@@ -56,7 +56,7 @@ MAX_RECORD_BYTES = 2**20
 MAX_NS = 2**63 - 1
 
 MAX_OPCODE, MIN_PRIVATE_OPCODE = 0x0F, 0x80
-"""What lies between is reserved; private records are passed over."""
+"""Numbers between are reserved; private records are passed over."""
 
 _RECORD = struct.Struct('<BQ')
 _MESSAGE = struct.Struct('<HIQQ')

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a Dynamixel servo hears."""
+"""Packets that a Dynamixel servo hears."""
 
 import dynamixel_sdk
 

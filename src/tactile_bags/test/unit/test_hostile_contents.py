@@ -244,7 +244,7 @@ EXTREME = st.sampled_from([0, 1, 2, 59, 2**31, 2**63 - 1])
     stamps_ns=st.lists(st.integers(-(2**31) * 10**9, (2**31) * 10**9 - 1), max_size=6),
 )
 def test_wild_numbers_harm_neither_audit_nor_features(blocks, stamps_ns):
-    """What a well-formed message can say at most: windows with a reason, not an exception."""
+    """Well-formed messages of any content give windows with a reason, not an exception."""
     auditor, extractor = FingerAuditor('', 60.0), TrialFeatureExtractor(FeatureConfig())
     audits = []
     phases = ['approach', 'hold', 'glide', 'release', 'done', 'approach']

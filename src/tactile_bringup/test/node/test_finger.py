@@ -27,7 +27,7 @@ from tendon_sensor_driver import encode_reading
 
 DEADLINE_S = 10.0
 TOGGLES = int(os.environ.get('FINGER_TOGGLES', '5'))
-"""How often publishers elsewhere come and go; 40 for a thorough run."""
+"""Times that publishers elsewhere come and go; 40 for a thorough run."""
 
 
 class Board:

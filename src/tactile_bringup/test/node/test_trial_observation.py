@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a trial says of itself: when its phases began, how it moved, why it cannot begin."""
+"""A trial tells when its phases began, how it moved, why it cannot begin."""
 
 import itertools
 import math

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the report says of answers besides a label follows from the trials."""
+"""The report's answers besides a label follow from the trials."""
 
 import dataclasses
 import json

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What `tactile train` makes of a small simulated recording of texture."""
+"""`tactile train` on a small simulated recording of texture."""
 
 import dataclasses
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the command line imports and says before it works."""
+"""Imports and words of the command line before it works."""
 
 import json
 from pathlib import Path

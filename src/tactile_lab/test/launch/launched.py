@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the launch tests share: a launched file, models, and an ear on its topics."""
+"""Shared by the launch tests: a launched file, models, and an ear on its topics."""
 
 import atexit
 import contextlib

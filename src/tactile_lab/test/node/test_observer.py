@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the bench keeps of a trial, and what it does not."""
+"""The bench keeps of a trial what it needs, and nothing else."""
 
 from types import SimpleNamespace
 

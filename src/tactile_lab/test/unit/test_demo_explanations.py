@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which trials the demo runs, and what it says of those that it missed."""
+"""Trials of the demo, and its explanations of those that it missed."""
 
 import numpy as np
 import pytest

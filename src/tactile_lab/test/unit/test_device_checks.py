@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the check of a sensor makes of its blocks."""
+"""The check of a sensor, on its blocks."""
 
 import numpy as np
 import pytest

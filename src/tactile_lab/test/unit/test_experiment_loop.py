@@ -25,7 +25,7 @@ class PowerCut(BaseException):
 
 
 class World:
-    """What outlives the programs: the rig's recordings, and what will befall them."""
+    """The world that outlives the programs: the rig's recordings, and what will befall them."""
 
     def __init__(self, cuts=(), outcomes=()):
         self.cuts, self.outcomes = iter(cuts), iter(outcomes)

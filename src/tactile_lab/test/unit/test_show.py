@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What `tactile show` says must be what is in the file."""
+"""`tactile show` says what is in the file."""
 
 import json
 import re

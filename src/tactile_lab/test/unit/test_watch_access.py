@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Who may look at the live page and who may move the rig."""
+"""Access to the live page, and to the rig through it."""
 
 import json
 

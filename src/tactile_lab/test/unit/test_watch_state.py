@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the live page shows, from records alone."""
+"""The live page's state, from records alone."""
 
 import dataclasses
 import json

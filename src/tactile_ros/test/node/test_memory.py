@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What an idle lifecycle node takes of memory on this computer alone."""
+"""Memory of an idle lifecycle node on this computer alone."""
 
 import os
 import subprocess

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What nothing feeds loses energy, and never gains any."""
+"""A finger that nothing feeds loses energy, and never gains any."""
 
 import dataclasses
 

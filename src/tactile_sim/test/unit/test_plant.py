@@ -81,7 +81,7 @@ def test_the_rig_refuses_what_it_cannot_do():
 
 
 def test_mounting_draws_the_next_trials_variation():
-    """What is mounted twice is not at the same place twice, but again on another rig."""
+    """A plate that is mounted twice is not at the same place twice, but again on another rig."""
     places = []
     for _ in range(2):
         rig = PalpationRig(seed=3)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a scene leaves out changes nothing, and what it has does what its name says."""
+"""Parts that a scene leaves out change nothing; those that it has do what their names say."""
 
 import dataclasses
 import math

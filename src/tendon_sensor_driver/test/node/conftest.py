@@ -55,7 +55,7 @@ class Graph:
         return f'the condition was not met in time; diagnostics: {self.sentence()!r}'
 
     def is_matched(self):
-        """Whether both ends know each other; the graph's counts come before that."""
+        """True when both ends know each other; the graph's counts come before that."""
         topics = {f'/left/tendon_sensor/{topic}' for topic in ('strain', 'wrench')}
         writers = [p for p in self.node.publishers if p.topic_name in topics]
         readers = [s for s in self.listener.subscriptions if s.topic_name in topics]

@@ -37,7 +37,7 @@ _UPTIME_S = 150.0  # at the beginning: a restart is seen by a counter that falls
 
 
 class NetFtBox:
-    """What a Net F/T answers and sends.
+    """Answers and packets of a Net F/T.
 
     Its settings fall back to stored ones at a restart; its low pass is remembered, not
     computed. Simulated: how a real box behaves beyond the documented protocol is not known.
@@ -115,11 +115,11 @@ class NetFtBox:
         self._faults.clear()
 
     def has(self, kind: str, now_s: float) -> bool:
-        """Whether a fault is on."""
+        """True while a fault is on."""
         return kind in self._faults and now_s < self._faults[kind][0]
 
     def is_away(self, now_s: float) -> bool:
-        """Whether nothing at all is answered."""
+        """True while nothing at all is answered."""
         return self.has('unplug', now_s) or self.has('restart', now_s)
 
     # -- web pages ---------------------------------------------------------------------

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What faults do to the ports, and requests that are refused."""
+"""Faults on the ports, and requests that are refused."""
 
 import os
 
