@@ -9,7 +9,7 @@ are shown; or, with ``--features auto``, of the choice inside the folds.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 import hashlib
 import importlib.metadata
@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tactile_bags.recorded_bag import RecordedBag
 from tactile_bags.recording import Recording
 from tactile_classifier.datasets.dataset import plain_name
 from tactile_classifier.estimators.classifiers import default_scaling
@@ -44,11 +45,14 @@ class Source:
         Of the file, of the files of a folder by name, or of the data files of a bag.
     facts : dict
         What the recording says of itself, such as seed and simulator.
+    corrections : tuple of str
+        Sentences about trials that an experiment's journal relabels or leaves out.
     """
 
     name: str
     sha256: str
     facts: dict[str, Any]
+    corrections: tuple[str, ...] = ()
 
 
 def describe_sources(paths: Sequence[Path], recording: Recording) -> list[Source]:
@@ -68,9 +72,21 @@ def describe_sources(paths: Sequence[Path], recording: Recording) -> list[Source
             bag.path.resolve().name,
             bag.sha256(),
             {k: v for k, v in bag.metadata.items() if not isinstance(v, (dict, list))},
+            tuple(_format_corrections(bag, recording)),
         )
         for bag in recording.bags
     ]
+
+
+def _format_corrections(bag: RecordedBag, recording: Recording) -> Iterator[str]:
+    for trial in recording.trials:
+        correction = bag.corrections.get(trial.name)
+        if correction is None or trial.source != str(bag.path):
+            continue
+        if correction.label:
+            yield f'{trial.name} was relabelled {correction.label}'
+        if correction.why_not:
+            yield f'{trial.name} does not count: {correction.why_not}'
 
 
 def _compute_digest(path: Path) -> str:

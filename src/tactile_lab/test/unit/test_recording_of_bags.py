@@ -17,6 +17,7 @@ from tactile_bags.message_records import read_records
 from tactile_bags.recorded_setup import recorded_features
 from tactile_bags.replay import replay_windows
 from tactile_bags.sources.files import SourceError
+from tactile_lab.report.summary import describe_sources
 
 
 @pytest.fixture
@@ -129,6 +130,13 @@ def test_the_journal_of_an_experiment_says_what_counts(stiffness_bag, tmp_path):
         assert recording.trials[5].label == 'cork'
         assert {event.object_label for event in recording.trials[5].events} == {'cork'}
         assert {trial.session_id for trial in recording.trials} == sessions
+        (source,) = describe_sources([one], recording)
+        assert source.corrections == (
+            f'{ids[0]} does not count: another attempt counts (failed)',
+            f'{ids[2]} does not count: another attempt counts (interrupted)',
+            f'{ids[3]} does not count: excluded: the plate was loose',
+            f'{ids[5]} was relabelled cork',
+        )
     two = make_experiment(tmp_path / 'two', stiffness_bag, entries)
     with Recording.load([one, two]) as recording:
         assert {trial.session_id for trial in recording.trials} == {
