@@ -23,8 +23,8 @@ from PIL import Image
 
 from tactile_bringup.launch_config.graph import ModelChoice, Ports, rig_graph
 from tactile_bringup.nodes.graph_runner import ros_context, running_graph
-from tactile_lab.watch.node import watching
-from tactile_lab.watch.server import WatchOptions
+from tactile_lab.watch.access import WatchOptions
+from tactile_lab.watch.watching import watching
 from tactile_sim.rig_process import SimulatedRig
 
 ROOT = Path(__file__).parents[1]

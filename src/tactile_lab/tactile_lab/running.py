@@ -21,14 +21,14 @@ from tactile_bringup.launch_config.graph import (
 from tactile_bringup.launch_config.parameter_files import ParameterFile
 from tactile_bringup.trial_protocols import PROTOCOLS, TrialRequest
 from tactile_lab.output import Output
-from tactile_lab.watch.server import WatchOptions
+from tactile_lab.watch.access import WatchOptions
 from tactile_ros.errors import TactileError
 from tactile_ros.process import hold_signals
 from tactile_sim.descriptions.catalogue import list_objects
 from tactile_sim.rig_process import SimulatedRig
 
 if TYPE_CHECKING:
-    from tactile_lab.watch.node import Watch
+    from tactile_lab.watch.watching import Watch
 
 
 def open_ports(
@@ -116,7 +116,7 @@ def run_nodes(
         When a node cannot be started, or one fails later.
     """
     from tactile_bringup.nodes.graph_runner import ros_context, running_graph  # rclpy
-    from tactile_lab.watch.node import watching
+    from tactile_lab.watch.watching import watching
 
     signals, ended, output = hold_signals(), threading.Event(), Output(as_json=False)
     simulated = simulated or simulated_rig is not None

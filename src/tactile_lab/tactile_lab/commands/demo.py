@@ -83,7 +83,7 @@ def demo(
     from tactile_lab.experiment.live_rig import LiveSetup, run_live_trials
     from tactile_lab.output import Output
     from tactile_lab.simulation.simulated_bags import paper_plans
-    from tactile_lab.watch.server import WatchOptions
+    from tactile_lab.watch.access import WatchOptions
     from tactile_sim.rig_process import SimulatedRig
 
     started = time.monotonic()

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tactile_bringup.launch_config.graph import NodeDescription
     from tactile_features.config import FeatureConfig
     from tactile_lab.output import Output
-    from tactile_lab.watch.server import WatchOptions
+    from tactile_lab.watch.access import WatchOptions
 
 POLL_S = 0.1
 LINGER_S = 3.0
@@ -81,7 +81,7 @@ def replay(
     order. With ``--watch`` it first plays the recording in real time on a live page.
     """
     from tactile_lab.output import Output
-    from tactile_lab.watch.server import WatchOptions
+    from tactile_lab.watch.access import WatchOptions
 
     output = Output(as_json)
     if watch:
@@ -113,7 +113,7 @@ def play_and_watch(
     from tactile_bringup.launch_config.graph import PLAYER
     from tactile_bringup.nodes.graph_runner import ros_context, running_graph  # rclpy
     from tactile_lab.running import say_address
-    from tactile_lab.watch.node import watching
+    from tactile_lab.watch.watching import watching
 
     with (
         tempfile.TemporaryDirectory(prefix='tactile_') as scratch,

@@ -36,8 +36,8 @@ def watch(
     from tactile_bringup.nodes.graph_runner import ros_context  # rclpy
     from tactile_lab.output import Output
     from tactile_lab.running import say_address
-    from tactile_lab.watch.node import watching
-    from tactile_lab.watch.server import WatchOptions
+    from tactile_lab.watch.access import WatchOptions
+    from tactile_lab.watch.watching import watching
     from tactile_ros.process import hold_signals
 
     signals = hold_signals()

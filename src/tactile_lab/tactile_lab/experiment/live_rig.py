@@ -42,8 +42,8 @@ from tactile_lab.experiment.loop import (
 from tactile_lab.experiment.plan import ExperimentError, PlannedTrial
 from tactile_lab.output import Output
 from tactile_lab.running import open_ports, read_rig_parameters, say_address
-from tactile_lab.watch.node import watching
-from tactile_lab.watch.server import WatchOptions
+from tactile_lab.watch.access import WatchOptions
+from tactile_lab.watch.watching import watching
 from tactile_msgs.msg import StrainBlock as StrainBlockMsg
 from tactile_msgs.msg import TactileFeatures
 from tactile_ros.errors import TactileError

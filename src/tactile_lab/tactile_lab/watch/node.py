@@ -5,11 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, ExitStack
-from dataclasses import dataclass
+from collections.abc import Callable
 import functools
-import os
 import threading
 from typing import Any
 
@@ -20,7 +17,6 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_srvs.srv import Trigger
 
-from tactile_bringup.trial_protocols import TrialRequest
 from tactile_classifier.conversions import classification_from_msg, model_infos_from_msg
 from tactile_features.conversions import (
     event_from_msg,
@@ -28,7 +24,6 @@ from tactile_features.conversions import (
     strain_block_from_msg,
 )
 from tactile_features.records import FeatureWindow
-from tactile_lab.watch.server import WatchOptions
 from tactile_lab.watch.state import MOST_FINGERS, WatchState
 from tactile_msgs.msg import (
     Classification,
@@ -42,7 +37,6 @@ from tactile_msgs.msg import (
 )
 from tactile_ros.errors import MessageError
 from tactile_ros.lifecycle import MessageGuard
-from tactile_ros.node_group import NodeGroup
 from tactile_ros.periodic import Ticker
 from tactile_ros.polling import PolledSubscription
 from tactile_ros.qos import EVENTS, LATEST, RESULTS, STREAM
@@ -283,60 +277,3 @@ def _split(topic: str) -> tuple[str, str]:
 def place_of(finger: str, name: str) -> str:
     """Return the absolute name of a topic or service of a finger."""
     return f'/{finger}/{name}' if finger else f'/{name}'
-
-
-@dataclass
-class Watch:
-    """State of the fingers, and address of the page; empty where no page is served."""
-
-    state: WatchState
-    address: str = ''
-
-
-@contextmanager
-def watching(
-    context: Context,
-    options: WatchOptions | None = None,
-    *,
-    simulated: bool = False,
-    objects: Mapping[str, Sequence[str]] | None = None,
-    before_trial: Callable[[TrialRequest], object] = lambda request: None,
-    answers_only: bool = False,
-) -> Iterator[Watch]:
-    """Watch the fingers of a ROS context until the block ends.
-
-    Parameters
-    ----------
-    context : rclpy.context.Context
-    options : WatchOptions, optional
-        Serve a page; without, only the state is kept.
-    simulated : bool
-        Say from the beginning that the rig is simulated; its trials say it by themselves.
-    objects : mapping of str to sequence of str
-        Labels that a page offers for a trial, by protocol.
-    before_trial : callable
-        Given the request of a trial that a page starts, before it starts.
-    answers_only : bool
-        Take events and answers alone, for lines in the terminal.
-
-    Raises
-    ------
-    TactileError
-        When the page cannot be served there.
-    """
-    reach = os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE', 'SUBNET').lower()
-    where = f'ROS domain {context.get_domain_id()}, range {reach}'
-    watch = Watch(WatchState(where, objects, simulated=simulated))
-    with ExitStack() as stack:
-        node = WatchNode(watch.state, context, answers_only=answers_only)
-        stack.enter_context(NodeGroup([node], context))
-        if options is not None:
-            # 15 MB of web server, only where a page is served
-            from tactile_lab.watch.controls import WatchControls
-            from tactile_lab.watch.server import WatchServer
-
-            controls = WatchControls(node, context, before_trial)
-            stack.callback(controls.close)
-            server = stack.enter_context(WatchServer(watch.state, controls, options))
-            watch.address = server.address
-        yield watch

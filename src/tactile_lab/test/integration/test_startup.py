@@ -89,7 +89,7 @@ def test_a_process_that_senses_loads_no_library_of_other_work():
     """Each finger may have a process of its own, on a small computer."""
     program = (
         'import json, sys\n'
-        'import tactile_bringup.nodes.graph_runner, tactile_lab.watch.node\n'
+        'import tactile_bringup.nodes.graph_runner, tactile_lab.watch.watching\n'
         'import tactile_lab.program, tactile_lab.running, onnxruntime\n'
         'from tactile_ros.node_program import find_node_class\n'
         "for name in 'tendon_sensor tactile_features slip_detector tactile_classifier'.split():\n"

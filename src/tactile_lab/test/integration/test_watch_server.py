@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 
 from tactile_lab.watch import server as server_module
+from tactile_lab.watch.access import WatchOptions
 from tactile_lab.watch.server import (
     FILES,
     FRAMES_HZ,
     MOST_PAGES,
     MOST_WAITING,
-    WatchOptions,
     WatchServer,
 )
 from tactile_lab.watch.state import WatchState

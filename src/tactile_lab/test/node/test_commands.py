@@ -66,7 +66,6 @@ def test_evaluate_states_split_and_scaling_and_speaks_json(archive):
     [
         ([], '--task'),
         (['--task', 'texture', '--group', 'colour'], 'no column "colour"'),
-        (['--task', 'texture', '--folds', '13'], 'fewer than the 13 folds'),
         (['--task', 'texture', '--channel', '1'], 'no channel 1'),
         (['--task', 'texture', '--channel', 'one'], '--channel'),
         (['--task', 'texture', '--static-phase', '4'], 'START:STOP'),
@@ -80,6 +79,13 @@ def test_evaluate_refuses_with_one_sentence(archive, arguments, sentence):
     assert done.returncode == 2
     assert sentence in done.stderr
     assert 'Traceback' not in done.stderr
+
+
+def test_too_many_folds_are_told_beside_the_sessions(archive):
+    done = tactile('evaluate', archive, '--task', 'texture', '--folds', '13')
+    assert done.returncode == 0
+    assert 'fewer than the 13 folds' in ' '.join(done.stdout.split())
+    assert 'one session held out' in ' '.join(done.stdout.split())
 
 
 def test_simulated_bags_become_models(tmp_path):
@@ -105,7 +111,7 @@ def test_simulated_bags_become_models(tmp_path):
     for text in (
         'stiffness, flexion, simulated',
         'stratified 6-fold, once',
-        'one block of trials held out',
+        'one session held out',
     ):
         assert text in said
 

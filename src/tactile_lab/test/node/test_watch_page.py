@@ -18,9 +18,10 @@ from tactile_bringup.nodes.graph_runner import running_graph
 from tactile_bringup.nodes.operator_node import OperatorNode, StoppedError
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_lab.experiment.live_rig import LiveRig
-from tactile_lab.watch.node import watching
-from tactile_lab.watch.server import WatchOptions, WatchServer
+from tactile_lab.watch.access import WatchOptions
+from tactile_lab.watch.server import WatchServer
 from tactile_lab.watch.state import WatchState
+from tactile_lab.watch.watching import watching
 from tactile_ros.errors import TactileError
 from tactile_ros.node_group import NodeGroup
 from tactile_sim.rig_process import SimulatedRig

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from tactile_lab.watch.server import Access, ACTIONS, Command, CommandError, read_command
+from tactile_lab.watch.access import Access, ACTIONS, Command, CommandError, read_command
 
 ACCESS = Access(8642, 'Lab-PC', 'secret')
 

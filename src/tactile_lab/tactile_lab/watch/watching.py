@@ -1,0 +1,76 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The live page beside running nodes: what every command calls in one line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, ExitStack
+from dataclasses import dataclass
+import os
+
+from rclpy.context import Context
+
+from tactile_bringup.trial_protocols import TrialRequest
+from tactile_lab.watch.access import WatchOptions
+from tactile_lab.watch.node import WatchNode
+from tactile_lab.watch.state import WatchState
+from tactile_ros.node_group import NodeGroup
+
+
+@dataclass
+class Watch:
+    """State of the fingers, and address of the page; empty where no page is served."""
+
+    state: WatchState
+    address: str = ''
+
+
+@contextmanager
+def watching(
+    context: Context,
+    options: WatchOptions | None = None,
+    *,
+    simulated: bool = False,
+    objects: Mapping[str, Sequence[str]] | None = None,
+    before_trial: Callable[[TrialRequest], object] = lambda request: None,
+    answers_only: bool = False,
+) -> Iterator[Watch]:
+    """Watch the fingers of a ROS context until the block ends.
+
+    Parameters
+    ----------
+    context : rclpy.context.Context
+    options : WatchOptions, optional
+        Serve a page; without, only the state is kept.
+    simulated : bool
+        Say from the beginning that the rig is simulated; its trials say it by themselves.
+    objects : mapping of str to sequence of str
+        Labels that a page offers for a trial, by protocol.
+    before_trial : callable
+        Given the request of a trial that a page starts, before it starts.
+    answers_only : bool
+        Take events and answers alone, for lines in the terminal.
+
+    Raises
+    ------
+    TactileError
+        When the page cannot be served there.
+    """
+    reach = os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE', 'SUBNET').lower()
+    where = f'ROS domain {context.get_domain_id()}, range {reach}'
+    watch = Watch(WatchState(where, objects, simulated=simulated))
+    with ExitStack() as stack:
+        node = WatchNode(watch.state, context, answers_only=answers_only)
+        stack.enter_context(NodeGroup([node], context))
+        if options is not None:
+            # 15 MB of web server, only where a page is served
+            from tactile_lab.watch.controls import WatchControls
+            from tactile_lab.watch.server import WatchServer
+
+            controls = WatchControls(node, context, before_trial)
+            stack.callback(controls.close)
+            server = stack.enter_context(WatchServer(watch.state, controls, options))
+            watch.address = server.address
+        yield watch
