@@ -211,15 +211,18 @@ def draw(points: list[Point], path: Path) -> None:
                     ms=11 if point.classifier == ROCKET else 7,
                 )
                 if is_peer:
+                    is_slow = point.features.startswith('Multi')
                     axes.annotate(
                         point.features.replace('_waveform', '').replace(' on ', ', '),
                         (time_of(point), point.accuracy),
-                        xytext=(7, -3),
+                        xytext=(0 if is_slow else 7, -13 if is_slow else -3),
                         textcoords='offset points',
+                        ha='center' if is_slow else 'left',
                         fontsize=7,
                     )
             axes.axhline(chance, color='#999999', lw=0.8, ls=':')
             axes.set_xscale('log')
+            axes.margins(x=0.1)
             axes.set_xlabel(f'time: {unit}')
             axes.set_ylim(0, 102)
             axes.grid(alpha=0.25)
