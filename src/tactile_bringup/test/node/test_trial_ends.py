@@ -93,7 +93,7 @@ def test_of_two_trial_runners_none_runs_a_trial(bench, context):
 
 def test_a_runner_whose_executor_hangs_gives_no_sign_of_life(bench):
     watch = HeartbeatWatch(bench.client, 'trial_runner/heartbeat')
-    wait_until(lambda: not watch.format_loss())
+    wait_until(lambda: not watch.format_loss(), watch.format_loss)
     end = threading.Event()
     bench.runner.executor.create_task(end.wait)
     wait_until(watch.format_loss)

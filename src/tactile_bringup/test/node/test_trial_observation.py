@@ -125,7 +125,10 @@ def test_the_log_says_once_what_is_missing_and_once_that_all_is_ready(bench, cap
     runner._telling = runner.call_every(0.02, runner._tell_start)
     wait_until(lambda: count('home the guide. ros2 action send_goal /linear_guide/home'))
     bench.guide.say_ready()
-    wait_until(lambda: count('[trial_runner]: ready for trials'))
+    wait_until(
+        lambda: count('[trial_runner]: ready for trials'),
+        lambda: f'{lines}, {runner._find_missing()}',
+    )
     assert (count(': not ready for trials'), count(': ready for trials')) == (1, 1)
 
 

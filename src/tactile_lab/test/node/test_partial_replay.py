@@ -84,11 +84,14 @@ def test_partial_answers_are_recorded_and_replayed_equal(rig, model, tmp_path):
         (info,) = recorded_models(recording)
         assert info.specification_digest == wanted.spec.digest
         results = recorded_results(recording)
+    last = results.windows[-1].trial_id  # on a busy computer there may be an attempt before it
     for found in (results.windows, results.classifications):
-        assert Counter(item.partial for item in found) == {True: 2, False: 1}
+        counts = Counter(item.partial for item in found if item.trial_id == last)
+        assert counts == {True: 2, False: 1}
     (report,) = replay_and_compare(bag, None, through_nodes=True)
     assert report.is_equal, report.comparisons
-    assert report.comparisons['recorded and plain core'].classification_count == 3
+    compared = report.comparisons['recorded and plain core']
+    assert compared.classification_count == len(results.classifications)
     model.rename(model.with_name('elsewhere.onnx'))
     with pytest.raises(TactileError, match=r'is not at .*partial\.onnx; name it: --models'):
         replay_and_compare(bag, None, through_nodes=False)
@@ -111,12 +114,15 @@ def test_models_with_different_features_share_a_finger(rig, bag, model, tmp_path
         results = recorded_results(recording)
     sets = {specs[info.specification_digest].feature_set for info in infos}
     assert sets == {'texture_spectrum', 'texture_spatial'}
-    full = [window for window in results.windows if not window.partial]
+    last = results.windows[-1].trial_id
+    full = [w for w in results.windows if not w.partial and w.trial_id == last]
     assert len({window.specification_digest for window in full}) == len(full) == 2
     (report,) = replay_and_compare(recorded, None, through_nodes=True)
     assert report.is_equal, report.comparisons
     counts = {c.classification_count for c in report.comparisons.values()}
-    assert counts == {4}  # two of partial windows
+    assert counts == {len(results.classifications)}
+    # Two of partial windows.
+    assert sum(answer.trial_id == last for answer in results.classifications) == 4
     tables = read_tables([recorded]).tables
     assert {table.spec.feature_set for table in tables.values()} == sets
     assert [key[:2] for key in tables] == [('texture', 'flexion')] * 2
