@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+import itertools
 import threading
 import time
 from typing import NamedTuple
@@ -177,13 +178,18 @@ BEAT_PERIOD_S = 0.03
 """Shortest time between two beats [s]. Workers turn every 17 or 20 ms: four beats a lease."""
 
 
-def heartbeat_qos(lease_s: float = LEASE_S) -> QoSProfile:
-    """Return the quality of service of a heartbeat topic with a lease [s]."""
+_watch_numbers = itertools.count(1)
+"""Nanoseconds that each watch adds to its lease. Fast DDS tells readers of one participant, topic
+and lease only of changes: one that joins beside another would never hear that the writer lives."""
+
+
+def heartbeat_qos(lease_s: float = LEASE_S, extra_ns: int = 0) -> QoSProfile:
+    """Return the quality of service of a heartbeat topic with a lease [s] and some ns more."""
     return QoSProfile(
         depth=1,
         reliability=ReliabilityPolicy.BEST_EFFORT,
         liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
-        liveliness_lease_duration=Duration(seconds=lease_s),
+        liveliness_lease_duration=Duration(seconds=lease_s, nanoseconds=extra_ns),
     )
 
 
@@ -255,7 +261,7 @@ class HeartbeatWatch:
             Empty,
             topic,
             _ignore,
-            heartbeat_qos(timeout_s),
+            heartbeat_qos(timeout_s, next(_watch_numbers)),
             callback_group=NotOnExecutor(),
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
         )

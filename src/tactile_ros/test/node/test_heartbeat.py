@@ -76,6 +76,35 @@ def has(watch, text):
     return lambda: text in watch.format_loss()
 
 
+def test_a_watch_that_joins_beside_another_hears_a_peer_that_lives_already(node, context):
+    peer = Node('peer', context=context)
+    heart = Heartbeat(peer, lambda: True)
+    first = HeartbeatWatch(node, 'peer/heartbeat')
+    with beating(heart):
+        wait_until(lambda: not first.format_loss())
+        late = [HeartbeatWatch(node, 'peer/heartbeat') for _ in range(3)]
+        wait_until(lambda: not any(watch.format_loss() for watch in late))
+        late.pop().close()
+        assert not any(watch.format_loss() for watch in (first, *late))
+    wait_until(lambda: all(watch.format_loss() for watch in (first, *late)))
+    for watch in (first, *late):
+        watch.close()
+    heart.close()
+    peer.destroy_node()
+
+
+def test_a_watch_that_joins_beside_another_hears_a_peer_of_another_process(node, start_peer):
+    process = start_peer()
+    first = HeartbeatWatch(node, 'peer/heartbeat')
+    wait_until(lambda: not first.format_loss(), timeout_s=START_S)
+    late = HeartbeatWatch(node, 'peer/heartbeat')
+    wait_until(lambda: not late.format_loss())
+    process.kill()
+    wait_until(lambda: first.format_loss() and late.format_loss())
+    for watch in (first, late):
+        watch.close()
+
+
 def test_a_heart_beats_while_its_node_is_well_and_until_it_is_closed(node, context):
     beats, asked, well = [], [], [True]
     listener = Node('other', context=context)
