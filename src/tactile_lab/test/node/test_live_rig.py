@@ -126,9 +126,14 @@ def test_a_rig_feels_a_force_that_another_node_publishes(rig, context, trained):
     ):
         operator.home_guide()
         rig.mount('stiffness', 'none', 'flexion')
-        operator.run_trial(TrialRequest('stiffness', 'flexion', 'none', 'first'))
+        trial = 'first'
+        try:
+            operator.run_trial(TrialRequest('stiffness', 'flexion', 'none', trial))
+        except TactileError as error:  # a computer that gives this process no core for 0.2 s
+            assert 'of silence' in str(error)
+            trial = operator.run_trial(TrialRequest('stiffness', 'flexion', 'none', 'second'))
         (model,) = operator.wait_for_models()
-        (answer,) = operator.wait_for_answers('first', [model.model_id])
+        (answer,) = operator.wait_for_answers(trial, [model.model_id])
         assert answer.label == 'none', answer.reason
 
 
