@@ -97,7 +97,7 @@ class TendonContact:
             self._least_error_m, self._nearest_ns = error_m, stamp_ns
         return self._nearest_ns if stamp_ns - self._nearest_ns >= STILL_NS else None
 
-    def describe_loss(self) -> str:
+    def format_loss(self) -> str:
         """Return why the contact is lost; empty while the tendon stays at its displacement."""
         if self._wanted_m is None:
             return ''

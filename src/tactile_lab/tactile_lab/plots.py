@@ -104,7 +104,7 @@ def plot_signals(
 def plot_all_trials(path: Path, trials: Sequence[Trial]) -> None:
     """Draw the trials of an experiment: a row an object, a column a contact, a colour a session.
 
-    Trials that do not count are grey.
+    Time is from the contact, where there is one. Trials that do not count are grey.
     """
     objects = sorted({trial.label for trial in trials})
     contacts = sorted({trial.contact for trial in trials})
@@ -116,7 +116,8 @@ def plot_all_trials(path: Path, trials: Sequence[Trial]) -> None:
         colour = '#bbbbbb' if trial.why_not else f'C{sessions.index(trial.session_id) % 10}'
         signal = trial.signal
         time_s = np.arange(signal.values.shape[1]) if signal.time_s is None else signal.time_s
-        axes.plot(time_s, signal.values[0], color=colour, lw=0.7)
+        contact_s = next((start for name, start, _ in trial.phases if name == 'contact'), 0.0)
+        axes.plot(time_s - contact_s, signal.values[0], color=colour, lw=0.7)
     for row, label in enumerate(objects):
         for column, contact in enumerate(contacts):
             title = f'{label}, {contact}' if contact else label
@@ -125,11 +126,16 @@ def plot_all_trials(path: Path, trials: Sequence[Trial]) -> None:
         grid[0][0].plot([], [], color=f'C{i % 10}', label=session or 'no session')
     if any(trial.why_not for trial in trials):
         grid[0][0].plot([], [], color='#bbbbbb', label='does not count')
-    figure.legend(loc='outside upper center', ncols=min(6, len(sessions) + 1), frameon=False)
+    simulated = 'SIMULATED' if any(trial.simulated for trial in trials) else None
+    figure.legend(
+        loc='outside upper center',
+        ncols=min(6, len(sessions) + 1),
+        frameon=False,
+        title=simulated,
+        title_fontproperties={'weight': 'bold'},
+    )
     figure.supxlabel('time [s]')
     figure.supylabel('tension [N]')
-    if any(trial.simulated for trial in trials):
-        figure.suptitle('SIMULATED')
     figure.savefig(path, dpi=130)
 
 

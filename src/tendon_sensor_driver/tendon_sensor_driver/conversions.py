@@ -115,7 +115,7 @@ def assess_health(
         return LEVEL_ERROR, f'{what}: {health.last_error}'
     silence_s = (now_ns - health.heard_at_ns) / 1e9
     if silence_s > config.silence_s:
-        return LEVEL_WARN, _describe_silence(silence_s, health, before, config)
+        return LEVEL_WARN, _format_silence(silence_s, health, before, config)
     if health.device_status or health.status & StrainStatus.DEVICE_ERROR:
         return LEVEL_ERROR, f'the device reports: {health.device_status or "an error"}'
     if health.status & StrainStatus.SATURATED:
@@ -126,7 +126,7 @@ def assess_health(
             'its amplifier, or set stuck_s for a coarse sensor'
         )
     if health.restarts > before.restarts:
-        return LEVEL_WARN, f'{describe_restart(config)}; tare again'
+        return LEVEL_WARN, f'{format_restart(config)}; tare again'
     if health.reconnects > before.reconnects:
         return LEVEL_WARN, 'the link was lost and is back'
     if health.advice:
@@ -147,14 +147,14 @@ def assess_health(
     return LEVEL_OK, 'samples arrive'
 
 
-def describe_restart(config: TendonSensorConfig) -> str:
+def format_restart(config: TendonSensorConfig) -> str:
     """Return the sentence for a device that has restarted, or of which nobody can know."""
     if config.sensor == 'line' and config.time_column < 0:
         return 'the link was lost and is back: a device without a clock may have restarted'
     return 'the device has restarted'
 
 
-def _describe_silence(
+def _format_silence(
     silence_s: float, health: Health, before: Health, config: TendonSensorConfig
 ) -> str:
     sentence = f'no reading for {silence_s:.1f} s'

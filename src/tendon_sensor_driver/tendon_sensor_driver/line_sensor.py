@@ -97,7 +97,7 @@ def _is_word(column: bytes) -> bool:
     return column != SIMULATED and bool(_find_letter(column))
 
 
-def describe_line(line: bytes) -> str:
+def format_line(line: bytes) -> str:
     r"""Return a line as printable text; other bytes as ``\xff``."""
     return ''.join(chr(b) if 0x20 <= b < 0x7F else f'\\x{b:02x}' for b in line)
 
@@ -271,7 +271,7 @@ class LineDecoder:
                 f'set unit to {UNITS[word]}'
             )
         return (
-            f'the word "{describe_line(word)}" after the value is no unit that is known here: let '
+            f'the word "{format_line(word)}" after the value is no unit that is known here: let '
             f'the device send {self._unit}, or no word'
         )
 
@@ -400,7 +400,7 @@ class TendonSensorClient(LinkClient[SerialTransport]):
             restarts=stream.clock.restarts,
             overruns=self._overruns,
             status=stream.status,
-            last_rejected=describe_line(decoder.last_rejected),
+            last_rejected=format_line(decoder.last_rejected),
             last_reason=decoder.last_reason,
         )
 

@@ -27,8 +27,8 @@ from tendon_sensor_driver.net_ft_protocol import (
     Command,
     compute_rate_hz,
     decode_records,
-    describe_status,
     encode_request,
+    format_status,
     MOST_RECORDS,
     RECORD_BYTES,
 )
@@ -120,9 +120,9 @@ class NetFtLink:
         """Bytes, datagrams and rejected datagrams received so far."""
         return self._counts
 
-    def describe_status(self) -> str:
+    def format_status(self) -> str:
         """Return what the newest record says is wrong with the box; empty when nothing is."""
-        return ', '.join(describe_status(self._status_word, is_axia=self._is_axia))
+        return ', '.join(format_status(self._status_word, is_axia=self._is_axia))
 
     def read(self) -> Batch | None:
         """Return what has arrived, or None after a quarter of a second without any.
@@ -246,7 +246,7 @@ class NetFtClient(LinkClient[NetFtLink]):
             outliers=clock.outliers,
             restarts=clock.restarts,
             status=stream.status,
-            device_status='' if link is None else link.describe_status(),
+            device_status='' if link is None else link.format_status(),
             rate_hz=clock.rate_hz,
         )
 

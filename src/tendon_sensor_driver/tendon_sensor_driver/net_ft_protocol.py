@@ -224,7 +224,7 @@ def classify_status(words: NDArray[np.uint32], *, is_axia: bool) -> NDArray[np.u
     return status.astype(np.uint32)
 
 
-def describe_status(word: int, *, is_axia: bool) -> tuple[str, ...]:
+def format_status(word: int, *, is_axia: bool) -> tuple[str, ...]:
     """Return what a status word says, highest bit first; nothing for a healthy sensor."""
     bits = _AXIA_BITS if is_axia else _NET_FT_BITS
     words = [bits.get(bit, f'bit {bit}') for bit in range(30, -1, -1) if word >> bit & 1]

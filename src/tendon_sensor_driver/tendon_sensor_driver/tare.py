@@ -83,7 +83,7 @@ class Tare:
     def apply(self, block: StrainBlock) -> StrainBlock:
         """Take note of a block as it came, and return it with the bias taken off."""
         with self._lock:
-            if event := self._describe_break(block):
+            if event := self._format_break(block):
                 self._blocks.clear()
                 self._samples = 0
                 self._break = event
@@ -150,7 +150,7 @@ class Tare:
                 return None
         return bias.bias_n - self._bias.bias_n
 
-    def _describe_break(self, block: StrainBlock) -> str:
+    def _format_break(self, block: StrainBlock) -> str:
         """Return the event that parts a block from the samples before it, if there is one."""
         if int(block.status) & _ANY_BREAK:
             return next(event for bit, event in _BREAKS.items() if block.status & bit)

@@ -26,7 +26,7 @@ from tendon_sensor_driver import tare
 from tendon_sensor_driver.client import SensorClient
 from tendon_sensor_driver.conversions import (
     assess_health,
-    describe_restart,
+    format_restart,
     LEVEL_OK,
     to_strain_msg,
     to_tare_msg,
@@ -156,7 +156,7 @@ class SensorStage(Stage):
     def _forget_after_restart(self) -> None:
         if self._zero.note_restart(self._node.now_ns()):
             self._node.get_logger().warning(
-                f'{describe_restart(self._config)}; the tare is gone, tare again'
+                f'{format_restart(self._config)}; the tare is gone, tare again'
             )
             self._drift_n = None
             self._publish_tare(self._zero.bias)

@@ -66,7 +66,7 @@ def choose_type(publishers: Sequence[Publisher], present: str = '') -> str:
     return present if present in types else next(iter(types), '')
 
 
-def describe_publishers(topic: str, publishers: Sequence[Publisher], type_name: str) -> str:
+def format_publishers(topic: str, publishers: Sequence[Publisher], type_name: str) -> str:
     """Return why nothing can come from the publishers of a topic; empty when something can.
 
     Parameters
@@ -96,7 +96,7 @@ def describe_publishers(topic: str, publishers: Sequence[Publisher], type_name: 
     return ''
 
 
-def describe_stream(
+def format_stream(
     topic: str,
     stream: TopicStream,
     publishers: Sequence[Publisher],
@@ -232,7 +232,7 @@ class TopicClient(SensorClient):
         stream, samples = self._stream, self._stream.samples
         values: dict[str, Any] = {}
         if not self._is_connected:
-            values['last_error'] = self._refusal or describe_publishers(
+            values['last_error'] = self._refusal or format_publishers(
                 self.identity, self._publishers, self._type_name
             )
         if samples is not None:
@@ -260,7 +260,7 @@ class TopicClient(SensorClient):
         now = (self._count_duplicates(), self._stream.readings)
         before = self._past[0] if self._past else now
         duplicates = now[0] - before[0]
-        return describe_stream(
+        return format_stream(
             self.identity,
             self._stream,
             self._publishers,
@@ -289,7 +289,7 @@ class TopicClient(SensorClient):
         wanted = choose_type(self._publishers, self._type_name)
         if wanted and wanted != self._type_name:
             self._subscribe(wanted)
-        is_there = not describe_publishers(self.identity, self._publishers, self._type_name)
+        is_there = not format_publishers(self.identity, self._publishers, self._type_name)
         if is_there and not self._is_connected:
             self._note_heard()
             if self._has_met:

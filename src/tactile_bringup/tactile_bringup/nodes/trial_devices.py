@@ -158,7 +158,7 @@ class TrialDevice:
         """Return a sentence for each thing without which it takes no goal."""
         if not self.client.server_is_ready():
             return [f'The {self._words} does not answer; start and activate its node.']
-        if loss := self.describe_loss():
+        if loss := self.format_loss():
             return [loss]
         if self._is_left_busy():
             return [f'The {self._words} still carries out its last goal.']
@@ -168,7 +168,7 @@ class TrialDevice:
             return [f'The {self._words} has not said yet whether it is ready; see its log.']
         return []
 
-    def describe_loss(self) -> str:
+    def format_loss(self) -> str:
         """Return that its heartbeat has ended, and why if it said so; empty while it beats.
 
         A heartbeat that was never heard is none that can end. Two drivers are a loss, too.
@@ -178,7 +178,7 @@ class TrialDevice:
             return ''
         return ' '.join([loss, *self._reasons()])
 
-    def describe_silence(self) -> str:
+    def format_silence(self) -> str:
         """Return that nobody sees where it is; empty while its joint states come."""
         timeout_s = self._config.heartbeat_timeout_s
         if time.monotonic() - self._reported_s <= timeout_s:
@@ -232,7 +232,7 @@ class TrialDevice:
         if not self._stop.service_is_ready():
             return None
         answer = self._stop.call_async(Trigger.Request())
-        return None if self.describe_loss() else answer
+        return None if self.format_loss() else answer
 
     def send(self, message: Any) -> None:
         """Send a goal and wait for nothing: a driver without heartbeat may still hear it."""
@@ -331,7 +331,7 @@ class TrialDevice:
             check()
             if not self._node.context.ok():
                 raise GoalAborted('the process is ending')
-            problem = lateness if time.monotonic() > deadline_s else self.describe_loss()
+            problem = lateness if time.monotonic() > deadline_s else self.format_loss()
             if not self.client.server_is_ready():
                 problem = f'the {self._words} went away; is its node running?'
             if problem:
@@ -374,7 +374,7 @@ class StrainWatch:
         """Take the subscription away."""
         self._node.unpoll(self._blocks)
 
-    def describe_silence(self) -> str:
+    def format_silence(self) -> str:
         """Return that no valid sample arrives, and what to do; empty while they do."""
         if time.monotonic() - self._heard_s <= self._timeout_s:
             return ''

@@ -185,7 +185,7 @@ class TrialRunnerNode(PollingNode):
             '' if rivals is None else rivals.format_loss(),
             *guide.find_missing(),
             *tendon.find_missing(),
-            strain.describe_silence(),
+            strain.format_silence(),
         ]
         return [part for part in parts if part]
 
@@ -388,13 +388,13 @@ class TrialRunnerNode(PollingNode):
         if (rivals := self._rivals) is not None and (loss := rivals.format_loss()):
             raise GoalAborted(loss)
         for device in (self._guide, self._tendon):
-            if device is not None and (loss := device.describe_loss()):
+            if device is not None and (loss := device.format_loss()):
                 raise GoalAborted(loss)
-        if loss := self._contact.describe_loss():
+        if loss := self._contact.format_loss():
             raise ContactLost(loss)
         watched = (self._strain, self._tendon) if trial.needs_strain else ()
         for source in watched:
-            if source is not None and (loss := source.describe_silence()):
+            if source is not None and (loss := source.format_silence()):
                 raise GoalAborted(loss)
 
     def _end_early(self, trial: RunningTrial, error: Exception) -> None:
@@ -428,7 +428,7 @@ class TrialRunnerNode(PollingNode):
             if attempt:
                 time.sleep(RELEASE_PAUSE_S)
             try:
-                if problem := tendon.describe_loss():
+                if problem := tendon.format_loss():
                     tendon.send(self._release(request))
                     break
                 timeout_s = seconds + self.config.server_timeout_s

@@ -7,8 +7,8 @@ import itertools
 import math
 import re
 import threading
-from types import SimpleNamespace
 import time
+from types import SimpleNamespace
 
 import pytest
 from trial_bench import Device, SERVER_TIMEOUT_S, stamp_ns

@@ -33,7 +33,7 @@ def test_a_contact_begins_with_the_first_state_at_rest():
     watched = contact(*PULL, (3, 0.0048, 0.0002), (4, 0.0049, 0.0))
     assert watched.rest_ns == 3
     assert watched.error_m == pytest.approx(0.0001)
-    assert watched.describe_loss() == ''
+    assert watched.format_loss() == ''
     assert contact(*PULL).rest_ns is None
 
 
@@ -78,7 +78,7 @@ def test_the_rest_is_right_with_the_resolution_of_the_servo(speed_m_s, radius_m,
     one_count_s = 1 / (goal / end_s)
     assert watched.rest_ns / S >= end_s - one_count_s - 1e-6
     assert watched.rest_ns / S <= end_s + 5 / poll_rate_hz + 1e-6
-    assert watched.describe_loss() == ''
+    assert watched.format_loss() == ''
 
 
 def test_a_slow_pull_that_leaves_the_tolerance_begins_anew():
@@ -91,16 +91,16 @@ def test_a_slow_pull_that_leaves_the_tolerance_begins_anew():
 
 def test_a_tendon_that_leaves_its_displacement_is_told_with_the_numbers():
     watched = contact(*PULL, (3, 0.0049, 0.0), (4, 0.0043, -0.01))
-    assert 'wound in by 0.0043 m instead of 0.0049 m' in watched.describe_loss()
+    assert 'wound in by 0.0043 m instead of 0.0049 m' in watched.format_loss()
     watched.end()
     watched.take(5, 0.0, 0.0)
-    assert (watched.describe_loss(), watched.error_m) == ('', 0.0)
+    assert (watched.format_loss(), watched.error_m) == ('', 0.0)
 
 
 @pytest.mark.parametrize('back_s', [0.3, 0.99, 1.01, 3600.0])
 def test_a_loss_is_told_after_the_clock_was_set_back(back_s):
     watched = contact(*PULL, (10**13, 0.0049, 0.0), (10**13 - round(back_s * S), 0.0043, -0.01))
-    assert 'wound in by 0.0043 m instead of 0.0049 m' in watched.describe_loss()
+    assert 'wound in by 0.0043 m instead of 0.0049 m' in watched.format_loss()
 
 
 @pytest.mark.parametrize(('back_s', 'is_step'), [(0.99, False), (1.01, True), (3600.0, True)])
@@ -110,11 +110,11 @@ def test_a_clock_that_is_set_back_ends_the_trial(back_s, is_step):
         watched.take(10**13 - round(back_s * S) + poll, 0.0049, 0.0)
     assert watched.error_m == 0.0
     sentence = f'set back by {back_s:.2f} s'
-    assert (sentence in watched.describe_loss()) == is_step
-    assert (watched.describe_loss() == '') != is_step
+    assert (sentence in watched.format_loss()) == is_step
+    assert (watched.format_loss() == '') != is_step
     watched.begin(0.0049, CONFIG.displacement_tolerance_m)
     watched.take(0, 0.0, 0.0)
-    assert watched.describe_loss() == ''
+    assert watched.format_loss() == ''
 
 
 @pytest.mark.parametrize(

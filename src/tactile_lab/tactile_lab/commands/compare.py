@@ -149,7 +149,7 @@ def _print(compared: 'Compared', output: 'Output') -> None:
     for side, each in zip(SIDES, compared.contenders, strict=True):
         output.say(f'  {side}: {each.path}', plain=True)
     ratio = compared.seconds[1] / compared.seconds[0]
-    output.say(f'  {_tell_difference(comparison)}')
+    output.say(f'  {_format_difference(comparison)}')
     output.say(f'  same answer: {100 * comparison.agreement:.1f} % of the trials')
     output.say(f'  time of one answer, B to A, features apart: {ratio:.2f}')
     for wrong in comparison.confusions[:CONFUSIONS]:
@@ -174,7 +174,7 @@ def _print(compared: 'Compared', output: 'Output') -> None:
     output.say()
 
 
-def _tell_difference(comparison: 'Comparison') -> str:
+def _format_difference(comparison: 'Comparison') -> str:
     """Return where the interval of the difference comes from."""
     if comparison.interval.reason:
         return f'difference: no interval, {comparison.interval.reason}'
@@ -184,24 +184,24 @@ def _tell_difference(comparison: 'Comparison') -> str:
     return f'difference: 95 % interval, {over}; p {comparison.p_value:.2g} (McNemar)'
 
 
-def _tell_accuracy(side: 'Answered') -> str:
+def _format_accuracy(side: 'Answered') -> str:
     accuracy = f'{100 * side.accuracy:.1f} %'
     if side.interval.reason:
         return accuracy
-    from tactile_lab.datasets.tables import tell_interval
+    from tactile_lab.datasets.tables import format_interval
 
-    return f'{accuracy}  ({tell_interval(side.interval)})'
+    return f'{accuracy}  ({format_interval(side.interval)})'
 
 
-def _tell_answered(side: 'Answered') -> str:
+def _format_answered(side: 'Answered') -> str:
     share = side.answered_accuracy
     return 'it gives none' if share is None else f'{100 * share:.1f} %'
 
 
 _ROWS: Mapping[str, Callable[['Answered'], str]] = MappingProxyType(
     {
-        'named correctly': _tell_accuracy,
-        'right, where it gives a label': _tell_answered,
+        'named correctly': _format_accuracy,
+        'right, where it gives a label': _format_answered,
         'unknown': lambda side: f'{100 * side.unknown_rate:.1f} %',
         'no answer': lambda side: f'{100 * side.no_answer_rate:.1f} %',
     }

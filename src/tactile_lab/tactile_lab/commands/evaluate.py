@@ -177,7 +177,7 @@ def evaluate(
 
 def _print(result: 'SetResult', output: 'Output') -> None:
     from tactile_classifier.model_file.manifest import format_features
-    from tactile_lab.datasets.tables import accuracy_caption, accuracy_table, tell_warnings
+    from tactile_lab.datasets.tables import accuracy_caption, accuracy_table, format_warnings
     from tactile_lab.report.summary import answer_rows, format_accuracy
 
     for evaluation in result.evaluations:
@@ -185,11 +185,11 @@ def _print(result: 'SetResult', output: 'Output') -> None:
         output.say(accuracy_caption(evaluation, intervals=True))
     output.say(f'  {format_features(result.recordings.table.spec)}')
     lines: list[Any] = [
-        *result.recordings.tell_preparation(most=10),
+        *result.recordings.format_preparation(most=10),
         format_accuracy(result),
         *(': '.join(row) for row in (answer_rows(result.answers) if result.answers else ())),
         *result.not_done,
-        *tell_warnings(result.evaluations),
+        *format_warnings(result.evaluations),
     ]
     for line in lines:
         output.say(f'  {line}', plain=True)

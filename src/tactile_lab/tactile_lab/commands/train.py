@@ -343,7 +343,7 @@ def train_models(
         accuracy_caption,
         accuracy_table,
         describe_answers,
-        tell_warnings,
+        format_warnings,
     )
     from tactile_lab.output import make_output_folder, refuse_to_replace
 
@@ -368,7 +368,7 @@ def train_models(
         output.say(accuracy_table(evaluation, f'{source.title(key, table)}{simulated}'))
         output.say(accuracy_caption(evaluation))
         output.say(format_features(table.spec))
-        for warning in tell_warnings([evaluation]):
+        for warning in format_warnings([evaluation]):
             output.say(warning)
         chosen = scaling or default_scaling(key[0], classifier)
         seconds = partial_seconds if key[0] == PROTOCOL_TEXTURE else ()

@@ -27,7 +27,7 @@ from tactile_classifier.training.feature_choice import (
 from tactile_features.feature_sets.registry import list_feature_sets
 from tactile_features.records import PHASE_GLIDE, PHASE_HOLD
 from tactile_lab.datasets.feature_tables import Key, name_table, RecordingFeatures
-from tactile_lab.datasets.tables import name_candidate, tell_nested
+from tactile_lab.datasets.tables import format_nested, name_candidate
 
 AUTO = 'auto'
 """In place of a set of features: choose one inside the folds."""
@@ -95,12 +95,12 @@ def choose_automatically(
         shared = [name for name in tables[key] if all(each.find_best(name) for each in same)]
         name = max(shared, key=lambda n: sum(_best(each, n).accuracy for each in same))
         kind = name_table(key, tables[key][name])
-        say(f'{kind}: {describe_choice(choice, name)}{of_these}')
+        say(f'{kind}: {format_choice(choice, name)}{of_these}')
         picked[key] = Chosen(tables[key][name], _best(choice, name).candidate, choice)
     return picked
 
 
-def describe_choice(choice: FeatureChoice, name: str) -> str:
+def format_choice(choice: FeatureChoice, name: str) -> str:
     """Return what was chosen, how good such a choice is, and what the runner-up would cost.
 
     The accuracy of the best on the folds that chose it is too good on average, and not told.
@@ -113,7 +113,7 @@ def describe_choice(choice: FeatureChoice, name: str) -> str:
         if candidate == best.candidate or (several and candidate.feature_set == name)
     ]
     text = (
-        f'{name_candidate(best.candidate)}; {tell_nested(choice)}; {sum(same)} of '
+        f'{name_candidate(best.candidate)}; {format_nested(choice)}; {sum(same)} of '
         f'{sum(count for _, count in choice.picks)} folds choose this '
         f'{"set" if several else "classifier"}, too'
     )

@@ -378,7 +378,7 @@ class Compared:
         was = 'were' if len(trained_on) > 1 else 'was'
         caution = f', on trials that {" and ".join(trained_on)} {was} trained on'
         caution *= bool(trained_on)
-        return _tell_verdict(self.comparison, caution)
+        return _format_verdict(self.comparison, caution)
 
     def to_dict(self) -> dict[str, Any]:
         """Return what JSON can hold."""
@@ -513,7 +513,7 @@ def time_answers(
     return float(np.median(taken_ns[0])) * 1e-9, float(np.median(taken_ns[1])) * 1e-9
 
 
-def _tell_verdict(comparison: Comparison, caution: str = '') -> str:
+def _format_verdict(comparison: Comparison, caution: str = '') -> str:
     """Return which model is better, by how much and on what, in one sentence."""
     over = f'{comparison.trials} trials{caution}'
     if comparison.groups:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from tactile_classifier.training.feature_choice import Candidate, FeatureChoice
 
 
-def tell_interval(interval: Interval) -> str:
+def format_interval(interval: Interval) -> str:
     """Return an interval of accuracies in %, or why there is none."""
     if interval.reason:
         return f'none: {interval.reason}'
@@ -37,13 +37,17 @@ def name_candidate(candidate: Candidate) -> str:
     return f'{candidate.feature_set} with {title}, {short_scaling(candidate.scaling)}'
 
 
-def tell_nested(choice: FeatureChoice) -> str:
+def format_nested(choice: FeatureChoice) -> str:
     """Return the accuracy of a choice of features that is made inside the folds."""
     interval = choice.interval
-    span = tell_interval(interval) if interval.reason else f'{tell_interval(interval)} %'
+    span = (
+        f'no interval: {interval.reason}'
+        if interval.reason
+        else f'95 % interval {format_interval(interval)} %'
+    )
     return (
         f'accuracy {100 * choice.nested_accuracy:.1f} % with set and classifier chosen inside the '
-        f'folds ({choice.split}; 95 % interval {span}); chance {100 * choice.chance:.1f} %'
+        f'folds ({choice.split}; {span}); chance {100 * choice.chance:.1f} %'
     )
 
 
@@ -89,7 +93,7 @@ def accuracy_caption(evaluation: Evaluation, *, intervals: bool = False) -> str:
     return '; '.join(parts)
 
 
-def tell_warnings(evaluations: Sequence[Evaluation]) -> list[str]:
+def format_warnings(evaluations: Sequence[Evaluation]) -> list[str]:
     """Return the warnings of some evaluations of one table, each once."""
     found = [warning for evaluation in evaluations for warning in evaluation.warnings]
     return [f'warning: {warning}' for warning in dict.fromkeys(found)]

@@ -163,7 +163,7 @@ def find_ports() -> list[FoundDevice]:
     return [
         FoundDevice(
             port=port.device,
-            usb=_describe_usb(port),
+            usb=_format_usb(port),
             names=find_names(port.device),
         )
         for port in sorted(list_ports.comports())
@@ -171,7 +171,7 @@ def find_ports() -> list[FoundDevice]:
     ]
 
 
-def _describe_usb(port: Any) -> str:
+def _format_usb(port: Any) -> str:
     if port.vid is None:
         return ''
     parts = [port.product or port.description, f'{port.vid:04x}:{port.pid:04x}']
@@ -239,7 +239,7 @@ def probe_port(found: FoundDevice, listen_s: float, is_quiet: bool) -> FoundDevi
         if answer is None and not spoke and not is_quiet:
             answer = _ping_servos(found.port)
     except (*LINE_ERRORS, ValueError) as error:
-        return replace(found, what=_describe_failure(error))
+        return replace(found, what=_format_failure(error))
     if answer is None:
         what = 'speaks, but in no known way' if spoke else 'silent'
         return replace(found, what=what)
@@ -247,7 +247,7 @@ def probe_port(found: FoundDevice, listen_s: float, is_quiet: bool) -> FoundDevi
     return replace(found, device=device, what=what, parameters=parameters)
 
 
-def _describe_failure(error: Exception) -> str:
+def _format_failure(error: Exception) -> str:
     number = getattr(error, 'errno', None)
     if number in (11, 16):
         return 'in use by another program'
@@ -322,14 +322,14 @@ def _ping_servos(port: str) -> tuple[str, str, dict[str, Any]] | None:
             handler.ser.timeout = READ_WAIT_S  # the SDK asks for bytes in a loop
             servos, _ = packets.broadcastPing(handler)
             if servos:
-                return _describe_servos(servos, baud)
+                return _format_servos(servos, baud)
     finally:
         if handler.ser is not None:
             handler.closePort()
     return None
 
 
-def _describe_servos(servos: dict[int, list[int]], baud: int) -> tuple[str, str, dict[str, Any]]:
+def _format_servos(servos: dict[int, list[int]], baud: int) -> tuple[str, str, dict[str, Any]]:
     texts = [
         f'{SERVO_MODELS.get(model, f"model {model}")} with ID {number}, firmware {firmware}'
         for number, (model, firmware) in sorted(servos.items())

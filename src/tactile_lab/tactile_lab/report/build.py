@@ -15,7 +15,7 @@ from tactile_classifier.evaluation.early_answers import StoppingEvaluation
 from tactile_classifier.evaluation.open_set import OpenSetEvaluation
 from tactile_classifier.model_file.manifest import format_features
 from tactile_classifier.records import CLASSIFIER_TITLES, short_scaling
-from tactile_lab.datasets.tables import tell_interval, tell_warnings
+from tactile_lab.datasets.tables import format_interval, format_warnings
 from tactile_lab.report import drawings
 from tactile_lab.report.analysis import SetResult
 from tactile_lab.report.answers import MeasureSummary
@@ -126,7 +126,7 @@ def fill_template(name: str, **values: Any) -> str:
     )
     filters: dict[str, Callable[..., str]] = {
         'percent': lambda share: f'{100 * share:.1f}',
-        'interval': tell_interval,
+        'interval': format_interval,
         'classifier': CLASSIFIER_TITLES.__getitem__,
         'scaling': short_scaling,
     }
@@ -143,10 +143,10 @@ def _summarise(result: SetResult) -> dict[str, Any]:
         'facts': [
             format_model(result),
             format_accuracy(result),
-            *tell_warnings(result.evaluations),
+            *format_warnings(result.evaluations),
         ],
         'features': format_features(result.recordings.table.spec),
-        'preparation': result.recordings.tell_preparation(),
+        'preparation': result.recordings.format_preparation(),
         'table_sha256': result.recordings.table.compute_sha256(),
     }
 

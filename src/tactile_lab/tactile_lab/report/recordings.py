@@ -121,7 +121,7 @@ class RecordingSet:
     not_done: tuple[str, ...] = ()
     extras: WindowExtras | None = None
 
-    def tell_preparation(self, most: int | None = None) -> list[str]:
+    def format_preparation(self, most: int | None = None) -> list[str]:
         """Return what was done to the signals and which trials were skipped, ``most`` of them."""
         lines = list(self.steps)
         if self.skipped:

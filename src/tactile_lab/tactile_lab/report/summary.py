@@ -26,7 +26,7 @@ from tactile_classifier.datasets.dataset import plain_name
 from tactile_classifier.estimators.classifiers import default_scaling
 from tactile_classifier.evaluation.cross_validation import Evaluation, Score
 from tactile_classifier.records import CLASSIFIER_TITLES, short_scaling
-from tactile_lab.datasets.tables import name_candidate, tell_interval, tell_nested
+from tactile_lab.datasets.tables import format_interval, format_nested, name_candidate
 from tactile_lab.report.analysis import SetResult
 from tactile_lab.report.answers import Answers, CLASSIFIER
 
@@ -195,7 +195,7 @@ def format_accuracy(result: SetResult) -> str:
         chosen = f'{name_candidate(candidate)} was chosen'
         if not result.recordings.splits:
             return (
-                f'{tell_nested(choice)}; {chosen}, whose own accuracy is too high on average, '
+                f'{format_nested(choice)}; {chosen}, whose own accuracy is too high on average, '
                 f'since these trials chose it; {confusion} ({score.split})'
             )
         chosen = f'; {chosen} on trials that are not tested'
@@ -203,7 +203,7 @@ def format_accuracy(result: SetResult) -> str:
     interval = (
         f'no interval: {score.interval.reason}'
         if score.interval.reason
-        else f'95 % interval {tell_interval(score.interval)} %'
+        else f'95 % interval {format_interval(score.interval)} %'
     )
     return (
         f'accuracy {100 * score.mean:.1f} % ({split}; {interval}); '

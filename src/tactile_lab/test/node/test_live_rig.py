@@ -130,7 +130,8 @@ def test_a_rig_feels_a_force_that_another_node_publishes(rig, context, trained):
         try:
             operator.run_trial(TrialRequest('stiffness', 'flexion', 'none', trial))
         except TactileError as error:  # a computer that gives this process no core for 0.2 s
-            assert 'of silence' in str(error)
+            if 'of silence' not in str(error):
+                raise
             trial = operator.run_trial(TrialRequest('stiffness', 'flexion', 'none', 'second'))
         (model,) = operator.wait_for_models()
         (answer,) = operator.wait_for_answers(trial, [model.model_id])

@@ -14,8 +14,8 @@ from tendon_sensor_driver.net_ft_protocol import (
     Command,
     compute_rate_hz,
     decode_records,
-    describe_status,
     encode_request,
+    format_status,
     RdtError,
     RECORD_BYTES,
 )
@@ -76,12 +76,12 @@ def test_bytes_are_whole_records_or_an_error(datagram):
 def test_status_words_become_bits_and_words(word, is_axia, status, words):
     bits = classify_status(np.array([0, word], dtype=np.uint32), is_axia=is_axia)
     assert bits.tolist() == [0, int(status)]
-    assert describe_status(word, is_axia=is_axia) == words
+    assert format_status(word, is_axia=is_axia) == words
 
 
 @given(WORDS, st.booleans())
 def test_every_status_word_has_words(word, is_axia):
-    assert (describe_status(word, is_axia=is_axia) == ()) == (word == 0)
+    assert (format_status(word, is_axia=is_axia) == ()) == (word == 0)
 
 
 @pytest.mark.parametrize(

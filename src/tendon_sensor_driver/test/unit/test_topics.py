@@ -16,8 +16,8 @@ from tendon_sensor_driver import TendonSensorConfig, TendonSensorError
 from tendon_sensor_driver.sensors import make_sensor
 from tendon_sensor_driver.topic_sensor import (
     choose_type,
-    describe_publishers,
-    describe_stream,
+    format_publishers,
+    format_stream,
     Publisher,
 )
 from tendon_sensor_driver.topic_stream import READERS, ReadingError, TopicReading, TopicStream
@@ -250,16 +250,16 @@ def test_each_reading_is_in_one_block_or_counted(steps, samples_per_block, rate_
 
 
 def test_a_topic_that_nobody_publishes_or_with_a_wrong_type_says_what_to_do():
-    assert 'nobody publishes /force' in describe_publishers('/force', [], '')
+    assert 'nobody publishes /force' in format_publishers('/force', [], '')
     image = Publisher('/camera', 'sensor_msgs/msg/Image')
-    sentence = describe_publishers('/force', [image], '')
+    sentence = format_publishers('/force', [image], '')
     assert 'sensor_msgs/msg/Image, which holds no tension' in sentence
     assert WRENCH in sentence
-    assert 'found just now' in describe_publishers('/force', [Publisher('/ft', WRENCH)], '')
-    assert describe_publishers('/force', [Publisher('/ft', WRENCH)], WRENCH) == ''
+    assert 'found just now' in format_publishers('/force', [Publisher('/ft', WRENCH)], '')
+    assert format_publishers('/force', [Publisher('/ft', WRENCH)], WRENCH) == ''
     refused = Publisher('/ft', WRENCH, 'ERROR: Best effort publisher')
-    assert 'another quality of service: ERROR' in describe_publishers('/f', [refused], WRENCH)
-    assert describe_publishers('/f', [refused, Publisher('/b', WRENCH)], WRENCH) == ''
+    assert 'another quality of service: ERROR' in format_publishers('/f', [refused], WRENCH)
+    assert format_publishers('/f', [refused, Publisher('/b', WRENCH)], WRENCH) == ''
 
 
 def test_the_type_is_that_of_the_first_that_fits_and_stays_while_it_is_there():
@@ -275,7 +275,7 @@ def test_what_is_wrong_with_a_stream_is_said_with_its_remedy():
     publishers = [Publisher('/ft', WRENCH)]
 
     def describe(stream, publishers=publishers, **options):
-        return describe_stream('/force', stream, publishers, **{'is_silent': False, **options})
+        return format_stream('/force', stream, publishers, **{'is_silent': False, **options})
 
     stream = TopicStream(configure(rate_hz=100.0))
     feed(stream, [(START_NS + i * 10_000_000, 1.0) for i in range(300)])
