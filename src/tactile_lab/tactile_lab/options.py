@@ -3,10 +3,29 @@
 
 """Options that several commands share."""
 
+from collections.abc import Mapping
+import dataclasses
 from pathlib import Path
-from typing import Annotated, Any, Optional
+from typing import Annotated, Any, Optional, TypeVar
 
 import typer
+
+_Kind = TypeVar('_Kind')
+
+
+def take(kind: type[_Kind], arguments: Mapping[str, Any], **others: Any) -> _Kind:
+    """Return a dataclass with those of a command's arguments that are its fields.
+
+    Parameters
+    ----------
+    kind : type
+    arguments : mapping of str
+        ``locals()`` at the beginning of a command.
+    **others
+        Fields that differ from the arguments.
+    """
+    names = {field.name for field in dataclasses.fields(kind)} & arguments.keys()  # type: ignore[arg-type]
+    return kind(**{**{name: arguments[name] for name in names}, **others})
 
 
 def choice(*values: str) -> dict[str, Any]:

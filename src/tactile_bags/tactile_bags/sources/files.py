@@ -36,7 +36,7 @@ class SourceOptions:
 
     Attributes
     ----------
-    columns : sequence of str, optional
+    column : sequence of str, optional
         ``ROLE=NAME`` of columns of a table; a role is one of `ROLES`.
     rate_hz : float, optional
         Sample rate of recordings without times [Hz]. With times it must fit them.
@@ -58,7 +58,7 @@ class SourceOptions:
         followed by one with their units. None: 1.
     """
 
-    columns: Sequence[str] | None = None
+    column: Sequence[str] | None = None
     rate_hz: float | None = None
     unit: str = ''
     label: str = ''
@@ -80,7 +80,7 @@ class SourceOptions:
             When a text is not ``ROLE=NAME``.
         """
         roles: dict[str, tuple[str, ...]] = {}
-        for text in self.columns or ():
+        for text in self.column or ():
             role, _, names = text.partition('=')
             if role not in ROLES or not names:
                 raise SourceError(

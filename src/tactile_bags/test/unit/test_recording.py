@@ -116,7 +116,7 @@ def test_the_long_table_is_read_back_equal(tmp_path, suffix):
         pyarrow.parquet.write_table(table, path)
     else:
         pyarrow.csv.write_csv(table, path)
-        options = SourceOptions(columns=['value=channel_0,channel_1'], unit='mN')
+        options = SourceOptions(column=['value=channel_0,channel_1'], unit='mN')
     again = Recording.load(path, options)
     one, two = first.to_arrays(), again.to_arrays()
     np.testing.assert_array_equal(one.lengths, two.lengths)

@@ -82,6 +82,7 @@ def compare(
     state which trials they were trained on. Two folders of models are compared file by file, for
     each task and contact.
     """
+    given = locals()
     from tactile_bags.sources.files import SourceOptions
     from tactile_lab.datasets.feature_tables import load_recording
     from tactile_lab.datasets.model_pairs import (
@@ -96,18 +97,8 @@ def compare(
     from tactile_ros.errors import TactileError
 
     output = Output(as_json)
-    reading = Reading(
-        channel=channel,
-        where=where,
-        crop=crop,
-        resample_hz=resample_hz,
-        skip_bad=skip_bad,
-        speed_column=speed_column,
-    )
-    statements = SourceOptions(
-        column, rate_hz, unit, label, label_from, labels, topic, field, separator, decimal,
-        header_rows,
-    )  # fmt: skip
+    reading = options.take(Reading, given, task=None)
+    statements = options.take(SourceOptions, given)
     models = [load_models(path, task, contact) for path in (model_a, model_b)]
     pairs, alone = pair_models(*models)
     columns = [name.strip() for name in (group or '').split(',') if name.strip()]

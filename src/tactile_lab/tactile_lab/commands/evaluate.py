@@ -93,6 +93,7 @@ def evaluate(
     or other groups, and states the split beside each number. ``--report`` and ``--json`` add
     feature selection, and take longer. The report has the paper's figures, made of your trials.
     """
+    given = locals()
     from tactile_bags.sources.files import SourceOptions
     from tactile_lab.cluster import on_cluster
     from tactile_lab.datasets.feature_tables import open_features
@@ -103,24 +104,8 @@ def evaluate(
 
     output = Output(as_json)
     automatic = features == 'auto'
-    reading = Reading(
-        task=task,
-        channel=channel,
-        where=where,
-        crop=crop,
-        resample_hz=resample_hz,
-        skip_bad=skip_bad,
-        speed_column=speed_column,
-        over=over,
-        detrend=detrend,
-        features=None if automatic else features,
-        train_where=train_where,
-        test_where=test_where,
-    )
-    statements = SourceOptions(
-        column, rate_hz, unit, label, label_from, labels, topic, field, separator, decimal,
-        header_rows,
-    )  # fmt: skip
+    reading = options.take(Reading, given, features=None if automatic else features)
+    statements = options.take(SourceOptions, given)
     hold_out = [tuple(filter(None, map(str.strip, names.split(',')))) for names in group or ()]
     file = None
     if report is not None:
@@ -154,7 +139,7 @@ def evaluate(
         _print(result, output)
     if file is not None:
         repeated = '' if repetitions is None else f', repeated {repetitions} times'
-        given = {
+        stated = {
             'folds': f'{folds}{repeated}',
             'seed of the folds': seed,
             'task': task,
@@ -169,7 +154,7 @@ def evaluate(
             'detrend': detrend,
             'features': features,
         }
-        settings = {name: str(value) for name, value in given.items() if value is not None}
+        settings = {name: str(value) for name, value in stated.items() if value is not None}
         write_report(file, results, sources, settings)
         output.say(f'{file}: the same with figures')
     output.result({'sets': [result.to_dict() for result in results]})

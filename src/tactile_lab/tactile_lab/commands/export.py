@@ -45,6 +45,7 @@ def export(
     with the fields that hubs read; its licence is to be filled in. `tactile import` reads the
     table back. Trials that do not count are left out.
     """
+    given = locals()
     import pyarrow.csv
     import pyarrow.parquet
 
@@ -56,10 +57,7 @@ def export(
         raise TactileError(f'--output is {file}; it must end in .parquet or .csv')
     card = file.with_suffix('.md')
     refuse_to_replace([file, card], force=force)
-    statements = SourceOptions(
-        column, rate_hz, unit, label, label_from, labels, topic, field, separator, decimal,
-        header_rows,
-    )  # fmt: skip
+    statements = options.take(SourceOptions, given)
     with Recording.load(recordings, statements) as recording:
         table = recording.to_table()
         counting = [trial for trial in recording.trials if not trial.why_not]

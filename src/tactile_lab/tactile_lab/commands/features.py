@@ -64,6 +64,7 @@ def features(
     The units are in the metadata of each Parquet column, and in the names of CSV columns. With
     several tasks or contacts, each has its own file, with its name at the end.
     """
+    given = locals()
     import numpy as np
 
     from tactile_bags.sources.files import SourceOptions
@@ -75,22 +76,8 @@ def features(
     output = Output(as_json)
     if file.suffix not in ('.parquet', '.csv'):
         raise TactileError(f'--output is {file}; it must end in .parquet or .csv')
-    reading = Reading(
-        task=task,
-        channel=channel,
-        where=where,
-        crop=crop,
-        resample_hz=resample_hz,
-        skip_bad=skip_bad,
-        speed_column=speed_column,
-        over=over,
-        detrend=detrend,
-        features=features,
-    )
-    statements = SourceOptions(
-        column, rate_hz, unit, label, label_from, labels, topic, field, separator, decimal,
-        header_rows,
-    )  # fmt: skip
+    reading = options.take(Reading, given)
+    statements = options.take(SourceOptions, given)
     with (
         output.progress('computing features'),
         open_features(recordings, reading, statements) as source,

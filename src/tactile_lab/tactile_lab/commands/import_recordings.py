@@ -58,6 +58,7 @@ def import_recordings(
     one how to evaluate the archive. Nothing is guessed: where a recording does not say something,
     the command names the option that does.
     """
+    given = locals()
     import numpy as np
 
     from tactile_bags import Recording, SourceOptions
@@ -68,10 +69,7 @@ def import_recordings(
     if archive.suffix != '.npz':
         raise TactileError(f'--output is {archive}; the name of an archive ends in .npz')
     refuse_to_replace([archive, *([plot] if plot else [])], force=force)
-    statements = SourceOptions(
-        column, rate_hz, unit, label, label_from, labels, topic, field, separator, decimal,
-        header_rows,
-    )  # fmt: skip
+    statements = options.take(SourceOptions, given)
     with Recording.load(recordings, statements) as recording:
         if recording.is_own:
             raise TactileError(

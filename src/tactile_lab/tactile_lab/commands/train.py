@@ -155,6 +155,7 @@ def train(
     classifies windows that differ from all training trials as *unknown*. Existing model files
     are only replaced with --force.
     """
+    given = locals()
     from tactile_bags.sources.files import SourceOptions
     from tactile_lab.cluster import on_cluster
     from tactile_lab.datasets.automatic_features import AUTO, choose_automatically
@@ -181,22 +182,8 @@ def train(
     automatic = features == AUTO or not (features or stated)
     if features and not automatic:
         _check_sets(features)
-    reading = Reading(
-        task=task,
-        channel=channel,
-        where=where,
-        crop=crop,
-        resample_hz=resample_hz,
-        skip_bad=skip_bad,
-        speed_column=speed_column,
-        over=over,
-        detrend=detrend,
-        features=None if automatic else features,
-    )
-    statements = SourceOptions(
-        column, rate_hz, unit, label, label_from, labels, topic, field, separator, decimal,
-        header_rows,
-    )  # fmt: skip
+    reading = options.take(Reading, given, features=None if automatic else features)
+    statements = options.take(SourceOptions, given)
     reading.choose_fields()  # refuses options that do not go together, before the work
     with (
         on_cluster(cluster),

@@ -3,6 +3,7 @@
 
 """The command line itself: help, mistyped words, and what Typer makes of the options."""
 
+import dataclasses
 import inspect
 import os
 from pkgutil import iter_modules
@@ -13,6 +14,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from tactile_bags.sources.files import SourceOptions
 from tactile_lab import commands, program
 from tactile_ros.process import PROFILES, TRANSPORTS
 
@@ -66,6 +68,13 @@ def functions_of(name):
     if isinstance(found, typer.Typer):
         return [command.callback for command in found.registered_commands]
     return [found]
+
+
+@pytest.mark.parametrize('name', ['evaluate', 'train', 'compare', 'features', 'import', 'export'])
+def test_a_command_on_recordings_has_an_option_for_each_statement_about_them(name):
+    parameters = inspect.signature(program.load_function(name)).parameters
+    defaults = {f.name: f.default for f in dataclasses.fields(SourceOptions)}
+    assert defaults == {each: parameters[each].default for each in defaults}
 
 
 def test_each_module_of_commands_is_in_the_table():
