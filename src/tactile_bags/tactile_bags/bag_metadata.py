@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``metadata.yaml`` of a bag: written as rosbag2 does (version 9), read with suspicion."""
+"""``metadata.yaml`` of a bag: written as rosbag2 does (version 9), checked when it is read."""
 
 from __future__ import annotations
 

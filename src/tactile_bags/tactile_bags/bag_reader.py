@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reads bags: our own, rosbag2's, and what a killed recorder has left behind."""
+"""Reads bags: ours, rosbag2's, and those that were never closed."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The features and the models that a recording was made with, as its own messages state them.
+"""Feature specifications and models of a recording, from its messages.
 
 Recordings of version 0.1 state them in their metadata.
 """

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Answers of a finger's models, while windows come.
+"""Classification of each window by every model that fits it.
 
 `LiveRecalibration` is one model, corrected by the first known trials of each session; `ModelSet`
 are all models of a finger; `Answering` counts their answers and tells news of them.

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulated rig as a program: three ptys, and a line of JSON for what the operator does."""
+"""The simulated rig as a program: three ptys, and operator commands as lines of JSON."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scores and novelties of trials that were held out, and what follows from them.
+"""Calibration of probabilities and of the novelty threshold on held-out trials.
 
 Trials of one session share a mounting, so a session is held out as a whole wherever
 the table has two or more of them.

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The plan of an experiment: which objects, how often, in which order."""
+"""The plan of an experiment: objects, repetitions, order."""
 
 from __future__ import annotations
 

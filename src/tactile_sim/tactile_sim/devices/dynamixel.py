@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A Dynamixel XM430-W350 that winds the tendon: bytes in, bytes out, told time and tension."""
+"""A simulated Dynamixel XM430-W350: answers packets, winds the tendon with the time."""
 
 from __future__ import annotations
 
