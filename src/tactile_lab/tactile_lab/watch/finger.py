@@ -147,15 +147,12 @@ class Finger:
         Grows with every change but new samples.
     epoch : int
         Grows when the time begins anew: what was drawn before is to be forgotten.
-    arrived_s : float or None
-        When the last samples came, on the caller's clock [s].
     """
 
     def __init__(self, name: str) -> None:
         self.name = name
         self.version = 0
         self.epoch = 0
-        self.arrived_s: float | None = None
         self.rate_hz = 0.0
         self.lost_count = 0
         self.status = 0
@@ -175,8 +172,8 @@ class Finger:
 
     # -- what comes ----------------------------------------------------------------
 
-    def take_block(self, block: StrainBlock, arrived_s: float) -> None:
-        """Take samples that came at ``arrived_s``."""
+    def take_block(self, block: StrainBlock) -> None:
+        """Take samples."""
         count = len(block.tension_n)
         if not count:
             return
@@ -189,7 +186,6 @@ class Finger:
         points = self._decimator.add(block)
         self._points.extend(points)
         self._point_count += len(points)
-        self.arrived_s = arrived_s
         self.lost_count += block.lost_before
         if block.period_ns > 0:
             rate_hz = 1e9 / block.period_ns

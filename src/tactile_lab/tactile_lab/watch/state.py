@@ -93,7 +93,7 @@ class WatchState:
 
     def take_block(self, name: str, block: StrainBlock) -> None:
         """Take samples of a finger."""
-        self.update(name, lambda finger: finger.take_block(block, self._clock()))
+        self.update(name, lambda finger: finger.take_block(block))
 
     def take_event(self, name: str, event: TrialEvent) -> None:
         """Take the start of a phase."""
@@ -202,12 +202,6 @@ class WatchState:
         now_s = self._clock()
         stale = sum(now_s - at_s > STALE_S for at_s, _ in self._devices.values())
         return self._version, stale, *(f.version for f in self.fingers)
-
-    def silences(self) -> dict[str, float]:
-        """Return for how long no samples have come [s], by finger; none before the first."""
-        with self._lock:
-            now_s = self._clock()
-            return {f.name: now_s - f.arrived_s for f in self._fingers.values() if f.arrived_s}
 
 
 class Frames:
