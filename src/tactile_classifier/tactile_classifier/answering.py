@@ -56,16 +56,8 @@ class LiveRecalibration:
     on topics of their own. So the answers depend on the order of each topic alone, and a replay
     repeats them. The model and its file stay as they are.
 
-    Parameters
-    ----------
-    model : TactileModel
-    trials : int
-        Known trials to wait for, `TRIALS` or more; 0: answer with the model as it is.
-
-    Raises
-    ------
-    ModelFileError
-        When the model cannot be recalibrated, or ``trials`` are too few.
+    With 0 ``trials`` to wait for, the model answers as it is. Raises ModelFileError when it cannot
+    be recalibrated, or there are fewer than `TRIALS`.
     """
 
     def __init__(self, model: TactileModel, trials: int) -> None:
@@ -127,8 +119,6 @@ class ModelSet:
 
     Attributes
     ----------
-    models : tuple of TactileModel
-    refused : tuple of str
     partial_samples : tuple of int
         Lengths of the partial windows that any of them answers, rising.
     infos : tuple of ModelInfo
@@ -162,12 +152,7 @@ class ModelSet:
         """Return the models of a folder with ``*.onnx`` files, or of one file.
 
         A file that cannot be loaded or recalibrated is refused; the others answer. Models of
-        another contact are left out.
-
-        Raises
-        ------
-        ModelFileError
-            When none is usable.
+        another contact are left out. Raises ModelFileError when none is usable.
         """
         check_trials(recalibration_trials)
 
@@ -244,20 +229,13 @@ def _info_of(model: TactileModel, recalibration_trials: int, contact: str) -> Mo
 class Answering:
     """Answers windows by a `ModelSet`, counts them and notes what people want to know.
 
-    Parameters
-    ----------
-    models : ModelSet
-
     Attributes
     ----------
-    seen_count : int
-        Full windows that came in.
-    ignored_count : int
-        Those that no model answers: of another feature set, contact or specification.
-    published_count : int
-        Answers on full windows.
-    partial_count : int
-        Answers on partial windows.
+    seen_count, ignored_count : int
+        Full windows that came in; those that no model answers: of another feature set, contact or
+        specification.
+    published_count, partial_count : int
+        Answers on full and on partial windows.
     refused_count : int
         Windows, partial ones too, whose features are of another specification than the model
         that answers them with the reason.

@@ -84,10 +84,7 @@ def classification_to_msg(result: ClassificationResult) -> Any:
 def classification_from_msg(message: Any) -> ClassificationResult:
     """Return the result in a Classification message of rclpy or rosbags.
 
-    Raises
-    ------
-    MessageError
-        When the outcome is not known, or the scores are not one a label.
+    Raises MessageError when the outcome is not known, or the scores are not one a label.
     """
     if len(message.scores) not in (0, len(message.labels)):
         raise MessageError(
@@ -129,13 +126,7 @@ def _read_outcome(value: Any) -> Outcome:
 
 
 def vision_class() -> Any:
-    """Return the class of the standard message.
-
-    Raises
-    ------
-    ClassifierError
-        When ``vision_msgs`` is not installed.
-    """
+    """Return the class of the standard message; raise ClassifierError without ``vision_msgs``."""
     try:
         from vision_msgs.msg import Classification
     except ImportError:

@@ -38,21 +38,8 @@ LOG_PERIOD_S = 10.0
 class ClassifierStage(Stage):
     """Windows in, answers of each model that fits out.
 
-    Parameters
-    ----------
-    node : TactileClassifierNode
-        Hosts the topics.
-    config : ClassifierConfig
-
-    Attributes
-    ----------
-    answering : Answering
-        The core, with its counters.
-
-    Raises
-    ------
-    ModelFileError
-        When none of the model files is usable.
+    ``answering`` is the core, with its counters. Raises ModelFileError when none of the model
+    files is usable.
     """
 
     def __init__(self, node: TactileClassifierNode, config: ClassifierConfig) -> None:

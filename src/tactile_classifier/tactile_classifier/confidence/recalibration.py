@@ -26,16 +26,9 @@ def fit_session_statistics(
     """Return the statistics of a training, or None where it has no sessions.
 
     Each held-out session is recalibrated with `TRIALS` of its own trials, several times. The
-    threshold is the quantile of its other trials' novelties, pooled over all.
-
-    Parameters
-    ----------
-    table : FeatureTable
-    folds : GroupFolds
-    metric : str
-        That of the model's `NoveltyMeasure`.
-    false_alarm_rate : float
-        Share of known trials that may be rejected, on average over sessions [1].
+    threshold is the quantile of its other trials' novelties, pooled over all, that rejects a share
+    ``false_alarm_rate`` of known trials, on average over sessions [1]. ``metric`` is that of the
+    model's `NoveltyMeasure`.
     """
     if folds.session is None:
         return None

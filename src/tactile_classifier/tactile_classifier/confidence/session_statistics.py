@@ -57,21 +57,11 @@ class SessionStatistics:
     def recalibrate(
         self, values: Matrix, label: Indices, compute_novelty: Callable[[Matrix], Matrix]
     ) -> tuple[Matrix, float]:
-        """Return the session's offset of the features, and its novelty threshold.
+        """Return the session's offset of the features, shape (k,), and its novelty threshold.
 
-        Parameters
-        ----------
-        values : ndarray of shape (trials, k)
-            Of known trials of the session.
-        label : ndarray of int, shape (trials,)
-            Position of each label among the model's.
-        compute_novelty : callable
-            The model's novelty of features.
-
-        Raises
-        ------
-        TooFewTrialsError
-            When there are fewer than `TRIALS`.
+        Known trials have features of shape (trials, k) and the position of each label among the
+        model's, shape (trials,); ``compute_novelty`` is the model's. Raises TooFewTrialsError when
+        there are fewer than `TRIALS`.
         """
         if len(values) < TRIALS:
             raise TooFewTrialsError(
@@ -89,10 +79,7 @@ class SessionStatistics:
     def from_dict(cls, entry: Mapping[str, Any], labels: int, features: int) -> SessionStatistics:
         """Return what `to_dict` gave.
 
-        Raises
-        ------
-        ModelFileError
-            When a number is missing or not finite, or a shape does not fit.
+        Raises ModelFileError when a number is missing or not finite, or a shape does not fit.
         """
         try:
             means, share = (np.array(entry[name], dtype=np.float64) for name in ('means', 'share'))

@@ -27,11 +27,8 @@ Flags = npt.NDArray[np.bool_]
 def find_first_stop(confidence: Matrix, threshold: float) -> npt.NDArray[np.intp]:
     """Return the first stage at which each trial is decided; the number of stages where none.
 
-    Parameters
-    ----------
-    confidence : ndarray of shape (stages, trials)
-        Probability of the answer; negative where the window is rejected as unknown.
-    threshold : float
+    The confidence, shape (stages, trials), is the probability of the answer; negative where the
+    window is rejected as unknown.
     """
     decided = confidence >= threshold
     return np.where(decided.any(axis=0), decided.argmax(axis=0), len(confidence))
@@ -57,16 +54,8 @@ def fit_stop_threshold(
     from which on its own early answers keep ``error_rate``, and of these the one of
     `rank_of_sessions` counts. It holds in ``rank / (count + 1)`` of new sessions.
 
-    Parameters
-    ----------
-    confidence : ndarray of shape (stages, trials)
-        As in `find_first_stop`, of trials that the models were not fitted on.
-    wrong : ndarray of bool, shape (stages, trials)
-        Whether the answer at that stage is wrong.
-    error_rate : float
-        Share of wrong answers among those given early [1].
-    session : ndarray of int, shape (trials,), optional
-        Session of each trial.
+    The confidence is as in `find_first_stop`, of trials that the models were not fitted on;
+    ``wrong`` tells which answers are, shape (stages, trials); ``session`` is that of each trial.
     """
     lowest = 0.0
     if session is not None:

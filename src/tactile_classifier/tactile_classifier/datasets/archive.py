@@ -50,14 +50,7 @@ def _no_numbers() -> npt.NDArray[np.intp]:
 
 @dataclasses.dataclass(frozen=True)
 class Skipped:
-    """A trial that was left out.
-
-    Attributes
-    ----------
-    row : int
-        Its row in the archive, from 0.
-    reason : str
-    """
+    """A trial that was left out: its row in the archive, from 0, and why."""
 
     row: int
     reason: str
@@ -70,12 +63,10 @@ class LabelledTrials:
     Attributes
     ----------
     x : ndarray of shape (trials, channels, samples)
-        Signals, in the unit of their source.
+        Signals, in ``unit``.
     label : ndarray of str, shape (trials,)
     rate_hz : float
         Sample rate [Hz].
-    unit : str
-        Of the signals, such as ``N``; empty: not known.
     columns : mapping of str to ndarray of shape (trials,)
     lengths : ndarray of int, shape (trials,)
         Samples of each trial that count; what follows is padding. Left out: all.
@@ -87,6 +78,8 @@ class LabelledTrials:
         The trials that were left out.
     steps : tuple of str
         What was done to the signals, in words.
+    unit : str
+        Of the signals, such as ``N``; empty: not known.
     """
 
     x: Array
@@ -112,10 +105,7 @@ class LabelledTrials:
     def signal(self, channel: int | None = None) -> npt.NDArray[np.float64]:
         """Return one channel, or the mean of all, shape (trials, samples).
 
-        Raises
-        ------
-        DatasetError
-            When there is no such channel.
+        Raises DatasetError when there is no such channel.
         """
         if channel is None:
             return np.asarray(self.x.mean(axis=1, dtype=np.float64))
@@ -128,10 +118,7 @@ class LabelledTrials:
     def where(self, column: str, value: object = True) -> LabelledTrials:
         """Return the trials whose column has this value.
 
-        Raises
-        ------
-        DatasetError
-            When there is no such column, or no such trial.
+        Raises DatasetError when there is no such column, or no such trial.
         """
         if column not in self.columns:
             raise DatasetError(
@@ -155,15 +142,8 @@ class LabelledTrials:
     def drop(self, bad: Mapping[int, str]) -> LabelledTrials:
         """Return the trials without some that cannot be used, and remember why.
 
-        Parameters
-        ----------
-        bad : mapping of int to str
-            Reasons by place among these trials; empty drops nothing.
-
-        Raises
-        ------
-        DatasetError
-            When ``skip_bad`` is not set, or no trial is left.
+        ``bad`` has the reasons by place among these trials; empty drops nothing. Raises
+        DatasetError when ``skip_bad`` is not set, or no trial is left.
         """
         if not bad:
             return self
@@ -183,11 +163,8 @@ class LabelledTrials:
     def between(self, start_s: float, stop_s: float) -> LabelledTrials:
         """Return the samples from ``start_s`` up to, not including, ``stop_s``.
 
-        Raises
-        ------
-        DatasetError
-            When no trial lasts so long, no sample is left, or single trials are shorter and
-            ``skip_bad`` is not set.
+        Raises DatasetError when no trial lasts so long, no sample is left, or single trials are
+        shorter and ``skip_bad`` is not set.
         """
         longest = int(self.lengths.max())
         first, last = (round(t * self.rate_hz, 6) for t in (start_s, stop_s))
@@ -225,13 +202,9 @@ class LabelledTrials:
         """Return the trials at another rate, by `scipy.signal.resample_poly`.
 
         Its low-pass against aliasing has linear phase and no delay: a Kaiser window with beta 5,
-        ten periods of the slower rate on each side. Beyond both ends, the line through the
-        first and last sample goes on.
-
-        Raises
-        ------
-        DatasetError
-            When the ratio of the rates is not that of two whole numbers up to 10,000.
+        ten periods of the slower rate on each side. Beyond both ends, the line through the first
+        and last sample goes on. Raises DatasetError when the ratio of the rates is not that of two
+        whole numbers up to 10,000.
         """
         from scipy.signal import resample_poly  # half a second
 
@@ -294,10 +267,7 @@ def load_archive(
 def read_arrays(path: Path) -> dict[str, Array]:
     """Return the arrays of an archive by name, none of them looked at.
 
-    Raises
-    ------
-    DatasetError
-        When it is no archive, too large, or holds pickled objects.
+    Raises DatasetError when it is no archive, too large, or holds pickled objects.
     """
     try:
         with zipfile.ZipFile(path) as archive:
@@ -443,10 +413,8 @@ def _format_doubts(
 ) -> tuple[str, ...]:
     """Return what is odd about trials that can be used: constant channels, very few samples.
 
-    Raises
-    ------
-    DatasetError
-        When every channel of every trial is constant, or all trials hold the same samples.
+    Raises DatasetError when every channel of every trial is constant, or all trials hold the same
+    samples.
     """
     # A channel that keeps its first value up to the trial's end is constant.
     padding = np.arange(x.shape[2]) >= lengths[:, None, None]

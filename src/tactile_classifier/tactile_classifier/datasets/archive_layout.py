@@ -39,24 +39,9 @@ def find_arrays(
 ) -> tuple[Array, Array, Array, tuple[str, ...]]:
     """Take signals, labels and rate out of the arrays, under our names or other usual ones.
 
-    Parameters
-    ----------
-    path : Path
-    arrays : dict
-        Loses what is taken.
-    rate_hz : float, optional
-        Where the arrays state none.
-
-    Returns
-    -------
-    x, label, rate : ndarray
-    steps : tuple of str
-        What was taken for what, where the names or shapes are not ours.
-
-    Raises
-    ------
-    DatasetError
-        When one is missing, or the stated rate differs from that of the arrays.
+    Returns them with sentences on what was taken for what, where the names or shapes are not ours.
+    ``rate_hz`` stands in where the arrays state none. Raises DatasetError when one is missing, or
+    the stated rate differs from that of the arrays.
     """
     named = {key: _find_name(key, arrays) for key in ('x', 'label', 'rate_hz')}
     if rate_hz is not None and not named['rate_hz']:
@@ -83,10 +68,7 @@ def find_arrays(
 def take_unit(path: Path, arrays: dict[str, Array]) -> str:
     """Return the unit of the signals, and take it out of the arrays; a column of units stays.
 
-    Raises
-    ------
-    DatasetError
-        When it is no string.
+    Raises DatasetError when it is no string.
     """
     if 'unit' not in arrays or arrays['unit'].ndim:
         return ''
@@ -106,13 +88,8 @@ def unpack_signals(
     """Return signals of shape (trials, channels, samples) and the samples of each that count.
 
     Takes ``length`` and ``offsets`` out of the arrays. A ``length`` that is not of integers is
-    an ordinary column and stays.
-
-    Raises
-    ------
-    DatasetError
-        When shapes or numbers do not fit, or the padded signals take more than
-        ``largest_bytes``.
+    an ordinary column and stays. Raises DatasetError when shapes or numbers do not fit, or the
+    padded signals take more than ``largest_bytes``.
     """
     if 'offsets' in arrays:
         return _unpack_joined(path, x, arrays.pop('offsets'), largest_bytes)
@@ -167,10 +144,7 @@ def _unpack_joined(
 def decode_text(path: Path, name: str, column: Array) -> Array:
     """Return a column of byte strings as text; others as they are.
 
-    Raises
-    ------
-    DatasetError
-        When one is not UTF-8.
+    Raises DatasetError when one is not UTF-8.
     """
     if column.dtype.kind != 'S':
         return column

@@ -23,12 +23,7 @@ _NUMBERS = ('repetition', 'trial', 'trial_id', 'trial_block', 'window_start_ns',
 class Cells:
     """Trials of the same label under the same conditions.
 
-    Attributes
-    ----------
-    columns : tuple of str
-        The columns that define the conditions.
-    cell : ndarray of int, shape (trials,)
-        The cell of each trial.
+    ``columns`` define the conditions; ``cell`` is the cell of each trial, shape (trials,).
     """
 
     columns: tuple[str, ...]

@@ -69,13 +69,8 @@ class Split:
         """Divide the trials of one fold's training once more, to choose something on them.
 
         Groups stay whole where the split holds groups out and each part then has trials of all
-        classes to train on; otherwise trials are divided at random. Indices
-        are into the table, not into ``train``.
-
-        Raises
-        ------
-        EvaluationError
-            When too few trials of a class are left.
+        classes to train on; otherwise trials are divided at random. Indices are into the table,
+        not into ``train``. Raises EvaluationError when too few trials of a class are left.
         """
         inner = self._divide_groups_again(train, labels, random_state, folds)
         if not inner:
@@ -116,13 +111,8 @@ def choose_repetitions(table: FeatureTable, wanted: int | None) -> tuple[int, st
     """Return how often the trials are divided anew, and a sentence where that is less than usual.
 
     The time of a fit grows with trials squared times features. With many trials, a repetition
-    changes the mean little against the interval over the trials.
-
-    Parameters
-    ----------
-    table : FeatureTable
-    wanted : int or None
-        As stated; None: `REPETITIONS`, or 1 for a table beyond `LARGE_TABLE`.
+    changes the mean little against the interval over the trials. ``wanted`` counts where stated;
+    else `REPETITIONS` do, or 1 for a table beyond `LARGE_TABLE`.
     """
     trials, features = table.values.shape
     if wanted is not None or trials**2 * features <= LARGE_TABLE:
@@ -141,10 +131,8 @@ def stratified_split(
 ) -> Split:
     """Return random folds in which each class has its share, several times.
 
-    Raises
-    ------
-    EvaluationError
-        When a class has fewer trials than there are folds, or too few would be left.
+    Raises EvaluationError when a class has fewer trials than there are folds, or too few would be
+    left.
     """
     if folds < 2 or repetitions < 1:
         raise EvaluationError('cross-validation takes two folds or more, once or more often')
@@ -170,12 +158,8 @@ def stratified_split(
 def grouped_split(table: FeatureTable, columns: Sequence[str]) -> Split:
     """Return a split that holds out each group of trials that agree in all columns, in turn.
 
-    Raises
-    ------
-    EvaluationError
-        When there is one group only, or a class is in one group only.
-    DatasetError
-        When there is no such column.
+    Raises EvaluationError when there is one group only, or a class is in one group only, and
+    DatasetError when there is no such column.
     """
     name = ' and '.join(map(plain_name, columns))
     _check_classes(table)
@@ -203,17 +187,9 @@ def stated_split(
 ) -> Split:
     """Return a split that trains on some trials and tests on others, once.
 
-    Parameters
-    ----------
-    table : FeatureTable
-    train, test : ndarray of bool, shape (trials,)
-    train_is, test_is : str
-        Which trials these are, in words.
-
-    Raises
-    ------
-    EvaluationError
-        When a trial is in both, a class is in ``test`` only, or there is one class to train on.
+    Masks of shape (trials,) choose them; ``train_is`` and ``test_is`` name them in words. Raises
+    EvaluationError when a trial is in both, a class is in ``test`` only, or there is one class to
+    train on.
     """
     both = np.flatnonzero(train & test)
     if len(both):

@@ -27,16 +27,10 @@ _OPTIONS: Any = {
 def _shift(x: Any, dilation: Any, order: Any, common: Any, extra: Any) -> None:
     """Fill what all kernels have in common, and what a weight of 2 adds to it, for one signal.
 
-    Parameters
-    ----------
-    x : ndarray of float32, shape (channels, samples)
-    dilation : int
-    order : ndarray of int
-        In which the weights of -1 are added.
-    common : ndarray of float32, shape (channels, samples)
-        The sum with each of the nine weights -1.
-    extra : ndarray of float32, shape (channels, 9, samples)
-        Three times the sample under each weight; zero beyond the ends.
+    The signal has shape (channels, samples); ``order`` is that in which the weights of -1 are
+    added. ``common``, of the same shape, becomes the sum with each of the nine weights -1, and
+    ``extra``, shape (channels, 9, samples), three times the sample under each weight; zero beyond
+    the ends. All are float32.
     """
     channels, samples = x.shape
     taps = extra.shape[1]
@@ -92,9 +86,8 @@ def add_chosen(
     dilation : int
     sources, kernels : ndarrays of int, shapes (kernels, channels) and (kernels, 3)
     order : ndarray of int
-        In which the weights of -1 are added.
+        As in `_shift`.
     sums : ndarray of float32, shape (kernels, samples)
-        Filled.
     """
     channels, samples = x.shape[1:]
     common = np.empty((channels, samples), dtype=np.float32)
@@ -109,21 +102,15 @@ def count_above(
     x: Any, dilation: Any, parity: Any, biases: Any, sources: Any, kernels: Any, order: Any,
     shares: Any,
 ) -> None:  # fmt: skip
-    """Fill the shares of samples above each bias, at one dilation.
+    """Fill the shares of samples above each bias, at one dilation; see `add_chosen`.
 
     Parameters
     ----------
-    x : ndarray of float32, shape (trials, channels, samples)
-    dilation : int
     parity : int
         Kernels with this remainder by two count all samples, the others those where the kernel
         does not reach over an end.
     biases : ndarray of float32, shape (kernels, biases)
-    sources, kernels : ndarrays of int, shapes (kernels, channels) and (kernels, 3)
-    order : ndarray of int
-        In which the weights of -1 are added.
     shares : ndarray of shape (trials, kernels, biases)
-        Filled.
     """
     channels, samples = x.shape[1:]
     edge = (9 // 2) * dilation

@@ -31,26 +31,15 @@ class NearestNeighbours(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
     """The three nearest training trials vote; Euclidean distance.
 
     Of trials at the same distance the earlier one is nearer; of labels with as many votes
-    the first in the order of the alphabet wins.
-
-    Attributes
-    ----------
-    classes_ : ndarray of str, shape (labels,)
-    values_ : ndarray of shape (trials, k)
-        The training trials.
-    codes_ : ndarray of int, shape (trials,)
-        Their labels, as positions in ``classes_``.
+    the first in the order of the alphabet wins. ``values_`` are the training trials, shape
+    (trials, k); ``codes_`` their labels, as positions in ``classes_``.
     """
 
     def fit(self, values: npt.ArrayLike, labels: npt.ArrayLike) -> NearestNeighbours:
         """Keep the training trials, shape (trials, k), and one label a trial.
 
-        Raises
-        ------
-        TooFewTrialsError
-            When there are fewer than three.
-        ValueError
-            When a value is not finite.
+        Raises TooFewTrialsError when there are fewer than three, ValueError when a value is not
+        finite.
         """
         self.values_ = check_array(values, dtype=np.float64, copy=True)
         self.classes_, self.codes_ = np.unique(labels, return_inverse=True)
@@ -98,12 +87,9 @@ def _sum_squares(known: Matrix, row: Matrix) -> Matrix:
 def _find_nearest(near: Matrix, rows: Matrix, known: Matrix) -> npt.NDArray[np.intp]:
     """Return the three nearest trials of each row, shape (windows, 3), in the order of trials.
 
-    Parameters
-    ----------
-    near : ndarray of shape (windows, trials)
-        Squared distances, summed in any order. Where their rounding errors could decide who
-        is nearest, the distances are computed again as defined; there are few such rows.
-    rows, known : ndarrays of shape (windows, k) and (trials, k)
+    ``near`` are squared distances of the rows to the known trials, shape (windows, trials), summed
+    in any order. Where their rounding errors could decide who is nearest, the distances are
+    computed again as defined; there are few such rows.
     """
     third = np.partition(near, NEIGHBOURS - 1, axis=1)[:, NEIGHBOURS - 1]
     # k + 2 roundings of half an epsilon each, in both sums and both trials of a pair, are

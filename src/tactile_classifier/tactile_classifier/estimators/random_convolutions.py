@@ -85,17 +85,9 @@ class RandomConvolutions:
     ) -> RandomConvolutions:
         """Choose channels by chance, and biases as quantiles of what training signals give.
 
-        Parameters
-        ----------
-        signals : array_like of shape (trials, channels, samples)
-        features : int
-            Rounded down to a multiple of 84.
-        random_state : int
-
-        Raises
-        ------
-        DatasetError
-            When a signal is too short or a value is not finite in single precision.
+        Signals have shape (trials, channels, samples); the number of features is rounded down to a
+        multiple of 84. Raises DatasetError when a signal is too short or a value is not finite in
+        single precision.
         """
         # Here, because numba takes half a second to load: only who trains pays for it.
         from tactile_classifier.estimators.compiled_convolutions import add_chosen
@@ -120,18 +112,10 @@ class RandomConvolutions:
         return cls(samples, channels, dilations, tuple(biases), sources)
 
     def transform(self, signals: npt.ArrayLike) -> Matrix:
-        """Return the features of signals, shape (trials, features).
+        """Return the features, shape (trials, features), of signals (trials, channels, samples).
 
-        A signal gives the same bits alone and among others.
-
-        Parameters
-        ----------
-        signals : array_like of shape (trials, channels, samples)
-
-        Raises
-        ------
-        DatasetError
-            When the shape is not that of the fit or a value is not finite in single precision.
+        A signal gives the same bits alone and among others. Raises DatasetError when the shape is
+        not that of the fit or a value is not finite in single precision.
         """
         from tactile_classifier.estimators.compiled_convolutions import count_above
 
@@ -246,12 +230,7 @@ class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: igno
     def fit(self, values: npt.ArrayLike, labels: npt.ArrayLike) -> RandomConvolutionClassifier:
         """Fit to waveforms of shape (trials, channels * samples), and one label a trial.
 
-        Raises
-        ------
-        DatasetError
-            When a waveform is too short.
-        ValueError
-            When a value is not finite.
+        Raises DatasetError when a waveform is too short, ValueError when a value is not finite.
         """
         rows = self._check(values)
         self.n_features_in_ = rows.shape[1] * rows.shape[2]

@@ -74,16 +74,9 @@ class NestedChoice(Result):
 
     The largest of several means is too good on average, because chance decided too. Here folds
     inside each fold's training trials pick, and the fold's tests only judge (nested
-    cross-validation; Varma and Simon 2006).
-
-    Attributes
-    ----------
-    picks : tuple of (str, str, int)
-        Classifier, scaling, and how many folds picked them; the most frequent first.
-    mean : float
-        Mean accuracy of the folds [1].
-    interval : Interval
-        As in `Score`.
+    cross-validation; Varma and Simon 2006). ``mean`` is over the folds [1]; ``interval`` as in
+    `Score`. ``picks`` are classifiers and scalings with the number of folds that picked them, the
+    most frequent first.
     """
 
     picks: tuple[tuple[str, str, int], ...]
@@ -131,25 +124,9 @@ class Evaluation(Result):
 class AccuracyPlan:
     """The cross-validation of a table under one split; a `Plan` of an `Evaluation`.
 
-    Parameters
-    ----------
-    table : FeatureTable
-    split : Split
-    classifiers, scalings : sequence of str
-        All their combinations are evaluated, unless others are named those of `list_pairs`. The
-        scaling is fitted inside each fold.
-    random_state : int or None
-        Of the folds inside the folds for the nested choice; None: no such choice.
-
-    Attributes
-    ----------
-    no_choice : str
-        Why there is no nested choice although it was asked for; empty otherwise.
-
-    Raises
-    ------
-    ValueError
-        When a name is not known.
+    Classifiers and scalings as in `evaluate`. ``random_state`` is that of the folds inside the
+    folds for the nested choice; None: no such choice. ``no_choice`` says why there is none
+    although it was asked for.
     """
 
     def __init__(
@@ -278,17 +255,11 @@ def split_interval(
     right: npt.NDArray[np.float64],
     accuracies: npt.NDArray[np.float64],
 ) -> Interval:
-    """Return the interval of a mean accuracy under a split.
+    """Return the interval of a mean accuracy under a split, with its cells (`find_tested_cells`).
 
-    Parameters
-    ----------
-    split : Split
-    cells : Cells or None
-        See `find_tested_cells`.
-    right : ndarray of shape (trials,)
-        How often each trial of the table was named correctly [1].
-    accuracies : ndarray of shape (folds,)
-        Where groups are held out: the interval is over these [1].
+    ``right`` is how often each trial of the table was named correctly, shape (trials,) [1];
+    ``accuracies`` are those of the folds [1]: where groups are held out, the interval is over
+    these.
     """
     if split.groups is not None:
         return accuracy_interval(accuracies, 'groups')

@@ -100,9 +100,7 @@ def evaluate_stopping(
         Full windows, of a known number of samples.
     partial : mapping of int to FeatureTable
         By samples seen: the first part of each window, trial by trial.
-    classifier, scaling : str
-        See `build_estimator`; an empty scaling means the task's default.
-    hold_out : sequence of str
+    classifier, scaling, hold_out
         As in `evaluate_open_set`.
     error_rates : sequence of float
         Shares of wrong early answers; a rule is made for each [1].

@@ -32,16 +32,9 @@ from tactile_classifier.records import CLASSIFIERS, SCALINGS
 class SelectionResult(Result):
     """One classifier with all features, and with those selected inside each fold.
 
-    Attributes
-    ----------
-    split : str
-        How the trials were divided, in words.
-    chosen_counts : tuple of int
-        Features kept in each fold.
-    all_mean, selected_mean : float
-        Accuracy with all features, and with the selected ones [1].
-    difference : Interval
-        Of ``selected_mean - all_mean``, paired over trials or held-out groups.
+    ``chosen_counts`` are the features kept in each fold, ``all_mean`` and ``selected_mean`` the
+    accuracies [1], ``difference`` is that of the second less the first, paired over trials or
+    held-out groups.
     """
 
     classifier: str
@@ -69,19 +62,8 @@ class SelectionResult(Result):
 class SelectionPlan:
     """The comparison under one split; a `Plan` of a tuple of `SelectionResult`.
 
-    Parameters
-    ----------
-    table : FeatureTable
-        With at least two features.
-    split : Split
-        Of which the first repetition is used.
-    classifiers, scalings : sequence of str
-    random_state : int
-
-    Raises
-    ------
-    EvaluationError
-        When a fold's training trials cannot be divided once more.
+    The table has two features or more; of the split the first repetition is used. Raises
+    EvaluationError when a fold's training trials cannot be divided once more.
     """
 
     def __init__(

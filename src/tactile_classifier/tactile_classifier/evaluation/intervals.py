@@ -21,16 +21,10 @@ LEVEL = 0.95
 
 @dataclasses.dataclass(frozen=True)
 class Interval(Result):
-    """A 95 % interval, or why there is none.
+    """A 95 % interval, or one sentence why there is none.
 
-    Attributes
-    ----------
-    low, high : float
-        Both 0 when ``reason`` is not empty.
-    method : str
-        The method and what it counts, in words.
-    reason : str
-        One sentence when there is no interval; empty otherwise.
+    ``low`` and ``high`` are 0 where there is a ``reason``; ``method`` names the method and what it
+    counts.
     """
 
     low: float
@@ -55,6 +49,9 @@ def accuracy_interval(
     are parts (the modified Wilson interval of Dean and Pagano 2015 for clustered samples). It
     covers the chance in which parts were tested. It does not cover that of the training.
 
+    Trials that are all right, or all wrong, have no spread: their interval is the exact
+    binomial one. Other parts without spread get none.
+
     Parameters
     ----------
     parts : array_like of shape (n,)
@@ -63,11 +60,6 @@ def accuracy_interval(
         ``trials``, or what the parts are, such as ``groups``.
     weights : array_like of shape (n,), optional
         Trials in each part, where the mean is over trials; equal when left out.
-
-    Notes
-    -----
-    Trials that are all right, or all wrong, have no spread: their interval is the exact
-    binomial one. Other parts without spread get none.
     """
     values, share = _shares(parts, weights)
     count, mean = len(values), float(share @ values)
@@ -92,15 +84,7 @@ def accuracy_interval(
 def difference_interval(
     differences: npt.ArrayLike, parts_are: str, weights: npt.ArrayLike | None = None
 ) -> Interval:
-    """Return Student's t interval of a mean paired difference.
-
-    Parameters
-    ----------
-    differences : array_like of shape (n,)
-        One a trial, cell or group.
-    parts_are, weights
-        As in `accuracy_interval`.
-    """
+    """Return Student's t interval of a mean paired difference; see `accuracy_interval`."""
     values, share = _shares(differences, weights)
     if np.ptp(values) == 0.0:
         return Interval(0.0, 0.0, '', f'all {len(values)} {parts_are} have the same difference')

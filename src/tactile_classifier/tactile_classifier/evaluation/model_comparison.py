@@ -29,17 +29,10 @@ Names = npt.NDArray[np.str_]
 
 @dataclasses.dataclass(frozen=True)
 class Answered(Result):
-    """One model's answers. With several groups, each share is the mean over the groups.
+    """One model's answers. With several groups, each share is the mean over the groups [1].
 
-    Attributes
-    ----------
-    accuracy : float
-        Share of all trials that are named correctly [1]; a rejected one is not.
-    interval : Interval
-    unknown_rate, no_answer_rate : float
-        Share of trials that it rejects, and that it says nothing of [1].
-    answered_accuracy : float or None
-        Share of right ones among the labels that it gives [1]; None: it gives none.
+    ``accuracy`` is over all trials: a rejected one is not named correctly. ``answered_accuracy``
+    is the share of right ones among the labels that it gives; None: it gives none.
     """
 
     accuracy: float
@@ -66,12 +59,10 @@ class Comparison(Result):
 
     Attributes
     ----------
-    trials : int
     groups : int
         Such as sessions; 0 where none are told apart.
     parts_are : str
         What the groups are.
-    a, b : Answered
     difference : float
         Accuracy of B less that of A [1].
     interval : Interval
@@ -125,19 +116,9 @@ def compare_answers(
     covers with groups of unequal size, too. Otherwise, or where all groups have the same
     difference, it is that of `paired_interval` over trials.
 
-    Parameters
-    ----------
-    labels, answers_a, answers_b : array_like of str, shape (trials,)
-        What is true, and what the models say: labels, `UNKNOWN` or `NO_ANSWER`.
-    groups : array_like of shape (trials,), optional
-        Such as the session of each trial.
-    parts_are : str
-        What the groups are, in the plural.
-
-    Raises
-    ------
-    EvaluationError
-        When there are no trials, or not one label and one answer of each model a trial.
+    Labels and answers have shape (trials,); answers are labels, `UNKNOWN` or `NO_ANSWER`. Groups,
+    shape (trials,), are such as the session of each trial; ``parts_are`` names them in the plural.
+    Raises EvaluationError when there are no trials, or the shapes do not fit.
     """
     true, says_a, says_b = (
         np.asarray(each).astype(str) for each in (labels, answers_a, answers_b)
@@ -182,14 +163,8 @@ def paired_interval(only_a: int, only_b: int, trials: int) -> Interval:
     Tango (1998), Statistics in Medicine 17, 891: all differences of accuracy whose score test
     does not reject the counts. It leaves 0 out exactly when McNemar's test has a p-value below
     0.05. It covers 95 % on average, and somewhat less at its worst; ``docs/evaluation.md`` has
-    the coverage by enumeration.
-
-    Parameters
-    ----------
-    only_a, only_b : int
-        Trials that only A, or only B, names correctly.
-    trials : int
-        All of them.
+    the coverage by enumeration. ``only_a`` and ``only_b`` count the trials that only A, or only B,
+    names correctly, of all.
     """
     limit = float(ndtri(0.5 * (1.0 + LEVEL)))
     seen = (only_b - only_a) / trials

@@ -36,14 +36,9 @@ from tactile_classifier.evaluation.results import Result
 class UnknownLabel(Result):
     """Answers on the trials of one label that was left out of training.
 
-    Attributes
-    ----------
-    auroc : float
-        Probability that a trial of it is more novel than one of a known label; mean over
-        the folds [1].
-    miss_rate : float
-        Share of its trials that are named as something known [1].
-    trials : int
+    ``auroc`` is the probability that a trial of it is more novel than one of a known label, mean
+    over the folds [1]; ``miss_rate`` the share of its trials that are named as something known
+    [1].
     """
 
     label: str

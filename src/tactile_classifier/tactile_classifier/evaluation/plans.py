@@ -46,13 +46,8 @@ def run_plans(
     algebra keeps to one thread meanwhile: matrices are small, and its threads beside those of
     the pool wait for each other most of the time.
 
-    Parameters
-    ----------
-    plans : sequence of Plan
-    jobs : int or None
-        As joblib takes it: -1 is all cores.
-    progress : callable
-        ``progress(done, total)`` after each part.
+    ``jobs`` is as joblib takes it: -1 is all cores. ``progress(done, total)`` is called after each
+    part.
     """
     parts = [plan.tasks() for plan in plans]
     total = sum(map(len, parts))

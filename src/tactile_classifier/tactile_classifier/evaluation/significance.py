@@ -76,10 +76,6 @@ def rank_sum_p_values(
     strata : array_like of shape (trials,), optional
         Such as the session of each trial.
 
-    Returns
-    -------
-    RankSum
-
     Raises
     ------
     DatasetError
@@ -120,12 +116,8 @@ def rank_features(
     """Return the columns of ``values`` from the most to the least telling, by their mean p.
 
     Columns with the same mean keep their order. Inside a cross-validation this belongs
-    into each fold: ranked on all trials, it has seen those of the test.
-
-    Raises
-    ------
-    DatasetError
-        As `rank_sum_p_values`.
+    into each fold: ranked on all trials, it has seen those of the test. Errors as in
+    `rank_sum_p_values`.
     """
     return np.argsort(rank_sum_p_values(values, labels, strata).mean_p, kind='stable')
 
@@ -182,14 +174,9 @@ def _count_ties(below: FloatArray, new: NDArray[np.bool_]) -> tuple[FloatArray, 
     """Return the counts below each value with half of its equals, and the ties of the pairs.
 
     Ties are the sum of t^3 - t over the groups of t = a + b equal values, a and b of the
-    two classes. All numbers are integers or halves, and so exact.
-
-    Parameters
-    ----------
-    below : ndarray of shape (k, trials + 1, classes)
-        Running counts in the order of the values.
-    new : ndarray of shape (k, trials - 1)
-        Whether a value differs from the one before.
+    two classes. All numbers are integers or halves, and so exact. ``below`` are running counts in
+    the order of the values, shape (k, trials + 1, classes); ``new`` tells whether a value differs
+    from the one before, shape (k, trials - 1).
     """
     k, n = below.shape[0], below.shape[1] - 1
     begins, ends = np.ones((k, n), dtype=bool), np.ones((k, n), dtype=bool)

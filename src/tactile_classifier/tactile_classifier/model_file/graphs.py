@@ -46,10 +46,7 @@ Shape = tuple[type, Sequence[int | None]]
 class Graph:
     """Nodes and constants; tensors go by name.
 
-    Parameters
-    ----------
-    prefix : str
-        Of all names: those of a branch must not be those of the graph around it.
+    All names begin with the prefix: those of a branch must not be those of the graph around it.
     """
 
     def __init__(self, prefix: str = '') -> None:
@@ -187,18 +184,11 @@ def _add_least(graph: Graph, squares: str) -> str:
 
 
 def add_neighbours(graph: Graph, neighbours: NearestNeighbours, x: str) -> str:
-    """Add the neighbours to a graph; return the name of their shares of votes.
+    """Add fitted neighbours; return the name of their shares of votes, shape (windows, labels).
 
-    The same bits as `NearestNeighbours.predict_proba`: no operator adds more than two
-    numbers that rounding could change, as a reduction would, in an order of its own.
-
-    Parameters
-    ----------
-    graph : Graph
-    neighbours : NearestNeighbours
-        Fitted.
-    x : str
-        Tensor of features of shape (windows, k), scaled if they are to be.
+    ``x`` are features of shape (windows, k), scaled if they are to be. The same bits as
+    `NearestNeighbours.predict_proba`: no operator adds more than two numbers that rounding could
+    change, as a reduction would, in an order of its own.
     """
     # Features before trials: what is folded lies in one piece.
     rows = graph.add('Unsqueeze', x, graph.constant(np.array([2])))
@@ -237,15 +227,10 @@ Matrix = npt.NDArray[np.float64]
 
 
 def add_svm(graph: Graph, svm: SVC, x: str) -> str:
-    """Add an SVM to a graph; return the name of its decision values, one a label.
+    """Add a fitted SVM with a linear or RBF kernel; return the name of its decision values.
 
-    Parameters
-    ----------
-    graph : Graph
-    svm : sklearn.svm.SVC
-        Fitted, with a linear or RBF kernel.
-    x : str
-        Tensor of features of shape (windows, k), scaled if they are to be.
+    ``x`` are features of shape (windows, k), scaled if they are to be; the values have shape
+    (windows, labels).
     """
     kernel = _add_kernel(graph, svm, x)
     pairs = graph.add('MatMul', kernel, graph.constant(_pair_weights(svm)))
@@ -267,10 +252,9 @@ def _add_kernel(graph: Graph, svm: SVC, x: str) -> str:
 
 
 def _pair_weights(svm: SVC) -> Matrix:
-    """Return the weight of each support vector in each pair of classes.
+    """Return the weight of each support vector in each pair of classes, shape (vectors, pairs).
 
-    libsvm keeps, for each vector of one class, its weights against the others;
-    shape (vectors, pairs).
+    libsvm keeps, for each vector of one class, its weights against the others.
     """
     dual = svm.dual_coef_
     if len(svm.classes_) == 2:
@@ -310,15 +294,9 @@ Indices = npt.NDArray[np.intp]
 
 
 def add_random_convolutions(graph: Graph, model: RandomConvolutionClassifier, x: str) -> str:
-    """Add a fitted classifier to a graph; return the name of its scores, one a label.
+    """Add a fitted classifier; return the name of its scores, shape (windows, labels).
 
-    Parameters
-    ----------
-    graph : Graph
-    model : RandomConvolutionClassifier
-        Fitted.
-    x : str
-        Tensor of waveforms of shape (windows, channels * samples).
+    ``x`` are waveforms of shape (windows, channels * samples).
     """
     scores = graph.constant(model.intercept_)
     first = 0

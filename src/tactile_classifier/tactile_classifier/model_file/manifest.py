@@ -47,10 +47,8 @@ class Stage:
     stop_threshold : float
         Probability of the answer from which one need not wait for more samples [1];
         negative: never.
-    calibration_error_before, calibration_error_after : float
-        Expected calibration error on held-out trials [1]; negative: not calibrated.
-    accuracy : float
-        On the same held-out trials [1]; negative: not calibrated.
+    calibration_error_before, calibration_error_after, accuracy : float
+        Expected calibration error and accuracy on held-out trials [1]; negative: not calibrated.
     """
 
     sample_count: int = 0
@@ -71,12 +69,10 @@ class TrainingTrials:
 
     Attributes
     ----------
-    sessions, mountings : int
-        How many different ones the trials name; 0: they name none.
-    speeds : int
-        How many different sliding speeds they state.
+    sessions, mountings, speeds : int
+        How many different ones the trials name; 0: none.
     slowest_m_s, fastest_m_s : float
-        Of these [m/s]; negative: none is stated.
+        Of the sliding speeds [m/s]; negative: none is stated.
     simulated : int
         How many of the trials were simulated.
     """
@@ -95,16 +91,14 @@ class Manifest:
 
     Attributes
     ----------
-    task, contact : str
-        ``contact`` is empty when the model was trained on both or on neither.
+    contact : str
+        Empty when the model was trained on both or on neither.
     spec : FeatureSpec
         The features that it takes.
     labels : tuple of str
         What it can answer, in the order of its scores.
     score_kind : str
         See Classification.msg.
-    classifier, scaling : str
-        See `tactile_classifier.estimators.classifiers`.
     simulated : bool
         True when any of the training trials was simulated.
     training_sha256 : str
@@ -133,7 +127,6 @@ class Manifest:
         thresholds.
     stop_error_rate : float
         Share of wrong answers among those given early [1]; negative: no partial windows.
-    training : TrainingTrials
     """
 
     task: str
@@ -171,13 +164,7 @@ class Manifest:
 
     @classmethod
     def from_dict(cls, entries: Mapping[str, Any]) -> Manifest:
-        """Return the manifest that `to_dict` gave.
-
-        Raises
-        ------
-        ModelFileError
-            When the entries are not those of a manifest of this format.
-        """
+        """Return the manifest that `to_dict` gave; raise ModelFileError for other entries."""
         fields = check_version(entries)
         _check_types(fields)
         fields['spec'] = parse_wanted(fields).spec
@@ -260,13 +247,7 @@ MAX_LABELS = 40
 
 
 def format_card(manifest: Manifest) -> str:
-    """Return the card as text for people, in Markdown.
-
-    Raises
-    ------
-    ModelFileError
-        When an entry of the manifest is damaged.
-    """
+    """Return the card as text for people, in Markdown; errors as in `list_facts`."""
     facts = (f'- {name}: {value}' for name, value in list_facts(manifest).items())
     limits = (f'- {sentence}' for sentence in list_limits(manifest))
     lines = ('# Model card', '', *facts, '', '## Limits', '', *limits)
@@ -282,13 +263,7 @@ def format_features(spec: FeatureSpec) -> str:
 
 
 def list_facts(manifest: Manifest) -> dict[str, str]:
-    """Return the facts of the card by name.
-
-    Raises
-    ------
-    ModelFileError
-        When an entry of the manifest is damaged.
-    """
+    """Return the facts of the card by name; raise ModelFileError when an entry is damaged."""
     try:
         return _list_facts(manifest)
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:

@@ -58,9 +58,9 @@ class Answers(NamedTuple):
     Attributes
     ----------
     answer : ndarray of int, shape (windows,)
-        Position of each answer among the labels: the first largest score before calibration.
+        Position among the labels of the first largest score before calibration.
     scores : ndarray of shape (windows, labels)
-        Larger is likelier; what they are, the manifest's ``score_kind`` says.
+        Larger is likelier; the manifest's ``score_kind`` names them.
     novelty : ndarray of shape (windows,)
         Empty when the model has no novelty.
     """
@@ -125,16 +125,10 @@ class _KnownNovelty(NamedTuple):
 
 
 class Correction(NamedTuple):
-    """Correction of a session's features, by its known trials.
+    """Correction of a session by its known trials.
 
-    Attributes
-    ----------
-    offset : ndarray of shape (k,)
-        Taken off the features, in their units.
-    novelty_threshold : float
-        In place of the model's.
-    trials : int
-        Known trials behind it.
+    The offset, shape (k,), is taken off the features, in their units; the threshold of novelty
+    stands in place of the model's. ``trials`` counts the known trials behind them.
     """
 
     offset: npt.NDArray[np.float64]
@@ -143,25 +137,13 @@ class Correction(NamedTuple):
 
 
 def read_model_card(path: str | Path) -> str:
-    """Return the card of a model file, as text for people.
-
-    Raises
-    ------
-    ModelFileError
-        With a sentence that says why the file is not used.
-    """
+    """Return the card of a model file, as text for people; errors as in `load_model`."""
     with refusals_of(path):
         return open_container(read_limited(path)).card
 
 
 def read_manifest(path: str | Path) -> Manifest:
-    """Return the manifest of a model file; its graph is checked, but not loaded.
-
-    Raises
-    ------
-    ModelFileError
-        With a sentence that says why the file is not used.
-    """
+    """Return the manifest of a file, its graph checked, not loaded; errors as in `load_model`."""
     with refusals_of(path):
         return Manifest.from_dict(open_container(read_limited(path)).manifest)
 
@@ -194,15 +176,15 @@ class TactileModel:
 
     Attributes
     ----------
-    path, sha256 : str
-        ``sha256`` is that of the file, in hex digits.
+    sha256 : str
+        Of the file, in hex digits.
     manifest : Manifest
     spec : FeatureSpec
         The features that it takes.
     labels : tuple of str
         What it can answer, in the order of its scores.
     model_id : str
-        Task, contact, classifier and the first 12 digits of the file's SHA-256.
+        Task, contact, classifier and the first 12 digits of ``sha256``.
     partial_samples : tuple of int
         Sample counts of the partial windows that it answers.
     """
@@ -252,8 +234,7 @@ class TactileModel:
         """Take in the specifications of the windows to come, as the feature node announces them.
 
         A model of ready-cut windows does not state how they were cut. It answers windows of each
-        announced specification that does not contradict its own; those of any while none is
-        announced.
+        announced specification that does not contradict its own; of any while none is announced.
         """
         self._announced = {spec.digest: spec for spec in specs}
 
@@ -382,10 +363,9 @@ class TactileModel:
     ) -> ClassificationResult:
         """Return the answer on one window of features, or why there is none.
 
-        A window whose novelty is above the model's threshold is unknown. A partial window is
-        decided when it is known and its answer's probability reaches the stopping rule's.
-
-        Without a correction of the window's session, the model is used as its file is.
+        A window whose novelty is above the threshold is unknown. A partial window is decided when
+        it is known and its answer's probability reaches the stopping rule's. Without a correction
+        of the window's session, the model is used as its file is.
         """
         stage = self._stages[window.sample_count if window.partial else 0]
         reason = self._why_not(window)
@@ -457,9 +437,8 @@ class TactileModel:
     def format_mismatch(self, window: FeatureWindow) -> str:
         """Return why a window has features of another specification, or an empty string.
 
-        The fields of the message are compared one by one. The digest tells that something else
-        differs: it is named where the specification of the window is announced; otherwise all
-        parameters of the model are.
+        Its fields are compared one by one. When the digest alone differs, the difference is named
+        if the window's specification is announced; otherwise all parameters of the model are.
         """
         spec = self.spec
         pairs = [
@@ -562,10 +541,7 @@ class TactileModel:
 def read_statistics(model: TactileModel) -> dict[int, SessionStatistics]:
     """Return the statistics of sessions in a model's file, by samples of its stages.
 
-    Raises
-    ------
-    ModelFileError
-        When it was recalibrated already, states nothing, or is damaged.
+    Raises ModelFileError when it was recalibrated already, states none, or is damaged.
     """
     manifest = model.manifest
     if RECALIBRATED in manifest.calibration:
@@ -597,16 +573,8 @@ def correct(
 ) -> Correction:
     """Return the correction for a session, by known trials and the model's novelty.
 
-    Parameters
-    ----------
-    model : TactileModel
-    statistics : SessionStatistics
-        Of that length of window.
-    sample_count : int
-        As in `TactileModel.compute`.
-    values : ndarray of shape (trials, k)
-    label : ndarray of int, shape (trials,)
-        Position of each label among the model's.
+    Features of shape (trials, k), of windows of ``sample_count`` samples as in
+    `TactileModel.compute`; the position of each label among the model's, shape (trials,).
     """
     offset, threshold = statistics.recalibrate(
         values, label, lambda moved: model.compute(moved, sample_count).novelty
@@ -661,15 +629,10 @@ what is usual between trials of that label. Rounding gives below 1e-6, new trial
 def find_training_trials(
     model: TactileModel, values: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.bool_] | None:
-    """Return which trials the model was trained on; None: its file does not tell.
+    """Return which trials of features, shape (trials, k), the model was trained on.
 
-    A calibrated model measures novelty from its training trials, so these have none. A model
-    without novelty, or recalibrated for a session, does not tell.
-
-    Parameters
-    ----------
-    model : TactileModel
-    values : ndarray of shape (trials, k)
+    None when its file does not tell: a calibrated model measures novelty from its training trials,
+    so these have none; one without novelty, or recalibrated for a session, does not tell.
     """
     if RECALIBRATED in model.manifest.calibration or not len(values):
         return None

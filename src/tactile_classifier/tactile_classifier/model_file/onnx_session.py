@@ -38,10 +38,7 @@ def _limit_memory() -> None:
 def open_session(data: bytes) -> Any:
     """Return an onnxruntime session on the graph, with limited memory and one thread.
 
-    Raises
-    ------
-    ModelFileError
-        When the graph cannot be loaded, or asks for too much.
+    Raises ModelFileError when the graph cannot be loaded, or asks for too much.
     """
     import onnxruntime
 

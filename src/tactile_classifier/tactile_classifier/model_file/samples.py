@@ -27,15 +27,9 @@ CHANNEL_0 = 'channel_000__'
 
 
 class Found(NamedTuple):
-    """Features of one window.
+    """Features of one window, shape (k,), or one sentence why there are none.
 
-    Attributes
-    ----------
-    values : ndarray of shape (k,)
-    part : int
-        Samples of a partial window; 0: it is a whole one.
-    reason : str
-        One sentence where there are no values; empty otherwise.
+    ``part`` counts the samples of a partial window; 0: it is a whole one.
     """
 
     values: Matrix
@@ -46,18 +40,8 @@ class Found(NamedTuple):
 class SampleWindow:
     """The window of a specification, of one or several channels.
 
-    Parameters
-    ----------
-    task : str
-        ``texture`` or ``stiffness``.
-    spec : FeatureSpec
-    partial_samples : sequence of int
-        Lengths of its first parts that are taken, too.
-
-    Raises
-    ------
-    FeatureError
-        When this installation computes other features.
+    Its first parts of ``partial_samples`` lengths are taken, too. Raises FeatureError when this
+    installation computes other features.
     """
 
     def __init__(self, task: str, spec: FeatureSpec, partial_samples: Sequence[int]) -> None:
@@ -73,21 +57,10 @@ class SampleWindow:
         self._set = set_for(task, config)
 
     def compute(self, samples: npt.ArrayLike, rate_hz: float, speed_m_s: float) -> Found:
-        """Return the features of one window.
+        """Return the features of evenly spaced samples, shape (n,) or (channels, n).
 
-        Parameters
-        ----------
-        samples : array_like of shape (n,), or (channels, n)
-            Evenly spaced.
-        rate_hz : float
-            That of the specification [Hz].
-        speed_m_s : float
-            Sliding speed; 0: not known [m/s].
-
-        Raises
-        ------
-        DatasetError
-            When shape, length, rate or speed do not fit; the message tells the remedy.
+        The rate is that of the specification [Hz]; a sliding speed of 0 is not known [m/s]. Raises
+        DatasetError when shape, length, rate or speed do not fit; the message tells the remedy.
         """
         rows = self._check(samples, rate_hz)
         count, whole = rows.shape[1], self._count(speed_m_s)

@@ -50,12 +50,8 @@ class Candidate(NamedTuple):
 class CandidateScore:
     """Accuracy of a candidate on the folds.
 
-    Attributes
-    ----------
-    accuracy : float
-        Mean over the folds [1]; of the best candidate it is too good on average.
-    fold_s : float
-        Time to train and test a fold, without the features, mean of the folds [s].
+    ``accuracy`` is the mean over the folds [1]; of the best candidate it is too good on average.
+    ``fold_s`` is the mean time to train and test a fold, without the features [s].
     """
 
     candidate: Candidate
@@ -73,10 +69,8 @@ class FeatureChoice:
         How the trials were divided, in words.
     ranking : tuple of CandidateScore
         All candidates, the best first; of equals the one that was named first.
-    nested_accuracy : float
+    nested_accuracy, interval : float, Interval
         When each fold's training trials choose, and its tests only judge [1].
-    interval : Interval
-        Of ``nested_accuracy``.
     chance : float
         Accuracy of always naming the commonest label [1].
     picks : tuple of (Candidate, int)
@@ -141,25 +135,13 @@ class ChoicePlan:
     """The choice among tables of the same trials and classifiers; a `Plan` of a `FeatureChoice`.
 
     Folds inside each fold's training trials choose for that fold (nested cross-validation), which
-    says how good the choice is. The choice itself is made by the folds.
+    says how good the choice is. The choice itself is made by the folds of all repetitions; the
+    accuracy of such a choice is that of the first one's.
 
-    Parameters
-    ----------
-    tables : mapping of str to FeatureTable
-        By feature set; of equally good ones the first is chosen, so cheap ones come first.
-    split : Split
-        All repetitions choose; the accuracy of such a choice is that of the first one's folds.
-    random_state : int
-        Of the folds inside the folds.
-    scaling : str
-        The only one that is tried; empty: all.
-
-    Raises
-    ------
-    DatasetError
-        When the tables are not of the same trials.
-    EvaluationError
-        When a fold's training trials cannot be divided once more.
+    Tables are by feature set; of equally good ones the first is chosen, so cheap ones come first.
+    ``random_state`` is that of the folds inside the folds; ``scaling`` the only one that is tried;
+    empty: all. Raises DatasetError when the tables are not of the same trials, EvaluationError
+    when a fold's training trials cannot be divided once more.
     """
 
     def __init__(
@@ -239,14 +221,9 @@ class ChoicePlan:
 class FoldAnswer:
     """One candidate in one fold.
 
-    Attributes
-    ----------
-    right : ndarray of bool, shape (tests,)
-        Which tests are named correctly.
-    inner_right : int
-        How many tests of the folds inside the training trials are.
-    time_s : float
-        Time to train and test the fold, without those inside it [s].
+    ``right`` tells which tests are named correctly, shape (tests,), and ``inner_right`` how many
+    tests of the folds inside the training trials are. ``time_s`` is the time to train and test the
+    fold, without those inside it [s].
     """
 
     right: npt.NDArray[np.bool_]
