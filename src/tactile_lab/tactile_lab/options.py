@@ -14,18 +14,17 @@ _Kind = TypeVar('_Kind')
 
 
 def take(kind: type[_Kind], arguments: Mapping[str, Any], **others: Any) -> _Kind:
-    """Return a dataclass with those of a command's arguments that are its fields.
+    """Return a dataclass of those arguments of a command (`locals()`) that are its fields.
 
-    Parameters
-    ----------
-    kind : type
-    arguments : mapping of str
-        ``locals()`` at the beginning of a command.
-    **others
-        Fields that differ from the arguments.
+    ``others`` are fields that differ from the arguments.
     """
     names = {field.name for field in dataclasses.fields(kind)} & arguments.keys()  # type: ignore[arg-type]
     return kind(**{**{name: arguments[name] for name in names}, **others})
+
+
+def split(text: Optional[str]) -> tuple[str, ...]:
+    """Return the parts between the commas of an option, without blank ones."""
+    return tuple(filter(None, map(str.strip, (text or '').split(','))))
 
 
 def choice(*values: str) -> dict[str, Any]:

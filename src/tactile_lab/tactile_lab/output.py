@@ -9,7 +9,7 @@ to standard error.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 import json
 import os
@@ -22,26 +22,29 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
+    import pyarrow
+
     from tactile_bags.audit import Audit
 
 
-class Output:
-    """The terminal of one command.
+TABLES = ('.parquet', '.csv')
+PICTURES = ('.png', '.svg', '.pdf')
+"""Ends of names of files that commands write."""
 
-    Parameters
-    ----------
-    as_json : bool
-        Whether the result is wanted as JSON.
-    """
+
+class Output:
+    """The terminal of one command; ``as_json``: the result is wanted as JSON."""
 
     def __init__(self, as_json: bool) -> None:
         self.as_json = as_json
         self._err = Console(stderr=True)
         self._out = self._err if as_json else Console()
 
-    def say(self, text: Any = '', *, plain: bool = False) -> None:
-        """Print a line or a table for people; ``plain``: square brackets are no markup."""
-        self._out.print(text, highlight=False, soft_wrap=isinstance(text, str), markup=not plain)
+    def say(self, *texts: Any, plain: bool = False) -> None:
+        """Print lines or tables for people; ``plain``: square brackets are no markup."""
+        for text in texts:
+            soft_wrap = isinstance(text, str)
+            self._out.print(text, highlight=False, soft_wrap=soft_wrap, markup=not plain)
 
     def say_audits(self, audits: Iterable[Audit]) -> None:
         """Print what is missing, doubled or out of order; one line where nothing is."""
@@ -77,31 +80,44 @@ class Output:
 
 
 def refuse_to_replace(paths: Iterable[Path], *, force: bool) -> None:
-    """Refuse to write over files that exist, unless it is wanted.
-
-    Raises
-    ------
-    TactileError
-        When one of them exists.
-    """
-    if force:
-        return
-    if there := [str(path) for path in paths if path.exists()]:
+    """Refuse to write over files that exist, unless it is wanted."""
+    if not force and (there := [str(path) for path in paths if path.exists()]):
         raise TactileError(f'{", ".join(there)} would be replaced: give another name, or --force')
 
 
 def make_output_folder(folder: Path) -> None:
-    """Make a folder for results, before the work that fills it.
-
-    Raises
-    ------
-    TactileError
-        When it cannot be made.
-    """
-    try:
+    """Make a folder for results, before the work that fills it."""
+    with named_errors('make the folder', folder):
         folder.mkdir(parents=True, exist_ok=True)
+
+
+@contextmanager
+def named_errors(task: str, path: Path) -> Iterator[None]:
+    """Raise an error of the operating system as one that names the task and the path."""
+    try:
+        yield
     except OSError as error:
-        raise TactileError(f'cannot make the folder {folder}: {error.strerror}') from error
+        raise TactileError(f'cannot {task} {path}: {error.strerror or error}') from error
+
+
+def refuse_suffix(option: str, path: Path, suffixes: Sequence[str]) -> None:
+    """Refuse the name of a file that ends in none of these."""
+    if path.suffix.lower() not in suffixes:
+        *some, last = suffixes
+        ends = f'{", ".join(some)} or {last}' if some else last
+        raise TactileError(f'{option} is {path}; it must end in {ends}')
+
+
+def write_table(table: pyarrow.Table, path: Path) -> None:
+    """Write a table as Parquet or CSV, by the name's end."""
+    import pyarrow.csv
+    import pyarrow.parquet
+
+    with named_errors('write', path):
+        if path.suffix == '.csv':
+            pyarrow.csv.write_csv(table, path)
+        else:
+            pyarrow.parquet.write_table(table, path, compression='zstd')
 
 
 def write_atomically(path: Path, text: str) -> None:

@@ -44,22 +44,9 @@ def plot_strain(
     window_s: tuple[float, float] | None = None,
     line: tuple[float, float] | None = None,
 ) -> None:
-    """Draw the tension of one trial with its phases.
+    """Draw the tension of one trial with its phases into a PNG; see `draw_strain`.
 
-    Parameters
-    ----------
-    path : pathlib.Path
-        PNG to write.
-    time_s, tension_n : ndarray of shape (n,)
-        Time since the trial's start [s] and tension [N].
-    phases : sequence of (name, start, end)
-        Times in seconds on the same axis.
-    title : str
-        States where the trial comes from, "simulated" included.
-    window_s : tuple, optional
-        First and last sample of the window that the features come from.
-    line : tuple, optional
-        Slope [N/s] and intercept [N] at the window's start, drawn over the window.
+    The title states where the trial comes from, "simulated" included.
     """
     figure = Figure(figsize=(9, 4), layout='constrained')
     axes = figure.subplots()
@@ -73,13 +60,7 @@ def plot_signals(
 ) -> None:
     """Draw trials of others, a panel each, with all channels and their unit.
 
-    Parameters
-    ----------
-    path : pathlib.Path
-        Picture to write.
-    signals : sequence of (title, Signal)
-    window_s : float, optional
-        Length of the window that features take, from the first sample [s].
+    ``signals`` are titles and signals. Features take the first ``window_s`` [s].
     """
     figure = Figure(figsize=(9, 1.2 + 2.8 * len(signals)), layout='constrained')
     panels = np.ravel(figure.subplots(len(signals), 1, squeeze=False))
@@ -147,7 +128,19 @@ def draw_strain(
     window_s: tuple[float, float] | None = None,
     line: tuple[float, float] | None = None,
 ) -> None:
-    """Draw what `plot_strain` draws; the parameters are the same."""
+    """Draw the tension of one trial with its phases.
+
+    Parameters
+    ----------
+    time_s, tension_n : ndarray of shape (n,)
+        Time since the trial's start [s] and tension [N].
+    phases : sequence of (name, start, end)
+        Times in seconds on the same axis.
+    window_s : tuple, optional
+        First and last sample of the window that the features come from [s].
+    line : tuple, optional
+        Slope [N/s] and intercept [N] at the window's start, drawn over the window.
+    """
     shade_phases(axes, phases)
     axes.plot(time_s, tension_n, color=TRACE_COLOUR, lw=1)
     if window_s is not None:
@@ -199,15 +192,9 @@ def plot_spectra(
     spectra: Sequence[tuple[str, NDArray[np.float64]]],
     title: str,
 ) -> None:
-    """Draw one amplitude spectrum a texture, all on the same axes' limits.
+    """Draw one amplitude spectrum a texture into a PNG, all on the same axes' limits.
 
-    Parameters
-    ----------
-    path : pathlib.Path
-        PNG to write.
-    frequency_hz : ndarray of shape (k,)
-    spectra : sequence of (label, ndarray of shape (k,))
-        Amplitudes [N].
+    ``spectra`` are labels and amplitudes [N] of shape (k,), as ``frequency_hz`` [Hz].
     """
     rows = (len(spectra) + 1) // 2
     figure = Figure(figsize=(9, 1.5 * rows + 0.8), layout='constrained')

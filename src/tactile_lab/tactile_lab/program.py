@@ -90,7 +90,7 @@ COMMANDS = {
         'Run the nodes of one finger that another program moves, in this process until Ctrl-C.',
     ),
     'hand': (
-        'tactile_lab.commands.hand',
+        'tactile_lab.commands.sense',
         'Run the nodes of any number of fingers, in this process until Ctrl-C.',
     ),
     'watch': (

@@ -36,21 +36,8 @@ def open_ports(
 ) -> tuple[Ports, SimulatedRig | None]:
     """Return the ports, and the simulated rig behind them if it is one.
 
-    Parameters
-    ----------
-    given : Ports
-        Empty where an option was not given.
-    simulated : bool
-    seed : int
-        Of a simulated rig.
-    stack : contextlib.ExitStack
-        Ends the simulated rig.
-
-    Raises
-    ------
-    TactileError
-        When ports are missing, the sensor is given twice, or ports are given beside
-        ``--simulated``.
+    ``given`` are empty where an option was not given; ``stack`` ends the rig, whose random numbers
+    ``seed`` sets. Refuses missing ports, a sensor given twice, and ports beside ``--simulated``.
     """
     refuse_two_sensors(given)
     named = {'--guide': given.guide, '--tendon': given.tendon, '--sensor': given.sensor}
@@ -67,13 +54,7 @@ def open_ports(
 
 
 def refuse_two_sensors(given: Ports) -> None:
-    """Refuse a sensor's port beside a topic.
-
-    Raises
-    ------
-    TactileError
-        When both are given.
-    """
+    """Refuse a sensor's port beside a topic."""
     if given.sensor and given.sensor_topic:
         raise TactileError('there are a --sensor and a --sensor-topic; give one')
 
@@ -97,23 +78,8 @@ def run_nodes(
 ) -> None:
     """Run nodes in this process until SIGINT or SIGTERM, or until one of them fails.
 
-    Parameters
-    ----------
-    nodes : sequence of NodeDescription
-    namespace, title : str
-    watch : bool
-        Serve a live page.
-    quiet : bool
-        Print no line for each answer.
-    simulated_rig : SimulatedRig, optional
-        It gets what a trial of the live page names under its finger.
-    simulated : bool
-        Some sensor is simulated.
-
-    Raises
-    ------
-    TactileError
-        When a node cannot be started, or one fails later.
+    ``watch`` serves a live page, ``quiet`` prints no line for each answer. ``simulated_rig`` gets
+    what a trial of the live page names under its finger. ``simulated``: some sensor is simulated.
     """
     from tactile_bringup.nodes.graph_runner import ros_context, running_graph  # rclpy
     from tactile_lab.watch.watching import watching

@@ -13,11 +13,11 @@ from pathlib import Path
 import sys
 import threading
 import time
-from typing import Annotated, Any, Optional, TYPE_CHECKING
+from typing import Annotated, Optional, TYPE_CHECKING
 
 import typer
 
-from tactile_lab.options import JsonOption, SeedOption, SensorOption, SimulatedOption
+from tactile_lab import options
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def calibrate(
     weights: Annotated[
         str, typer.Option(help='Known masses [kg], with commas, at least three: 0,0.2,0.5,1.')
     ],
-    sensor: SensorOption = '',
+    sensor: options.SensorOption = '',
     params: Annotated[
         Optional[Path],
         typer.Option(
@@ -56,9 +56,9 @@ def calibrate(
     down: Annotated[
         bool, typer.Option(help='Also measure the weights on the way down: shows hysteresis.')
     ] = True,
-    simulated: SimulatedOption = False,
-    seed: SeedOption = 1,
-    as_json: JsonOption = False,
+    simulated: options.SimulatedOption = False,
+    seed: options.SeedOption = 1,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Calibrate a load cell against known weights.
 
@@ -78,9 +78,7 @@ def calibrate(
 
     output = Output(as_json)
     weights_kg = parse_weights(weights)
-    stated: dict[str, Any] = {}
-    if params and params.exists():
-        stated = ParameterFile(params).of(NODE)
+    stated = ParameterFile(params).of(NODE) if params and params.exists() else {}
     stand: Optional[WeightStand] = None
 
     def hang(mass_kg: float) -> None:
@@ -113,28 +111,16 @@ def calibrate(
     if params is not None:
         set_parameters(params, NODE, {'scale': fit.scale, 'offset_n': fit.offset_n})
         output.say(f'{params}: scale and offset_n of {NODE} are set')
-    output.result(
-        {
-            'simulated': simulated,
-            'gravity_m_s2': gravity_m_s2,
-            'params': str(params or ''),
-            **asdict(fit),
-        }
-    )
+    stated = {'simulated': simulated, 'gravity_m_s2': gravity_m_s2, 'params': str(params or '')}
+    output.result({**stated, **asdict(fit)})
 
 
 def parse_weights(text: str) -> tuple[float, ...]:
-    """Return masses from ``0,0.2,0.5`` [kg], ascending.
-
-    Raises
-    ------
-    CalibrationError
-        When they are none, or too few.
-    """
+    """Return masses from ``0,0.2,0.5`` [kg], ascending."""
     from tactile_lab.devices.load_cell import CalibrationError, FEWEST_WEIGHTS
 
     try:
-        weights = tuple(sorted({float(part) for part in text.split(',') if part.strip()}))
+        weights = tuple(sorted(set(map(float, options.split(text)))))
     except ValueError:
         raise CalibrationError(
             f'--weights is "{text}"; write kilograms with commas, such as 0,0.2,0.5,1'

@@ -3,25 +3,15 @@
 
 """`tactile check`: exercise each device and say what it found."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 import dataclasses
-from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Optional, TYPE_CHECKING, TypeVar
+from typing import Annotated, Any, Optional, TYPE_CHECKING
 
 import typer
 
-from tactile_lab.options import (
-    GuideOption,
-    JsonOption,
-    ParamsOption,
-    SeedOption,
-    SensorOption,
-    SensorTopicOption,
-    SimulatedOption,
-    TendonOption,
-)
+from tactile_lab import options
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
@@ -31,16 +21,15 @@ if TYPE_CHECKING:
     from tactile_lab.devices.checks import CheckReport
 
 _NODES = {'sensor': 'tendon_sensor', 'guide': 'linear_guide', 'tendon': 'tendon_actuator'}
-_Config = TypeVar('_Config')
 
 
 def check(
-    guide: GuideOption = '',
-    tendon: TendonOption = '',
-    sensor: SensorOption = '',
-    sensor_topic: SensorTopicOption = '',
-    simulated: SimulatedOption = False,
-    params: ParamsOption = None,
+    guide: options.GuideOption = '',
+    tendon: options.TendonOption = '',
+    sensor: options.SensorOption = '',
+    sensor_topic: options.SensorTopicOption = '',
+    simulated: options.SimulatedOption = False,
+    params: options.ParamsOption = None,
     namespace: Annotated[str, typer.Option(help='Namespace of the nodes in --params.')] = '',
     seconds: Annotated[
         float, typer.Option(min=1.0, max=3600.0, help='How long to listen to the sensor.')
@@ -52,8 +41,8 @@ def check(
             help='Also home the guide and move it 5 mm, and wind the tendon 2 mm in and out.',
         ),
     ] = False,
-    seed: SeedOption = 1,
-    as_json: JsonOption = False,
+    seed: options.SeedOption = 1,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Test each device and print the results; exit with 1 when there is a fault.
 
@@ -86,9 +75,9 @@ def check(
         if simulated:
             given, _ = open_ports(given, True, seed, stack)
         wanted = _read_parameters(given, params, namespace)
-        for run in _list_checks(wanted, namespace, seconds, may_move, stack):
-            reports.append(run())
-            output.say(_as_table(reports[-1]))
+        for report in _list_checks(wanted, namespace, seconds, may_move, stack):
+            reports.append(report)
+            output.say(_as_table(report))
     is_fit = not any(report.problems for report in reports)
     output.say('All fit.' if is_fit else 'Not fit for trials.')
     output.result(
@@ -137,38 +126,39 @@ def _list_checks(
     seconds: float,
     may_move: bool,
     stack: ExitStack,
-) -> Iterator[Callable[[], 'CheckReport']]:
-    """Yield the check of each device."""
+) -> Iterator['CheckReport']:
+    """Check one device after the other."""
     from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
     from tactile_lab.devices.checks import check_guide, check_sensor, check_tendon, MakeSensor
     from tendon_sensor_driver.records import TendonSensorConfig
     from tendon_sensor_driver.sensors import make_sensor
 
-    sensor = _make_config(TendonSensorConfig, 'sensor', wanted)
-    guide = _make_config(LinearGuideConfig, 'guide', wanted)
-    tendon = _make_config(TendonActuatorConfig, 'tendon', wanted)
-    if sensor is not None:
+    kinds = {
+        'sensor': TendonSensorConfig,
+        'guide': LinearGuideConfig,
+        'tendon': TendonActuatorConfig,
+    }
+    configs: dict[str, Any] = {
+        name: _make_config(kinds[name], name, wanted[name]) for name in wanted
+    }
+    if sensor := configs.get('sensor'):
         make: MakeSensor = make_sensor
         if sensor.sensor == 'topic':
             from tactile_lab.force_topics import sensors_on_topics  # rclpy
 
             make = stack.enter_context(sensors_on_topics(namespace))
-        yield partial(check_sensor, sensor, seconds, make)
-    if guide is not None:
-        yield partial(check_guide, guide, may_move)
-    if tendon is not None:
-        yield partial(check_tendon, tendon, may_move)
+        yield check_sensor(sensor, seconds, make)
+    if guide := configs.get('guide'):
+        yield check_guide(guide, may_move)
+    if tendon := configs.get('tendon'):
+        yield check_tendon(tendon, may_move)
 
 
-def _make_config(
-    kind: type[_Config], device: str, wanted: Mapping[str, Mapping[str, Any]]
-) -> Optional[_Config]:
+def _make_config(kind: type[Any], device: str, stated: Mapping[str, Any]) -> Any:
     """Return the parameters of a device's node, without those of ROS itself."""
-    if device not in wanted:
-        return None
-    known = {field.name for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
+    known = {field.name for field in dataclasses.fields(kind)}
     try:
-        return kind(**{name: value for name, value in wanted[device].items() if name in known})
+        return kind(**{name: value for name, value in stated.items() if name in known})
     except (TypeError, ValueError) as error:
         raise TactileError(f'parameters of {_NODES[device]}: {error}') from error
 

@@ -101,12 +101,11 @@ def compare(
     statements = options.take(SourceOptions, given)
     models = [load_models(path, task, contact) for path in (model_a, model_b)]
     pairs, alone = pair_models(*models)
-    columns = [name.strip() for name in (group or '').split(',') if name.strip()]
     found = []
     with load_recording(recordings, statements) as recording, output.progress('comparing') as show:
         read = reader_of(recording, reading, pairs)
         for number, pair in enumerate(pairs, 1):
-            compared = compare_pair(read, pair, columns, unseen=unseen)
+            compared = compare_pair(read, pair, options.split(group), unseen=unseen)
             if not compared:
                 alone.append(f'no labelled trials of {question_of(pair)} in these recordings')
             found += compared
@@ -115,8 +114,7 @@ def compare(
         raise TactileError('; '.join(alone))
     for each in found:
         _print(each, output)
-    for sentence in alone:
-        output.say(sentence, plain=True)
+    output.say(*alone, plain=True)
     output.result({'comparisons': [each.to_dict() for each in found], 'left_out': alone})
 
 
@@ -137,32 +135,29 @@ def _print(compared: 'Compared', output: 'Output') -> None:
     table.add_row('only this one is right', str(comparison.only_a), str(comparison.only_b))
     table.add_row('file', *(f'{each.size_bytes / 1024:.0f} KiB' for each in compared.contenders))
     output.say(table)
-    for side, each in zip(SIDES, compared.contenders, strict=True):
-        output.say(f'  {side}: {each.path}', plain=True)
     ratio = compared.seconds[1] / compared.seconds[0]
-    output.say(f'  {_format_difference(comparison)}')
-    output.say(f'  same answer: {100 * comparison.agreement:.1f} % of the trials')
-    output.say(f'  time of one answer, B to A, features apart: {ratio:.2f}')
-    for wrong in comparison.confusions[:CONFUSIONS]:
-        output.say(
-            f'  {wrong.label}: {wrong.answer} is the answer of A in {wrong.count_a}, of B in '
-            f'{wrong.count_b} of {wrong.trials} trials',
-            plain=True,
-        )
+    lines = [
+        *(f'{side}: {each.path}' for side, each in zip(SIDES, compared.contenders, strict=True)),
+        _format_difference(comparison),
+        f'same answer: {100 * comparison.agreement:.1f} % of the trials',
+        f'time of one answer, B to A, features apart: {ratio:.2f}',
+        *(
+            f'{wrong.label}: {wrong.answer} is the answer of A in {wrong.count_a}, of B in '
+            f'{wrong.count_b} of {wrong.trials} trials'
+            for wrong in comparison.confusions[:CONFUSIONS]
+        ),
+    ]
     if compared.new_labels:
         new: Mapping[str, Any] = compared.new_labels
-        output.say(
-            f'  labels that neither knows ({", ".join(new["labels"])}; {new["trials"]} trials, '
+        lines.append(
+            f'labels that neither knows ({", ".join(new["labels"])}; {new["trials"]} trials, '
             f'not counted above): unknown to A {100 * new["unknown_rate_a"]:.0f} %, to B '
-            f'{100 * new["unknown_rate_b"]:.0f} %',
-            plain=True,
+            f'{100 * new["unknown_rate_b"]:.0f} %'
         )
-    if compared.left_out:
-        output.say(f'  {compared.left_out}')
-    for warning in compared.warnings:
-        output.say(f'  warning: {warning}', plain=True)
-    output.say(compared.verdict)
-    output.say()
+    lines += filter(None, [compared.left_out])
+    lines += (f'warning: {warning}' for warning in compared.warnings)
+    output.say(*(f'  {line}' for line in lines), plain=True)
+    output.say(compared.verdict, '')
 
 
 def _format_difference(comparison: 'Comparison') -> str:

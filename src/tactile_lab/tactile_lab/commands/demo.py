@@ -12,7 +12,7 @@ from typing import Annotated, Optional, TYPE_CHECKING
 
 import typer
 
-from tactile_lab.options import JsonOption, SeedOption
+from tactile_lab import options
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def demo(
             '--output', '-o', help='Folder for the results; must not exist. Default: a new one.'
         ),
     ] = None,
-    seed: SeedOption = 1,
+    seed: options.SeedOption = 1,
     short: Annotated[
         bool,
         typer.Option(
@@ -62,7 +62,7 @@ def demo(
     watch: Annotated[
         bool, typer.Option('--watch/--no-watch', help='Serve the live trials as a page.')
     ] = True,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Run everything from training to live trials on the **simulated** rig, in about a minute.
 
@@ -135,27 +135,19 @@ def demo(
     }
     (folder / 'summary.json').write_text(json.dumps(summary, indent=1, allow_nan=False))
     print_summary(folder, live, reports, output)
-    for sentence in explain_misses(live, trained):
-        output.say(f'   {sentence}')
+    output.say(*(f'   {sentence}' for sentence in explain_misses(live, trained)))
     output.result(summary)
     raise typer.Exit(0 if all(report.is_equal for report in reports) else 1)
 
 
 def make_folder(folder: Optional[Path]) -> Path:
-    """Make the folder for the results.
+    """Make the folder for the results, which must not exist yet."""
+    from tactile_lab.output import make_output_folder
 
-    Raises
-    ------
-    TactileError
-        When it exists already or cannot be made.
-    """
     folder = folder or Path(time.strftime('tactile-demo-%Y%m%d-%H%M%S'))
-    try:
-        folder.mkdir(parents=True)
-    except FileExistsError as error:
-        raise TactileError(f'{folder} exists already; name another folder with -o') from error
-    except OSError as error:
-        raise TactileError(f'cannot make {folder}: {error.strerror}') from error
+    if folder.exists():
+        raise TactileError(f'{folder} exists already; name another folder with -o')
+    make_output_folder(folder)
     return folder.resolve()
 
 

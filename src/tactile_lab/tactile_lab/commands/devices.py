@@ -9,7 +9,7 @@ from typing import Annotated, Optional, TYPE_CHECKING
 
 import typer
 
-from tactile_lab.options import JsonOption
+from tactile_lab import options
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -50,7 +50,7 @@ def devices(
     quiet: Annotated[
         bool, typer.Option('--quiet', help='Send nothing to serial ports: listen only.')
     ] = False,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """List the connected devices and the parameters that fit them.
 

@@ -4,7 +4,7 @@
 """`tactile evaluate`: cross-validated accuracy on any recordings, and the report."""
 
 from pathlib import Path
-from typing import Annotated, Any, Optional, TYPE_CHECKING
+from typing import Annotated, Optional, TYPE_CHECKING
 
 import typer
 
@@ -13,6 +13,12 @@ from tactile_lab import options
 if TYPE_CHECKING:
     from tactile_lab.output import Output
     from tactile_lab.report.analysis import SetResult
+
+STATED = (
+    'task', 'channel', 'where', 'train_where', 'test_where', 'crop', 'resample_hz', 'over',
+    'speed_column', 'detrend', 'features',
+)  # fmt: skip
+"""Options that the report states, if they are given."""
 
 
 def evaluate(
@@ -106,7 +112,7 @@ def evaluate(
     automatic = features == 'auto'
     reading = options.take(Reading, given, features=None if automatic else features)
     statements = options.take(SourceOptions, given)
-    hold_out = [tuple(filter(None, map(str.strip, names.split(',')))) for names in group or ()]
+    hold_out = [options.split(names) for names in group or ()]
     file = None
     if report is not None:
         from tactile_lab.report.build import report_path, write_report  # matplotlib
@@ -142,17 +148,7 @@ def evaluate(
         stated = {
             'folds': f'{folds}{repeated}',
             'seed of the folds': seed,
-            'task': task,
-            'channel': channel,
-            'where': where,
-            'train-where': train_where,
-            'test-where': test_where,
-            'crop': crop,
-            'resample-hz': resample_hz,
-            'over': over,
-            'speed-column': speed_column,
-            'detrend': detrend,
-            'features': features,
+            **{name.replace('_', '-'): given[name] for name in STATED},
         }
         settings = {name: str(value) for name, value in stated.items() if value is not None}
         write_report(file, results, sources, settings)
@@ -169,13 +165,11 @@ def _print(result: 'SetResult', output: 'Output') -> None:
         output.say(accuracy_table(evaluation, result.recordings.title, intervals=True))
         output.say(accuracy_caption(evaluation, intervals=True))
     output.say(f'  {format_features(result.recordings.table.spec)}')
-    lines: list[Any] = [
+    lines = [
         *result.recordings.format_preparation(most=10),
         format_accuracy(result),
         *(': '.join(row) for row in (answer_rows(result.answers) if result.answers else ())),
         *result.not_done,
         *format_warnings(result.evaluations),
     ]
-    for line in lines:
-        output.say(f'  {line}', plain=True)
-    output.say()
+    output.say(*(f'  {line}' for line in lines), '', plain=True)

@@ -14,19 +14,7 @@ from typing import Annotated, Any, Optional, TYPE_CHECKING
 import typer
 from typer.core import TyperGroup
 
-from tactile_lab.options import (
-    choice,
-    GuideOption,
-    JsonOption,
-    ModelOption,
-    ParamsOption,
-    SeedOption,
-    SensorOption,
-    SensorTopicOption,
-    SimulatedOption,
-    TendonOption,
-    WatchOption,
-)
+from tactile_lab import options
 
 if TYPE_CHECKING:
     from tactile_lab.experiment.folder import ExperimentFolder
@@ -80,13 +68,13 @@ def run(
             'While an appended block of it has trials left, that one goes on instead.'
         ),
     ] = '',
-    models: ModelOption = None,
-    guide: GuideOption = '',
-    tendon: TendonOption = '',
-    sensor: SensorOption = '',
-    sensor_topic: SensorTopicOption = '',
-    simulated: SimulatedOption = False,
-    params: ParamsOption = None,
+    models: options.ModelOption = None,
+    guide: options.GuideOption = '',
+    tendon: options.TendonOption = '',
+    sensor: options.SensorOption = '',
+    sensor_topic: options.SensorTopicOption = '',
+    simulated: options.SimulatedOption = False,
+    params: options.ParamsOption = None,
     yes: Annotated[
         bool,
         typer.Option(
@@ -103,9 +91,9 @@ def run(
             'start. The journal notes the changes.',
         ),
     ] = False,
-    watch: WatchOption = False,
-    seed: SeedOption = 1,
-    as_json: JsonOption = False,
+    watch: options.WatchOption = False,
+    seed: options.SeedOption = 1,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Start or continue an experiment: prompts, trials, and a line of quality for each trial.
 
@@ -217,7 +205,7 @@ def new(
         str, typer.Option(help='Labels of the plates or objects, with commas: R1,R2,C1.')
     ],
     task: Annotated[
-        str, typer.Option(**choice('texture', 'stiffness'), help='Which kind of trial.')
+        str, typer.Option(**options.choice('texture', 'stiffness'), help='Which kind of trial.')
     ] = 'texture',
     contacts: Annotated[str, typer.Option(help='flexion, abduction, or both.')] = 'flexion',
     sessions: Annotated[int, typer.Option(help='How often the rig is set up anew.')] = 3,
@@ -225,28 +213,23 @@ def new(
         int, typer.Option(help='How often each object is put under the finger in a session.')
     ] = 2,
     trials: Annotated[int, typer.Option(help='Trials each time.')] = 5,
-    seed: SeedOption = 1,
+    seed: options.SeedOption = 1,
     force: Annotated[bool, typer.Option('--force', help='Replace the file.')] = False,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Write the plan of an experiment, as YAML with comments.
 
     Plan several sessions, best on several days, and several mountings in each. Then a model
     learns the object and not the day. One session says nothing about the accuracy in a new one.
     """
-    from tactile_lab.experiment.plan import (
-        ExperimentError,
-        ExperimentPlan,
-        format_plan,
-        list_order,
-    )
-    from tactile_lab.output import Output, refuse_to_replace, write_atomically
+    from tactile_lab.experiment.plan import ExperimentPlan, format_plan, list_order
+    from tactile_lab.output import named_errors, Output, refuse_to_replace, write_atomically
 
     plan = ExperimentPlan(
         name=path.stem,
         protocol=task,
-        objects=_split(objects),
-        contacts=_split(contacts),
+        objects=options.split(objects),
+        contacts=options.split(contacts),
         sessions=sessions,
         mountings=mountings,
         trials=trials,
@@ -255,11 +238,9 @@ def new(
     output = Output(as_json)
     unknown = _check_labels(plan)
     refuse_to_replace([path], force=force)
-    try:
+    with named_errors('write', path):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(path, format_plan(plan))
-    except OSError as error:
-        raise ExperimentError(f'cannot write {path}: {error.strerror}') from error
     first = list(dict.fromkeys(t.object_label for t in list_order(plan, plan.session_ids[0])))
     output.say(
         f'{path}: {plan.trial_count} trials: {len(plan.objects)} objects x '
@@ -272,18 +253,8 @@ def new(
     output.result({'path': str(path), 'trials': plan.trial_count, 'plan': asdict(plan)})
 
 
-def _split(text: str) -> tuple[str, ...]:
-    return tuple(part.strip() for part in text.split(',') if part.strip())
-
-
 def _check_labels(plan: 'ExperimentPlan') -> list[str]:
-    """Return the labels that the simulated rig does not have.
-
-    Raises
-    ------
-    ExperimentError
-        When a label is that of an object for other trials.
-    """
+    """Return the labels that the simulated rig does not have; refuse those of other trials."""
     from tactile_bringup.trial_protocols import PROTOCOLS
     from tactile_lab.experiment.plan import ExperimentError
     from tactile_sim.descriptions.catalogue import list_objects
@@ -300,15 +271,14 @@ def _check_labels(plan: 'ExperimentPlan') -> list[str]:
 
 
 @experiment.command()
-def status(folder: FolderArgument, as_json: JsonOption = False) -> None:
+def status(folder: FolderArgument, as_json: options.JsonOption = False) -> None:
     """Print how far an experiment is, and the corrections of its trials.
 
     ``--json`` also has the set-up and every attempt.
     """
     from tactile_lab.output import Output
 
-    output = Output(as_json)
-    _summarise(_find_folder(folder), output)
+    _summarise(_find_folder(folder), Output(as_json))
 
 
 @experiment.command()
@@ -317,7 +287,7 @@ def relabel(
     trial: TrialArgument,
     label: Annotated[str, typer.Argument(help='Label of the object that was there.')],
     why: WhyOption,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Correct the label of a recorded trial.
 
@@ -339,7 +309,10 @@ def relabel(
 
 @experiment.command()
 def exclude(
-    folder: FolderArgument, trial: TrialArgument, why: WhyOption, as_json: JsonOption = False
+    folder: FolderArgument,
+    trial: TrialArgument,
+    why: WhyOption,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Leave a recorded trial out of training and evaluation.
 
@@ -353,7 +326,10 @@ def exclude(
 
 @experiment.command()
 def include(
-    folder: FolderArgument, trial: TrialArgument, why: WhyOption, as_json: JsonOption = False
+    folder: FolderArgument,
+    trial: TrialArgument,
+    why: WhyOption,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Take a trial back in that was excluded."""
     from tactile_lab.experiment.journal import INCLUDED
@@ -374,12 +350,7 @@ def _find_folder(path: Path) -> 'ExperimentFolder':
 
 
 def _correct(
-    folder: 'ExperimentFolder',
-    trial: str,
-    kind: str,
-    sentence: str,
-    as_json: bool,
-    **values: str,
+    folder: 'ExperimentFolder', trial: str, kind: str, sentence: str, as_json: bool, **values: str
 ) -> None:
     from tactile_lab.output import Output
 
@@ -392,10 +363,7 @@ def _correct(
 def _summarise(
     folder: 'ExperimentFolder', output: 'Output', ended: str = '', is_error: bool = False
 ) -> None:
-    """Print what is recorded, why the command ended, and the next command.
-
-    An error is printed by itself.
-    """
+    """Print what is recorded, why the command ended (an error prints itself), and what is next."""
     progress = folder.read_progress()
     found = progress.to_dict()
     parts = [f'{found["done"]} of {found["planned"]} trials recorded']
@@ -424,16 +392,8 @@ def _summarise(
         output.say(f'Complete. Train on it: tactile train {folder.path} -o models')
     trials = [asdict(attempt) for attempt in progress.attempts.values()]
     bags = [str(path) for path in folder.list_bags()]
-    output.result(
-        {
-            'folder': str(folder.path),
-            'bags': bags,
-            'ended': ended,
-            **found,
-            'setup': progress.setup,
-            'trials': trials,
-        }
-    )
+    stated = {'folder': str(folder.path), 'bags': bags, 'ended': ended, **found}
+    output.result({**stated, 'setup': progress.setup, 'trials': trials})
 
 
 class Terminal:
@@ -468,8 +428,7 @@ class Terminal:
 
     def accept_setup(self, changes: Sequence[str]) -> bool:
         self._output.say('the set-up is another than at the last start:')
-        for line in changes:
-            self._output.say(f'   {line}', plain=True)
+        self._output.say(*(f'   {line}' for line in changes), plain=True)
         if self._accepts_setup:
             return True
         if not sys.stdin.isatty():

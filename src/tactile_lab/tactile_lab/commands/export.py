@@ -12,10 +12,18 @@ from typing import Annotated, Any, TYPE_CHECKING
 import typer
 
 from tactile_lab import options
-from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
     from tactile_bags import Recording, Trial
+
+_SIZES = {
+    'n<1K': 1e3,
+    '1K<n<10K': 1e4,
+    '10K<n<100K': 1e5,
+    '100K<n<1M': 1e6,
+    '1M<n<10M': 1e7,
+    'n>10M': float('inf'),
+}
 
 
 def export(
@@ -46,15 +54,18 @@ def export(
     table back. Trials that do not count are left out.
     """
     given = locals()
-    import pyarrow.csv
-    import pyarrow.parquet
-
     from tactile_bags import Recording, SourceOptions
-    from tactile_lab.output import Output, refuse_to_replace
+    from tactile_lab.output import (
+        named_errors,
+        Output,
+        refuse_suffix,
+        refuse_to_replace,
+        TABLES,
+        write_table,
+    )
 
     output = Output(as_json)
-    if file.suffix not in ('.parquet', '.csv'):
-        raise TactileError(f'--output is {file}; it must end in .parquet or .csv')
+    refuse_suffix('--output', file, TABLES)
     card = file.with_suffix('.md')
     refuse_to_replace([file, card], force=force)
     statements = options.take(SourceOptions, given)
@@ -64,16 +75,10 @@ def export(
         left_out = [f'{t.name}: {t.why_not}' for t in recording.trials if t.why_not]
         text = format_card(file, recording, counting, table)
         notes = [*recording.notes, *(f'left out: {sentence}' for sentence in left_out)]
-    try:
-        if file.suffix == '.parquet':
-            pyarrow.parquet.write_table(table, file, compression='zstd')
-        else:
-            pyarrow.csv.write_csv(table, file)
+    write_table(table, file)
+    with named_errors('write', card):
         card.write_text(text, 'utf-8')
-    except OSError as error:
-        raise TactileError(f'cannot write {file}: {error.strerror}') from error
-    for line in notes:
-        output.say(line, plain=True)
+    output.say(*notes, plain=True)
     output.say(
         f'{file}: {len(counting)} trials, {table.num_rows} samples; columns: '
         f'{", ".join(table.column_names)}',
@@ -94,68 +99,53 @@ def export(
 
 def format_card(file: Path, recording: 'Recording', trials: 'Sequence[Trial]', table: Any) -> str:
     """Return the dataset card of an exported table: Markdown with a head in YAML."""
-    simulated = any(trial.simulated for trial in trials)
-    labels = Counter(trial.label for trial in trials)
-    sessions = sorted({trial.session_id for trial in trials} - {''})
-    mountings = {trial.mounting_id for trial in trials} - {''}
-    tasks = sorted({trial.task for trial in trials} - {''})
-    contacts = sorted({trial.contact for trial in trials} - {''})
-    size = next(
-        name
-        for name, end in (('n<1K', 1e3), ('1K<n<10K', 1e4), ('10K<n<100K', 1e5),
-                          ('100K<n<1M', 1e6), ('1M<n<10M', 1e7), ('n>10M', float('inf')))
-        if table.num_rows < end
-    )  # fmt: skip
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    def stated(name: str) -> list[str]:
+        return sorted({getattr(trial, name) for trial in trials} - {''})
+
+    simulated, tasks = any(trial.simulated for trial in trials), stated('task')
     title = f'{"SIMULATED " if simulated else ""}{file.stem}'
     head = {
         'pretty_name': title,
         'license': 'unknown',
         'task_categories': ['tabular-classification'],
         'tags': ['tactile', 'tendon', 'robotics', *tasks, *(['simulated'] if simulated else [])],
-        'size_categories': [size],
+        'size_categories': [next(name for name, end in _SIZES.items() if table.num_rows < end)],
         'configs': [{'config_name': 'default', 'data_files': file.name}],
     }
-    # JSON values are YAML values, too.
-    yaml = '\n'.join(f'{name}: {json.dumps(value)}' for name, value in head.items())
-    rate = 'not known' if recording.rate_hz is None else f'{recording.rate_hz:g} Hz'
-    lines = [
-        f'---\n{yaml}\n---\n',
-        f'# {title}\n',
-        '**SIMULATED: these trials say nothing of a real finger.**\n' if simulated else '',
-        'Tension of one tendon while a finger touches.\n',
-        '| | |\n|---|---|',
-        f'| task | {", ".join(tasks) or "not stated"} |',
-        f'| trials | {len(trials)} |',
-        f'| labels | {", ".join(f"{name} ({n})" for name, n in sorted(labels.items()))} |',
-        f'| sessions | {len(sessions) or "not stated"} |',
-        f'| mountings | {len(mountings) or "not stated"} |',
-        f'| contacts | {", ".join(contacts) or "not stated"} |',
-        f'| signal | {", ".join(trials[0].signal.channels)} [{recording.unit or "not known"}] |',
-        f'| sample rate | {rate} |',
-        f'| sensor | {"simulated load cell" if simulated else "to be filled in"} |',
-        f'| rig | {"simulated" if simulated else "to be filled in"} |',
-        f'| the recordings state | {_stated(recording) or "nothing"} |',
-        '\n## Columns\n',
-        '| column | type | unit |\n|---|---|---|',
-        *(
-            f'| `{each.name}` | {_format_type(each.type)} | {_unit_of(each)} |'
+    environment = Environment(
+        loader=PackageLoader('tactile_lab.report'),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,
+    )
+    return environment.get_template('dataset_card.md').render(
+        # JSON values are YAML values, too.
+        head='\n'.join(f'{name}: {json.dumps(value)}' for name, value in head.items()),
+        title=title,
+        simulated=simulated,
+        tasks=tasks,
+        trial_count=len(trials),
+        labels=sorted(Counter(trial.label for trial in trials).items()),
+        sessions=stated('session_id'),
+        mountings=stated('mounting_id'),
+        contacts=stated('contact'),
+        channels=trials[0].signal.channels,
+        recording=recording,
+        facts=_stated(recording),
+        columns=[
+            # The type of a text that stands once in a dictionary is that of its values.
+            (
+                each.name,
+                getattr(each.type, 'value_type', each.type),
+                (each.metadata or {}).get(b'unit', b'').decode(),
+            )
             for each in table.schema
-        ),
-        '\nA row is a sample, in the order of time within a trial. Hold whole sessions out when '
-        'you test: trials of one session resemble each other.\n',
-        '## Licence\n',
-        'To be filled in, here and in the head (`license`). Rename this file to `README.md` to '
-        'publish it beside the table on a hub.',
-    ]
-    return '\n'.join(line for line in lines if line) + '\n'
-
-
-def _format_type(kind: Any) -> str:
-    return str(getattr(kind, 'value_type', kind))  # a text stands once in a dictionary
-
-
-def _unit_of(field: Any) -> str:
-    return str((field.metadata or {}).get(b'unit', b'').decode())
+        ],
+    )
 
 
 def _stated(recording: 'Recording') -> str:

@@ -70,12 +70,10 @@ def features(
     from tactile_bags.sources.files import SourceOptions
     from tactile_lab.datasets.feature_tables import open_features
     from tactile_lab.datasets.reading import Reading, select_features
-    from tactile_lab.output import Output, refuse_to_replace
-    from tactile_ros.errors import TactileError
+    from tactile_lab.output import Output, refuse_suffix, refuse_to_replace, TABLES, write_table
 
     output = Output(as_json)
-    if file.suffix not in ('.parquet', '.csv'):
-        raise TactileError(f'--output is {file}; it must end in .parquet or .csv')
+    refuse_suffix('--output', file, TABLES)
     reading = options.take(Reading, given)
     statements = options.take(SourceOptions, given)
     with (
@@ -93,10 +91,10 @@ def features(
         written.append((path, kind, select_features(table, features)))
     refuse_to_replace([path for path, _, _ in written], force=force)
     notes = [*source.steps, *(f'left out: {sentence}' for sentence in found.left_out)]
-    for line in notes:
-        output.say(line, plain=True)
+    output.say(*notes, plain=True)
     for path, kind, table in written:
-        _write(path, _columns(table, group, str(paths[0])), table)
+        columns = _columns(table, group, str(paths[0]))
+        write_table(_to_arrow(columns, table, is_csv=path.suffix == '.csv'), path)
         output.say(
             f'{path}: {kind}, {len(table)} trials of {len(np.unique(table.labels))} labels, '
             f'{len(table.spec.names)} features of {table.spec.feature_set}'
@@ -130,7 +128,7 @@ def _columns(table: 'FeatureTable', group: Optional[str], source: str) -> dict[s
     if group is None:
         groups = known.get('mounting_id', blank)
     else:
-        parts = [table.column(name.strip()).astype(str) for name in group.split(',')]
+        parts = [table.column(name).astype(str) for name in options.split(group)]
         groups = np.array(['/'.join(row) for row in zip(*parts, strict=True)])
     return {
         'source': known.get('bag', known.get('source', np.full(len(table), source))),
@@ -142,15 +140,10 @@ def _columns(table: 'FeatureTable', group: Optional[str], source: str) -> dict[s
     }
 
 
-def _write(path: Path, columns: dict[str, Any], table: 'FeatureTable') -> None:
-    """Write a file; units stand in the metadata of a Parquet file and in the names of a CSV."""
+def _to_arrow(columns: dict[str, Any], table: 'FeatureTable', *, is_csv: bool) -> Any:
+    """Return all columns; units are in their metadata, and for CSV in their names."""
     import pyarrow
-    import pyarrow.csv
-    import pyarrow.parquet
 
-    from tactile_ros.errors import TactileError
-
-    is_csv = path.suffix == '.csv'
     fields = [
         pyarrow.field(name, pyarrow.bool_() if column.dtype.kind == 'b' else pyarrow.string())
         for name, column in columns.items()
@@ -164,11 +157,4 @@ def _write(path: Path, columns: dict[str, Any], table: 'FeatureTable') -> None:
         *(pyarrow.array(column) for column in table.values.T),
     ]
     schema = pyarrow.schema(fields, metadata={KEY: json.dumps(table.spec.to_dict())})
-    found = pyarrow.Table.from_arrays(data, schema=schema)
-    try:
-        if is_csv:
-            pyarrow.csv.write_csv(found, path)
-        else:
-            pyarrow.parquet.write_table(found, path)
-    except OSError as error:
-        raise TactileError(f'cannot write {path}: {error}') from error
+    return pyarrow.Table.from_arrays(data, schema=schema)

@@ -63,11 +63,12 @@ def import_recordings(
 
     from tactile_bags import Recording, SourceOptions
     from tactile_classifier.datasets.archive import save_archive
-    from tactile_lab.output import Output, refuse_to_replace
+    from tactile_lab.output import named_errors, Output, PICTURES, refuse_suffix, refuse_to_replace
 
     output = Output(as_json)
-    if archive.suffix != '.npz':
-        raise TactileError(f'--output is {archive}; the name of an archive ends in .npz')
+    refuse_suffix('--output', archive, ['.npz'])
+    if plot is not None:
+        refuse_suffix('--plot', plot, PICTURES)
     refuse_to_replace([archive, *([plot] if plot else [])], force=force)
     statements = options.take(SourceOptions, given)
     with Recording.load(recordings, statements) as recording:
@@ -79,16 +80,13 @@ def import_recordings(
         trials = recording.to_arrays(skip_bad=skip_bad)
         if plot is not None:
             _draw(plot, recording, trials)
-    for line in trials.steps:
-        output.say(line, plain=True)
-    for each in trials.skipped:
-        output.say(f'left out: row {each.row}: {each.reason}', plain=True)
+    skipped = [{'row': each.row, 'reason': each.reason} for each in trials.skipped]
+    left_out = (f'left out: row {each.row}: {each.reason}' for each in trials.skipped)
+    output.say(*trials.steps, *left_out, plain=True)
     names, counts = np.unique(trials.label, return_counts=True)
     found = {str(name): int(count) for name, count in zip(names, counts, strict=True)}
-    try:
+    with named_errors('write', archive):
         save_archive(archive, trials)
-    except OSError as error:
-        raise TactileError(f'cannot write {archive}: {error.strerror}') from error
     shortest, longest = int(trials.lengths.min()), int(trials.lengths.max())
     samples = f'{shortest}' if shortest == longest else f'{shortest} to {longest}'
     channels = trials.x.shape[1]
@@ -115,7 +113,7 @@ def import_recordings(
             'unit': trials.unit or None,
             'columns': list(trials.columns),
             'notes': list(trials.steps),
-            'skipped': [{'row': each.row, 'reason': each.reason} for each in trials.skipped],
+            'skipped': skipped,
             'next': command,
         }
     )
@@ -136,19 +134,12 @@ def next_command(archive: Path, trials: 'LabelledTrials') -> str:
 
 
 def _draw(plot: Path, recording: 'Recording', trials: 'LabelledTrials') -> None:
-    from tactile_lab.commands.show import SUFFIXES
+    from tactile_lab.output import named_errors
     from tactile_lab.plots import plot_signals
 
-    if plot.suffix.lower() not in SUFFIXES:
-        raise TactileError(f'{plot}: the name must end in one of {", ".join(SUFFIXES)}')
     usable = [trial for trial in recording.trials if not trial.why_not]
     first = list({trial.label: trial for trial in reversed(usable)}.values())[::-1]
     chosen = [*first, *(trial for trial in usable if trial not in first)][:DRAWN]
-    try:
-        plot_signals(
-            plot,
-            [(f'{trial.label}, trial {trial.name}', trial.signal) for trial in chosen],
-            float(trials.lengths.min()) / trials.rate_hz,
-        )
-    except OSError as error:
-        raise TactileError(f'cannot write {plot}: {error.strerror}') from error
+    titled = [(f'{trial.label}, trial {trial.name}', trial.signal) for trial in chosen]
+    with named_errors('write', plot):
+        plot_signals(plot, titled, float(trials.lengths.min()) / trials.rate_hz)

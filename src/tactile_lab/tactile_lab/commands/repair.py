@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from tactile_lab.options import JsonOption
+from tactile_lab import options
 
 
 def repair(
@@ -16,7 +16,7 @@ def repair(
     target: Annotated[
         Path, typer.Option('--output', '-o', help='Folder of the copy; must not exist yet.')
     ],
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Write a closed copy of a bag whose recorder was killed.
 

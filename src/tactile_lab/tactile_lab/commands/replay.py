@@ -9,7 +9,7 @@ from typing import Annotated, Any, Optional, TYPE_CHECKING
 
 import typer
 
-from tactile_lab.options import JsonOption, WatchOption
+from tactile_lab import options
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
@@ -17,9 +17,7 @@ if TYPE_CHECKING:
     from tactile_bags.audit import Audit
     from tactile_bags.replay import Comparison, TactileResults
     from tactile_bringup.launch_config.graph import NodeDescription
-    from tactile_features.config import FeatureConfig
     from tactile_lab.output import Output
-    from tactile_lab.watch.access import WatchOptions
 
 POLL_S = 0.1
 LINGER_S = 3.0
@@ -71,8 +69,8 @@ def replay(
     times: Annotated[
         int, typer.Option(min=1, max=100_000, help='How often; ends at the first difference.')
     ] = 1,
-    watch: WatchOption = False,
-    as_json: JsonOption = False,
+    watch: options.WatchOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Run a recording through features and classification again, and compare.
 
@@ -81,11 +79,10 @@ def replay(
     order. With ``--watch`` it first plays the recording in real time on a live page.
     """
     from tactile_lab.output import Output
-    from tactile_lab.watch.access import WatchOptions
 
     output = Output(as_json)
     if watch:
-        play_and_watch(bag, models, WatchOptions(), output)
+        play_and_watch(bag, models, output)
     reports = replay_and_compare(bag, models, through_nodes=nodes, times=times)
     for report in reports:
         print_report(report, output)
@@ -94,16 +91,8 @@ def replay(
     raise typer.Exit(0 if equal else 1)
 
 
-def play_and_watch(
-    path: Path, models: Optional[Path], options: 'WatchOptions', output: 'Output'
-) -> None:
-    """Play a bag in its own time through fresh nodes, on a domain of their own, on a live page.
-
-    Raises
-    ------
-    TactileError
-        When the bag or the models cannot be used, or the page cannot be served.
-    """
+def play_and_watch(path: Path, models: Optional[Path], output: 'Output') -> None:
+    """Play a bag in its own time through fresh nodes, on a domain of their own, on a live page."""
     from contextlib import ExitStack
     import tempfile
     import time
@@ -113,13 +102,14 @@ def play_and_watch(
     from tactile_bringup.launch_config.graph import PLAYER
     from tactile_bringup.nodes.graph_runner import ros_context, running_graph  # rclpy
     from tactile_lab.running import say_address
+    from tactile_lab.watch.access import WatchOptions
     from tactile_lab.watch.watching import watching
 
     with (
         tempfile.TemporaryDirectory(prefix='tactile_') as scratch,
         domain_id() as domain,
         ros_context(int(domain)) as context,
-        watching(context, options) as watch,
+        watching(context, WatchOptions()) as watch,
         ExitStack() as stack,
     ):
         graph = replay_graph(path, models, Path(scratch))
@@ -178,18 +168,7 @@ def replay_and_compare(
 ) -> list[ReplayReport]:
     """Replay a bag through the core, and through nodes, and compare with the recording.
 
-    Parameters
-    ----------
-    path : Path
-    models : Path or None
-        Folder of model files, or one file; None: those of the recording.
-    through_nodes : bool
-    times : int
-
-    Raises
-    ------
-    TactileError
-        When the bag or the models cannot be used.
+    ``models`` are a folder of model files, or one file; None: those of the recording.
     """
     import tempfile
 
@@ -235,6 +214,12 @@ def _replay_finger(
     from tactile_classifier.answering import ModelSet
     from tactile_features.model_contract import read_contracts
 
+    if through_nodes:
+        from domain_coordinator import domain_id
+
+        from tactile_bringup.nodes.graph_runner import ros_context  # rclpy
+        from tactile_bringup.nodes.replay_nodes import replay_through_nodes
+
     features = recorded_features(bag, namespace)
     if is_chosen and models is not None:
         contracts, _ = read_contracts(models)
@@ -256,39 +241,20 @@ def _replay_finger(
             recorded, core, bag.end_ns, first_sample_ns(bag, namespace) or 0
         )
         if through_nodes:
-            nodes = _replay_in_own_domain(
-                bag, models, features.config, core, namespace, known, contact
-            )
+            with domain_id() as domain, ros_context(int(domain)) as context:
+                nodes = replay_through_nodes(
+                    bag,
+                    models,
+                    features.config,
+                    context,
+                    expected=core,
+                    namespace=namespace,
+                    recalibration_trials=known,
+                    contact=contact,
+                )
             names = ('the core', 'the nodes')
             comparisons['plain core and nodes'] = compare(core, nodes, names)
     return ReplayReport(namespace, comparisons, audits, count)
-
-
-def _replay_in_own_domain(
-    bag: 'RecordedBag',
-    models: Optional[Path],
-    config: 'FeatureConfig',
-    core: 'TactileResults',
-    namespace: str,
-    known: int,
-    contact: str,
-) -> 'TactileResults':
-    from domain_coordinator import domain_id
-
-    from tactile_bringup.nodes.graph_runner import ros_context
-    from tactile_bringup.nodes.replay_nodes import replay_through_nodes
-
-    with domain_id() as domain, ros_context(int(domain)) as context:
-        return replay_through_nodes(
-            bag,
-            models,
-            config,
-            context,
-            expected=core,
-            namespace=namespace,
-            recalibration_trials=known,
-            contact=contact,
-        )
 
 
 def _check_has_features(bag: 'RecordedBag', recorded: 'TactileResults') -> None:

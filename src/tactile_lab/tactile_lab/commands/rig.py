@@ -5,37 +5,23 @@
 
 from contextlib import ExitStack
 
-from tactile_lab.options import (
-    GuideOption,
-    ModelOption,
-    NamespaceOption,
-    ParamsOption,
-    QuietOption,
-    RecalibrateOption,
-    RecordOption,
-    SeedOption,
-    SensorOption,
-    SensorTopicOption,
-    SimulatedOption,
-    TendonOption,
-    WatchOption,
-)
+from tactile_lab import options
 
 
 def rig(
-    models: ModelOption = None,
-    recalibrate: RecalibrateOption = 0,
-    guide: GuideOption = '',
-    tendon: TendonOption = '',
-    sensor: SensorOption = '',
-    sensor_topic: SensorTopicOption = '',
-    simulated: SimulatedOption = False,
-    params: ParamsOption = None,
-    namespace: NamespaceOption = '',
-    record: RecordOption = None,
-    watch: WatchOption = False,
-    quiet: QuietOption = False,
-    seed: SeedOption = 1,
+    models: options.ModelOption = None,
+    recalibrate: options.RecalibrateOption = 0,
+    guide: options.GuideOption = '',
+    tendon: options.TendonOption = '',
+    sensor: options.SensorOption = '',
+    sensor_topic: options.SensorTopicOption = '',
+    simulated: options.SimulatedOption = False,
+    params: options.ParamsOption = None,
+    namespace: options.NamespaceOption = '',
+    record: options.RecordOption = None,
+    watch: options.WatchOption = False,
+    quiet: options.QuietOption = False,
+    seed: options.SeedOption = 1,
 ) -> None:
     """Run all nodes of the rig in this process until Ctrl-C; print each classification.
 
@@ -56,8 +42,6 @@ def rig(
         ports, simulated_rig = open_ports(given, simulated, seed, stack)
         nodes = rig_graph(ports, choice, parameters, simulated=simulated)
         if record:
-            finger = namespace.strip('/')
-            nodes.append(
-                recorder_node(record, namespaces=(finger,), classifier=choice is not None)
-            )
+            fingers = (namespace.strip('/'),)
+            nodes.append(recorder_node(record, namespaces=fingers, classifier=choice is not None))
         run_nodes(nodes, namespace, 'rig', watch=watch, quiet=quiet, simulated_rig=simulated_rig)

@@ -1,43 +1,31 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile sense`: the nodes of a finger that another program moves."""
+"""`tactile sense` and `tactile hand`: the nodes of fingers that another program moves."""
 
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, Optional
+from typing import Annotated, Any, Optional
 
-from tactile_lab.options import (
-    DetectedContactOption,
-    ModelOption,
-    NamespaceOption,
-    ParamsOption,
-    PhasesOption,
-    QuietOption,
-    RecalibrateOption,
-    RecordOption,
-    SensorOption,
-    SensorTopicOption,
-    SimulatedOption,
-    SlipOption,
-    WatchOption,
-)
+import typer
+
+from tactile_lab import options
 
 
 def sense(
-    sensor: SensorOption = '',
-    sensor_topic: SensorTopicOption = '',
-    models: ModelOption = None,
-    recalibrate: RecalibrateOption = 0,
-    phases: PhasesOption = '',
-    contact: DetectedContactOption = '',
-    slip: SlipOption = False,
-    simulated: SimulatedOption = False,
-    params: ParamsOption = None,
-    namespace: NamespaceOption = '',
-    record: RecordOption = None,
-    watch: WatchOption = False,
-    quiet: QuietOption = False,
+    sensor: options.SensorOption = '',
+    sensor_topic: options.SensorTopicOption = '',
+    models: options.ModelOption = None,
+    recalibrate: options.RecalibrateOption = 0,
+    phases: options.PhasesOption = '',
+    contact: options.DetectedContactOption = '',
+    slip: options.SlipOption = False,
+    simulated: options.SimulatedOption = False,
+    params: options.ParamsOption = None,
+    namespace: options.NamespaceOption = '',
+    record: options.RecordOption = None,
+    watch: options.WatchOption = False,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Run the nodes of one finger that another program moves, in this process until Ctrl-C.
 
@@ -64,6 +52,51 @@ def sense(
     )
 
 
+def hand(
+    fingers: Annotated[
+        str,
+        typer.Option(
+            help='Namespaces of the fingers, such as index,middle. Default: all that --params '
+            'describes.'
+        ),
+    ] = '',
+    sensor_topic: options.SensorTopicOption = '',
+    models: options.ModelOption = None,
+    recalibrate: options.RecalibrateOption = 0,
+    phases: options.PhasesOption = '',
+    contact: options.DetectedContactOption = '',
+    slip: options.SlipOption = False,
+    simulated: options.SimulatedOption = False,
+    params: options.ParamsOption = None,
+    namespace: options.NamespaceOption = '',
+    record: options.RecordOption = None,
+    watch: options.WatchOption = False,
+    quiet: options.QuietOption = False,
+) -> None:
+    """Run the nodes of any number of fingers, in this process until Ctrl-C.
+
+    Runs the nodes of `tactile sense` for each finger, in a namespace with the finger's name, as
+    ``ros2 launch tactile_bringup hand.launch.py`` does. What differs between fingers (port or
+    topic, models, phases, slip detector) stands in the ROS parameter file ``--params``, in
+    blocks for the nodes of each finger. ``--record`` makes one bag a finger.
+    """
+    run_fingers(
+        fingers,
+        params,
+        simulated=simulated,
+        watch=watch,
+        quiet=quiet,
+        sensor_topic=sensor_topic,
+        models=str(models or ''),
+        recalibrate=recalibrate,
+        phases=phases,
+        contact=contact,
+        slip=slip,
+        record=record,
+        namespace=namespace,
+    )
+
+
 def run_fingers(
     fingers: Optional[str],
     params: Optional[Path],
@@ -71,28 +104,13 @@ def run_fingers(
     simulated: bool,
     watch: bool,
     quiet: bool,
-    namespace: str,
-    **options: Any,
+    **choices: Any,
 ) -> None:
     """Run the nodes of fingers in this process until a signal comes.
 
-    Parameters
-    ----------
-    fingers : str or None
-        Names with commas between them; None: a single finger, without a name.
-    params : Path or None
-        ROS parameter file.
-    simulated : bool
-        Start a simulated sensor for each finger without a port.
-    watch, quiet : bool
-        See `run_nodes`.
-    namespace, options
-        See `hand_graph`.
-
-    Raises
-    ------
-    TactileError
-        When the arguments do not fit, a node cannot be started, or one fails later.
+    ``fingers`` are names with commas between them; None: a single finger, without a name.
+    ``simulated`` starts a simulated sensor for each finger without a port. ``choices`` are
+    parameters of `hand_graph`.
     """
     import tempfile
 
@@ -105,7 +123,7 @@ def run_fingers(
     if hold_signals().received:
         return
     file = ParameterFile(params)
-    names = ('',) if fingers is None else find_fingers(fingers, file, namespace)
+    names = ('',) if fingers is None else find_fingers(fingers, file, choices['namespace'])
     with ExitStack() as stack:
         scratch = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix='tactile_')))
 
@@ -113,11 +131,5 @@ def run_fingers(
             links = scratch / f'rig_{finger or "finger"}'
             return str(stack.enter_context(SimulatedRig(number + 1, links)).ports.sensor)
 
-        nodes = hand_graph(
-            names,
-            file,
-            simulate=simulate if simulated else None,
-            namespace=namespace,
-            **options,
-        )
+        nodes = hand_graph(names, file, simulate=simulate if simulated else None, **choices)
         run_nodes(nodes, '', 'sensor nodes', watch=watch, quiet=quiet, simulated=simulated)

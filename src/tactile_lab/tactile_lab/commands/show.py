@@ -9,7 +9,7 @@ from typing import Annotated, Any, NamedTuple, Optional, TYPE_CHECKING
 
 import typer
 
-from tactile_lab.options import JsonOption
+from tactile_lab import options
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 SHOWN = 20
 """Trials in the terminal's table; JSON has all."""
-
-SUFFIXES = ('.png', '.svg', '.pdf')
 
 
 class Contents(NamedTuple):
@@ -56,18 +54,18 @@ def show(
             'row an object, a colour a session, grey those that do not count.',
         ),
     ] = None,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """List the contents of a recording, a model file or an archive.
 
     For a recording: its trials with label, session and length. For a model: its inputs,
     training trials, accuracy on held-out trials, calibration error and limits.
     """
-    from tactile_lab.output import Output
+    from tactile_lab.output import Output, PICTURES, refuse_suffix
 
     output = Output(as_json)
-    if plot is not None and plot.suffix.lower() not in SUFFIXES:
-        raise TactileError(f'{plot}: the name must end in one of {", ".join(SUFFIXES)}')
+    if plot is not None:
+        refuse_suffix('--plot', plot, PICTURES)
     if path.suffix == '.onnx':
         contents = describe_card(path)
         if plot is not None:
@@ -80,15 +78,8 @@ def show(
     _print(path, contents, output)
     if plot is not None:
         output.say(f'{plot}: {drawn}')
-    output.result(
-        {
-            'path': str(path),
-            'kind': contents.kind,
-            'facts': contents.facts,
-            'trials': contents.trials,
-            **contents.details,
-        }
-    )
+    found = {'kind': contents.kind, 'facts': contents.facts, 'trials': contents.trials}
+    output.result({'path': str(path), **found, **contents.details})
 
 
 def _open(path: Path) -> 'Recording':
@@ -211,10 +202,11 @@ def describe_card(path: Path) -> Contents:
 def _draw(plot: Path, path: Path, recording: 'Recording', trial: Optional[int]) -> str:
     """Draw one trial, or all of an experiment; return what was drawn."""
     from tactile_bags.experiment_journal import is_experiment
+    from tactile_lab.output import named_errors
     from tactile_lab.plots import plot_all_trials, plot_signals, plot_strain
 
     trials = [t for t in recording.trials if recording.is_own or not t.why_not]
-    try:
+    with named_errors('write', plot):
         if trial is None and is_experiment(path):
             plot_all_trials(plot, trials)
             return f'{len(trials)} trials'
@@ -222,7 +214,8 @@ def _draw(plot: Path, path: Path, recording: 'Recording', trial: Optional[int]) 
         if number > len(trials):
             raise TactileError(f'{path} has {len(trials)} trials, so there is no trial {number}')
         chosen = trials[number - 1]
-        title = f'trial {number}: {", ".join(_known(chosen.task, chosen.contact, chosen.label))}'
+        known = filter(None, (chosen.task, chosen.contact, chosen.label))
+        title = f'trial {number}: {", ".join(known)}'
         title = ('SIMULATED, ' if chosen.simulated else '') + title
         if chosen.events:
             signal = chosen.signal
@@ -230,21 +223,15 @@ def _draw(plot: Path, path: Path, recording: 'Recording', trial: Optional[int]) 
             plot_strain(plot, signal.time_s, signal.values[0], chosen.phases, title)
         else:
             plot_signals(plot, [(title, chosen.signal)])
-    except OSError as error:
-        raise TactileError(f'cannot write {plot}: {error.strerror}') from error
     return f'trial {number}'
-
-
-def _known(*texts: str) -> list[str]:
-    return [text for text in texts if text]
 
 
 def _print(path: Path, contents: Contents, output: 'Output') -> None:
     from rich.table import Table
 
     if 'card' in contents.details:
-        output.say(f'{path}: {contents.details["model_id"]}', plain=True)
-        output.say(contents.details['card'], plain=True)
+        model_id, card = contents.details['model_id'], contents.details['card']
+        output.say(f'{path}: {model_id}', card, plain=True)
         return
     facts = Table(title=f'{contents.kind} {path}', title_justify='left', show_header=False)
     for name, value in contents.facts.items():

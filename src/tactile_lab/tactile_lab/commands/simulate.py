@@ -10,14 +10,7 @@ from typing import Annotated, Optional, TYPE_CHECKING
 
 import typer
 
-from tactile_lab.options import (
-    choice,
-    ClusterOption,
-    DescriptionOption,
-    JobsOption,
-    JsonOption,
-    SeedOption,
-)
+from tactile_lab import options
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
@@ -38,13 +31,15 @@ ALL_TRIALS = 60
 def simulate(
     protocol: Annotated[
         str,
-        typer.Argument(**choice('texture', 'stiffness', 'slip'), help='Which kind of trial.'),
+        typer.Argument(
+            **options.choice('texture', 'stiffness', 'slip'), help='Which kind of trial.'
+        ),
     ],
     folder: Annotated[Path, typer.Option('--output', '-o', help='Folder to write the bags into.')],
     contact: Annotated[
         Optional[list[str]],
         typer.Option(
-            **choice('flexion', 'abduction'),
+            **options.choice('flexion', 'abduction'),
             help='How the finger touches; give it twice for both. Default: both.',
         ),
     ] = None,
@@ -69,7 +64,7 @@ def simulate(
     design: Annotated[
         str,
         typer.Option(
-            **choice(CROSSED, AS_PUBLISHED),
+            **options.choice(CROSSED, AS_PUBLISHED),
             help='crossed: the plate or object is fixed anew before each trial. as-published: '
             'once, for all its trials, in one session: label and mounting coincide.',
         ),
@@ -83,15 +78,15 @@ def simulate(
             'Default: 15.',
         ),
     ] = None,
-    seed: SeedOption = 1,
-    description: DescriptionOption = None,
-    jobs: JobsOption = -1,
+    seed: options.SeedOption = 1,
+    description: options.DescriptionOption = None,
+    jobs: options.JobsOption = -1,
     plot: Annotated[
         Optional[Path],
         typer.Option(help='Draw one of the trials into this PNG file.'),
     ] = None,
-    cluster: ClusterOption = '',
-    as_json: JsonOption = False,
+    cluster: options.ClusterOption = '',
+    as_json: options.JsonOption = False,
 ) -> None:
     """Make bags of **simulated** trials, without waiting in real time.
 
@@ -148,8 +143,7 @@ def simulate(
     with on_cluster(cluster):
         bags = make_bags(folder, plans, output, catalogue=catalogue, jobs=jobs)
     elapsed_s = time.monotonic() - started
-    for bag in bags:
-        output.say(f'{bag.path}: {bag.trials} simulated trials')
+    output.say(*(f'{bag.path}: {bag.trials} simulated trials' for bag in bags))
     output.say(f'{total} trials in {elapsed_s:.1f} s: {total / elapsed_s:.0f} a second')
     if plot is not None:
         from tactile_lab.simulation.trial_picture import plot_simulated_trial
@@ -187,10 +181,7 @@ def make_bags(
 ) -> 'list[SimulatedBag]':
     """Write the plans' bags with progress; name the trials that could not be computed.
 
-    Raises
-    ------
-    BagError
-        When one of the bags exists already: nothing is simulated then.
+    Nothing is simulated when one of the bags exists already.
     """
     from tactile_bags.errors import BagError
     from tactile_bringup.trial_protocols import TrialConfig
@@ -227,8 +218,7 @@ def make_bags(
                 f'{bag.path}: {len(bag.aborted)} of {bag.trials} trials ABORTED, because the '
                 'simulation found no equilibrium; they give no features'
             )
-        for trial_id, failed_at_s in bag.aborted[:5]:
-            output.say(f'   {trial_id} at {failed_at_s:.3f} s')
+        output.say(*(f'   {trial_id} at {at_s:.3f} s' for trial_id, at_s in bag.aborted[:5]))
         if len(bag.aborted) > 5:
             output.say(f'   and {len(bag.aborted) - 5} more; --json names all of them')
     return bags

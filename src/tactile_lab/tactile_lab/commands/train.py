@@ -215,14 +215,13 @@ def train(
                     folds,
                     seed,
                     said.append,
-                    [name.strip() for name in (group or 'session_id').split(',')],
+                    options.split(group) or ('session_id',),
                     any_set=automatic,
                     must_hold_out=bool(group),
                     scaling=scaling or '',
                     progress=show,
                 )
-            for sentence in said:
-                output.say(sentence, plain=True)
+            output.say(*said, plain=True)
             trained = []
             for key, each in chosen.items():
                 _, named, scaled = each.candidate
@@ -247,17 +246,11 @@ def _check_sets(features: str) -> None:
 
 
 def parse_seconds(text: Optional[str]) -> list[float]:
-    """Return the numbers of ``--partial``.
-
-    Raises
-    ------
-    TactileError
-        When they are none.
-    """
+    """Return the numbers of ``--partial`` [s]."""
     from tactile_ros.errors import TactileError
 
     try:
-        return [float(part) for part in (text or '').split(',') if part.strip()]
+        return list(map(float, options.split(text)))
     except ValueError:
         raise TactileError(
             f'--partial is "{text}"; it must be seconds with commas between them, '
@@ -269,12 +262,10 @@ def read_with_progress(source: 'RecordingFeatures', output: 'Output') -> 'Featur
     """Return the feature tables of a recording; say which trials are left out."""
     with output.progress('extracting features'):
         found = source.tables()
-    for line in source.steps:
-        output.say(line, plain=True)
-    for sentence in found.left_out[:5]:
-        output.say(f'left out: {sentence}', plain=True)
+    left_out = [*found.left_out[:5]]
     if len(found.left_out) > 5:
-        output.say(f'left out: {len(found.left_out) - 5} more')
+        left_out.append(f'{len(found.left_out) - 5} more')
+    output.say(*source.steps, *(f'left out: {each}' for each in left_out), plain=True)
     return found
 
 
@@ -302,19 +293,8 @@ def train_models(
 ) -> list[TrainedModel]:
     """Cross-validate the four classifiers on each table and write the chosen one's model.
 
-    Parameters
-    ----------
-    source : RecordingFeatures
-        Of which the tables are; gives the features of the first parts of windows.
-    tables : dict
-        By task and contact.
-    folder : Path
-        Of the model files. For the others see ``tactile train --help``.
-
-    Raises
-    ------
-    TactileError
-        When a model file is there already and may not be replaced.
+    ``source`` gives the features of the first parts of windows. The tables are by task and
+    contact. For the other parameters see ``tactile train --help``.
     """
     import numpy as np
 
@@ -344,19 +324,15 @@ def train_models(
             output.say(saving)
         with output.progress('cross-validating') as show:
             evaluation = evaluate(
-                table,
-                folds=folds,
-                repetitions=repeats,
-                random_state=seed,
-                jobs=-1,
-                progress=show,
+                table, folds=folds, repetitions=repeats, random_state=seed, jobs=-1, progress=show
             )
         simulated = ', SIMULATED trials' if np.any(table.columns.get('simulated', False)) else ''
-        output.say(accuracy_table(evaluation, f'{source.title(key, table)}{simulated}'))
-        output.say(accuracy_caption(evaluation))
-        output.say(format_features(table.spec))
-        for warning in format_warnings([evaluation]):
-            output.say(warning)
+        output.say(
+            accuracy_table(evaluation, f'{source.title(key, table)}{simulated}'),
+            accuracy_caption(evaluation),
+            format_features(table.spec),
+            *format_warnings([evaluation]),
+        )
         chosen = scaling or default_scaling(key[0], classifier)
         seconds = partial_seconds if key[0] == PROTOCOL_TEXTURE else ()
         trained = train_model(
@@ -370,11 +346,10 @@ def train_models(
             choice=choice,
         )
         model = write_model(paths[key], trained)
-        for sentence in describe_answers(trained.manifest):
-            output.say(sentence)
         output.say(
+            *describe_answers(trained.manifest),
             f'{paths[key]}: {CLASSIFIER_TITLES[classifier]}, {SCALING_TITLES[chosen]}; '
-            f'{model.model_id}\n'
+            f'{model.model_id}\n',
         )
         models.append(
             TrainedModel(paths[key], model.model_id, table, evaluation, trained.manifest)
@@ -385,13 +360,7 @@ def train_models(
 def run_recalibrate(
     original: Path, recordings: Sequence[Path], folder: Path, output: 'Output', *, force: bool
 ) -> None:
-    """Write a model for the session of the bags' trials, and print what it was.
-
-    Raises
-    ------
-    TactileError
-        When the bags hold no trials for the model, or a file would be replaced.
-    """
+    """Write a model for the session of the bags' trials, and print what it was."""
     from tactile_classifier.model_file.model import load_model
     from tactile_classifier.training.model_writer import write_recalibrated
     from tactile_lab.datasets.feature_tables import open_features
@@ -425,10 +394,5 @@ def run_recalibrate(
         f'{path}: {model.model_id} for the session of {len(table)} known trials; unknown: above '
         f'novelty {after:.2f}, before {before:.2f}; {found.model_id}'
     )
-    output.result(
-        {
-            'path': str(path),
-            'model_id': found.model_id,
-            'calibration': describe_calibration(found.manifest),
-        }
-    )
+    calibration = describe_calibration(found.manifest)
+    output.result({'path': str(path), 'model_id': found.model_id, 'calibration': calibration})

@@ -10,34 +10,21 @@ from typing import Annotated, TYPE_CHECKING
 
 import typer
 
-from tactile_lab.options import (
-    ContactOption,
-    GuideOption,
-    JsonOption,
-    ModelOption,
-    ParamsOption,
-    ProtocolArgument,
-    SeedOption,
-    SensorOption,
-    SensorTopicOption,
-    SimulatedOption,
-    TendonOption,
-    WatchOption,
-)
+from tactile_lab import options
 
 if TYPE_CHECKING:
     from tactile_lab.experiment.live_rig import LiveTrial
 
 
 def trials(
-    protocol: ProtocolArgument,
+    protocol: options.ProtocolArgument,
     label: Annotated[
         str, typer.Option('--object', help='The plate or object that lies under the finger.')
     ],
     bag: Annotated[
         Path, typer.Option('--output', '-o', help='Bag to record into; must not exist yet.')
     ],
-    contact: ContactOption = 'flexion',
+    contact: options.ContactOption = 'flexion',
     count: Annotated[int, typer.Option(min=1, max=10_000, help='How many trials.')] = 1,
     session: Annotated[
         str,
@@ -53,16 +40,16 @@ def trials(
             'Default: none.'
         ),
     ] = '',
-    models: ModelOption = None,
-    guide: GuideOption = '',
-    tendon: TendonOption = '',
-    sensor: SensorOption = '',
-    sensor_topic: SensorTopicOption = '',
-    simulated: SimulatedOption = False,
-    params: ParamsOption = None,
-    watch: WatchOption = False,
-    seed: SeedOption = 1,
-    as_json: JsonOption = False,
+    models: options.ModelOption = None,
+    guide: options.GuideOption = '',
+    tendon: options.TendonOption = '',
+    sensor: options.SensorOption = '',
+    sensor_topic: options.SensorTopicOption = '',
+    simulated: options.SimulatedOption = False,
+    params: options.ParamsOption = None,
+    watch: options.WatchOption = False,
+    seed: options.SeedOption = 1,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Run trials on one plate or object, one after the other, and record them.
 

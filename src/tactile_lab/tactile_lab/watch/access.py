@@ -63,13 +63,7 @@ class Command:
 
 
 def read_command(text: str) -> Command:
-    """Return the command in a page's message.
-
-    Raises
-    ------
-    CommandError
-        When it is none.
-    """
+    """Return the command in a page's message, or raise `CommandError`."""
     if len(text) > LONGEST_COMMAND:
         raise CommandError(f'a command has at most {LONGEST_COMMAND} characters')
     try:

@@ -29,12 +29,8 @@ REMEDY = 'bring the rig to rest with its switch'
 class WatchControls:
     """Actions of the page's buttons, through services and actions of the fingers' nodes.
 
-    Parameters
-    ----------
-    node : WatchNode
-    context : rclpy.context.Context
-    before_trial : callable
-        Called with the request before a trial starts; mounts the object under a simulated finger.
+    ``before_trial`` is given the request before a trial starts; it mounts the object under a
+    simulated finger.
     """
 
     def __init__(
@@ -57,15 +53,8 @@ class WatchControls:
     async def stop(self) -> str:
         """End sessions, cancel trials, stop guides and tendons; all at the same time.
 
-        Returns
-        -------
-        str
-            The nodes that have confirmed it.
-
-        Raises
-        ------
-        TactileError
-            When there is nothing to stop, or something has not confirmed it.
+        Returns the nodes that have confirmed it. It is an error when there is nothing to stop, or
+        something has not confirmed it.
         """
         self._node.state.was_stopped = True
         for operator, _ in self._operators.values():
@@ -77,8 +66,7 @@ class WatchControls:
         answers = await asyncio.gather(
             *(self._stop_one(clients[path], path) for path in order), return_exceptions=True
         )
-        confirmed: list[str] = []
-        silent: list[str] = []
+        confirmed, silent = [], []
         for path, answer in zip(order, answers, strict=True):
             if answer is None:
                 continue
@@ -108,12 +96,8 @@ class WatchControls:
     async def trial(self, finger: str, request: TrialRequest) -> str:
         """Run a trial."""
         operator = self._operator(finger)
-
-        def run() -> str:
-            self._before_trial(request)
-            return f'{operator.run_trial(request)}: done'
-
-        return await asyncio.to_thread(run)
+        await asyncio.to_thread(self._before_trial, request)
+        return f'{await asyncio.to_thread(operator.run_trial, request)}: done'
 
     def _operator(self, finger: str) -> OperatorNode:
         if finger not in {f.name for f in self._node.state.fingers}:

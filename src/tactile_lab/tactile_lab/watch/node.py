@@ -81,13 +81,7 @@ class WatchNode(Node):  # type: ignore[misc]
 
     It asks its topics for messages on a thread of its own, and has no parameters or lifecycle.
     Whatever goes wrong here is logged: a page must not end the rig that it looks at.
-
-    Parameters
-    ----------
-    state : WatchState
-    context : rclpy.context.Context
-    answers_only : bool
-        Take events and answers alone.
+    ``answers_only`` takes events and answers alone.
     """
 
     is_quiet = True

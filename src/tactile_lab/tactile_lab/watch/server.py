@@ -66,21 +66,8 @@ START_TIMEOUT_S = 10.0
 class WatchServer:
     """A web server on a thread of its own; a context manager.
 
-    Parameters
-    ----------
-    state : WatchState
-    controls : WatchControls
-    options : WatchOptions, optional
-
-    Attributes
-    ----------
-    address : str
-        Of the page, with the token for what moves.
-
-    Raises
-    ------
-    TactileError
-        When the address cannot be listened on.
+    ``address`` is that of the page, with the token for what moves. It is an error when it cannot
+    be listened on.
     """
 
     def __init__(
@@ -254,23 +241,20 @@ class WatchServer:
         except Exception as error:  # whatever it is, the page must hear of it
             sentence, level = str(error) or type(error).__name__, 'error'
         of_one = command is not None and command.action != 'stop'
-        self._state.say(
-            sentence,
-            level,
-            command.id if command else '',
-            command.finger if command and of_one else None,
-        )
+        finger = command.finger if command and of_one else None
+        self._state.say(sentence, level, command.id if command else '', finger)
 
     async def _carry_out(self, command: Command) -> str:
-        controls = self._controls
-        if command.action == 'stop':
-            return await controls.stop()
-        if command.action == 'tare':
-            return await controls.tare(command.finger)
-        if command.action == 'home':
-            return await controls.home(command.finger)
+        controls, finger = self._controls, command.finger
+        match command.action:
+            case 'stop':
+                return await controls.stop()
+            case 'tare':
+                return await controls.tare(finger)
+            case 'home':
+                return await controls.home(finger)
         assert command.trial is not None
-        return await controls.trial(command.finger, command.trial)
+        return await controls.trial(finger, command.trial)
 
     def _keep(self, work: Any) -> asyncio.Task[Any]:
         """Run a coroutine beside the others; the loop itself keeps only weak references."""

@@ -33,17 +33,6 @@ LEVELS = ('ok', 'warning', 'error', 'stale')
 class WatchState:
     """Present state. Records may come from any thread; one thread takes the frames.
 
-    Parameters
-    ----------
-    where : str
-        Place of the search for fingers, such as ``ROS domain 3``; shown while there are none.
-    objects : mapping of str to sequence of str
-        Labels that can be chosen for a trial, by protocol; empty: they are typed in.
-    clock : callable
-        Monotonic time [s].
-    simulated : bool
-        The rig is known to be simulated.
-
     Attributes
     ----------
     on_answer : callable
@@ -60,6 +49,12 @@ class WatchState:
         *,
         simulated: bool = False,
     ) -> None:
+        """Begin without fingers.
+
+        ``where`` is the place of the search for them, such as ``ROS domain 3``, shown while there
+        are none. ``objects`` are the labels that can be chosen for a trial, by protocol; empty:
+        they are typed in. ``clock`` gives monotonic time [s].
+        """
         self._lock = threading.RLock()
         self._clock = clock
         self._where = where

@@ -41,7 +41,6 @@ def watching(
 
     Parameters
     ----------
-    context : rclpy.context.Context
     options : WatchOptions, optional
         Serve a page; without, only the state is kept.
     simulated : bool
@@ -52,11 +51,6 @@ def watching(
         Given the request of a trial that a page starts, before it starts.
     answers_only : bool
         Take events and answers alone, for lines in the terminal.
-
-    Raises
-    ------
-    TactileError
-        When the page cannot be served there.
     """
     reach = os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE', 'SUBNET').lower()
     where = f'ROS domain {context.get_domain_id()}, range {reach}'

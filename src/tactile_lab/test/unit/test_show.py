@@ -53,7 +53,7 @@ def test_archive_of_one_trial_is_enough(tmp_path):
     assert found['facts']['trials'] == '1'
     assert found['facts']['length'] == '3 to 3 s'
     assert picture.read_bytes().startswith(b'\x89PNG')
-    assert 'must end in one of' in refusal(path, '--plot', tmp_path / 'one.txt')
+    assert 'must end in .png, .svg or .pdf' in refusal(path, '--plot', tmp_path / 'one.txt')
 
 
 def test_table_numbers_trials_as_the_plot_does_and_has_room(tmp_path):
