@@ -66,7 +66,8 @@ class WatchControls:
         answers = await asyncio.gather(
             *(self._stop_one(clients[path], path) for path in order), return_exceptions=True
         )
-        confirmed, silent = [], []
+        confirmed: list[str] = []
+        silent: list[str] = []
         for path, answer in zip(order, answers, strict=True):
             if answer is None:
                 continue

@@ -9,12 +9,13 @@ from collections import deque
 from collections.abc import Sequence
 from itertools import islice
 import math
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactile_classifier.records import ClassificationResult, ModelInfo
+from tactile_classifier.records import Outcome as Answered
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_features.records import (
     FeatureWindow,
@@ -27,7 +28,6 @@ from tactile_features.records import (
     SET_TEXTURE_SPECTRUM,
     TrialEvent,
 )
-from tactile_lab.watch.answer_text import describe_answer, rounded
 from tactile_ros.strain import StrainBlock, StrainStatus
 
 BUCKET_NS = 10_000_000
@@ -132,6 +132,8 @@ SIGNAL_FAULTS = (
     ),
 )
 
+_Kept = TypeVar('_Kept')
+
 MEASURED = (PHASE_GLIDE, PHASE_HOLD, PHASE_PULL)
 """Phases that a window is cut from."""
 
@@ -158,7 +160,7 @@ class Finger:
         self.status = 0
         self.simulated = False
         self._points: deque[Point] = deque(maxlen=MOST_POINTS)
-        self._point_count = 0  # all that there have been
+        self.point_count = 0  # all since the epoch began
         self._base_ns = 0
         self._decimator = Decimator()
         self._samples: NDArray[np.float64] = np.empty(0)  # those that a spectrum may be of
@@ -185,24 +187,20 @@ class Finger:
             self._begin_anew(block.stamp_ns)
         points = self._decimator.add(block)
         self._points.extend(points)
-        self._point_count += len(points)
+        self.point_count += len(points)
         self.lost_count += block.lost_before
-        if block.period_ns > 0:
-            rate_hz = 1e9 / block.period_ns
-            if rate_hz != self.rate_hz:
-                self.rate_hz = rate_hz
-                self.version += 1
+        rate_hz = 1e9 / block.period_ns if block.period_ns > 0 else self.rate_hz
+        if (rate_hz, block.status) != (self.rate_hz, self.status):
+            self.rate_hz, self.status = rate_hz, block.status
+            self.version += 1
         self._keep(block)
         self.simulated = self.simulated or bool(block.status & StrainStatus.SIMULATED)
-        if block.status != self.status:
-            self.status = block.status
-            self.version += 1
 
     def _begin_anew(self, stamp_ns: int) -> None:
         self.epoch += 1
         self.version += 1
         self._points.clear()
-        self._point_count = 0
+        self.point_count = 0
         self._decimator.clear()
         self._base_ns = stamp_ns
         self._samples = np.empty(0)
@@ -234,33 +232,24 @@ class Finger:
 
     def names_model(self, answer: ClassificationResult) -> bool:
         """Return whether other models answer the same question, so that its model is named."""
-        same = [
-            model
+        same = (
+            model.task == answer.task and len({model.contact, answer.contact} - {''}) < 2
             for model in self._models
-            if model.task == answer.task and len({model.contact, answer.contact} - {''}) < 2
-        ]
-        return len(same) > 1
+        )
+        return sum(same) > 1
 
-    def take_answer(self, answer: ClassificationResult) -> None:
-        """Take the answer of a model."""
-        true_label = self._true_label(answer.trial_id)
-        self._answers.pop(answer.model_id, None)
-        self._answers[answer.model_id] = (answer, true_label)
-        while len(self._answers) > MOST_ANSWERS:
-            del self._answers[next(iter(self._answers))]
+    def take_answer(self, answer: ClassificationResult) -> str:
+        """Take the answer of a model; return the stated label of what lay under the finger."""
+        stated = (e.object_label for e in reversed(self._spans) if e.trial_id == answer.trial_id)
+        true_label = next(stated, '')
+        _keep_newest(self._answers, answer.model_id, (answer, true_label))
         self.simulated = self.simulated or answer.simulated
         self.version += 1
-
-    def _true_label(self, trial_id: str) -> str:
-        stated = (e.object_label for e in reversed(self._spans) if e.trial_id == trial_id)
-        return next(stated, '')
+        return true_label
 
     def take_window(self, window: FeatureWindow) -> None:
         """Take the features of a window."""
-        self._windows.pop(window.specification_digest, None)
-        self._windows[window.specification_digest] = window
-        while len(self._windows) > MOST_ANSWERS:
-            del self._windows[next(iter(self._windows))]
+        _keep_newest(self._windows, window.specification_digest, window)
         self.simulated = self.simulated or window.simulated
         self.version += 1
 
@@ -281,20 +270,9 @@ class Finger:
 
     # -- what is shown ---------------------------------------------------------------
 
-    @property
-    def point_count(self) -> int:
-        """Number of all points since the epoch began."""
-        return self._point_count
-
     def points_since(self, count: int) -> tuple[list[float], list[float | None]]:
-        """Return times [s] since the epoch began, and tensions [N], of the points after some.
-
-        Parameters
-        ----------
-        count : int
-            `point_count` of what is known already.
-        """
-        known = max(0, min(len(self._points), len(self._points) - (self._point_count - count)))
+        """Return times [s] since the epoch began, and tensions [N], of points after ``count``."""
+        known = max(0, min(len(self._points), len(self._points) - (self.point_count - count)))
         new = list(islice(self._points, known, None))
         return (
             [round((p.stamp_ns - self._base_ns) * 1e-9, 4) for p in new],
@@ -302,27 +280,9 @@ class Finger:
         )
 
     @property
-    def tension_n(self) -> float | None:
-        """The last tension [N]."""
-        return float(self._samples[-1]) if len(self._samples) else None
-
-    def faults(self) -> list[str]:
-        """Return what is wrong with the last samples, a sentence each."""
-        return [sentence for bit, sentence in SIGNAL_FAULTS if self.status & bit]
-
-    @property
     def event(self) -> TrialEvent | None:
         """The phase that began last."""
         return self._spans[-1] if self._spans else None
-
-    @property
-    def is_in_trial(self) -> bool:
-        """True while a trial runs."""
-        return self.event is not None and self.event.phase not in (PHASE_DONE, PHASE_ABORTED)
-
-    def last_answer(self) -> tuple[ClassificationResult, str] | None:
-        """Return the newest answer, and the stated label of what lay under the finger."""
-        return next(reversed(self._answers.values()), None)
 
     def describe(self) -> dict[str, Any]:
         """Return all but samples and spectrum, as what JSON can hold."""
@@ -330,7 +290,7 @@ class Finger:
         return {
             'name': self.name,
             'rate_hz': rounded(self.rate_hz),
-            'faults': self.faults(),
+            'faults': [sentence for bit, sentence in SIGNAL_FAULTS if self.status & bit],
             'lost': self.lost_count,
             'simulated': self.simulated,
             'trial': event and self._describe_event(event),
@@ -353,7 +313,7 @@ class Finger:
             'phase': event.phase,
             'message': event.message,
             'detected': event.detected,
-            'runs': self.is_in_trial,
+            'runs': event.phase not in (PHASE_DONE, PHASE_ABORTED),
         }
 
     def _describe_spans(self) -> list[dict[str, Any]]:
@@ -420,6 +380,14 @@ class Finger:
         return _describe_spectrum(values, self.rate_hz / count, part)
 
 
+def _keep_newest(kept: dict[str, _Kept], key: str, value: _Kept) -> None:
+    """Put a value at the end of a dictionary of at most `MOST_ANSWERS`."""
+    kept.pop(key, None)
+    kept[key] = value
+    while len(kept) > MOST_ANSWERS:
+        del kept[next(iter(kept))]
+
+
 def _describe_spectrum(values: NDArray[np.float64], step_hz: float, part: str) -> dict[str, Any]:
     shown = values[: int(HIGHEST_HZ / step_hz) + 1]
     return {
@@ -427,3 +395,54 @@ def _describe_spectrum(values: NDArray[np.float64], step_hz: float, part: str) -
         'values': [rounded(v) for v in shown.tolist()],
         'part': part,
     }
+
+
+def rounded(value: float) -> float:
+    """Return a number with four significant digits, as the page gets it."""
+    return float(f'{value:.4g}')
+
+
+def describe_answer(answer: ClassificationResult, true_label: str) -> dict[str, Any]:
+    """Return an answer as what JSON can hold, with the likeliest labels first."""
+    scores = sorted(zip(answer.labels, answer.scores, strict=False), key=lambda x: -x[1])
+    is_right = None
+    if true_label and answer.outcome == Answered.LABEL and not answer.partial:
+        is_right = answer.label == true_label
+    return {
+        'task': answer.task,
+        'contact': answer.contact,
+        'trial': answer.trial_id,
+        'outcome': answer.outcome.name.lower(),
+        'label': answer.label,
+        'true': true_label,
+        'right': is_right,
+        'reason': answer.reason,
+        'scores': [[label, rounded(score)] for label, score in scores],
+        'kind': answer.score_kind,
+        'partial': answer.partial,
+        'decided': answer.decided,
+        'model': answer.model_id,
+        'simulated': answer.simulated,
+    }
+
+
+def format_answer(
+    finger: str, answer: ClassificationResult, true_label: str, *, names_model: bool = False
+) -> str:
+    """Return one line about an answer: finger, task, label with its score or *unknown*."""
+    parts = [finger] if finger else []
+    parts.append(f'{answer.task:9} {answer.contact or "any contact":9}')
+    if answer.outcome == Answered.LABEL:
+        score = f'({max(answer.scores):.2f} {answer.score_kind})' if answer.scores else ''
+        parts.append(f'{answer.label:13} {score}')
+        if true_label:
+            parts.append('right' if answer.label == true_label else f'wrong, it is {true_label}')
+    elif answer.outcome == Answered.UNKNOWN:
+        parts.append(f'unknown: {answer.reason}')
+    else:
+        parts.append(f'no answer: {answer.reason}')
+    if names_model:
+        parts.append(answer.model_id)
+    if answer.simulated:
+        parts.append('SIMULATED')
+    return '  '.join(parts)

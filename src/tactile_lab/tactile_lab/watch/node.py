@@ -23,7 +23,7 @@ from tactile_features.conversions import (
     feature_window_from_msg,
     strain_block_from_msg,
 )
-from tactile_features.records import FeatureWindow
+from tactile_lab.watch.finger import Finger
 from tactile_lab.watch.state import MOST_FINGERS, WatchState
 from tactile_msgs.msg import (
     Classification,
@@ -197,64 +197,38 @@ class WatchNode(Node):  # type: ignore[misc]
     def _listen_to(
         self, kind: type, topic: str, callback: Callable[[Any], None], profile: QoSProfile
     ) -> None:
-        take = self._safe(topic, callback)
-        subscription = PolledSubscription(
-            self, kind, topic, lambda message, _: take(message), profile
-        )
-        self._polled = (*self._polled, subscription)
-
-    def _listen(self, topic: str, kind: type) -> None:
-        state, (finger, source) = self.state, _split(topic)
-
-        def take_slip(message: Slip) -> None:
-            onset_ns = message.onset.sec * 10**9 + message.onset.nanosec
-            state.update(
-                finger,
-                lambda known: known.take_slip(
-                    message.motion, onset_ns, message.statistic, message.tension_n
-                ),
-            )
-
-        def take_tare(message: Tare) -> None:
-            state.update(finger, lambda known: known.take_tare(message.is_set, message.bias_n))
-
-        def take_models(message: ModelInfos) -> None:
-            models = model_infos_from_msg(message).models
-            state.update(finger, lambda known: known.take_models(models))
-
-        def take_window(window: FeatureWindow) -> None:
-            state.update(finger, lambda known: known.take_window(window))
-
-        def take_readiness(message: Readiness) -> None:
-            device = f'{finger}/{source}' if finger else source
-            state.take_readiness(device, list(message.missing))
-
-        takes: dict[type, Callable[[Any], None]] = {
-            StrainBlock: lambda message: state.take_block(finger, strain_block_from_msg(message)),
-            TactileFeatures: lambda message: take_window(feature_window_from_msg(message)),
-            Classification: lambda message: state.take_answer(
-                finger, classification_from_msg(message)
-            ),
-            ModelInfos: take_models,
-            TrialEvent: lambda message: state.take_event(finger, event_from_msg(message)),
-            Readiness: take_readiness,
-            Slip: take_slip,
-            Tare: take_tare,
-        }
-        self._listen_to(kind, topic, takes[kind], PROFILES[kind])
-
-    def _safe(self, topic: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return a callback that raises nothing: what it cannot take is logged now and then."""
-
-        @functools.wraps(callback)
-        def safe(message: Any) -> None:
+        def take(message: Any, _: Any) -> None:
             try:
                 callback(message)
-            except Exception as error:
+            except Exception as error:  # what it cannot take is logged now and then
                 reason = error if isinstance(error, MessageError) else repr(error)
                 self.message_guard.refuse(topic, reason)
 
-        return safe
+        subscription = PolledSubscription(self, kind, topic, take, profile)
+        self._polled = (*self._polled, subscription)
+
+    def _listen(self, topic: str, kind: type) -> None:
+        """Pass what comes on a topic on to the finger or device that its name states."""
+        state, (finger, source) = self.state, _split(topic)
+        update = functools.partial(state.update, finger)
+        device = f'{finger}/{source}' if finger else source
+        takes: dict[type, Callable[[Any], None]] = {
+            StrainBlock: lambda m: update(Finger.take_block, strain_block_from_msg(m)),
+            TactileFeatures: lambda m: update(Finger.take_window, feature_window_from_msg(m)),
+            Classification: lambda m: state.take_answer(finger, classification_from_msg(m)),
+            ModelInfos: lambda m: update(Finger.take_models, model_infos_from_msg(m).models),
+            TrialEvent: lambda m: update(Finger.take_event, event_from_msg(m)),
+            Readiness: lambda m: state.take_readiness(device, list(m.missing)),
+            Slip: lambda m: update(
+                Finger.take_slip,
+                m.motion,
+                m.onset.sec * 10**9 + m.onset.nanosec,
+                m.statistic,
+                m.tension_n,
+            ),
+            Tare: lambda m: update(Finger.take_tare, m.is_set, m.bias_n),
+        }
+        self._listen_to(kind, topic, takes[kind], PROFILES[kind])
 
     def _on_diagnostics(self, message: Any) -> None:
         for status in message.status:

@@ -12,10 +12,7 @@ import time
 from typing import Any
 
 from tactile_classifier.records import ClassificationResult
-from tactile_features.records import TrialEvent
-from tactile_lab.watch.answer_text import format_answer
-from tactile_lab.watch.finger import Finger, SHOWN_S
-from tactile_ros.strain import StrainBlock
+from tactile_lab.watch.finger import Finger, format_answer, SHOWN_S
 
 MOST_FINGERS = 16
 MOST_DEVICES = 64
@@ -80,19 +77,11 @@ class WatchState:
                 self._version += 1
             return self._fingers.get(name)
 
-    def update(self, name: str, take: Callable[[Finger], None]) -> None:
-        """Let a finger take what came, unless it is beyond the limit."""
+    def update(self, name: str, take: Callable[..., object], *values: Any) -> None:
+        """Let a finger take values by one of its methods, unless it is beyond the limit."""
         with self._lock:
             if finger := self.finger(name):
-                take(finger)
-
-    def take_block(self, name: str, block: StrainBlock) -> None:
-        """Take samples of a finger."""
-        self.update(name, lambda finger: finger.take_block(block))
-
-    def take_event(self, name: str, event: TrialEvent) -> None:
-        """Take the start of a phase."""
-        self.update(name, lambda finger: finger.take_event(event))
+                take(finger, *values)
 
     def take_answer(self, name: str, answer: ClassificationResult) -> None:
         """Take the answer of a model."""
@@ -100,8 +89,7 @@ class WatchState:
             finger = self.finger(name)
             if finger is None:
                 return
-            finger.take_answer(answer)
-            _, true_label = finger.last_answer() or (answer, '')
+            true_label = finger.take_answer(answer)
             line = format_answer(name, answer, true_label, names_model=finger.names_model(answer))
             if not answer.partial:
                 self.say(line, finger=name)

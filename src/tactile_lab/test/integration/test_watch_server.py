@@ -16,6 +16,7 @@ import pytest
 
 from tactile_lab.watch import server as server_module
 from tactile_lab.watch.access import WatchOptions
+from tactile_lab.watch.finger import Finger
 from tactile_lab.watch.server import (
     FILES,
     FRAMES_HZ,
@@ -196,14 +197,14 @@ def test_frames_are_made_only_while_a_page_is_open_and_never_too_many(served, mo
         send(frame, **options)
 
     monkeypatch.setattr(server, '_send_to_all', count)
-    state.take_block('', block(0))
+    state.update('', Finger.take_block, block(0))
     assert not frames
 
     async def work():
         async with page(server) as one, page(server) as other:
             begun = time.monotonic()
             for number in range(1, 2001):
-                state.take_block('', block(number, rate_hz=1000.0))
+                state.update('', Finger.take_block, block(number, rate_hz=1000.0))
                 if number % 20 == 0:
                     await asyncio.sleep(0.01)  # frames a second are what is tested
             for socket in (one, other):
@@ -214,7 +215,7 @@ def test_frames_are_made_only_while_a_page_is_open_and_never_too_many(served, mo
     assert 2 <= len(frames) <= FRAMES_HZ * seconds + 5
     wait_until(lambda: not server._pages)
     made = len(frames)
-    state.take_block('', block(3000, rate_hz=1000.0))
+    state.update('', Finger.take_block, block(3000, rate_hz=1000.0))
     assert server._pages == set()
     assert len(frames) == made
 
@@ -222,7 +223,7 @@ def test_frames_are_made_only_while_a_page_is_open_and_never_too_many(served, mo
 def test_a_page_that_comes_late_gets_everything(served):
     state, _, server = served
     for number in range(100):
-        state.take_block('', block(number))
+        state.update('', Finger.take_block, block(number))
 
     async def work():
         async with page(server) as one:
@@ -247,7 +248,7 @@ def test_a_page_that_is_loaded_again_at_once_gets_each_point_once(served):
             await until(socket, lambda f: f.get('begin'))
             times = []
             for number in range(30):
-                state.take_block('', block(number))
+                state.update('', Finger.take_block, block(number))
                 frame = await until(socket, lambda f: f.get('live'))
                 times += frame['live']['']['x']
         return times

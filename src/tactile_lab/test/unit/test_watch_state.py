@@ -101,11 +101,11 @@ def test_frames_hold_each_point_once_and_the_state_when_it_changes(state, clock)
     assert first['state']['fingers'] == []
     assert frames.next() is None
     for number in range(5):
-        state.take_block('index', block(number))
+        state.update('index', Finger.take_block, block(number))
     frame = frames.next()
     assert [f['name'] for f in frame['state']['fingers']] == ['index']
     assert frame['live']['index']['y'] == [1.0] * 5
-    state.take_block('index', block(5, (2.0,)))
+    state.update('index', Finger.take_block, block(5, (2.0,)))
     frame = frames.next()
     assert 'state' not in frame
     assert frame['live']['index']['y'] == [2.0]
@@ -122,7 +122,11 @@ def test_pages_that_follow_and_pages_that_come_late_see_the_same(steps):
     frames, seen, number = Frames(state), [], 0
     for kind, count in steps:
         if kind:
-            state.take_block('', block(number, np.arange(number, number + count, dtype=float)))
+            state.update(
+                '',
+                Finger.take_block,
+                block(number, np.arange(number, number + count, dtype=float)),
+            )
             number += count
         else:
             frame = frames.next()
@@ -136,9 +140,9 @@ def test_pages_that_follow_and_pages_that_come_late_see_the_same(steps):
 
 
 def test_a_trial_is_followed_from_contact_to_label(state):
-    state.take_block('', block(0, np.zeros(600)))
+    state.update('', Finger.take_block, block(0, np.zeros(600)))
     for number, phase in ((60, 'approach'), (120, 'contact'), (180, 'glide')):
-        state.take_event('', event(number, phase))
+        state.update('', Finger.take_event, event(number, phase))
     (finger,) = state.describe()['fingers']
     assert finger['trial']['phase'] == 'glide'
     assert finger['trial']['runs']
@@ -147,9 +151,9 @@ def test_a_trial_is_followed_from_contact_to_label(state):
         ('contact', 2.0, 3.0),
         ('glide', 3.0, None),
     ]
-    state.take_event('', event(420, 'release'))
+    state.update('', Finger.take_event, event(420, 'release'))
     state.take_answer('', answer())
-    state.take_event('', event(480, 'done'))
+    state.update('', Finger.take_event, event(480, 'done'))
     (finger,) = state.describe()['fingers']
     assert not finger['trial']['runs']
     assert finger['spans'][-1] == {'phase': 'release', 'from': 7.0, 'to': 8.0}
@@ -173,7 +177,7 @@ def test_a_trial_is_followed_from_contact_to_label(state):
 def test_an_answer_is_judged_only_where_the_trial_states_a_label(state, result, right, line):
     lines = []
     state.on_answer = lambda *what: lines.append(what)
-    state.take_event('', event(0, 'glide'))
+    state.update('', Finger.take_event, event(0, 'glide'))
     state.take_answer('', result)
     (said,) = state.describe()['fingers'][0]['answers']
     assert said['right'] is right
@@ -203,17 +207,17 @@ def test_a_line_names_its_model_where_several_answer_the_same_question(state):
     lines = []
     state.on_answer = lines.append
     for more in ([], [model('c', 'texture', 'abduction')], [model('d', 'texture', 'flexion')]):
-        state.update('', lambda finger, more=more: finger.take_models([*models, *more]))
+        state.update('', Finger.take_models, [*models, *more])
         state.take_answer('', answer(model='a'))
     assert ['  a  ' in line for line in lines] == [False, False, True]
 
 
 def test_each_specification_of_a_trial_keeps_its_window(state):
-    state.take_event('', event(0, 'glide'))
+    state.update('', Finger.take_event, event(0, 'glide'))
     for digest, name in (('1', 'texture_spectrum'), ('2', 'texture_spatial')):
         values = np.ones(91)
         made = dataclasses.replace(window(values, name), specification_digest=digest)
-        state.update('', lambda finger, made=made: finger.take_window(made))
+        state.update('', Finger.take_window, made)
     (finger,) = state.fingers
     assert finger.describe()['window']['set'] == 'texture_spatial'
     assert finger.spectrum()['part'] == 'window of the trial'
@@ -263,7 +267,7 @@ def test_spectra_come_five_times_a_second(state, clock):
     frames, count = Frames(state), 0
     for number in range(60):
         clock.now_s += 1 / 60
-        state.take_block('', block(number))
+        state.update('', Finger.take_block, block(number))
         frame = frames.next()
         count += 'spectrum' in frame['live']['']
     assert count <= 1 / SPECTRUM_PERIOD_S + 1
@@ -286,11 +290,11 @@ def test_a_fast_sensor_fills_its_buffers_again_and_again():
 def test_a_step_of_the_clock_begins_anew_and_a_repeated_block_does_not(state):
     frames = Frames(state)
     for number in range(600, 610):
-        state.take_block('', block(number))
+        state.update('', Finger.take_block, block(number))
     epoch = frames.next()['live']['']['epoch']
-    state.take_block('', block(605))
+    state.update('', Finger.take_block, block(605))
     assert frames.next() is None
-    state.take_block('', block(0, (5.0,), status=StrainStatus.CLOCK_STEP))
+    state.update('', Finger.take_block, block(0, (5.0,), status=StrainStatus.CLOCK_STEP))
     live = frames.next()['live']['']
     assert live['epoch'] == epoch + 1
     assert live['y'] == [5.0]
@@ -298,7 +302,7 @@ def test_a_step_of_the_clock_begins_anew_and_a_repeated_block_does_not(state):
 
 
 def test_silent_sensors_and_devices_are_told(state, clock):
-    state.take_block('', block(0, status=StrainStatus.SATURATED))
+    state.update('', Finger.take_block, block(0, status=StrainStatus.SATURATED))
     state.take_health('tendon_sensor', 0, 'samples arrive', {})
     state.take_readiness('linear_guide', ['Home the guide.'])
     state.take_health('linear_guide', 1, 'not homed; home the guide', {})
@@ -321,11 +325,11 @@ def test_progress_comes_from_the_operator(state):
 
 def test_untrusted_messages_cannot_fill_the_memory(state):
     for number in range(200):
-        state.take_block(f'f{number}', block(0))
+        state.update(f'f{number}', Finger.take_block, block(0))
         state.take_health(f'd{number}', 9, '', {})
         state.take_readiness(f'd{number}', [])
         state.take_answer('f0', answer(model=f'm{number}'))
-        state.take_event('f0', event(number, 'glide'))
+        state.update('f0', Finger.take_event, event(number, 'glide'))
     description = state.describe()
     assert len(description['fingers']) == MOST_FINGERS
     assert len(description['devices']) <= 64
@@ -336,7 +340,7 @@ def test_untrusted_messages_cannot_fill_the_memory(state):
 def test_a_sample_that_is_no_number_breaks_the_line_and_keeps_the_spectrum_away(state):
     for number in range(200):
         value = np.nan if number == 100 else 1.0 + 0.1 * (number % 5)
-        state.take_block('', block(number, (value,)))
+        state.update('', Finger.take_block, block(number, (value,)))
         if number in (100, 103):
             assert state.finger('').spectrum() is None
     frame = json.loads(json.dumps(Frames(state).next(), allow_nan=False))
