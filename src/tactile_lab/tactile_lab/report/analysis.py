@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, TYPE_CHECKING
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from typing import Any, TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -31,6 +32,8 @@ from tactile_lab.report.recordings import RecordingSet
 if TYPE_CHECKING:
     from tactile_classifier.evaluation.feature_selection import SelectionResult
 
+_Result = TypeVar('_Result')
+
 FORCE_UNITS = {'MN': 1e-6, 'kN': 1e-3, 'N': 1.0, 'mN': 1e3, 'µN': 1e6}
 """Units of force and how many of each are one newton."""
 
@@ -43,15 +46,13 @@ class SetResult:
     ----------
     evaluations : tuple of Evaluation
         Random folds first, then one for each grouped split, then one for each stated split.
-    significance : RankSum
-        On all trials.
     units : dict of str to float
         Accuracy of the unscaled RBF SVM when forces are stated in this unit [1]. For stiffness,
         whose features differ in unit; empty otherwise.
     not_done : tuple of str
         One sentence for each analysis that the trials do not allow.
     answers : Answers or None
-        Answers of a model besides a label; None where they were not requested.
+        None where they were not requested.
     published : SetResult or None
         Random folds and significance with the features that the paper computes, where
         ``recordings`` has others.
@@ -67,6 +68,11 @@ class SetResult:
     published: SetResult | None = None
 
     @property
+    def name(self) -> str:
+        """The contact, or else the title of the recordings."""
+        return self.recordings.contact or self.recordings.title
+
+    @property
     def as_published(self) -> SetResult:
         """The result to compare with the paper's statements."""
         return self.published or self
@@ -78,19 +84,17 @@ class SetResult:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as what JSON can hold."""
-        recordings = self.recordings
+        recordings, spec = self.recordings, self.recordings.table.spec
         return {
             'title': recordings.title,
             'task': recordings.table.task,
             'contact': recordings.contact,
             'simulated': recordings.simulated,
             'trials': len(recordings.table),
-            'feature_set': recordings.table.spec.feature_set,
-            'feature_parameters': dict(recordings.table.spec.parameters),
-            'features': list(recordings.table.spec.names),
-            'feature_choice': None
-            if recordings.choice is None
-            else recordings.choice[1].to_dict(),
+            'feature_set': spec.feature_set,
+            'feature_parameters': dict(spec.parameters),
+            'features': list(spec.names),
+            'feature_choice': recordings.choice and recordings.choice[1].to_dict(),
             'evaluations': [evaluation.to_dict() for evaluation in self.evaluations],
             'feature_selection': [selection.to_dict() for selection in self.selections],
             'rank_sum': {
@@ -100,10 +104,10 @@ class SetResult:
                 'p': self.significance.p.tolist() if self.units else None,
             },
             'rbf_unscaled_by_unit_of_force': self.units,
-            'answers': None if self.answers is None else self.answers.to_dict(),
+            'answers': self.answers and self.answers.to_dict(),
             'not_done': list(self.not_done),
             'prepared': list(recordings.steps),
-            'skipped': [{'row': each.row, 'reason': each.reason} for each in recordings.skipped],
+            'skipped': [asdict(each) for each in recordings.skipped],
         }
 
 
@@ -165,18 +169,12 @@ def _divide(
     recordings: RecordingSet, folds: int, repetitions: int, random_state: int
 ) -> tuple[list[Split], list[str]]:
     """Return random folds and grouped splits, and a sentence for each that cannot be done."""
-    table = recordings.table
-    splits, impossible = [], []
-    try:
-        splits.append(stratified_split(table, folds, repetitions, random_state))
-    except EvaluationError as error:
-        impossible.append(f'random folds: {error}')
+    table, impossible = recordings.table, list[str]()
+    stratified = partial(stratified_split, table, folds, repetitions, random_state)
+    splits = _try('random folds', stratified, impossible)
     for columns in recordings.hold_out:
-        try:
-            splits.append(grouped_split(table, columns))
-        except EvaluationError as error:  # noqa: PERF203 - a few splits
-            name = ' and '.join(map(plain_name, columns))
-            impossible.append(f'one {name} held out: {error}')
+        name = f'one {" and ".join(map(plain_name, columns))} held out'
+        splits += _try(name, partial(grouped_split, table, columns), impossible)
     return splits, impossible
 
 
@@ -185,16 +183,23 @@ def _plan_selection(
 ) -> list[Plan[Any]]:
     from tactile_classifier.evaluation.feature_selection import SelectionPlan
 
-    plans: list[Plan[Any]] = []
     if table.values.shape[1] < 2:
         not_done.append('feature selection: there is one feature only')
-        return plans
+        return []
+    plans: list[Plan[Any]] = []
     for split in splits:
-        try:
-            plans.append(SelectionPlan(table, split, random_state=random_state))
-        except EvaluationError as error:  # noqa: PERF203 - a few splits
-            not_done.append(f'feature selection, {split.name}: {error}')
+        plan = partial(SelectionPlan, table, split, random_state=random_state)
+        plans += _try(f'feature selection, {split.name}', plan, not_done)
     return plans
+
+
+def _try(name: str, work: Callable[[], _Result], not_done: list[str]) -> list[_Result]:
+    """Return the result; none, and a sentence more, where the trials do not allow it."""
+    try:
+        return [work()]
+    except EvaluationError as error:
+        not_done.append(f'{name}: {error}')
+        return []
 
 
 def _finish_set(

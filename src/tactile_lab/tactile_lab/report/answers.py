@@ -80,8 +80,8 @@ class Answers:
     def to_dict(self) -> dict[str, Any]:
         """Return the answers as what JSON can hold."""
         return {
-            'open_set': None if self.open_set is None else self.open_set.to_dict(),
-            'stopping': None if self.stopping is None else self.stopping.to_dict(),
+            'open_set': self.open_set and self.open_set.to_dict(),
+            'stopping': self.stopping and self.stopping.to_dict(),
             'measures': [asdict(measure) for measure in self.measures],
             'not_done': list(self.not_done),
         }
@@ -105,12 +105,9 @@ class WindowExtras:
 
 def read_extras(features: RecordingFeatures, table: FeatureTable) -> WindowExtras:
     """Read parts of the windows and measures from an open recording."""
-    partial = _try(lambda: _read_partial(features, table))
-    measures = _try(lambda: tuple(features.measures(table)))
-    return WindowExtras(
-        partial[1] if partial[0] is None else partial[0],
-        measures[1] if measures[0] is None else measures[0],
-    )
+    partial, no_partial = _try(_read_partial, features, table)
+    measures, no_measures = _try(features.measures, table)
+    return WindowExtras(no_partial or partial, no_measures or tuple(measures))
 
 
 def _read_partial(features: RecordingFeatures, table: FeatureTable) -> dict[int, FeatureTable]:
@@ -130,14 +127,9 @@ def _read_partial(features: RecordingFeatures, table: FeatureTable) -> dict[int,
 
 
 class AnswersPlan:
-    """The work on one set of trials, in four tasks.
+    """The work on one set of trials, in three tasks; see `Plan`.
 
-    Parameters
-    ----------
-    hold_out : sequence of str
-        Trials that agree in these columns are held out together; empty: single trials.
-    extras : WindowExtras
-        Of the table's windows.
+    Trials that agree in the columns ``hold_out`` are held out together; empty: single trials.
     """
 
     def __init__(self, table: FeatureTable, hold_out: Sequence[str], extras: WindowExtras) -> None:
@@ -146,7 +138,7 @@ class AnswersPlan:
         self._extras = extras
 
     def tasks(self) -> list[Task]:
-        """Return the tasks; see `Plan`."""
+        """Return the tasks."""
         table, hold_out, extras = self._table, self._hold_out, self._extras
         return [
             (_try, (_evaluate_open_set, table, hold_out)),
@@ -155,19 +147,12 @@ class AnswersPlan:
         ]
 
     def finish(self, answers: Sequence[tuple[Any, str]]) -> Answers:
-        """Put their results together; see `Plan`."""
-        (open_set, _), (stopping, _), (measures, _) = answers
+        """Put their results together."""
+        (open_set, stopping, measures), reasons = zip(*answers, strict=True)
         names = ('unknown objects', 'early predictions', 'measures')
-        return Answers(
-            open_set,
-            stopping,
-            measures or (),
-            tuple(
-                f'{name}: {reason}'
-                for name, (_, reason) in zip(names, answers, strict=True)
-                if reason
-            ),
-        )
+        told = zip(names, reasons, strict=True)
+        not_done = tuple(f'{name}: {reason}' for name, reason in told if reason)
+        return Answers(open_set, stopping, measures or (), not_done)
 
 
 def _try(work: Callable[..., Any], *arguments: Any) -> tuple[Any, str]:

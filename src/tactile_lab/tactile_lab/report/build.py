@@ -16,6 +16,7 @@ from tactile_classifier.evaluation.open_set import OpenSetEvaluation
 from tactile_classifier.model_file.manifest import format_features
 from tactile_classifier.records import CLASSIFIER_TITLES, short_scaling
 from tactile_lab.datasets.tables import format_interval, format_warnings
+from tactile_lab.output import named_errors
 from tactile_lab.report import drawings
 from tactile_lab.report.analysis import SetResult
 from tactile_lab.report.answers import MeasureSummary
@@ -28,7 +29,6 @@ from tactile_lab.report.summary import (
     format_model,
     Source,
 )
-from tactile_ros.errors import TactileError
 
 TITLE = 'Touch through the tendon: evaluation'
 FILE_NAME = 'report.html'
@@ -37,22 +37,14 @@ _SHOWN_UNITS = {'m': ('mm', 1e3), 'N/m': ('N/mm', 1e-3)}
 
 
 def report_path(path: Path) -> Path:
-    """Return the file that a report goes to: itself, or one of a folder, which is made.
-
-    Raises
-    ------
-    TactileError
-        When no report can be written there.
-    """
+    """Return the file that a report goes to: itself, or one of a folder, which is made."""
     file = path if path.suffix.lower() in ('.html', '.htm') else path / FILE_NAME
-    try:
+    with named_errors('write the report', file):
         file.parent.mkdir(parents=True, exist_ok=True)
         existed = file.exists()
         file.open('a').close()  # before the work, not after it
         if not existed:
             file.unlink()
-    except OSError as error:
-        raise TactileError(f'cannot write the report {file}: {error.strerror}') from error
     return file
 
 
@@ -73,15 +65,7 @@ def build_page(
     settings: Mapping[str, str],
     versions: Mapping[str, str],
 ) -> str:
-    """Return the report as HTML.
-
-    Parameters
-    ----------
-    sources : sequence of Source
-        The recordings.
-    settings, versions : mapping of str to str
-        What the numbers depend on besides.
-    """
+    """Return the report as HTML; ``settings`` and ``versions`` are what the numbers depend on."""
     holds = [result for result in results if result.units]
     return fill_template(
         'report.html',

@@ -555,7 +555,7 @@ def draw_stopping(found: Sequence[tuple[SetResult, StoppingEvaluation]]) -> Draw
                 ms=3,
                 lw=1.2,
                 color=f'C{i}',
-                label=_short_name(result),
+                label=result.name,
             )
             for rule, mark in zip(stopping.rules, 'sD^v', strict=False):
                 axes.plot(
@@ -612,10 +612,6 @@ def _format_right(score: Score) -> str:
         f'{label} {100 * share:.0f} %' for label, share in zip(score.labels, right, strict=True)
     )
     return f'Right answers: {found}. Most frequent confusion: {format_confusion(score)}.'
-
-
-def _short_name(result: SetResult) -> str:
-    return result.recordings.contact or result.recordings.title
 
 
 def _short_title(result: SetResult) -> str:

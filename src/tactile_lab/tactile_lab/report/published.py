@@ -43,12 +43,8 @@ UNTESTED = 'not tested'
 class Comparison:
     """One statement of the paper beside what was measured.
 
-    Attributes
-    ----------
-    rule : str
-        When the measurement counts as agreeing.
-    verdict : str
-        ``agrees``, ``does not agree`` or ``not tested``.
+    By the ``rule`` it agrees; the ``verdict`` is `AGREES`, `DISAGREES`, `UNTESTED`, or that it
+    agrees for some sets only.
     """
 
     statement: str
@@ -85,12 +81,12 @@ def format_design(results: Sequence[SetResult]) -> str:
         table = result.recordings.table
         sessions, mountings = map(table.columns.get, ('session_id', 'mounting_id'))
         if sessions is None or mountings is None or (np.asarray(mountings) == '').any():
-            told[_name(result)] = 'sessions or mountings not stated'
+            told[result.name] = 'sessions or mountings not stated'
             continue
         most = max(len(set(mountings[table.labels == label])) for label in set(table.labels))
         count = len(set(sessions))
         as_read = count == 1 and most == 1
-        told[_name(result)] = (
+        told[result.name] = (
             f'{count} session{"s" if count > 1 else ""}, each plate or object fixed '
             f'{"once" if most == 1 else f"up to {most} times"}, '
             f'{"as" if as_read else "not as"} in the paper'
@@ -179,8 +175,8 @@ def _compare(
     """Compare with what was measured on each set, in words, and whether that agrees."""
     if not found:
         return Comparison(statement, rule, 'no such trials', UNTESTED)
-    measured = '; '.join(f'{_name(result)}: {words}' for result, words, _ in found)
-    agreeing = [_name(result) for result, _, agrees in found if agrees]
+    measured = '; '.join(f'{result.name}: {words}' for result, words, _ in found)
+    agreeing = [result.name for result, _, agrees in found if agrees]
     if len(agreeing) == len(found):
         return Comparison(statement, rule, measured, AGREES)
     verdict = f'{AGREES} for {", ".join(agreeing)} only' if agreeing else DISAGREES
@@ -200,10 +196,6 @@ def _compare_contacts(name: str, results: Sequence[SetResult]) -> Comparison:
     measured = '; '.join(f'{contact}: {100 * mean:.1f} %' for contact, mean in best.items())
     equal = max(best.values()) - min(best.values()) <= EQUALLY
     return Comparison(statement, rule, measured, AGREES if equal else DISAGREES)
-
-
-def _name(result: SetResult) -> str:
-    return result.recordings.contact or result.recordings.title
 
 
 def _format_means(classifiers: Sequence[str], means: Sequence[float]) -> str:

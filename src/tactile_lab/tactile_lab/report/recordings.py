@@ -45,14 +45,9 @@ MOUNTINGS = ('mounting_id', 'mounting')
 
 @dataclass(frozen=True)
 class Example:
-    """The window of one trial.
+    """The window of one trial: its row in the table of features, and ``samples`` times and values.
 
-    Attributes
-    ----------
-    row : int
-        Its row in the table of features.
-    time_s, signal : ndarray of shape (samples,)
-        Time since the window's first sample [s], and the samples.
+    Times count from the window's first sample [s].
     """
 
     row: int
@@ -87,22 +82,16 @@ class RecordingSet:
         Of the signal: ``N``, or ``raw`` for an archive, which does not say.
     examples : tuple of Example
         One a label.
-    trial : TrialExample or None
-        A trial with its phases, where recordings have them.
     published : FeatureTable or None
         The features of the same trials as the paper computes them, where ``table`` has others.
     splits : tuple of Split
         Stated trials to train on and to test on, beside plain folds and grouped splits.
-    skipped : tuple of Skipped
-        Trials that could not be used.
-    steps : tuple of str
-        What was done to the signals first, in words.
+    skipped, steps
+        Trials that could not be used, and what was done to the signals first, in words.
     choice : (Candidate, FeatureChoice) or None
         Set of features and classifier that folds chose, and from what; None where they did not.
     not_done : tuple of str
         One sentence for each usual split that the trials do not allow.
-    extras : WindowExtras or None
-        Features of parts of the windows, and measures; None where they were not asked for.
     """
 
     title: str
@@ -140,35 +129,25 @@ def make_sets(
     report: bool = False,
     answers: bool = False,
 ) -> list[RecordingSet]:
-    """Return the sets of a recording, one for each task and contact.
+    """Return the sets of an open recording, one for each task and contact.
 
     Parameters
     ----------
-    features : RecordingFeatures
-        Of an open recording.
     hold_out : sequence of sequence of str
         Columns of the grouped splits. Empty: one session is held out where there are several that
         have all labels, one block of trials where not, and one mounting.
     chosen : mapping, optional
-        What ``--features auto`` has chosen.
+        Choice of ``--features auto``.
     report : bool
         Also the features that the paper computes, and signals.
     answers : bool
         Also features of parts of the windows, and measures.
-
-    Raises
-    ------
-    TactileError, DatasetError, EvaluationError
-        When no trial gives features, or the stated split cannot be made.
     """
     reading, recording = features.reading, features.recording
-    if chosen is not None:
-        tables = {key: each.table for key, each in chosen.items()}
-    else:
-        tables = features.tables().tables
+    whole = features.tables().tables if chosen is None else {k: c.table for k, c in chosen.items()}
     tables = {
         key: select_features(reading.keep_stated(table), reading.features)
-        for key, table in tables.items()
+        for key, table in whole.items()
     }
     published = {}
     if report and any(map(_is_unlike_paper, tables.values())):
@@ -193,9 +172,11 @@ def make_sets(
             extras=read_extras(features, table) if answers else None,
         )
         if report:
+            rows = _first_rows(table)
+            windows = zip(rows, features.windows(table, rows), strict=True)
             found = replace(
                 found,
-                examples=_examples(features, table),
+                examples=tuple(Example(row, *window) for row, window in windows),
                 trial=_find_trial(features, table) if key[0] == PROTOCOL_STIFFNESS else None,
                 published=_select_published(features, table, published.get(key[:2])),
             )
@@ -215,15 +196,14 @@ def usual_splits(table: FeatureTable) -> tuple[list[tuple[str, ...]], list[str]]
             return False
         return True
 
-    def named(names: Sequence[str]) -> list[str]:
+    def named(*names: str) -> list[str]:
         return [column for column in table.columns if column.lower() in names]
 
-    blocks = [column for column in ('trial_block',) if column in table.columns]
-    first = next(filter(can_hold_out, (*named(SESSIONS), *blocks)), None)
+    first = next(filter(can_hold_out, (*named(*SESSIONS), *named('trial_block'))), None)
     # Where each trial has a mounting of its own, random folds hold mountings out already.
     mountings = [
         column
-        for column in named(MOUNTINGS)
+        for column in named(*MOUNTINGS)
         if len(np.unique(table.columns[column])) < len(table) and can_hold_out(column)
     ]
     return [(column,) for column in (first, *mountings) if column], not_done
@@ -253,13 +233,6 @@ def _select_published(
 def _first_rows(table: FeatureTable) -> list[int]:
     """Return the row of the first trial of each label."""
     return [int(np.argmax(table.labels == label)) for label in np.unique(table.labels)]
-
-
-def _examples(features: RecordingFeatures, table: FeatureTable) -> tuple[Example, ...]:
-    """Return the window of one trial of each label."""
-    rows = _first_rows(table)
-    windows = features.windows(table, rows)
-    return tuple(Example(row, *window) for row, window in zip(rows, windows, strict=True))
 
 
 def _find_trial(features: RecordingFeatures, table: FeatureTable) -> TrialExample | None:

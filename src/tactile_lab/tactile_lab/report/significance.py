@@ -26,14 +26,7 @@ _KINDS = (
 class Components:
     """The Fourier components above zero among the features of a set.
 
-    Attributes
-    ----------
-    columns : ndarray of int, shape (k,)
-        Their columns in the table.
-    frequency : ndarray of shape (k,)
-        In ``unit``.
-    name, unit : str
-        Of the frequency.
+    ``columns`` are theirs in the table, shape (k,); ``frequency`` is in ``unit``, shape (k,).
     """
 
     columns: NDArray[np.intp]

@@ -10,6 +10,7 @@ are shown; or, with ``--features auto``, of the choice inside the folds.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 import hashlib
 import importlib.metadata
@@ -44,7 +45,7 @@ class Source:
     sha256 : str
         Of the file, of the files of a folder by name, or of the data files of a bag.
     facts : dict
-        What the recording says of itself, such as seed and simulator.
+        Statements of the recording about itself, such as seed and simulator.
     corrections : tuple of str
         Sentences about trials that an experiment's journal relabels or leaves out.
     """
@@ -58,12 +59,7 @@ class Source:
 def describe_sources(paths: Sequence[Path], recording: Recording) -> list[Source]:
     """Return name, digest and facts of each bag of ours, or else of each named path.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        As they were named; a folder of files is one.
-    recording : Recording
-        Of these, open.
+    ``recording`` is that of the paths, open. A folder of files is one source.
     """
     if not recording.is_own:
         return [Source(path.resolve().name, _compute_digest(path), {}) for path in paths]
@@ -102,15 +98,11 @@ def _compute_digest(path: Path) -> str:
 
 def find_versions() -> dict[str, str]:
     """Return the versions of Python and the libraries that the numbers depend on."""
-    found = {name: _version(name) for name in LIBRARIES}
-    return {'python': platform.python_version(), **{k: v for k, v in found.items() if v}}
-
-
-def _version(library: str) -> str:
-    try:
-        return importlib.metadata.version(library)
-    except importlib.metadata.PackageNotFoundError:
-        return ''
+    found = {'python': platform.python_version()}
+    for name in LIBRARIES:
+        with suppress(importlib.metadata.PackageNotFoundError):
+            found[name] = importlib.metadata.version(name)
+    return found
 
 
 _RANDOM = 'stratified '

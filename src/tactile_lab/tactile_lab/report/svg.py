@@ -56,14 +56,8 @@ _STYLE = {
 class Drawing:
     """A figure of the report.
 
-    Attributes
-    ----------
-    svg : str
-        An element that may stand inside HTML; its label is the text alternative.
-    caption : str
-        The quantities and marks of the figure.
-    least_px : int
-        Width below which its texts cannot be read, so that it scrolls [px].
+    ``svg`` is an element that may stand inside HTML; its label is the text alternative. The
+    caption names quantities and marks. Below ``least_px`` its texts cannot be read, so that it scrolls.
     """
 
     svg: str
@@ -79,18 +73,10 @@ def render(
     *,
     simulated: bool,
 ) -> Drawing:
-    """Draw a figure and return it as SVG.
+    """Let ``draw`` draw on an empty figure of this size [inch], and return it as SVG.
 
-    Parameters
-    ----------
-    draw : callable
-        Draws on the empty figure that it is given.
-    size_in : tuple of float
-        Width and height [inch].
-    message : str
-        Text alternative: the message of the figure with its numbers.
-    simulated : bool
-        Whether it shows simulated data: the figure and both texts then say so.
+    The ``message`` is the text alternative: that of the figure, with its numbers. Figure and both
+    texts say so where they show simulated data.
     """
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=size_in, layout='constrained')
