@@ -57,7 +57,7 @@ class Drawing:
     """A figure of the report.
 
     ``svg`` is an element that may stand inside HTML; its label is the text alternative. The
-    caption names quantities and marks. Below ``least_px`` its texts cannot be read, so that it scrolls.
+    caption names quantities and marks. Below ``least_px`` its texts cannot be read: it scrolls.
     """
 
     svg: str
