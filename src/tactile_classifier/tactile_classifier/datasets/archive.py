@@ -5,7 +5,7 @@
 
 ``x`` (trials, channels, samples), ``label`` (trials,), ``rate_hz`` () and any number
 of further columns (trials,) to select, group or hold out by. Trials of unequal length are
-padded, with ``length``, or joined, with ``offsets``: see `archive_layout`. No pickled objects.
+padded, with ``length``, or joined, with ``offsets``: see `LAYOUT`. No pickled objects.
 """
 
 from __future__ import annotations
@@ -21,13 +21,6 @@ import zipfile
 import numpy as np
 import numpy.typing as npt
 
-from tactile_classifier.datasets.archive_layout import (
-    decode_text,
-    find_arrays,
-    LAYOUT,
-    take_unit,
-    unpack_signals,
-)
 from tactile_classifier.errors import DatasetError
 
 MAX_ARCHIVE_BYTES = 2**30
@@ -39,12 +32,30 @@ MAX_MAGNITUDE = 1e100
 FEW_SAMPLES = 16
 """Trials of fewer samples are pointed out: a spectrum of them has eight lines at most."""
 
+LAYOUT = """an archive holds, with one entry a trial where not said otherwise:
+  x        numbers of shape (trials, channels, samples), or (trials, samples); or X
+  label    strings or integers; or y
+  rate_hz  one number; or fs, or --rate-hz
+  unit     optional, one string: of x, as in N
+  and any further columns
+For trials of unequal length, either pad x with anything and add
+  length   samples of each trial that count
+or join the trials, one after another, in x of shape (channels, all samples) and add
+  offsets  (trials + 1,): trial i is x[:, offsets[i]:offsets[i + 1]]"""
+
+_OTHER_NAMES = {
+    'x': ('X', 'data', 'signal', 'signals', 'X_train'),
+    'label': ('y', 'Y', 'labels', 'target', 'y_train'),
+    'rate_hz': ('fs', 'rate', 'sample_rate', 'sampling_rate', 'frequency'),
+}
+
 Array = npt.NDArray[Any]
+Indices = npt.NDArray[np.intp]
 
 _MAX_FACTOR = 10_000  # of a resampling: the filter has ten times as many taps on each side
 
 
-def _no_numbers() -> npt.NDArray[np.intp]:
+def _no_numbers() -> Indices:
     return np.empty(0, dtype=np.intp)
 
 
@@ -86,8 +97,8 @@ class LabelledTrials:
     label: Array
     rate_hz: float
     columns: Mapping[str, Array]
-    lengths: npt.NDArray[np.intp] = dataclasses.field(default_factory=_no_numbers)
-    rows: npt.NDArray[np.intp] = dataclasses.field(default_factory=_no_numbers)
+    lengths: Indices = dataclasses.field(default_factory=_no_numbers)
+    rows: Indices = dataclasses.field(default_factory=_no_numbers)
     skip_bad: bool = False
     skipped: tuple[Skipped, ...] = ()
     steps: tuple[str, ...] = ()
@@ -346,16 +357,16 @@ def trials_from_arrays(
 
     ``path`` names their source in messages.
     """
-    x, label, rate, steps = find_arrays(path, arrays, rate_hz)
-    x, lengths = unpack_signals(path, x, arrays, MAX_ARCHIVE_BYTES)
+    x, label, rate, steps = _find_arrays(path, arrays, rate_hz)
+    x, lengths = _unpack_signals(path, x, arrays)
     trials = len(x)
-    label = decode_text(path, 'label', label)
+    label = _decode_text(path, 'label', label)
     if label.shape != (trials,) or label.dtype.kind not in 'Uiu':
         raise DatasetError(
             f'label in {path} is {label.dtype} of shape {label.shape}; '
             f'it must be strings or integers of shape ({trials},), one a trial'
         )
-    unit = take_unit(path, arrays)
+    unit = _take_unit(path, arrays)
     if rate.size != 1 or rate.dtype.kind not in 'fiu' or not 0 < float(rate.item()) < math.inf:
         raise DatasetError(f'rate_hz in {path} must be one positive number')
     columns = {}
@@ -364,7 +375,7 @@ def trials_from_arrays(
             raise DatasetError(
                 f'column {name} in {path} has shape {column.shape}; it must be ({trials},)'
             )
-        columns[name] = decode_text(path, name, column)
+        columns[name] = _decode_text(path, name, column)
     loaded = LabelledTrials(
         x,
         label.astype(str),
@@ -385,7 +396,126 @@ def trials_from_arrays(
     return dataclasses.replace(loaded, steps=(*loaded.steps, *doubts))
 
 
-def _find_unusable(path: Path, x: Array, lengths: npt.NDArray[np.intp]) -> dict[int, str]:
+def _find_arrays(
+    path: Path, arrays: dict[str, Array], rate_hz: float | None = None
+) -> tuple[Array, Array, Array, tuple[str, ...]]:
+    """Take signals, labels and rate out of the arrays, under our names or other usual ones.
+
+    Returns them with sentences on what was taken for what, where the names or shapes are not ours.
+    ``rate_hz`` stands in where the arrays state none. Raises DatasetError when one is missing, or
+    the stated rate differs from that of the arrays.
+    """
+    named = {key: _find_name(key, arrays) for key in ('x', 'label', 'rate_hz')}
+    if rate_hz is not None and not named['rate_hz']:
+        arrays['rate_hz'], named['rate_hz'] = np.array(rate_hz), 'rate_hz'
+    missing = [key for key, name in named.items() if not name]
+    if missing:
+        text = f'{path} has no {" and no ".join(missing)}'
+        if missing == ['rate_hz']:
+            text += '; state the sample rate with --rate-hz'
+        raise DatasetError(f'{text}\n{LAYOUT}')
+    x, label, rate = (arrays.pop(name) for name in named.values())
+    steps = [f'took {name} of {path.name} as {key}' for key, name in named.items() if name != key]
+    if rate_hz is not None and (rate.size != 1 or float(rate.item()) != rate_hz):
+        raise DatasetError(
+            f'{path} says {named["rate_hz"]} = {rate}, and --rate-hz says {rate_hz:g}; '
+            'to change the rate, use --resample-hz'
+        )
+    if x.ndim == 2 and 'offsets' not in arrays:
+        steps.append(f'took the {x.shape} numbers of {path.name} as trials x samples, one channel')
+        x = x[:, np.newaxis, :]
+    return x, label, rate, tuple(steps)
+
+
+def _take_unit(path: Path, arrays: dict[str, Array]) -> str:
+    """Return the unit of the signals, and take it out of the arrays; a column of units stays.
+
+    Raises DatasetError when it is no string.
+    """
+    if 'unit' not in arrays or arrays['unit'].ndim:
+        return ''
+    unit = _decode_text(path, 'unit', arrays.pop('unit'))
+    if unit.dtype.kind != 'U':
+        raise DatasetError(f'unit in {path} must be one string, as in N')
+    return str(unit.item())
+
+
+def _find_name(key: str, arrays: dict[str, Array]) -> str:
+    return next((name for name in (key, *_OTHER_NAMES[key]) if name in arrays), '')
+
+
+def _unpack_signals(path: Path, x: Array, arrays: dict[str, Array]) -> tuple[Array, Indices]:
+    """Return signals of shape (trials, channels, samples) and the samples of each that count.
+
+    Takes ``length`` and ``offsets`` out of the arrays. A ``length`` that is not of integers is
+    an ordinary column and stays. Raises DatasetError when shapes or numbers do not fit, or the
+    padded signals take more than `MAX_ARCHIVE_BYTES`.
+    """
+    if 'offsets' in arrays:
+        return _unpack_joined(path, x, arrays.pop('offsets'))
+    if x.ndim != 3 or x.dtype.kind not in 'fiub' or 0 in x.shape:
+        raise DatasetError(
+            f'x in {path} is {x.dtype} of shape {x.shape}; '
+            'it must be numbers of shape (trials, channels, samples) or (trials, samples)'
+        )
+    trials, _, samples = x.shape
+    length = arrays.get('length')
+    if length is None or length.dtype.kind not in 'iu':
+        return x, np.full(trials, samples, dtype=np.intp)
+    del arrays['length']
+    if length.shape != (trials,) or length.min() < 1 or length.max() > samples:
+        raise DatasetError(
+            f'length in {path} must be {trials} numbers of samples from 1 to {samples}, one a '
+            'trial; a column of another meaning needs another name'
+        )
+    return x, length.astype(np.intp)
+
+
+def _unpack_joined(path: Path, x: Array, offsets: Array) -> tuple[Array, Indices]:
+    joined = x[np.newaxis] if x.ndim == 1 else x
+    if joined.ndim != 2 or joined.dtype.kind not in 'fiub' or 0 in joined.shape:
+        raise DatasetError(
+            f'x in {path} is {x.dtype} of shape {x.shape}; with offsets it must be numbers of '
+            'shape (channels, all samples)'
+        )
+    fits = offsets.ndim == 1 and len(offsets) > 1 and offsets.dtype.kind in 'iu'
+    bounds = [int(value) for value in offsets] if fits else []
+    lengths = np.diff(bounds)
+    if not fits or bounds[0] != 0 or bounds[-1] != joined.shape[1] or lengths.min() < 1:
+        raise DatasetError(
+            f'offsets in {path} must be integers that rise from 0 to {joined.shape[1]}, the '
+            'samples in x, one more than there are trials'
+        )
+    shape = (len(lengths), len(joined), int(lengths.max()))
+    total = math.prod(shape) * joined.dtype.itemsize
+    if total > MAX_ARCHIVE_BYTES:
+        raise DatasetError(
+            f'the trials of {path}, padded to the longest, take {total / 2**20:.0f} MiB; '
+            f'the limit is {MAX_ARCHIVE_BYTES / 2**20:.0f} MiB'
+        )
+    padded = np.zeros(shape, dtype=joined.dtype)
+    for row, (first, count) in enumerate(zip(bounds[:-1], lengths.tolist(), strict=True)):
+        padded[row, :, :count] = joined[:, first : first + count]
+    return padded, lengths.astype(np.intp)
+
+
+def _decode_text(path: Path, name: str, column: Array) -> Array:
+    """Return a column of byte strings as text; others as they are.
+
+    Raises DatasetError when one is not UTF-8.
+    """
+    if column.dtype.kind != 'S':
+        return column
+    try:
+        return np.char.decode(column, 'utf-8')
+    except UnicodeDecodeError as error:
+        raise DatasetError(
+            f'{name} in {path} holds bytes that are not UTF-8: {error.object!r}; '
+            'save it as strings'
+        ) from error
+
+
+def _find_unusable(path: Path, x: Array, lengths: Indices) -> dict[int, str]:
     """Return why trials cannot be used, by row; padding does not count."""
     if x.dtype.kind != 'f':
         return {}
@@ -408,9 +538,7 @@ def _find_unusable(path: Path, x: Array, lengths: npt.NDArray[np.intp]) -> dict[
     return unusable
 
 
-def _format_doubts(
-    path: Path, x: Array, lengths: npt.NDArray[np.intp], rows: npt.NDArray[np.intp]
-) -> tuple[str, ...]:
+def _format_doubts(path: Path, x: Array, lengths: Indices, rows: Indices) -> tuple[str, ...]:
     """Return what is odd about trials that can be used: constant channels, very few samples.
 
     Raises DatasetError when every channel of every trial is constant, or all trials hold the same
