@@ -17,7 +17,8 @@ from tactile_classifier import load_archive
 from tactile_classifier.datasets.dataset import FeatureTable, table_from_trials
 from tactile_classifier.datasets.splits import grouped_split, Split, stratified_split
 from tactile_classifier.evaluation.open_set import evaluate_open_set
-from tactile_classifier.training.feature_choice import choose_candidate
+from tactile_classifier.evaluation.plans import run_plans
+from tactile_classifier.training.feature_choice import ChoicePlan
 from tactile_features import FeatureConfig
 
 SEEDS = 5
@@ -86,7 +87,8 @@ def _list_splits(quick: bool) -> Iterator[tuple[str, dict[str, FeatureTable], Di
 
 def _measure_choice(tables: dict[str, FeatureTable], divide: Divide, seeds: int) -> dict[str, Any]:
     first = next(iter(tables.values()))
-    found = [choose_candidate(tables, divide(first, seed), 100 * seed) for seed in range(seeds)]
+    plans = [ChoicePlan(tables, divide(first, seed), 100 * seed) for seed in range(seeds)]
+    found = run_plans(plans)
     nested, best = (
         100 * np.array(values)
         for values in zip(*((c.nested_accuracy, c.best.accuracy) for c in found), strict=True)

@@ -50,6 +50,16 @@ def model_infos_from_msg(message: Any) -> ModelInfos:
     )
 
 
+_CONVERTED = ('outcome', 'labels', 'scores', 'frame_id', 'partial')
+_TIMES = ('window_start_ns', 'window_end_ns')
+_AS_THEY_ARE = tuple(
+    field.name
+    for field in dataclasses.fields(ClassificationResult)
+    if field.name not in (*_CONVERTED, *_TIMES)
+)
+"""Fields of a result that the message has under the same name, with the same type."""
+
+
 def classification_to_msg(result: ClassificationResult) -> Any:
     """Return the tactile_msgs/Classification message of a result."""
     from std_msgs.msg import Header
@@ -58,26 +68,13 @@ def classification_to_msg(result: ClassificationResult) -> Any:
 
     return Classification(
         header=Header(stamp=time_to_msg(result.window_end_ns), frame_id=result.frame_id),
-        task=result.task,
-        trial_id=result.trial_id,
-        contact=result.contact,
-        model_id=result.model_id,
-        simulated=result.simulated,
         outcome=int(result.outcome),
-        label=result.label,
-        reason=result.reason,
         labels=list(result.labels),
         scores=list(result.scores),
-        score_kind=result.score_kind,
-        novelty=result.novelty,
-        novelty_threshold=result.novelty_threshold,
-        false_alarm_rate=result.false_alarm_rate,
         running=result.partial,
-        decided=result.decided,
-        error_rate=result.error_rate,
-        recalibration_trials=result.recalibration_trials,
         window_start=time_to_msg(result.window_start_ns),
         window_end=time_to_msg(result.window_end_ns),
+        **{name: getattr(result, name) for name in _AS_THEY_ARE},
     )
 
 
@@ -91,29 +88,15 @@ def classification_from_msg(message: Any) -> ClassificationResult:
             f'scores has {len(message.scores)} entries and labels {len(message.labels)}; '
             'they must be as many'
         )
-
     return ClassificationResult(
-        task=message.task,
-        trial_id=message.trial_id,
-        contact=message.contact,
-        model_id=message.model_id,
-        simulated=bool(message.simulated),
         outcome=_read_outcome(message.outcome),
-        label=message.label,
-        reason=message.reason,
         labels=tuple(message.labels),
         scores=tuple(float(score) for score in message.scores),
-        score_kind=message.score_kind,
-        novelty=float(message.novelty),
-        novelty_threshold=float(message.novelty_threshold),
+        partial=bool(message.running),
         window_start_ns=_to_ns(message.window_start),
         window_end_ns=_to_ns(message.window_end),
         frame_id=message.header.frame_id,
-        false_alarm_rate=float(message.false_alarm_rate),
-        partial=bool(message.running),
-        decided=bool(message.decided),
-        error_rate=float(message.error_rate),
-        recalibration_trials=int(message.recalibration_trials),
+        **{name: getattr(message, name) for name in _AS_THEY_ARE},
     )
 
 

@@ -257,13 +257,13 @@ class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: igno
         chosen = (scores > 0).astype(int) if scores.ndim == 1 else scores.argmax(axis=1)
         return np.asarray(self.classes_[chosen])
 
-    def check_folds(
+    def predict_folds(
         self,
-        values: npt.NDArray[np.float64],
+        values: Matrix,
         labels: npt.NDArray[np.str_],
-        folds: Sequence[tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]],
-    ) -> list[npt.NDArray[np.bool_]]:
-        """Return which tests of each fold are named correctly by a linear classifier of its own.
+        folds: Sequence[tuple[Indices, Indices]],
+    ) -> list[npt.NDArray[np.str_]]:
+        """Return the answers on the tests of each fold, by a linear classifier of its own.
 
         The convolutions stay those of this classifier, whose training had the waveforms of the
         tests, too, but not their labels.
@@ -272,7 +272,7 @@ class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: igno
         answers = []
         for train, test in folds:
             ridge, spread = _fit_ridge(shares[train], labels[train])
-            answers.append(np.asarray(ridge.predict(shares[test] / spread) == labels[test]))
+            answers.append(np.asarray(ridge.predict(shares[test] / spread)))
         return answers
 
     def _check(self, values: npt.ArrayLike) -> Matrix:

@@ -254,19 +254,20 @@ def split_interval(
     cells: Cells | None,
     right: npt.NDArray[np.float64],
     accuracies: npt.NDArray[np.float64],
+    interval: Callable[..., Interval] = accuracy_interval,
 ) -> Interval:
     """Return the interval of a mean accuracy under a split, with its cells (`find_tested_cells`).
 
     ``right`` is how often each trial of the table was named correctly, shape (trials,) [1];
     ``accuracies`` are those of the folds [1]: where groups are held out, the interval is over
-    these.
+    these. With `difference_interval`, both are differences of two classifiers.
     """
     if split.groups is not None:
-        return accuracy_interval(accuracies, 'groups')
+        return interval(accuracies, 'groups')
     if cells is not None:
         share, sizes = cells.average(right[split.tested])
-        return accuracy_interval(share, 'groups of repeats', sizes)
-    return accuracy_interval(right[split.tested], 'trials')
+        return interval(share, 'groups of repeats', sizes)
+    return interval(right[split.tested], 'trials')
 
 
 def evaluate(
@@ -349,16 +350,3 @@ def predict_folds(
         estimator.fit(values[train], labels[train])
         answers.append(estimator.predict(values[test]))
     return answers
-
-
-def check_folds(
-    classifier: str,
-    scaling: str,
-    values: npt.NDArray[np.float64],
-    labels: npt.NDArray[np.str_],
-    folds: Sequence[Fold],
-    channels: int = 1,
-) -> list[npt.NDArray[np.bool_]]:
-    """Return which test trials of each fold `predict_folds` names correctly."""
-    answers = predict_folds(classifier, scaling, values, labels, folds, channels)
-    return [said == labels[test] for said, (_, test) in zip(answers, folds, strict=True)]

@@ -16,16 +16,23 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tactile_classifier.datasets.conditions import find_cells, find_strata
+from tactile_classifier.datasets.conditions import find_strata
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import Fold, Split
 from tactile_classifier.estimators.classifiers import RANDOM_STATE
-from tactile_classifier.evaluation.cross_validation import check_folds, list_pairs
+from tactile_classifier.evaluation.cross_validation import (
+    find_tested_cells,
+    list_pairs,
+    predict_folds,
+    split_interval,
+)
 from tactile_classifier.evaluation.intervals import difference_interval, Interval
 from tactile_classifier.evaluation.plans import Task
 from tactile_classifier.evaluation.results import Result
 from tactile_classifier.evaluation.significance import rank_features
 from tactile_classifier.records import CLASSIFIERS, SCALINGS
+
+Matrix = npt.NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,15 +103,14 @@ class SelectionPlan:
 
     def finish(self, answers: Sequence[list[FoldSelection]]) -> tuple[SelectionResult, ...]:
         """Return one result a classifier and scaling."""
-        grouped = self._split.groups is not None
+        cells = find_tested_cells(self._table, self._split)
         results = []
         for i, (classifier, scaling) in enumerate(self._pairs):
             folds = [answer[i] for answer in answers]
-            gains = [fold.selected_right - fold.all_right for fold in folds]
-            if grouped:
-                difference = difference_interval(np.array([g.mean() for g in gains]), 'groups')
-            else:
-                difference = self._interval_over_trials(gains)
+            gain = np.zeros(len(self._table))
+            for (_, test), fold in zip(self._folds, folds, strict=True):
+                gain[test] = fold.selected_right - fold.all_right
+            means = np.array([gain[test].mean() for _, test in self._folds])
             results.append(
                 SelectionResult(
                     classifier,
@@ -113,20 +119,10 @@ class SelectionPlan:
                     tuple(fold.count for fold in folds),
                     float(np.mean([fold.all_right.mean() for fold in folds])),
                     float(np.mean([fold.selected_right.mean() for fold in folds])),
-                    difference,
+                    split_interval(self._split, cells, gain, means, difference_interval),
                 )
             )
         return tuple(results)
-
-    def _interval_over_trials(self, gains: Sequence[npt.NDArray[np.float64]]) -> Interval:
-        gain = np.zeros(len(self._table))
-        for (_, test), some in zip(self._folds, gains, strict=True):
-            gain[test] = some
-        cells = find_cells(self._table)
-        if cells is None:
-            return difference_interval(gain, 'trials')
-        means, sizes = cells.average(gain)
-        return difference_interval(means, 'groups of repeats', sizes)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -134,8 +130,8 @@ class FoldSelection:
     """One fold of one classifier: the features kept, and which tests were right (1 or 0)."""
 
     count: int
-    all_right: npt.NDArray[np.float64]
-    selected_right: npt.NDArray[np.float64]
+    all_right: Matrix
+    selected_right: Matrix
 
 
 def choose_counts(features: int) -> tuple[int, ...]:
@@ -167,19 +163,23 @@ def compare_selection(
         rank_features(values[part], labels[part], strata[part])
         for part in (train, *(some for some, _ in inner))
     )
+
+    def is_right(pair: tuple[str, str], columns: npt.NDArray[np.intp], part: Fold) -> Matrix:
+        chosen = np.ascontiguousarray(values[:, columns])
+        (said,) = predict_folds(*pair, chosen, labels, [part])
+        return np.asarray(said == labels[part[1]], dtype=np.float64)
+
     results = []
     for pair in pairs:
         right_counts = [
             sum(
-                int(check_folds(*pair, values[:, order[:count]], labels, [part])[0].sum())
+                is_right(pair, order[:count], part).sum()
                 for order, part in zip(inner_ranked, inner, strict=True)
             )
             for count in counts
         ]
         best = counts[int(np.argmax(right_counts))]
-        right = (
-            check_folds(*pair, np.ascontiguousarray(chosen), labels, [fold])[0]
-            for chosen in (values, values[:, ranked[:best]])
-        )
-        results.append(FoldSelection(best, *(each.astype(np.float64) for each in right)))
+        everything = np.arange(values.shape[1])
+        right = (is_right(pair, columns, fold) for columns in (everything, ranked[:best]))
+        results.append(FoldSelection(best, *right))
     return results

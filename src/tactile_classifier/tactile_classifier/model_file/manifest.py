@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 import dataclasses
 import math
-from typing import Any, TypeVar
+from typing import Any, get_origin, get_type_hints, TypeVar
 
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.records import (
@@ -190,26 +190,13 @@ class Manifest:
                 )
 
 
+_IN_JSON = {tuple: list, Mapping: dict, FeatureSpec: dict, TrainingTrials: dict}
 _TYPES: dict[str, type] = {
-    'task': str,
-    'contact': str,
-    'spec': dict,
     DIGEST: str,
-    'labels': list,
-    'score_kind': str,
-    'classifier': str,
-    'scaling': str,
-    'simulated': bool,
-    'training_sha256': str,
-    'trials': int,
-    'versions': dict,
-    'cross_validation': dict,
-    'created': str,
-    'stages': list,
-    'calibration': dict,
-    'false_alarm_rate': float,
-    'stop_error_rate': float,
-    'training': dict,
+    **{
+        name: _IN_JSON.get(get_origin(kind) or kind, kind)
+        for name, kind in get_type_hints(Manifest).items()
+    },
 }
 
 _Entry = TypeVar('_Entry', Stage, TrainingTrials)

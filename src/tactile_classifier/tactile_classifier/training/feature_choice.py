@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 import dataclasses
 import time
 from typing import Any, NamedTuple
@@ -20,13 +20,14 @@ from tactile_classifier.errors import DatasetError
 from tactile_classifier.estimators.classifiers import build_estimator, RANDOM_STATE
 from tactile_classifier.evaluation.cross_validation import (
     chance_level,
-    check_folds,
     find_tested_cells,
     list_pairs,
+    predict_folds,
     split_interval,
 )
 from tactile_classifier.evaluation.intervals import Interval
-from tactile_classifier.evaluation.plans import run_plans, Task
+from tactile_classifier.evaluation.plans import Task
+from tactile_classifier.evaluation.results import Result
 from tactile_classifier.records import ROCKET
 
 INNER_FOLDS, INNER_REPEATS = 6, 3
@@ -60,7 +61,7 @@ class CandidateScore:
 
 
 @dataclasses.dataclass(frozen=True)
-class FeatureChoice:
+class FeatureChoice(Result):
     """The choice, and the candidates that it was made from.
 
     Attributes
@@ -119,14 +120,11 @@ class FeatureChoice:
     def to_dict(self) -> dict[str, Any]:
         """Return the choice as what JSON can hold."""
         return {
-            'split': self.split,
+            **super().to_dict(),
             'ranking': [
                 {**s.candidate._asdict(), 'accuracy': s.accuracy, 'fold_s': s.fold_s}
                 for s in self.ranking
             ],
-            'nested_accuracy': self.nested_accuracy,
-            'interval': self.interval.to_dict(),
-            'chance': self.chance,
             'picks': [{**c._asdict(), 'folds': count} for c, count in self.picks],
         }
 
@@ -247,26 +245,12 @@ def check_candidate(
     right = np.asarray(estimator.predict(table.values[test]) == table.labels[test])
     time_s = time.perf_counter() - start_s
     if candidate.classifier == ROCKET and inner:
-        found = estimator[-1].check_folds(table.values, table.labels, inner)
+        answers = estimator[-1].predict_folds(table.values, table.labels, inner)
     else:
-        found = check_folds(*pair, table.values, table.labels, inner, table.channels)
-    return FoldAnswer(right, sum(int(each.sum()) for each in found), time_s)
-
-
-def choose_candidate(
-    tables: Mapping[str, FeatureTable],
-    split: Split,
-    random_state: int = RANDOM_STATE,
-    *,
-    scaling: str = '',
-    jobs: int | None = 1,
-    progress: Callable[[int, int], None] = lambda done, total: None,
-) -> FeatureChoice:
-    """Return what a `ChoicePlan` of the same arguments finds; ``jobs``: as in `run_plans`."""
-    plan = ChoicePlan(tables, split, random_state, scaling)
-    (choice,) = run_plans([plan], jobs, progress)
-    assert isinstance(choice, FeatureChoice)
-    return choice
+        answers = predict_folds(*pair, table.values, table.labels, inner, table.channels)
+    held_out = [table.labels[test] for _, test in inner]
+    inner_right = sum(int(np.sum(a == b)) for a, b in zip(answers, held_out, strict=True))
+    return FoldAnswer(right, inner_right, time_s)
 
 
 def _list_pairs(table: FeatureTable, scaling: str) -> list[tuple[str, str]]:

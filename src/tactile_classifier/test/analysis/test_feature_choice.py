@@ -12,7 +12,8 @@ from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import stratified_split
 from tactile_classifier.errors import DatasetError
 from tactile_classifier.estimators import random_convolutions
-from tactile_classifier.training.feature_choice import Candidate, check_candidate, choose_candidate
+from tactile_classifier.evaluation.plans import run_plans
+from tactile_classifier.training.feature_choice import Candidate, check_candidate, ChoicePlan
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 
@@ -27,6 +28,11 @@ def make_table(name, separation, seed, trials=48):
     return FeatureTable(values, labels, spec)
 
 
+def choose(*arguments, **options):
+    (choice,) = run_plans([ChoicePlan(*arguments, **options)])
+    return choice
+
+
 def test_the_better_set_is_chosen(monkeypatch):
     monkeypatch.setattr(random_convolutions, 'FEATURES', 168)
     tables = {
@@ -34,7 +40,7 @@ def test_the_better_set_is_chosen(monkeypatch):
         'glide_waveform': make_table('glide_waveform', 3.0, 2, trials=24),
     }
     split = stratified_split(tables['glide_waveform'], 3, 1)
-    choice = choose_candidate(tables, split)
+    choice = choose(tables, split)
     assert choice.best.candidate == ('glide_waveform', 'rocket', 'none')
     others = [s for s in choice.ranking if s.candidate.feature_set == 'texture_spectrum']
     assert others[0].accuracy < choice.best.accuracy
@@ -54,7 +60,7 @@ def test_of_noise_the_best_looks_better_than_the_choice_inside_the_folds():
     for seed in range(4):
         tables = {'texture_spectrum': make_table('texture_spectrum', 0.0, seed)}
         split = stratified_split(tables['texture_spectrum'], 3, 1, seed)
-        choice = choose_candidate(tables, split, seed)
+        choice = choose(tables, split, seed)
         gaps.append(choice.best.accuracy - choice.nested_accuracy)
     assert min(gaps) >= 0.0
     assert np.mean(gaps) > 0.02
@@ -64,12 +70,12 @@ def test_tables_of_other_trials_are_refused():
     table = make_table('texture_spectrum', 1.0, 1)
     other = dataclasses.replace(table, labels=table.labels[::-1])
     with pytest.raises(DatasetError, match='table of other is not of the same trials'):
-        choose_candidate({'one': table, 'other': other}, stratified_split(table, 3, 1))
+        choose({'one': table, 'other': other}, stratified_split(table, 3, 1))
 
 
 def test_a_stated_scaling_is_the_only_one():
     table = make_table('texture_spectrum', 1.0, 1, trials=24)
-    choice = choose_candidate({'one': table}, stratified_split(table, 3, 1), scaling='standard')
+    choice = choose({'one': table}, stratified_split(table, 3, 1), scaling='standard')
     scalings = {s.candidate.classifier: s.candidate.scaling for s in choice.ranking}
     assert scalings == {
         'knn': 'standard',

@@ -17,10 +17,11 @@ from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import stratified_split
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.evaluation.cross_validation import evaluate
+from tactile_classifier.evaluation.plans import run_plans
 from tactile_classifier.model_file.manifest import format_card, list_facts, list_limits, Manifest
 from tactile_classifier.model_file.model import read_model_card
 from tactile_classifier.records import CLASSIFIER_TITLES
-from tactile_classifier.training.feature_choice import choose_candidate
+from tactile_classifier.training.feature_choice import ChoicePlan
 from tactile_classifier.training.model_writer import write_model, write_recalibrated
 from tactile_classifier.training.trainer import describe_training, train
 from tactile_features.onnx_container import MAX_CARD_BYTES
@@ -44,7 +45,8 @@ def test_file_holds_the_card_of_its_manifest(small_table, tmp_path):
 def test_card_says_what_was_chosen_and_what_unlearned_labels_do(texture_table):
     table = texture_table.take(np.arange(480) % 4 == 0)
     split = stratified_split(table, 2, 1)
-    choice = choose_candidate({'texture_spectrum': table}, split, scaling='standard')
+    plan = ChoicePlan({'texture_spectrum': table}, split, scaling='standard')
+    (choice,) = run_plans([plan])
     chosen = choice.best.candidate
     score = evaluate(table, [chosen.classifier], [chosen.scaling], repetitions=1).scores[0]
     manifest = train(table, chosen.classifier, chosen.scaling, score=score, choice=choice).manifest
