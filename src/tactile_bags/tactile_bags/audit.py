@@ -5,8 +5,7 @@
 
 The recorder, which audits each trial when it has ended, and the audit of a bag on the disk
 share one implementation. It compares sequence numbers and stamps. So it finds losses anywhere
-between the sensor and the file, however samples are grouped into messages. The parts, in their
-order: a stream's counts, the host's clock, a trial's counts, the audit, the auditor.
+between the sensor and the file, however samples are grouped into messages.
 """
 
 from __future__ import annotations
@@ -31,7 +30,11 @@ MAX_GAPS = 10_000
 
 
 class _SampleRun(NamedTuple):
-    """A block of samples without their values, or a part of one."""
+    """A block of samples without their values, or a part of one.
+
+    ``shift_ns``: in stream time, its stamps are smaller by this [ns]. ``step_ns``: clock step
+    between the sample before and its first one [ns]; 0: none.
+    """
 
     stamp_ns: int
     period_ns: int
@@ -39,6 +42,12 @@ class _SampleRun(NamedTuple):
     size: int
     lost_before: int
     status: int
+    shift_ns: int = 0
+    step_ns: int = 0
+
+    @property
+    def end_ns(self) -> int:
+        return self.stamp_of(self.size - 1)
 
     def stamp_of(self, i: int) -> int:
         return self.stamp_ns + i * self.period_ns
@@ -60,12 +69,13 @@ class _SampleRun(NamedTuple):
 
 
 class _StreamCounts:
-    """Goes along a stream of runs and counts what is missing, doubled, late."""
+    """Goes along a span of a stream and counts what is missing, doubled, late, and clock steps."""
 
     def __init__(self) -> None:
         self.samples = self.lost = self.gaps = self.duplicates = self.disordered = 0
         self.restarts = self.reconnections = 0
-        self.start_ns = self.end_ns = 0
+        self.steps = self.first_step_ns = 0
+        self.start_ns = self.end_ns = self.start_shift_ns = self.end_shift_ns = 0
         self.largest_step_ns = 0
         self._next: int | None = None
         self._status = 0
@@ -77,7 +87,7 @@ class _StreamCounts:
         """Begin behind this run, which does not count itself."""
         self._next = before.sequence + before.size
         self._status = before.status
-        self.end_ns = before.stamp_of(before.size - 1)
+        self.end_ns = before.end_ns
 
     def stop_before(self, after: _SampleRun) -> None:
         """End before this run, which does not count itself."""
@@ -93,6 +103,12 @@ class _StreamCounts:
             self._missing.append((self._next, sequence))
 
     def add(self, run: _SampleRun) -> None:
+        if not self.samples:
+            self.start_shift_ns = run.shift_ns
+        elif run.step_ns:
+            self.steps += 1
+            self.first_step_ns = self.first_step_ns or run.step_ns
+        self.end_shift_ns = run.shift_ns
         if self._next is not None and run.sequence < self._next:
             if run.stamp_ns <= self.end_ns:
                 self._take_late(run)
@@ -145,7 +161,7 @@ class _StreamCounts:
         self.samples += run.size
         self._next = run.sequence + run.size
         self._status = run.status
-        self.end_ns = run.stamp_of(run.size - 1)
+        self.end_ns = run.end_ns
 
     def _close_segment(self) -> None:
         """Take the time and the numbers since the numbering last began anew."""
@@ -177,42 +193,6 @@ MAX_STEPS = 100
 """Most clock steps within `EVENT_DELAY_S` that are kept for events that come late."""
 
 
-class _Unstepped(NamedTuple):
-    """A run of samples in stream time.
-
-    Attributes
-    ----------
-    run : _SampleRun
-    shift_ns : int
-        Its stamps are those of the run plus this [ns].
-    step_ns : int
-        Clock step between the sample before and its first one [ns]; 0: none.
-    """
-
-    run: _SampleRun
-    shift_ns: int
-    step_ns: int
-
-
-class _SpanCounts:
-    """Sample counts of a span of the stream, and the clock steps within it."""
-
-    def __init__(self) -> None:
-        self.counts = _StreamCounts()
-        self.steps = self.first_step_ns = 0
-        self.start_shift_ns = self.end_shift_ns = 0
-
-    def add(self, unstepped: _Unstepped) -> None:
-        """Count the next run."""
-        if not self.counts.samples:
-            self.start_shift_ns = unstepped.shift_ns
-        elif unstepped.step_ns:
-            self.steps += 1
-            self.first_step_ns = self.first_step_ns or unstepped.step_ns
-        self.end_shift_ns = unstepped.shift_ns
-        self.counts.add(unstepped.run)
-
-
 class _HostClock:
     """Converts stamps to stream time: the host's clock as if it had never been set.
 
@@ -224,7 +204,7 @@ class _HostClock:
         self._last: _SampleRun | None = None  # as stamped; late ones left out
         self._past: deque[tuple[int, int]] = deque(maxlen=MAX_STEPS)  # end, shift before it
 
-    def take(self, run: _SampleRun) -> _Unstepped:
+    def take(self, run: _SampleRun) -> _SampleRun:
         """Return the next run in stream time."""
         last = self._last
         step_ns = 0
@@ -234,11 +214,11 @@ class _HostClock:
         if step_ns:
             self._past.append((run.stamp_ns - self._shift_ns - step_ns, self._shift_ns))
             self._shift_ns += step_ns
-        stamp_ns = run.stamp_ns - self._shift_ns
-        return _Unstepped(run._replace(stamp_ns=stamp_ns), self._shift_ns, step_ns)
+        shift_ns = self._shift_ns
+        return run._replace(stamp_ns=run.stamp_ns - shift_ns, shift_ns=shift_ns, step_ns=step_ns)
 
     def time_of_event(self, stamp_ns: int, latest_ns: int | None) -> int:
-        """Return the stamp of an event in stream time.
+        """Return the stamp of an event in stream time [ns].
 
         Soon after a step, an event may still be stamped by the clock before it. The clock is
         taken that puts the event nearest to the latest sample.
@@ -263,7 +243,7 @@ def _is_late(run: _SampleRun, last: _SampleRun) -> bool:
 def _clock_step(run: _SampleRun, last: _SampleRun) -> int:
     """Return by how much the host's clock was set between two runs [ns]; 0: it was not."""
     is_marked = run.status & ~last.status & StrainStatus.CLOCK_STEP
-    is_behind = run.stamp_ns < last.stamp_of(last.size - 1) - round(CLOCK_STEP_S * 1e9)
+    is_behind = run.stamp_ns < last.end_ns - round(CLOCK_STEP_S * 1e9)
     if not is_marked and not is_behind:
         return 0
     # Numbers that began anew do not tell how many samples lie between.
@@ -281,31 +261,30 @@ class _TrialCounts:
         self.trial_id = trial_id
         self.start_ns = self.end_ns = stamp_ns
         self.is_over = self.is_too_late = False
-        self.span = _SpanCounts()
+        self._counts = _StreamCounts()
         self._before: _SampleRun | None = None
-        self._has_begun = self._has_ended = False
+        self._after: _SampleRun | None = None
+        self._has_begun = False
 
-    def add(self, unstepped: _Unstepped) -> None:
+    def add(self, run: _SampleRun) -> None:
         """Take in the next run of the stream, wherever it lies."""
-        run = unstepped.run
         begin = run.up_to(self.start_ns - 1)
         end = run.up_to(self.end_ns) if self.is_over else run.size
         if begin and not self._has_begun:
             self._before = run.part(begin - 1, begin)
         if begin < end:
             if not self._has_begun and self._before is not None:
-                self.span.counts.follow(self._before)
+                self._counts.follow(self._before)
             self._has_begun = True
-            self.span.add(unstepped._replace(run=run.part(begin, end)))
-        if end < run.size and not self._has_ended:
-            self._has_ended = True
+            self._counts.add(run.part(begin, end))
+        if end < run.size and self._after is None:
             self._after = run.part(end, end + 1)
 
-    def finish(self) -> _SpanCounts:
+    def finish(self) -> _StreamCounts:
         """Return what was counted; no more runs come."""
-        if self._has_ended:
-            self.span.counts.stop_before(self._after)
-        return self.span
+        if self._after is not None:
+            self._counts.stop_before(self._after)
+        return self._counts
 
 
 LONGEST_STEP_S = 0.1
@@ -372,19 +351,18 @@ class Audit:
 
 
 def _make_audit(
-    span: _SpanCounts,
+    counts: _StreamCounts,
     finger: str,
     nominal_rate_hz: float,
     trial: _TrialCounts | None = None,
 ) -> Audit:
-    """Return the audit of a span: of a trial, or of the whole recording."""
-    counts = span.counts
+    """Return the audit of a trial, or of the whole recording."""
     return Audit(
         finger=finger,
         trial_id=trial.trial_id if trial else '',
-        findings=tuple(_findings(span, nominal_rate_hz, trial)),
-        start_ns=counts.start_ns + span.start_shift_ns,
-        end_ns=counts.end_ns + span.end_shift_ns,
+        findings=tuple(_findings(counts, nominal_rate_hz, trial)),
+        start_ns=counts.start_ns + counts.start_shift_ns,
+        end_ns=counts.end_ns + counts.end_shift_ns,
         sample_count=counts.samples,
         lost_count=counts.lost,
         gap_count=counts.gaps,
@@ -396,11 +374,12 @@ def _make_audit(
     )
 
 
-def _findings(span: _SpanCounts, nominal_hz: float, trial: _TrialCounts | None) -> Iterable[str]:
-    counts = span.counts
-    if span.steps:
-        first = format_clock_step(span.first_step_ns, 'trial' if trial else 'recording')
-        yield f'{first}, the first of {span.steps} steps' if span.steps > 1 else first
+def _findings(
+    counts: _StreamCounts, nominal_hz: float, trial: _TrialCounts | None
+) -> Iterable[str]:
+    if counts.steps:
+        first = format_clock_step(counts.first_step_ns, 'trial' if trial else 'recording')
+        yield f'{first}, the first of {counts.steps} steps' if counts.steps > 1 else first
     if trial is not None and trial.is_too_late:
         yield (
             f'its events came more than {EVENT_DELAY_S:g} s after its samples; '
@@ -515,9 +494,9 @@ class FingerAuditor:
     def __init__(self, finger: str, nominal_rate_hz: float = 0.0) -> None:
         self.finger = finger
         self.nominal_rate_hz = nominal_rate_hz
-        self._whole = _SpanCounts()
+        self._whole = _StreamCounts()
         self._clock = _HostClock()
-        self._recent: deque[_Unstepped] = deque()
+        self._recent: deque[_SampleRun] = deque()
         self._latest_ns: int | None = None  # in stream time, as all that follow
         self._gone_ns: int | None = None
         self._trials: deque[_TrialCounts] = deque()  # only the last one can be under way
@@ -534,31 +513,28 @@ class FingerAuditor:
             block.lost_before,
             block.status,
         )
-        unstepped = self._clock.take(stamped)
-        run = unstepped.run
-        if unstepped.step_ns > 0:
+        run = self._clock.take(stamped)
+        if run.step_ns > 0:
             # An event that came between the step and this block was taken for one far ahead.
             for trial in self._trials:
                 trial.start_ns = min(trial.start_ns, run.stamp_ns)
                 trial.end_ns = min(trial.end_ns, run.stamp_ns)
-        self._whole.add(unstepped)
-        self._recent.append(unstepped)
-        last_ns = run.stamp_of(run.size - 1)
-        self._latest_ns = last_ns if self._latest_ns is None else max(self._latest_ns, last_ns)
+        self._whole.add(run)
+        self._recent.append(run)
+        self._latest_ns = _latest(self._latest_ns, run.end_ns)
         self._let_go(self._latest_ns - round(EVENT_DELAY_S * 1e9))
         return self._take_complete()
 
     def _let_go(self, before_ns: int) -> None:
         """Give up runs for which no event can come any more; a trial under way counts them."""
         while self._recent:
-            unstepped = self._recent[0]
-            last_ns = unstepped.run.stamp_of(unstepped.run.size - 1)
-            if last_ns >= before_ns and len(self._recent) <= MAX_BLOCKS:
+            run = self._recent[0]
+            if run.end_ns >= before_ns and len(self._recent) <= MAX_BLOCKS:
                 return
             self._recent.popleft()
-            self._gone_ns = last_ns if self._gone_ns is None else max(self._gone_ns, last_ns)
+            self._gone_ns = _latest(self._gone_ns, run.end_ns)
             for trial in self._trials:
-                trial.add(unstepped)
+                trial.add(run)
 
     def add_event(self, event: TrialEvent) -> list[Audit]:
         """Take in the start of a phase; return the audits of the trials that are now over."""
@@ -596,9 +572,13 @@ class FingerAuditor:
         return audits
 
     def _audit(self, trial: _TrialCounts) -> Audit:
-        for unstepped in self._recent:
-            trial.add(unstepped)
+        for run in self._recent:
+            trial.add(run)
         return _make_audit(trial.finish(), self.finger, self.nominal_rate_hz, trial)
+
+
+def _latest(before_ns: int | None, now_ns: int) -> int:
+    return now_ns if before_ns is None else max(before_ns, now_ns)
 
 
 def audit_bag(path: Path) -> list[Audit]:

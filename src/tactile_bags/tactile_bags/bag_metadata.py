@@ -23,47 +23,27 @@ VERSION = 9
 
 FILE_NAME = 'metadata.yaml'
 _TOP = 'rosbag2_bagfile_information'
-STORAGES = ('mcap', 'sqlite3')
 
 
 @dataclass(frozen=True)
 class BagMetadata:
     """Contents of ``metadata.yaml`` that a reader needs.
 
-    Attributes
-    ----------
-    storage : str
-        ``mcap`` or ``sqlite3``.
-    files : tuple of str
-        Names of the data files within the folder, in the order of recording.
-    packing : str
-        Mode of the zstd compression: ``file`` or ``message``; empty: not compressed.
-    type_hashes : dict of str to str
-        Hash of the message type by topic.
-    topics : dict of str to str
-        Type by topic; topics without messages are included.
-    custom : dict of str to str
-    counts : dict of str to int
-        Messages by topic.
+    ``files`` lie in the bag's folder, in the order of recording. ``packing`` is the mode of the
+    zstd compression, ``file`` or ``message``; empty: not compressed. ``topics`` (types),
+    ``type_hashes`` and ``counts`` are by name of topic.
     """
 
-    storage: str
-    files: tuple[str, ...]
-    packing: str
-    type_hashes: dict[str, str]
-    topics: dict[str, str]
-    custom: dict[str, str]
+    files: tuple[str, ...] = ()
+    packing: str = ''
+    topics: dict[str, str] = field(default_factory=dict)
+    type_hashes: dict[str, str] = field(default_factory=dict)
     counts: dict[str, int] = field(default_factory=dict)
+    custom: dict[str, str] = field(default_factory=dict)
 
 
 def read_metadata(path: Path) -> BagMetadata:
-    """Read ``metadata.yaml``.
-
-    Raises
-    ------
-    BagError
-        When it is not of rosbag2's form, or too large.
-    """
+    """Read ``metadata.yaml``; `BagError` when it is not of rosbag2's form, or too large."""
     try:
         return parse_metadata(read_text(path, MAX_METADATA_BYTES))
     except TactileError as error:
@@ -71,13 +51,7 @@ def read_metadata(path: Path) -> BagMetadata:
 
 
 def parse_metadata(text: str) -> BagMetadata:
-    """Return what a ``metadata.yaml`` says.
-
-    Raises
-    ------
-    BagError
-        When it is not of rosbag2's form.
-    """
+    """Return what a ``metadata.yaml`` says; `BagError` when it is not of rosbag2's form."""
     document = load_yaml(text)
     if isinstance(document, dict):
         # The copy within a data file begins one level further down.
@@ -93,20 +67,19 @@ def parse_metadata(text: str) -> BagMetadata:
         packing = str(document.get('compression_mode') or '').lower().replace('none', '')
         packed_as = str(document.get('compression_format') or '')
         metadata = BagMetadata(
-            storage=storage,
             # By their names alone: a bag's files lie in its folder and nowhere else.
             files=tuple(Path(str(name)).name for name in document['relative_file_paths']),
             packing=packing,
+            topics={str(t['name']): str(t['type']) for t, _ in topics},
             type_hashes={
                 str(t['name']): str(t.get('type_description_hash') or '') for t, _ in topics
             },
-            topics={str(t['name']): str(t['type']) for t, _ in topics},
-            custom={str(k): str(v) for k, v in (document.get('custom_data') or {}).items()},
             counts={str(t['name']): count for t, count in topics},
+            custom={str(k): str(v) for k, v in (document.get('custom_data') or {}).items()},
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise BagError(f'it is not of the form that rosbag2 gives it ({error!r})') from error
-    if metadata.storage not in STORAGES:
+    if storage not in ('mcap', 'sqlite3'):
         raise BagError(f'the storage "{storage[:40]}" is not known; known are mcap and sqlite3')
     if packing and (packing not in ('file', 'message') or packed_as != 'zstd'):
         raise BagError(f'it is packed as "{packed_as[:40]}"; known is zstd')
@@ -121,16 +94,8 @@ def format_metadata(
 ) -> str:
     """Return what ``metadata.yaml`` says of a bag of one MCAP file, as YAML.
 
-    This text is what stands in the data file, too; see `write_metadata`.
-
-    Parameters
-    ----------
-    file_name : str
-    topics : sequence of (StoredTopic, int)
-        With the number of messages.
-    span_ns : tuple of int
-        Times of the first and the last message [ns].
-    custom : mapping of str to str
+    ``topics`` come with the number of their messages, ``span_ns`` are the times of the first and
+    the last message [ns]. This text is what stands in the data file, too; see `write_metadata`.
     """
     count = sum(n for _, n in topics)
     first_ns = span_ns[0] if count else 0

@@ -55,7 +55,6 @@ MAX_OPEN_BYTES = 256 * 2**20
 _Place = tuple[int, int]
 """Number of a file, and of a part in it."""
 
-_EMPTY = BagMetadata('mcap', (), '', {}, {}, {})
 _SUFFIXES: dict[str, type[McapFile] | type[SqliteFile]] = {'.mcap': McapFile, '.db3': SqliteFile}
 
 
@@ -70,13 +69,7 @@ class BagMessage:
     store: Typestore
 
     def decode(self) -> Any:
-        """Return the message with the fields of its definition.
-
-        Raises
-        ------
-        BagError
-            When the bytes are no such message.
-        """
+        """Return the message with the fields of its definition; `BagError` when it is damaged."""
         try:
             return self.store.deserialize_cdr(self.data, self.type_name)
         except Exception as error:  # the decoder trusts what it reads
@@ -101,8 +94,7 @@ class TactileBag:
         What the recorder noted about the recording; empty where it was another's.
     recovered : str
         Empty, or a sentence that says that the bag was never finished, or is damaged, and what it
-        may lack.
-        It is also logged as a warning.
+        may lack. It is also logged as a warning.
     damage : str
         Where closed files are damaged; empty: nowhere.
 
@@ -155,7 +147,7 @@ class TactileBag:
         if not self.path.exists():
             raise BagError('it does not exist')
         self._has_metadata = self.path.is_dir() and not _is_blank(self.path / FILE_NAME)
-        metadata = read_metadata(self.path / FILE_NAME) if self._has_metadata else _EMPTY
+        metadata = read_metadata(self.path / FILE_NAME) if self._has_metadata else BagMetadata()
         self._packing = metadata.packing
         for path in self._data_files(metadata):
             try:
@@ -425,12 +417,7 @@ def _read_metadata(custom: dict[str, str]) -> dict[str, Any]:
 
 
 class _MergedFiles:
-    """Merges open data files by time of arrival; what is open at once is bounded.
-
-    Parameters
-    ----------
-    files : sequence of McapFile or SqliteFile
-    """
+    """Merges open data files by time of arrival; what is open at once is bounded."""
 
     def __init__(self, files: Sequence[McapFile | SqliteFile]) -> None:
         self._files = files

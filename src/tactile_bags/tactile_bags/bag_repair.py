@@ -73,10 +73,7 @@ def repair_bag(source: Path, target: Path) -> Repair:
 
 
 def _usable_qos(text: str) -> str:
-    """Return quality of service as the present form of a bag has it.
-
-    Older bags have numbers where this one has words.
-    """
+    """Return quality of service in words; older bags have numbers."""
     try:
         profiles = load_yaml(text)
         if all(isinstance(profile['history'], str) for profile in profiles):

@@ -22,15 +22,7 @@ PLAN, ORDER, JOURNAL, BAGS = 'plan.yaml', 'order.csv', 'journal.jsonl', 'bags'
 
 @dataclass(frozen=True)
 class Correction:
-    """The journal's word on one trial.
-
-    Attributes
-    ----------
-    why_not : str
-        Why the trial does not count; empty: it counts.
-    label : str
-        The right label, where the recorded one is wrong; otherwise empty.
-    """
+    """The journal's word on one trial: why it does not count, and its right label; or empty."""
 
     why_not: str = ''
     label: str = ''
@@ -52,10 +44,7 @@ def experiment_of(bag: Path) -> Path | None:
 def read_corrections(folder: Path) -> dict[str, Correction]:
     """Return what the journal of an experiment says of its trials, by trial id.
 
-    Raises
-    ------
-    BagError
-        When it cannot be read or an entry is not of the form that it must have.
+    A journal that cannot be read, or an entry of another form, is a `BagError`.
     """
     path = folder / JOURNAL
     try:
@@ -74,12 +63,7 @@ def parse_journal(data: bytes) -> tuple[list[dict[str, Any]], int]:
     """Return the entries, and the length of what holds them [byte].
 
     What follows the last whole line was cut off and is no entry. A power cut can also leave
-    zeros there, so damaged lines at the end are none either.
-
-    Raises
-    ------
-    BagError
-        When a line is damaged that others follow.
+    zeros there, so damaged lines at the end are none either; before others they are a `BagError`.
     """
     entries: list[dict[str, Any]] = []
     length = position = damaged = 0

@@ -82,18 +82,9 @@ _Record = TypeVar('_Record')
 class StoredTopic:
     """A topic as a bag holds it.
 
-    Attributes
-    ----------
-    name, type_name : str
-    type_hash : str
-        ``RIHS01_`` and 64 hex digits; empty when the recorder did not know it.
-    definition : str
-        Text of the message's definition with those that it needs.
-    definition_format : str
-        ``ros2msg`` or ``ros2idl``.
-    qos : str
-        The offered quality of service, as YAML.
-    serialization : str
+    ``type_hash`` is empty when the recorder did not know it. ``definition`` is the text of the
+    message's definition with those that it needs, ``definition_format`` is ``ros2msg`` or
+    ``ros2idl``, ``qos`` the offered quality of service, as YAML.
     """
 
     name: str
@@ -108,15 +99,8 @@ class StoredTopic:
 class Segment(NamedTuple):
     """A part of the file whose messages are read at once: a chunk, or records without one.
 
-    Attributes
-    ----------
-    first_ns, last_ns : int
-        Times of arrival.
-    offset, size : int
-        Where it begins in the file, and its bytes when it is unpacked.
-    is_packed : bool
-        Whether it is a chunk that is compressed.
-    channels : frozenset of int
+    Times of arrival [ns]; ``size`` is that of the part when it is unpacked [byte]; ``is_packed``:
+    it is a chunk that is compressed.
     """
 
     first_ns: int
@@ -137,32 +121,21 @@ class _Index(NamedTuple):
 
 
 class McapFile:
-    """An MCAP file for reading.
+    """An MCAP file for reading; `BagError` when it is none of ROS 2.
 
     Attributes
     ----------
-    topics : dict of int to StoredTopic
-        By channel.
-    counts : Counter of int
-        Messages by channel.
+    topics, counts, stated_counts
+        By channel: topics, messages, and messages as its statistics state them (None: not).
     segments : list of Segment
         In the order of the file.
     is_finished : bool
-        Whether its writer came to the end. Otherwise the file is read up to its last
-        whole record.
-    unread_bytes : int
-        Bytes of an unfinished file behind its last whole record.
+        Whether its writer came to the end. Otherwise the file is read up to its last whole record,
+        and ``unread_bytes`` lie behind that.
     damage : str
         Where a finished file is damaged; it is read up to there. Empty: nowhere.
     metadata : str
         The copy of ``metadata.yaml`` in it; empty when there is none.
-    stated_counts : Counter of int or None
-        Messages by channel as the statistics of a finished file state them; None: they do not.
-
-    Raises
-    ------
-    BagError
-        When it is no MCAP file of ROS 2.
     """
 
     def __init__(self, path: Path) -> None:
@@ -282,7 +255,7 @@ class McapFile:
         is_chunk = opcode == Opcode.CHUNK
         _check_size('a record', length, MAX_CHUNK_BYTES if is_chunk else MAX_METADATA_BYTES)
         contents = self._read(offset, length)
-        if opcode == Opcode.CHUNK:
+        if is_chunk:
             chunk = _decode(Chunk.read, contents)
             packed = chunk.compression != ''
             start = offset - _RECORD.size if packed else offset + length - len(chunk.data)
@@ -426,11 +399,7 @@ def _records(data: bytes) -> Iterator[tuple[int, int, int]]:
 def _index_of(data: bytes, learn: Callable[[int, bytes], None] | None = None) -> _Index:
     """Return what is in whole records, up to the first that is not whole.
 
-    Parameters
-    ----------
-    data : bytes
-    learn : callable, optional
-        Takes definitions; where left out, the index ends before what is no message.
+    ``learn`` takes definitions; without it, the index ends before what is no message.
     """
     counts: dict[int, int] = {}
     first_ns, last_ns, size = 2**64, 0, 0
@@ -485,13 +454,8 @@ def unpack_zstd(packed: bytes, limit: int) -> bytes:
     return window.stream_reader(packed).read(limit)
 
 
-def _unpack_lz4(packed: bytes, limit: int) -> bytes:
-    data: bytes = LZ4FrameDecompressor().decompress(packed, max_length=limit)
-    return data
-
-
 _UNPACK: dict[str, Callable[[bytes, int], bytes]] = {
     '': lambda packed, limit: packed[:limit],
     'zstd': unpack_zstd,
-    'lz4': _unpack_lz4,
+    'lz4': lambda packed, limit: LZ4FrameDecompressor().decompress(packed, max_length=limit),
 }

@@ -39,24 +39,10 @@ _FOOTER_CHECKSUM_BYTES = 4
 
 
 class McapWriter:
-    """Writes an MCAP file, message by message.
+    """Writes a new MCAP file, message by message; `OSError` when it cannot be written.
 
-    Parameters
-    ----------
-    path : pathlib.Path
-        Must not exist yet.
-
-    Attributes
-    ----------
-    counts : Counter of int
-        Messages by channel that are in the file.
-    first_ns, last_ns : int
-        Earliest and latest time of arrival in the file [ns]; 0 before the first message.
-
-    Raises
-    ------
-    OSError
-        When the file cannot be made, or not be written.
+    ``counts`` are the messages by channel that are in the file, ``first_ns`` and ``last_ns`` their
+    earliest and latest time of arrival [ns]; 0 before the first message.
     """
 
     def __init__(self, path: Path) -> None:
@@ -146,14 +132,8 @@ class McapWriter:
         try:
             self.flush()
             self._append(_encode([DataEnd(self._checksum)]))
-            summary = _encode(
-                [
-                    *self._schemas.values(),
-                    *self._channels,
-                    self._statistics(),
-                    *self._metadata_indexes,
-                ]
-            )
+            parts = *self._schemas.values(), *self._channels, self._statistics()
+            summary = _encode([*parts, *self._metadata_indexes])
             footer = _encode([Footer(self._size, 0, 0)])[:-_FOOTER_CHECKSUM_BYTES]
             checksum = zlib.crc32(summary + footer).to_bytes(_FOOTER_CHECKSUM_BYTES, 'little')
             self._append(summary + footer + checksum + MAGIC)

@@ -57,13 +57,7 @@ class KeptMessage(BagMessage):
 
 
 def read_records(messages: Iterable[BagMessage]) -> Iterator[tuple[BagMessage, Any]]:
-    """Yield each message with its record: such as a block, an event or a feature window.
-
-    Raises
-    ------
-    BagError
-        When the bytes are no such message.
-    """
+    """Yield each message with its record; `BagError` when the bytes are no such message."""
     refused = 0
     for message in messages:
         try:

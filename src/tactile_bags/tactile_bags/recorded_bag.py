@@ -94,15 +94,10 @@ class RecordedBag(TactileBag):
         return STRAIN in counts and EVENT in counts
 
     def correct(self, corrections: Mapping[str, Correction], prefix: str = '') -> None:
-        """Correct what is read from now on.
+        """Correct what is read from now on, by trial id.
 
-        Parameters
-        ----------
-        corrections : mapping of str to Correction
-            By trial id.
-        prefix : str
-            Put before the names of sessions and mountings, which keeps those of experiments
-            apart.
+        ``prefix`` is put before the names of sessions and mountings: it keeps those of
+        experiments apart.
         """
         self.corrections, self._prefix, self._kept = corrections, prefix, None
 

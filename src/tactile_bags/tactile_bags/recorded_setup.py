@@ -32,14 +32,9 @@ WRITTEN_IN = 'written_in'
 
 @dataclass(frozen=True)
 class RecordedFeatures:
-    """The features of one finger of a recording.
+    """The features of one finger of a recording: parameters of its node, and what it computed.
 
-    Attributes
-    ----------
-    config : FeatureConfig
-        Parameters of the feature node.
-    wanted : tuple of WantedFeatures
-        What it computed, each with its partial windows; empty: what ``config`` says.
+    An empty ``wanted``: what ``config`` says.
     """
 
     config: FeatureConfig
@@ -55,10 +50,7 @@ class RecordedFeatures:
     def bound(self) -> FeatureConfig:
         """Return parameters that yield the first recorded specification of each task.
 
-        Raises
-        ------
-        BagError
-            When one of them cannot be computed here.
+        One that cannot be computed here is a `BagError`.
         """
         config, tasks = self.config, set[str]()
         try:
@@ -79,13 +71,7 @@ class RecordedFeatures:
 
 
 def recorded_features(bag: TactileBag, namespace: str = '') -> RecordedFeatures:
-    """Return the features of a finger of a recording.
-
-    Raises
-    ------
-    BagError
-        When what the recording states cannot be used here.
-    """
+    """Return the features of a finger; `BagError` when they cannot be used here."""
     config = bag.metadata.get('feature_config') or {}
     wanted: dict[str, WantedFeatures] = {}
     messages = list(bag.messages(SPECIFICATIONS, namespace=namespace))
@@ -137,12 +123,7 @@ def find_models(bag: TactileBag, namespace: str = '') -> list[Path]:
     """Return the model files that a recording was made with, or their folder; none: no models.
 
     A file is looked for where it was, then beside the bag where it was beside the bag: both may
-    have been moved together.
-
-    Raises
-    ------
-    TactileError
-        When a file is not there, or has changed since.
+    have been moved together. One that is not there, or has changed since, is a `TactileError`.
     """
     folder = (bag.path if bag.path.is_dir() else bag.path.parent).resolve()
     if infos := recorded_models(bag, namespace):
@@ -171,12 +152,7 @@ def _find(info: ModelInfo, folder: Path, written_in: str) -> Path:
 def gather_models(files: Sequence[Path], scratch: Path) -> Path | None:
     """Return one path that a node takes as its ``models``; None without files.
 
-    Parameters
-    ----------
-    files : sequence of Path
-        As `find_models` returns them.
-    scratch : Path
-        Folder in which links to several files are made.
+    Links to several files are made in the folder ``scratch``.
     """
     if len(files) < 2:
         return files[0] if files else None

@@ -101,11 +101,6 @@ def _message_definitions() -> dict[str, str]:
 
     A sourced workspace comes first: its messages are those that its nodes publish. A
     distribution from pip has the same files in the folder ``tactile_msgs`` of this package.
-
-    Raises
-    ------
-    BagError
-        When neither has them.
     """
     for folder in (_workspace_folder(), resources.files(__package__) / _PACKAGE):
         if folder is not None and folder.is_dir():

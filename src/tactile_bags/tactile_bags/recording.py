@@ -189,9 +189,7 @@ class Recording:
     @property
     def notes(self) -> list[str]:
         """Facts that are not known, in the first line; then what was taken for what."""
-        unknown = list(self._found.unknown)
-        if not self.unit:
-            unknown.append('unit of the signal (--unit N)')
+        unknown = [] if self.unit else ['unit of the signal (--unit N)']
         if self._raw and self._options.rate_hz is None and not any(r.rate_hz for r in self._raw):
             unknown.append('sample rate (--rate-hz)')
         first = [f'not known: {", ".join(unknown)}'] if unknown else []

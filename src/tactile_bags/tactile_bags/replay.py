@@ -3,9 +3,8 @@
 
 """A recording run again through the plain core, and compared with what was recorded, bit for bit.
 
-Nothing here needs a ROS graph: `replay_through_core` reads the bag and calls the
-very objects that the nodes call. `tactile_bringup.nodes.replay_nodes` does the same
-through real nodes.
+`replay_through_core` calls the objects that the nodes call, without a ROS graph;
+`tactile_bringup.nodes.replay_nodes` does the same through real nodes.
 """
 
 from __future__ import annotations
@@ -39,13 +38,8 @@ from tactile_ros.errors import MessageError
 class TactileResults:
     """Feature windows and classifications of one pass over a recording, by window end.
 
-    Attributes
-    ----------
-    windows : list of FeatureWindow
-    classifications : list of ClassificationResult
-    made_at_ns : dict of int to int
-        By the Python `id` of each result: arrival in the recording of the result, or of the
-        message that completed it [ns]. Empty where it is not known.
+    ``made_at_ns``, by the Python `id` of each result: arrival in the recording of the result, or
+    of the message that completed it [ns]; empty where it is not known.
     """
 
     windows: list[FeatureWindow] = field(default_factory=list)
@@ -134,16 +128,9 @@ def _trials_before(bag: TactileBag, namespace: str) -> list[bool]:
 class ReplayedPhases:
     """Windows and phases that the feature core computes from recorded samples and events.
 
-    Attributes
-    ----------
-    windows : list of FeatureWindow
-        In the order in which they became complete.
-    completed_at_ns : list of int
-        Arrival of the message that completed each window [ns].
-    events : list of TrialEvent
-        Phases of the windows: those of the recording, or those found in the signal.
-    specifications : tuple of FeatureSpec
-        Specifications of the windows.
+    ``windows`` are in the order in which they became complete, ``completed_at_ns`` the arrival of
+    the message that completed each [ns], ``events`` the phases of the recording, or those found
+    in the signal.
     """
 
     windows: list[FeatureWindow] = field(default_factory=list)
@@ -158,8 +145,7 @@ def replay_phases(
     """Return windows and phases of a recording, computed anew by the plain core.
 
     With ``finish``, phases that were still undecided when the recording ended yield
-    a window without features too. Samples that had not come in time when it ended, a node
-    had given up as well: see `TrialFeatureExtractor`.
+    a window without features too.
     """
     extractor = TrialFeatureExtractor(features.config, features.wanted)
     replayed = ReplayedPhases(specifications=extractor.specifications)
@@ -236,15 +222,9 @@ Result = FeatureWindow | ClassificationResult
 class Comparison:
     """Result of a bit-for-bit comparison of two passes over a recording.
 
-    Attributes
-    ----------
-    first_difference : str
-        One sentence on the first difference; empty when the passes are equal.
-    window_count, classification_count : int
-        Number of windows and classifications that were compared.
-    left_out : str
-        Sentences on results that were not compared; empty when there are none. They began before
-        the recording, or lie at its interrupted end in one pass only.
+    ``first_difference`` is one sentence, empty when the passes are equal; ``left_out`` says what
+    was not compared, because it began before the recording, or lies at its interrupted end in
+    one pass only.
     """
 
     first_difference: str
@@ -267,14 +247,8 @@ def compare_with_recorded(
     and nothing of its kind comes after it. What lacks before it is a difference. Also left out is
     a phase that had begun when the recording did: its first samples are not there.
 
-    Parameters
-    ----------
-    recorded, core : TactileResults
-        With ``made_at_ns``.
-    end_ns : int
-        When the last message of the recording arrived [ns].
-    begin_ns : int
-        Time of the first sample of the recording [ns].
+    ``end_ns`` is the arrival of the last message of the recording, ``begin_ns`` the time of its
+    first sample [ns].
     """
     names = 'the recording', 'the core'
     whole = compare(recorded, core, names)
@@ -361,14 +335,7 @@ def _count(results: Sequence[Result]) -> str:
 
 
 def compare(one: TactileResults, other: TactileResults, names: tuple[str, str]) -> Comparison:
-    """Compare two passes: every feature, label, score and stamp.
-
-    Parameters
-    ----------
-    one, other : TactileResults
-    names : tuple of str
-        What to call them in the sentence about a difference.
-    """
+    """Compare two passes, which have these names: every feature, label, score and stamp."""
     difference = _first_difference('feature windows', one.windows, other.windows, names)
     difference = difference or _first_difference(
         'classifications', one.classifications, other.classifications, names

@@ -27,12 +27,8 @@ _FAULTS = (sqlite3.Error, TypeError, ValueError, OverflowError)
 class SqliteFile:
     """A ``.db3`` file for reading, with the attributes of `McapFile`.
 
-    ``counts`` are the rows that can be messages, ``stated_counts`` all rows.
-
-    Raises
-    ------
-    BagError
-        When it is no such file, or is damaged.
+    ``counts`` are the rows that can be messages, ``stated_counts`` all rows. One that is no such
+    file, or is damaged, is a `BagError`.
     """
 
     def __init__(self, path: Path) -> None:

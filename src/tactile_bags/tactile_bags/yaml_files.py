@@ -36,13 +36,7 @@ _Loader.add_constructor(
 
 
 def read_text(path: Path, max_bytes: int) -> str:
-    """Return the text of a file.
-
-    Raises
-    ------
-    TactileError
-        When it is no file, too large, unreadable or not UTF-8.
-    """
+    """Return the text of a file; `TactileError` when it is none, too large or not UTF-8."""
     try:
         if path.exists() and not path.is_file():  # a pipe would wait for its other end
             raise TactileError('it is no file')
@@ -61,12 +55,7 @@ def load_yaml(text: str) -> Any:
     """Return what a YAML text holds: mappings, lists, texts, numbers.
 
     An alias lets a few bytes stand for any number of values, and libyaml's loader crashes on a
-    text that is nested too deeply; so both are refused before the values are built.
-
-    Raises
-    ------
-    TactileError
-        When it is no YAML, has aliases or is nested too deeply.
+    text that is nested too deeply; so both are a `TactileError` before the values are built.
     """
     depth = 0
     try:

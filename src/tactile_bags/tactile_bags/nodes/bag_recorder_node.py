@@ -187,7 +187,10 @@ class BagRecorderNode(PollingNode):
             arrivals = [*self._ahead]
             for name, subscription in self._recording.items():
                 for data, info in subscription.waiting():
-                    arrivals.append(self._in_order(_Arrival.of(name, data, info)))
+                    now_ns = time.time_ns()  # where the middleware notes no time
+                    received_ns = info.get('received_timestamp') or now_ns
+                    arrival = _Arrival(name, data, received_ns, info['source_timestamp'] or now_ns)
+                    arrivals.append(self._in_order(arrival))
             arrivals.sort(key=lambda arrival: arrival.received_ns)
             ready = [a for a in arrivals if until_ns is None or a.received_ns <= until_ns]
             self._ahead = arrivals[len(ready) :]
@@ -247,12 +250,8 @@ class BagRecorderNode(PollingNode):
     def _arrival_ns(self, received_ns: int | None = None) -> int:
         """Return the ROS time of an arrival [ns], which never decreases: readers go by its order.
 
-        When the clock is set back, the times run on from where they were.
-
-        Parameters
-        ----------
-        received_ns : int, optional
-            When it came, on the computer's clock [ns]; now where not given.
+        It came at ``received_ns`` on the computer's clock [ns]; now where not given. When the
+        clock is set back, the times run on from where they were.
         """
         now_ns = self.get_clock().now().nanoseconds
         if received_ns is not None:
@@ -284,43 +283,35 @@ class BagRecorderNode(PollingNode):
     def tear_down(self) -> None:
         self.stop()
         with self.lock:
-            self._tear_down()
-
-    def _tear_down(self) -> None:
-        self._close_savers()
-        if self._writer is not None:
-            try:
-                self._finish(self._writer)
-            except BagError as error:
-                self._end_recording(error)
-            self._writer = None
-        if self._check is not None:
-            self._check.cancel()
-            self._check = None
-        if self._diagnostics is not None:
-            self._diagnostics.close()
-            self._diagnostics = None
-        if self._audit_publisher is not None:
-            self.destroy_publisher(self._audit_publisher)
-            self._audit_publisher = None
-        self._topics, self._auditors = {}, {}
+            self._close_savers()
+            if self._writer is not None:
+                try:
+                    self._finish(self._writer)
+                except BagError as error:
+                    self._end_recording(error)
+                self._writer = None
+            if self._check is not None:
+                self._check.cancel()
+                self._check = None
+            if self._diagnostics is not None:
+                self._diagnostics.close()
+                self._diagnostics = None
+            if self._audit_publisher is not None:
+                self.destroy_publisher(self._audit_publisher)
+                self._audit_publisher = None
+            self._topics, self._auditors = {}, {}
 
     def _finish(self, writer: BagWriter) -> None:
         # A configuration that failed half way has no publisher, and nothing to audit.
         if self._audit_publisher is not None:
-            for audit in [a for auditor in self._auditors.values() for a in auditor.finish()]:
-                self._publish(audit, writer)
+            for auditor in self._auditors.values():
+                for audit in auditor.finish():
+                    self._publish(audit, writer)
             writer.add_metadata({'audit': self._summary.to_dict()})
         writer.close()
 
     def save(self) -> None:
-        """Return once all that came is on the disk.
-
-        Raises
-        ------
-        BagError
-            When it cannot be written, or nothing is being recorded.
-        """
+        """Return once all that came is on the disk; `BagError` when it cannot be written."""
         writer = self._writer
         if writer is None:
             raise BagError(self.failure or 'nothing is being recorded')
@@ -352,15 +343,10 @@ class BagRecorderNode(PollingNode):
 
     def _check_bag(self) -> None:
         with self.lock:
-            self._check_under_lock()
-
-    def _check_under_lock(self) -> None:
-        if self._held and time.monotonic_ns() - self._held_ns > HISTORY_S * 1e9:
-            self._write_all_held()
-        for saver in self._savers:
-            if saver.error is not None:
-                self._end_recording(saver.error)
-                return
+            if self._held and time.monotonic_ns() - self._held_ns > HISTORY_S * 1e9:
+                self._write_all_held()
+            if error := next(filter(None, (saver.error for saver in self._savers)), None):
+                self._end_recording(error)
 
     def _close_savers(self) -> None:
         while self._savers:
@@ -504,17 +490,6 @@ class _Arrival(NamedTuple):
     data: bytes
     received_ns: int
     source_ns: int
-
-    @classmethod
-    def of(cls, topic: str, data: bytes, info: Any) -> _Arrival:
-        """Return an arrival; a time that the middleware does not note is the present one."""
-        now_ns = time.time_ns()
-        return cls(
-            topic,
-            data,
-            info.get('received_timestamp') or now_ns,
-            info['source_timestamp'] or now_ns,
-        )
 
 
 class _Saver:

@@ -47,11 +47,6 @@ def read_labelled_array(leaf: Leaf, options: SourceOptions) -> dict[str, NDArray
 
     None when there is no file of labels beside it: ``NAME_labels``, ``NAME_y``, ``labels`` or
     ``y``, with the ending ``.npy``, ``.txt`` or ``.csv``, or the one that is stated.
-
-    Raises
-    ------
-    SourceError
-        When one of the files cannot be read, or their lengths differ.
     """
     path = options.labels or _find_labels(leaf.path)
     if path is None:
@@ -85,13 +80,7 @@ def _read_lines(path: Path) -> NDArray[np.str_]:
 def read_array_trials(
     leaves: Sequence[Leaf], options: SourceOptions, notes: Notes
 ) -> list[RawTrial]:
-    """Read a file a trial, of shape (samples,) or (channels, samples).
-
-    Raises
-    ------
-    SourceError
-        When a file cannot be read or has another shape, or the labels are not known.
-    """
+    """Read a file a trial, of shape (samples,) or (channels, samples)."""
     if len(leaves) == 1 and not (options.label or options.label_from):
         raise SourceError(
             f'{leaves[0].path} has no labels: put them into {leaves[0].path.stem}_labels.npy, or '

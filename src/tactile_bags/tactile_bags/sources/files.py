@@ -72,13 +72,7 @@ class SourceOptions:
 
     @property
     def roles(self) -> dict[str, tuple[str, ...]]:
-        """Names of columns by role.
-
-        Raises
-        ------
-        SourceError
-            When a text is not ``ROLE=NAME``.
-        """
+        """Names of columns by role; a text that is not ``ROLE=NAME`` is a `SourceError`."""
         roles: dict[str, tuple[str, ...]] = {}
         for text in self.column or ():
             role, _, names = text.partition('=')
@@ -91,13 +85,7 @@ class SourceOptions:
         return roles
 
     def compile_label_pattern(self) -> re.Pattern[str] | None:
-        """Return ``label_from`` as a pattern; None where it is none.
-
-        Raises
-        ------
-        SourceError
-            When it is no regular expression with a group.
-        """
+        """Return ``label_from`` as a pattern with a group; None where it is none."""
         if self.label_from in ('', 'folder', 'file'):
             return None
         try:
@@ -116,10 +104,9 @@ class SourceOptions:
 
 @dataclass
 class Notes:
-    """Sentences on what was taken for what, each once; ``unknown`` names what is not known."""
+    """Sentences on what was taken for what, each once."""
 
     lines: list[str] = field(default_factory=list)
-    unknown: list[str] = field(default_factory=list)
 
     def add(self, sentence: str) -> None:
         """Keep a sentence, once."""
@@ -137,18 +124,7 @@ def ambiguity(
 ) -> SourceError:
     """Return the refusal of a recording that does not say something.
 
-    Parameters
-    ----------
-    sentence : str
-        What is not known, without its end.
-    choices : sequence of str
-        What it may be.
-    option : str
-        How the command line says it, with its value.
-    likely : str
-        The likely answer; empty: there is none.
-    with_layout : bool
-        Whether `LAYOUT` follows.
+    ``sentence`` has no end yet, ``option`` is that of the command line, with its value.
     """
     offered = f': {", ".join(choices[:12])}' if choices else ''
     guess = f'; likely is {likely}' if likely else ''
@@ -185,13 +161,7 @@ _KINDS = {
 
 @dataclass(frozen=True)
 class Leaf:
-    """One file or bag.
-
-    Attributes
-    ----------
-    root : Path
-        The path that was named, in which it lies.
-    """
+    """One file or bag; ``root`` is the path that was named, in which it lies."""
 
     path: Path
     root: Path
@@ -218,16 +188,10 @@ class Leaf:
 def find_leaves(paths: Sequence[Path]) -> list[Leaf]:
     """Return the files and bags of the named paths, in the order of names within each.
 
-    Raises
-    ------
-    SourceError
-        When a path does not exist, holds nothing that is known, or too much.
+    A path that does not exist, holds nothing that is known, or too much, is a `SourceError`.
     """
     leaves: list[Leaf] = []
     for path in expand_lists(paths):
-        if is_experiment(path):
-            leaves += _list_experiment(path)
-            continue
         found = list(_walk(path, path))
         if not found:
             what = (
@@ -245,11 +209,6 @@ def expand_lists(paths: Sequence[Path]) -> list[Path]:
 
     A list file ends in ``.txt`` and holds one path a line, relative to itself; empty lines and
     those that begin with ``#`` do not count.
-
-    Raises
-    ------
-    SourceError
-        When a list names a path that does not exist.
     """
     found: list[Path] = []
     for path in paths:
@@ -283,14 +242,6 @@ def _read_list(path: Path) -> Mapping[int, str]:
         return {}
 
 
-def _list_experiment(path: Path) -> list[Leaf]:
-    """Return the bags of an experiment, by name."""
-    bags = sorted(each for each in (path / BAGS).glob('*') if each.is_dir())
-    if not bags:
-        raise SourceError(f'{path} has no bags yet; run it with `tactile experiment`')
-    return [Leaf(bag, path, Kind.BAG) for bag in bags]
-
-
 def _walk(path: Path, root: Path) -> Iterator[Leaf]:
     if not path.exists():
         raise SourceError(f'{path} does not exist')
@@ -302,7 +253,10 @@ def _walk(path: Path, root: Path) -> Iterator[Leaf]:
     if not path.is_dir():  # a pipe, which would never end
         return
     if is_experiment(path):
-        yield from (Leaf(leaf.path, root, Kind.BAG) for leaf in _list_experiment(path))
+        bags = sorted(each for each in (path / BAGS).glob('*') if each.is_dir())
+        if not bags:
+            raise SourceError(f'{path} has no bags yet; run it with `tactile experiment`')
+        yield from (Leaf(bag, root, Kind.BAG) for bag in bags)
         return
     inside = sorted(path.iterdir())
     if len(inside) > MAX_LEAVES:
@@ -320,10 +274,7 @@ def name_labels(
 ) -> list[dict[str, str]]:
     """Return the label of each file, and what else a pattern finds in its path.
 
-    Raises
-    ------
-    SourceError
-        When the names do not say it.
+    Names that do not say it are a `SourceError`.
     """
     if options.label:
         notes.add(f'label: "{options.label}" for all, as stated')

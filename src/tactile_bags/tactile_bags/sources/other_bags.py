@@ -31,9 +31,6 @@ TYPES = (WRENCH, *FLOATS, JOINT_STATE, STRAIN)
 _AXES = ('x', 'y', 'z', 'norm')
 _WRENCH_FIELDS = tuple(f'{part}.{axis}' for part in ('force', 'torque') for axis in _AXES)
 
-Samples = list[tuple[int, float]]
-"""Stamps [ns] and values."""
-
 
 def read_bag_trials(
     leaves: Sequence[Leaf], options: SourceOptions, notes: Notes
@@ -41,13 +38,6 @@ def read_bag_trials(
     """Read bags of which each is one trial.
 
     Time is the stamp in the header of a message; where it has none, that of its arrival.
-
-    Raises
-    ------
-    SourceError
-        When topic or field are not known, or a bag lacks them.
-    BagError
-        When a bag cannot be read.
     """
     named = name_labels(leaves, options, notes)
     topic, fields = options.topic, [f.strip() for f in options.field.split(',') if f.strip()]
@@ -168,14 +158,12 @@ def _find_reader(type_name: str, field: str) -> Callable[[Any], float]:
         return lambda message: float(getattr(message, part)[list(message.name).index(rest)])
     if type_name == WRENCH and part in ('force', 'torque') and rest in _AXES:
         if rest == 'norm':
-            return lambda message: _norm(getattr(message.wrench, part))
+            return lambda message: math.hypot(
+                *(getattr(getattr(message.wrench, part), axis) for axis in 'xyz')
+            )
         return lambda message: float(getattr(getattr(message.wrench, part), rest))
     known = {WRENCH: ', '.join(_WRENCH_FIELDS), JOINT_STATE: 'effort.JOINT'}.get(type_name, 'data')
     raise SourceError(f'--field: {type_name} has no "{field}"; it has {known}')
-
-
-def _norm(vector: Any) -> float:
-    return math.hypot(vector.x, vector.y, vector.z)
 
 
 def _put_in_order(

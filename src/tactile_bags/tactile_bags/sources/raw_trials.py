@@ -33,10 +33,7 @@ class RawTrial:
 
     Attributes
     ----------
-    name : str
-        Of the trial in its source.
     values : ndarray of shape (channels, samples)
-        float64.
     time_s : ndarray of shape (samples,) or None
         Time of each sample, from any zero [s]; None where the source has no times.
     columns : mapping of str to str, int, float or bool
@@ -75,21 +72,9 @@ def arrays_from_trials(
     """Return ``x``, ``label``, ``rate_hz``, ``length`` and columns, as an archive holds them.
 
     Trials whose stamps are even to half a period keep their samples as they are. Others are
-    interpolated to an even grid.
-
-    Parameters
-    ----------
-    rate_hz : float or None
-        The stated rate [Hz]; None: that of the stamps.
-    notes : Notes
-        Is told what was done.
-    skip_bad : bool
-        Leave out trials with pauses or without a second sample; otherwise they are refused.
-
-    Raises
-    ------
-    SourceError
-        When rates or channels do not fit, or a trial cannot be used.
+    interpolated to an even grid. Without a stated ``rate_hz`` [Hz] it is that of the stamps. With
+    ``skip_bad``, trials with pauses or without a second sample are left out; otherwise they are a
+    `SourceError`.
     """
     if not trials:
         raise SourceError(f'there are no trials\n{LAYOUT}')
@@ -253,12 +238,7 @@ def join_columns(
 ) -> dict[str, NDArray[Any]]:
     """Return the columns that every trial has, the label and the name of the trial among them.
 
-    Parameters
-    ----------
-    trials : sequence of (mapping, str)
-        What is known of each trial, and its name.
-    notes : Notes, optional
-        Is told what was left out.
+    ``trials`` are what is known of each, and its name; ``notes`` is told what was left out.
     """
     first = trials[0][0]
     shared = [name for name in first if all(name in columns for columns, _ in trials)]
@@ -266,12 +246,8 @@ def join_columns(
     if lost and notes is not None:
         notes.add(f'left out, not known of every trial: {", ".join(lost)}')
     # The names that an archive gives a meaning are not those of columns.
-    found = {
-        f'{name}_' if name in RESERVED else name: np.array(
-            [columns[name] for columns, _ in trials]
-        )
-        for name in shared
-    }
+    named = {name: f'{name}_' if name in RESERVED else name for name in shared}
+    found = {named[name]: np.array([columns[name] for columns, _ in trials]) for name in shared}
     if 'session' in found and 'session_id' not in found:
         found['session_id'] = found.pop('session')  # the name that splits look for
     found['trial'] = np.array([name for _, name in trials])

@@ -82,18 +82,10 @@ _END_OF_HEADER = '***End_of_Header***'
 
 @dataclass(frozen=True)
 class TextForm:
-    """The form of a text table.
+    """The form of a text table, and the sample rate that it states [Hz].
 
-    Attributes
-    ----------
-    names : tuple of str
-        Of the columns; ``column 1`` and so on where the text has none.
-    first_line : int
-        Number of the first line of data, from 0.
-    is_named : bool
-        Whether the names stand in the text.
-    rate_hz : float, optional
-        Sample rate that the text states [Hz].
+    ``names`` are ``column 1`` and so on where none stand in the text. ``first_line`` is the first
+    of the data, from 0.
     """
 
     separator: str
@@ -107,24 +99,21 @@ class TextForm:
 
 @dataclass(frozen=True)
 class Table:
-    """The columns of one file.
+    """The columns of one file, and what it states of them.
 
     Attributes
     ----------
     columns : dict of str to ndarray of shape (rows,)
         Numbers, booleans or strings; a missing number is not a number, a missing string empty.
-    times : frozenset of str
-        Columns of points in time, as integer nanoseconds.
+    times, nested, values : collections of str
+        Columns of points in time, as integer nanoseconds; columns that were not read, because they
+        hold lists or structures; columns that the file states to be the signal.
     is_named : bool
         Whether the names of the columns stand in the file.
-    nested : tuple of str
-        Columns that were not read: they hold lists or structures.
     units : dict of str to str
-        Units that the file states beside the names of the columns.
-    values : tuple of str
-        Columns that the file states to be the signal.
+        By column.
     rate_hz : float, optional
-        Sample rate that the file states [Hz].
+        Sample rate [Hz].
     """
 
     path: Path
@@ -143,10 +132,7 @@ class Table:
 def read_table(path: Path, options: SourceOptions = SourceOptions()) -> Table:  # noqa: B008
     """Read a CSV, LabVIEW or Parquet file.
 
-    Raises
-    ------
-    SourceError
-        When it is no table of the stated form, too large or damaged.
+    One that is no table of the stated form, too large or damaged is a `SourceError`.
     """
     nested: tuple[str, ...] = ()
     if path.stat().st_size > MAX_TABLE_BYTES:
@@ -169,20 +155,10 @@ def read_table(path: Path, options: SourceOptions = SourceOptions()) -> Table:  
     columns = {n: _to_numpy(path, n, found[n]) for n in found.column_names}
     stated = {f.name: f.metadata or {} for f in found.schema}
     rate_hz = form.rate_hz if form else _stated_rate_hz(found.schema.metadata)
-    return Table(
-        path,
-        columns,
-        frozenset(times),
-        form is None or form.is_named,
-        nested,
-        {
-            n: metadata[UNIT].decode(errors='replace')
-            for n, metadata in stated.items()
-            if UNIT in metadata
-        },
-        tuple(n for n, metadata in stated.items() if metadata.get(ROLE) == b'value'),
-        rate_hz,
-    )
+    units = {n: m[UNIT].decode(errors='replace') for n, m in stated.items() if UNIT in m}
+    values = tuple(n for n, metadata in stated.items() if metadata.get(ROLE) == b'value')
+    is_named = form is None or form.is_named
+    return Table(path, columns, frozenset(times), is_named, nested, units, values, rate_hz)
 
 
 def _stated_rate_hz(metadata: Any) -> float | None:
@@ -239,13 +215,11 @@ def _value_type(kind: Any) -> Any:
 
 
 def _is_text(kind: Any) -> bool:
-    tests = (
-        pyarrow.types.is_string,
-        pyarrow.types.is_large_string,
-        pyarrow.types.is_binary,
-        pyarrow.types.is_large_binary,
-    )
-    return any(is_it(kind) for is_it in tests)
+    return _is_any(kind, 'string', 'large_string', 'binary', 'large_binary')
+
+
+def _is_any(kind: Any, *names: str) -> bool:
+    return any(getattr(pyarrow.types, f'is_{name}')(kind) for name in names)
 
 
 def _read_text(path: Path, options: SourceOptions) -> tuple[pyarrow.Table, TextForm]:
@@ -361,11 +335,6 @@ def find_labview_form(path: Path, lines: Sequence[str]) -> TextForm | None:
     """Return the form that the header of a LabVIEW measurement file states; None: it has none.
 
     Source: National Instruments, "Specification for the LabVIEW Measurement File (.lvm)".
-
-    Raises
-    ------
-    SourceError
-        When the header is another's, or the file has several segments.
     """
     ends = [i for i, line in enumerate(lines) if line.strip() == _END_OF_HEADER]
     if not ends:
@@ -389,11 +358,8 @@ def find_labview_form(path: Path, lines: Sequence[str]) -> TextForm | None:
     if tags.get('X_Dimension', 'Time').split(tab)[0].strip() not in ('Time', ''):
         raise SourceError(f'{path}: its X_Dimension is {tags["X_Dimension"]}, not Time')
     at = ends[-1] + 1
-    row = (
-        [cell.strip() for cell in lines[at].strip('\r\n').split(separator)]
-        if (at < len(lines))
-        else []
-    )
+    cells = lines[at].strip('\r\n').split(separator) if at < len(lines) else []
+    row = [cell.strip() for cell in cells]
     row = row[: row.index('Comment')] if 'Comment' in row else row
     if not any(row) or _NUMBERS[decimal].fullmatch(row[0]):
         raise SourceError(f'{path}: below {_END_OF_HEADER} there are no names; {_REMEDY}')
@@ -414,14 +380,8 @@ def find_labview_form(path: Path, lines: Sequence[str]) -> TextForm | None:
         names.append(f'{name} #{again + 1}' if again else name)
     steps = [float(t.replace(',', '.')) for t in tags.get('Delta_X', '').split() if t]
     period_s = steps[0] if steps and tags.get('X_Columns', '').strip() == 'No' else 0.0
-    return TextForm(
-        separator,
-        decimal,
-        tuple(names),
-        at + 1,
-        is_labview=True,
-        rate_hz=1.0 / period_s if period_s > 0.0 else None,
-    )
+    rate_hz = 1.0 / period_s if period_s > 0.0 else None
+    return TextForm(separator, decimal, tuple(names), at + 1, is_labview=True, rate_hz=rate_hz)
 
 
 def _to_numpy(path: Path, name: str, column: Any) -> NDArray[Any]:
@@ -432,11 +392,7 @@ def _to_numpy(path: Path, name: str, column: Any) -> NDArray[Any]:
         kind = column.type
     if pyarrow.types.is_timestamp(kind):
         column = column.cast(pyarrow.timestamp('ns'), safe=False).cast(pyarrow.int64())
-    elif (
-        pyarrow.types.is_decimal(kind)
-        or pyarrow.types.is_duration(kind)
-        or pyarrow.types.is_float16(kind)
-    ):
+    elif _is_any(kind, 'decimal', 'duration', 'float16'):
         column = column.cast(pyarrow.float64(), safe=False)
     elif pyarrow.types.is_boolean(kind) and column.null_count:
         column = column.cast(pyarrow.string())

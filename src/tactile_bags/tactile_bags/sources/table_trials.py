@@ -58,20 +58,10 @@ _NO_SIGNALS = frozenset((*GROUPS, 'index', 'sample', 'samples', 'sample_index', 
 
 @dataclass(frozen=True)
 class Roles:
-    """The columns by what they are.
+    """The columns by what they are; an empty name: there is none.
 
-    Attributes
-    ----------
-    values : tuple of str
-        The signal, one a channel.
-    time : str
-        Empty: there is none.
-    time_unit_s : float
-        Of ``time`` [s].
-    trial : tuple of str
-        Together they name a trial; empty: the file is one.
-    label : str
-        Empty: the file's name or folder says it.
+    Each of ``values`` is a channel of the signal. Those of ``trial`` name a trial together;
+    without them the file is one.
     """
 
     values: tuple[str, ...]
@@ -111,12 +101,8 @@ def read_table_trials(
     """Read the trials of CSV and Parquet files.
 
     A file with a column of trials holds many; another is one trial. A label that no column
-    states comes from the names of file or folder, see `name_labels`.
-
-    Raises
-    ------
-    SourceError
-        When a file is no such table, or what a column means is not known.
+    states comes from the names of file or folder, see `name_labels`. A column whose meaning is not
+    known is a `SourceError`.
     """
     trials: list[RawTrial] = []
     named: list[dict[str, str]] = []
@@ -224,13 +210,7 @@ def _number_groups(table: Table, names: Sequence[str]) -> NDArray[np.intp]:
 
 
 def assign_roles(table: Table, stated: Mapping[str, tuple[str, ...]], notes: Notes) -> Roles:
-    """Return what each column is, by what is stated, or its name.
-
-    Raises
-    ------
-    SourceError
-        When it cannot be known, or what is stated does not fit.
-    """
+    """Return what each column is, by what is stated, or its name."""
     for role, names in stated.items():
         for name in names:
             bare = name.rpartition(':')[0] or name if role == 'time' else name
@@ -255,9 +235,8 @@ def assign_roles(table: Table, stated: Mapping[str, tuple[str, ...]], notes: Not
     trial = stated.get('trial') or ((named('trial'),) if named('trial') else ())
     label = stated.get('label', (named('label'),))[0]
     time, unit_s = _find_time(table, stated, named)
-    values = (
-        stated.get('value') or table.values or _find_values(table, time, (*trial, label), short)
-    )
+    values = stated.get('value') or table.values
+    values = values or _find_values(table, time, (*trial, label), short)
     for name in values:
         _check_numeric(table, name)
     roles = Roles(values, time, unit_s, trial, label)
@@ -266,9 +245,7 @@ def assign_roles(table: Table, stated: Mapping[str, tuple[str, ...]], notes: Not
 
 
 def _find_time(
-    table: Table,
-    stated: Mapping[str, tuple[str, ...]],
-    named: Callable[[str], str],
+    table: Table, stated: Mapping[str, tuple[str, ...]], named: Callable[[str], str]
 ) -> tuple[str, float]:
     """Return the column of times and its unit [s]."""
     unit = ''
@@ -324,10 +301,7 @@ def _first_even_column(table: Table) -> str:
 
 
 def _find_values(
-    table: Table,
-    time: str,
-    keys: tuple[str, ...],
-    short: Mapping[str, str],
+    table: Table, time: str, keys: tuple[str, ...], short: Mapping[str, str]
 ) -> tuple[str, ...]:
     taken = (time, *keys)
     free = [
