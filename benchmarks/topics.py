@@ -49,10 +49,8 @@ TOPICS = (
     Topic('spectrum', 'kernels.features', '91 amplitudes of a texture window'),
     Topic('regression', 'kernels.features', 'slope, intercept, correlation of a stiffness window'),
     Topic('significance', 'kernels.significance', 'rank-sum tests of all pairs of classes'),
-    Topic('extractor', 'kernels.features', 'sample blocks and events to windows'),
     Topic('inference', 'kernels.inference', 'one window through a model file'),
     Topic('simulator', 'simulator.schemes', 'texture trials: speed and error by step'),
-    Topic('paths', 'simulator.paths', 'readings, stiffness trials, the live rig'),
     Topic('twin', 'simulator.twin', 'error beside the same scene in MuJoCo (needs mujoco)', LONG),
     Topic('twin-speed', 'simulator.twin', 'speed beside the same scene in MuJoCo', LONG),
     Topic('robustness', 'simulator.robustness', 'accuracy by condition of sensor and rig'),
@@ -62,9 +60,6 @@ TOPICS = (
     Topic('choice', 'accuracy.choices', 'features and classifier chosen by the folds', LONG),
     Topic('unlearned', 'accuracy.choices', 'labels that training has not seen', LONG),
     Topic('peers', 'accuracy.peers', 'features of aeon and tsfresh beside ours', LONG),
-    Topic(
-        'speed-error', 'accuracy.speed_error', 'accuracy over time, every set and classifier', LONG
-    ),
     Topic('pitch', 'events.pitch_and_press', 'groove pitch: error, coverage of its uncertainty'),
     Topic('press', 'events.pitch_and_press', 'stiffness and relaxation: error, coverage'),
     Topic('slip', 'events.slip', 'slip detector: misses, latency, false alarms'),

@@ -36,7 +36,6 @@ from benchmarks.accuracy.peers import (
     Transform,
 )
 from benchmarks.accuracy.speeds import FINEST_M, LENGTH_M
-from benchmarks.measuring import Report, Row
 from benchmarks.recordings import FABRIC_SLIDE, find_recording, PHAC_HOLD, say_missing
 from tactile_classifier import load_archive
 from tactile_classifier.estimators.classifiers import build_estimator
@@ -71,20 +70,6 @@ class Point(NamedTuple):
     accuracy: float
     low: float
     high: float
-
-
-def run_speed_error(quick: bool) -> Report:
-    """Measure every feature set with every classifier."""
-    rows = [Row(say_missing(n)) for n in (FABRIC_SLIDE, PHAC_HOLD) if not find_recording(n)]
-    for point in measure(1 if quick else SEEDS):
-        more = {
-            'accuracy, %': f'{point.accuracy:.1f} ({point.low:.1f} to {point.high:.1f})',
-            'window [ms]': 1e3 * point.window_s,
-            'training [s]': point.training_s,
-        }
-        names = (point.features, point.classifier, point.scaling)
-        rows.append(Row(f'{point.recording}: {", ".join(filter(None, names))}', more=more))
-    return Report('speed against error, one speed or repetition held out', '', '', rows)
 
 
 def measure(seeds: int) -> Iterator[Point]:

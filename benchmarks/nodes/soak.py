@@ -36,9 +36,7 @@ from domain_coordinator import domain_id
 import numpy as np
 from rclpy.node import Node
 
-from benchmarks.nodes.hand import CASES, FINGERS, make_model
-from benchmarks.nodes.hand_commands import cpu_s, memory_mb
-from benchmarks.nodes.hand_processes import make_event, TRIALS
+from benchmarks.nodes.hand import Case, cpu_s, FINGERS, make_event, make_model, memory_mb, TRIALS
 from tactile_bags.bag_reader import TactileBag
 from tactile_bags.recorded_topics import CLASSIFICATION, FEATURES, STRAIN
 from tactile_bringup.launch_config.graph import NodeDescription
@@ -48,7 +46,7 @@ from tactile_ros.qos import EVENTS
 from tactile_ros.strain import StrainStatus
 from tactile_sim.pty_server import PtyPort
 
-CASE = CASES[1]
+CASE = Case(rate_hz=1000, block=10, blocks_a_window=20)
 BURST = CASE.block
 SENSOR = {'rate_hz': 1000.0, 'time_unit_s': 1e-6, 'samples_per_block': CASE.block}
 TRIAL_S = 5.0

@@ -3,21 +3,20 @@
 
 """Accuracy on simulated trials as one condition of sensor and rig at a time gets worse.
 
-Sensor effects (noise, drift, lost samples, jitter) are added to the same clean motion. For other
-speeds, depths and sample rates the motion is simulated anew. Features come from the extractor of
-the live node. Training and tests are in different sessions: the rig is set up anew between them.
+Noise and lost samples are added to the same clean motion. For other speeds and depths the motion
+is simulated anew. Features come from the extractor of the live node. Training and tests are in
+different sessions: the rig is set up anew between them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from joblib import delayed, Parallel
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from benchmarks.measuring import Report, Row
 from tactile_bringup.trial_protocols import glide_speed_m_s, TrialConfig, TrialRequest
@@ -28,7 +27,6 @@ from tactile_features.records import Outcome, PROTOCOL_STIFFNESS, PROTOCOL_TEXTU
 from tactile_lab.simulation.simulated_trials import EPOCH_NS, plan_trial
 from tactile_ros.strain import StrainBlock
 from tactile_sim.descriptions.catalogue import Catalogue, default_catalogue
-from tactile_sim.descriptions.description import LoadCell
 from tactile_sim.physics.scene import build_scene
 from tactile_sim.physics.sensing import read_tension
 from tactile_sim.physics.trials import simulate_motion, STEPS_PER_SAMPLE
@@ -37,51 +35,33 @@ from tactile_sim.physics.variation import draw_variation, make_generator
 FloatArray = NDArray[np.float64]
 
 CLASSIFIER = 'knn'
-SAMPLE_RATE = 'sample rate (Hz)'
-"""A model refuses another sample rate than its own: it is trained as it is tested alone."""
-
 _GLIDE_S = 4.2  # long enough for the window at any speed, where the plate is
 
 
 @dataclass(frozen=True)
-class Sensing:
-    """Sensor effects on the same motion; None keeps the value of the rig's description.
-
-    Attributes
-    ----------
-    noise_n, drift_n_rt_s : float or None
-        Standard deviation of noise (N), random walk of the zero in a root second [N].
-    lost : float
-        Fraction of samples lost, each independently [1].
-    jitter : float
-        Standard deviation of the sampling time, in periods [1]. The stamps do not show it.
-    """
-
-    noise_n: float | None = None
-    drift_n_rt_s: float | None = None
-    lost: float = 0.0
-    jitter: float = 0.0
-
-
-@dataclass(frozen=True)
 class Setting:
-    """One condition: how the trial runs, how fast is sampled, what the sensor does.
+    """One condition: how the trial runs, and what the sensor does.
 
-    Gaps of up to ``max_gap_samples`` are bridged; see `FeatureConfig`.
+    ``noise_n`` is a standard deviation [N], None that of the rig's description. Each sample is
+    ``lost`` with this probability. Gaps of up to ``max_gap_samples`` are bridged; see
+    `FeatureConfig`.
     """
 
     axis: str
     value: float
     glide_speed_m_s: float | None = None
     depth: float = 1.0
-    rate_hz: float | None = None
+    noise_n: float | None = None
+    lost: float = 0.0
     max_gap_samples: int = 0
-    sensing: Sensing = field(default_factory=Sensing)
 
     @property
-    def motion(self) -> tuple[float | None, float, float | None]:
+    def motion(self) -> tuple[float | None, float]:
         """Values that define the motion; a different tuple needs a new simulation."""
-        return self.glide_speed_m_s, self.depth, self.rate_hz
+        return self.glide_speed_m_s, self.depth
+
+
+USUAL = Setting('contact depth (1)', 1.0)
 
 
 @dataclass(frozen=True)
@@ -105,34 +85,27 @@ class Features:
     trials: int
 
 
-def list_settings(cell: LoadCell, config: TrialConfig) -> list[Setting]:
-    """Return what is varied, around the rig's own values."""
-    noise_n, drift_n_rt_s, speed_m_s = cell.noise_n, cell.drift_n_rt_s, config.glide_speed_m_s
-    steps, lost = (1.0, 3.0, 10.0, 30.0), (0.0, 0.003, 0.01, 0.03, 0.1)
+def list_settings(noise_n: float, speed_m_s: float) -> list[Setting]:
+    """Return what is varied, around the rig's own noise and speed over the plate."""
+    lost = (0.0, 0.003, 0.01, 0.03, 0.1)
     found = [
-        Setting('noise (N)', noise_n * s, sensing=Sensing(noise_n=noise_n * s)) for s in steps
+        Setting('noise (N)', noise_n * s, noise_n=noise_n * s) for s in (1.0, 3.0, 10.0, 30.0)
     ]
-    drifts = [drift_n_rt_s * s**2 for s in steps]
-    found += [Setting('drift (N/rt s)', d, sensing=Sensing(drift_n_rt_s=d)) for d in drifts]
-    found += [Setting('lost samples (1)', share, sensing=Sensing(lost=share)) for share in lost]
+    found += [Setting('lost samples (1)', share, lost=share) for share in lost]
     found += [
-        Setting('lost, gaps bridged (1)', share, max_gap_samples=3, sensing=Sensing(lost=share))
-        for share in lost
+        Setting('lost, gaps bridged (1)', share, lost=share, max_gap_samples=3) for share in lost
     ]
-    jitters = (0.0, 0.1, 0.3, 0.6)
-    found += [Setting('jitter (periods)', j, sensing=Sensing(jitter=j)) for j in jitters]
     speeds_m_s = (0.005, 0.010, 0.0135, speed_m_s, 0.0165)
     found += [Setting('glide speed (m/s)', v, glide_speed_m_s=v) for v in speeds_m_s]
-    found += [Setting('contact depth (1)', depth, depth=depth) for depth in (0.8, 0.9, 1.0, 1.1)]
-    rates_hz = (15.0, 30.0, cell.rate_hz, 120.0)
-    return [*found, *(Setting(SAMPLE_RATE, hz, rate_hz=hz) for hz in rates_hz)]
+    return [*found, *(replace(USUAL, value=d, depth=d) for d in (0.8, 0.9, 1.0, 1.1))]
 
 
 def run_robustness(quick: bool) -> Report:
     """Simulate all conditions, and say what neighbours make of them."""
     study = Study(train_sessions=1, test_sessions=1, train_trials=4) if quick else Study()
     catalogue = default_catalogue()
-    settings = list_settings(catalogue.rig().load_cell, TrialConfig(simulated=True))
+    speed_m_s = TrialConfig().glide_speed_m_s
+    settings = list_settings(catalogue.rig().load_cell.noise_n, speed_m_s)
     rows = [
         row
         for protocol in (PROTOCOL_TEXTURE, PROTOCOL_STIFFNESS)
@@ -161,12 +134,13 @@ def _run_protocol(
     )
     found = [pair for pairs in done for pair in pairs]
     of = dict(zip([setting for group in groups for setting in group], found, strict=True))
-    usual = of[Setting('contact depth (1)', 1.0)][0]
+    usual, _ = of[USUAL]
     for setting, (train, test) in of.items():
-        shares = {'as tested': score(protocol, train, test)}
-        if setting.axis != SAMPLE_RATE:
-            shares = {'as usual': score(protocol, usual, test), **shares}
-        shares['none'] = 1.0 - len(test.labels) / test.trials
+        shares = {
+            'as usual': score(protocol, usual, test),
+            'as tested': score(protocol, train, test),
+            'none': 1.0 - len(test.labels) / test.trials,
+        }
         more = {k: 'none' if v is None else round(100 * v) for k, v in shares.items()}
         yield Row(f'{protocol}, {setting.axis}: {setting.value:.3g}', more=more)
 
@@ -186,7 +160,7 @@ def make_features(
     study: Study, catalogue: Catalogue, protocol: str, settings: Sequence[Setting]
 ) -> list[tuple[Features, Features]]:
     """Return features to train on and to test on, for settings that share their motion."""
-    config, features, catalogue = _configure(study, catalogue, settings[0])
+    config = _configure(study, settings[0])
     rows: list[tuple[list[Any], list[Any]]] = [([], []) for _ in settings]
     for label in catalogue.labels(protocol):
         for session in range(study.train_sessions + study.test_sessions):
@@ -194,8 +168,7 @@ def make_features(
             count = study.test_trials if is_test else study.train_trials
             trials = CleanTrials(protocol, label, study, config, catalogue, session, count)
             for i, setting in enumerate(settings):
-                policy = replace(features, max_gap_samples=setting.max_gap_samples)
-                found = trials.extract(setting.sensing, policy)
+                found = trials.extract(setting)
                 rows[i][is_test].extend((label, values) for values in found)
     return [(_gather(train), _gather(test)) for train, test in rows]
 
@@ -206,24 +179,16 @@ def _gather(rows: Sequence[tuple[str, FloatArray | None]]) -> Features:
     return Features(values, np.array([label for label, _ in answered]), len(rows))
 
 
-def _configure(
-    study: Study, catalogue: Catalogue, setting: Setting
-) -> tuple[TrialConfig, FeatureConfig, Catalogue]:
+def _configure(study: Study, setting: Setting) -> TrialConfig:
     usual = TrialConfig(simulated=True)
     speed_m_s = setting.glide_speed_m_s or usual.glide_speed_m_s
     depth = f'{study.contact}_displacement_m'
-    config = replace(
+    return replace(
         usual,
         glide_speed_m_s=speed_m_s,
         glide_length_m=min(usual.glide_length_m, speed_m_s * _GLIDE_S),
         **{depth: getattr(usual, depth) * setting.depth},
     )
-    rig, features = catalogue.rig(), FeatureConfig(measures=False)
-    rate_hz = setting.rate_hz or rig.load_cell.rate_hz
-    samples = round(features.texture_samples / features.rate_hz * rate_hz)
-    features = replace(features, rate_hz=rate_hz, texture_samples=samples)
-    cell = replace(rig.load_cell, rate_hz=rate_hz)
-    return config, features, catalogue.with_rig(replace(rig, load_cell=cell))
 
 
 class CleanTrials:
@@ -251,40 +216,25 @@ class CleanTrials:
         variation, _ = draw_variation(*self._draw)
         phase = np.floor(variation.phase * STEPS_PER_SAMPLE) / STEPS_PER_SAMPLE
         motion = simulate_motion(scene, self.planned.timeline, replace(variation, phase=phase))
-        self._times_s, self._sensed_n = motion.sample_times_s, motion.sensed_n
+        self._sensed_n = motion.sensed_n
 
-    def sense(self, sensing: Sensing) -> FloatArray:
+    def sense(self, noise_n: float | None = None) -> FloatArray:
         """Return the readings, shape (trials, samples) [N]; NaN where a trial failed."""
         variation, generators = draw_variation(*self._draw)
-        stated = {'noise_n': sensing.noise_n, 'drift_n_rt_s': sensing.drift_n_rt_s}
-        changes = {name: value for name, value in stated.items() if value is not None}
-        cell = replace(self._cell, **changes)
-        clean_n = self._sensed_n
-        if sensing.jitter:
-            shaken = [self._shake(row, sensing.jitter, i) for i, row in enumerate(clean_n)]
-            clean_n = np.array(shaken)
-        return read_tension(cell, clean_n, variation.sensor_bias_n, generators)
+        cell = self._cell if noise_n is None else replace(self._cell, noise_n=noise_n)
+        return read_tension(cell, self._sensed_n, variation.sensor_bias_n, generators)
 
-    def make_generator(self, what: str, trial: int) -> np.random.Generator:
-        """Return numbers of a trial's own, the same ones at each strength."""
+    def draw_losses(self, trial: int, count: int) -> FloatArray:
+        """Return a number from 0 to 1 for each sample of a trial, the same at each strength."""
         _, contact, protocol, label, seed, session, *_ = self._draw
-        return make_generator(what, seed, session, protocol, contact, label, trial)
+        return make_generator('loss', seed, session, protocol, contact, label, trial).random(count)
 
-    def _shake(self, clean_n: FloatArray, jitter: float, trial: int) -> FloatArray:
-        """Return what is sampled a little too early or late, from a spline through the samples."""
-        if not np.isfinite(clean_n).all():
-            return clean_n
-        times_s = self._times_s
-        late = jitter * self.make_generator('jitter', trial).standard_normal(len(times_s))
-        at_s = np.clip(times_s + late * self._cell.period_s, times_s[0], times_s[-1])
-        return np.asarray(CubicSpline(times_s, clean_n)(at_s))
-
-    def extract(self, sensing: Sensing, config: FeatureConfig) -> list[FloatArray | None]:
+    def extract(self, setting: Setting) -> list[FloatArray | None]:
         """Return the features of each trial, or None where there are none."""
+        config = FeatureConfig(measures=False, max_gap_samples=setting.max_gap_samples)
         rows: list[FloatArray | None] = []
-        for i, tension_n in enumerate(self.sense(sensing)):
-            kept = np.isfinite(tension_n)
-            kept &= self.make_generator('loss', i).random(len(kept)) >= sensing.lost
+        for i, tension_n in enumerate(self.sense(setting.noise_n)):
+            kept = np.isfinite(tension_n) & (self.draw_losses(i, len(tension_n)) >= setting.lost)
             rows.append(self._extract_one(tension_n, kept, config))
         return rows
 

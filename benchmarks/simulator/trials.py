@@ -138,11 +138,6 @@ def time_in_turns(works: Sequence[Callable[[], object]], rounds: int) -> FloatAr
     return times_s
 
 
-def time_best(work: Callable[[], object], rounds: int) -> float:
-    """Shortest of several runs, after one that does not count [s of one core]."""
-    return float(time_in_turns([work], rounds).min())
-
-
 def name_choice(steps: int) -> str:
     """Name of a simulation with so many steps a sample."""
     return f'{steps} steps' + (', default' if steps == STEPS_PER_SAMPLE else '')

@@ -5,7 +5,7 @@
 # # How good must my sensor be?
 #
 # Simulated trials answer before anything is bought: the same glides are sensed with more and more noise. All numbers
-# here are SIMULATED. the benchmark `robustness` does this for eight conditions of sensor and rig.
+# here are SIMULATED. the benchmark `robustness` does this for five conditions of sensor and rig.
 from dataclasses import replace
 
 import numpy as np
