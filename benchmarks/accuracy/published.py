@@ -40,10 +40,6 @@ FloatArray = NDArray[np.float64]
 TRIALS = 60
 SEEDS = tuple(range(1, 21))
 NAMES = ('neighbours', 'linear', 'RBF', 'tree')
-NO_DEVIATION = (
-    'variation: {trial: {contact_height_m: 0, placement_m: 0, friction: 0, object_stiffness: 0, '
-    'finger_stiffness: 0, glide_speed: 0, tendon_zero_m: 0, temperature_k: 0}}'
-)
 EXCUSED = {'correlation pla/solid_rubber', 'correlation pla/rubber_shell'}
 """Pairs that the paper itself finds alike."""
 
@@ -91,7 +87,6 @@ SETTINGS = (
     replace(BASE, name='scaled', scaled=True),
     replace(BASE, name='gamma auto, mN', gamma='auto', newton=1e3),
     replace(BASE, name='fixed anew for each trial (crossed)', per_mounting=1),
-    replace(BASE, name='guide and drive repeat exactly', rig=NO_DEVIATION),
     replace(HOLDS, name='drive repeats to 3.5 um', rig=_drive(3.5e-6)),
     replace(HOLDS, name='drive repeats to 1.75 um', rig=_drive(1.75e-6)),
     replace(HOLDS, name='drive repeats exactly', rig=_drive(0.0)),

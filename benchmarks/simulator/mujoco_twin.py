@@ -35,16 +35,8 @@ _POINT_KG_M2 = 1e-12  # MuJoCo wants moments of inertia above zero
 class TwinContact:
     """The plate under the finger, as one trial finds it.
 
-    Attributes
-    ----------
-    surface
-        What the tip feels of the plate.
-    clearance_m
-        Drop of the tip at which it touches height 0 of the surface [m].
-    offset_m
-        Coordinate on the surface of the finger's clamp when the guide stands at 0 [m].
-    friction
-        Coulomb's coefficient at the tip [1].
+    The tip touches height 0 of the surface at a drop of ``clearance_m``; the finger's clamp is at
+    ``offset_m`` on the surface when the guide stands at 0 [m].
     """
 
     surface: Surface
@@ -54,17 +46,7 @@ class TwinContact:
 
 
 class TipState(NamedTuple):
-    """Forces of the plate on the tip, and the tip's memory.
-
-    Attributes
-    ----------
-    normal_n, friction_n
-        Normal force [N]; friction along the surface against +x [N].
-    slider_m
-        Where the tip sticks on the surface [m].
-    squeezed_m
-        Compression of its rubber [m].
-    """
+    """Forces of the plate on the tip, where it sticks, and the compression of its rubber."""
 
     normal_n: float
     friction_n: float
@@ -74,18 +56,10 @@ class TipState(NamedTuple):
 
 @dataclass(frozen=True)
 class TwinResult:
-    """One simulated trial; arrays of shape (steps,).
+    """One simulated trial: start of each step, tension and vertical force on the tip there.
 
-    Attributes
-    ----------
-    times_s : ndarray of float
-        Start of each step, at which the values hold [s].
-    tension_n, contact_force_n : ndarray of float
-        Tension of the tendon and vertical force on the tip [N].
-    elapsed_s
-        The whole loop, with the contact computed in Python [s of one core].
-    step_elapsed_s
-        As many steps of MuJoCo alone, in one call, with the forces held [s of one core].
+    ``elapsed_s`` is that of the whole loop, with the contact computed in Python, and
+    ``step_elapsed_s`` of as many steps of MuJoCo alone, with the forces held [s of one core].
     """
 
     times_s: FloatArray
@@ -101,13 +75,6 @@ def write_finger_mjcf(finger: Finger, step_s: float, hinges: int) -> str:
     The hinges stand in the middle of equal segments, so that the end links are half as long
     as the others. A hinge of a segment of length L/n has the stiffness EI / (L/n) = n K.
     MuJoCo's z points up; a positive hinge angle bends the finger down.
-
-    Parameters
-    ----------
-    step_s
-        Time step [s].
-    hinges
-        How many.
     """
     segment_m = finger.length_m / hinges
     tip = _write_inertial(0.0, finger.tip_mass_kg, 0.0)
@@ -167,19 +134,7 @@ def press_tip(
     tip: TipState,
     step_s: float,
 ) -> TipState:
-    """Press the tip on the plate for one step.
-
-    Parameters
-    ----------
-    finger, contact
-        As in `simulate_twin`.
-    drop_m, place_m
-        Of the tip, below the clamp and on the surface [m].
-    tip
-        As it was one step ago.
-    step_s
-        Length of the step [s].
-    """
+    """Press the tip, at a drop and a place on the surface [m], on the plate for one step."""
     indentation_m = drop_m - contact.clearance_m + _sample(contact.surface, place_m)[0]
     # The rubber, a spring beside a damper, never pulls; left alone it recovers.
     damper_n_m = finger.tip_damping_n_s_m / step_s
@@ -220,18 +175,8 @@ def simulate_twin(
     The clamp stands still and the plate moves: a clamp that moves evenly feels no other
     force, and what the guide's ramps would add is the inertia of 18 g at 0.5 m/s^2, 9 mN.
 
-    Parameters
-    ----------
-    finger
-        Its tendon friction and creep are not simulated.
-    contact
-        The plate.
-    guide_positions, tendon_positions
-        Positions [m] at an array of times [s].
-    duration_s
-        Of the trial [s].
-    step_s, hinges
-        As in `write_finger_mjcf`.
+    Tendon friction and creep of the finger are not simulated. Guide and tendon are given as
+    positions [m] at an array of times [s].
 
     Raises
     ------

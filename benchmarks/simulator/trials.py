@@ -20,12 +20,7 @@ from tactile_lab.simulation.simulated_trials import plan_trial, PlannedTrial
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.physics.motion import Timeline
 from tactile_sim.physics.scene import build_scene, Scene
-from tactile_sim.physics.trials import (
-    simulate_motion,
-    SimulatedMotion,
-    STEPS_PER_SAMPLE,
-    TRUSTED_NM,
-)
+from tactile_sim.physics.trials import simulate_motion, SimulatedMotion, STEPS_PER_SAMPLE
 from tactile_sim.physics.variation import draw_variation, Variation
 
 FloatArray = NDArray[np.float64]
@@ -53,10 +48,9 @@ class TrialSet:
     variation: Variation
     window: slice
 
-    def simulate(self, steps: int, trusted_nm: float = TRUSTED_NM) -> SimulatedMotion:
+    def simulate(self, steps: int) -> SimulatedMotion:
         """Simulate all of them with so many steps a sample."""
-        timeline = self.planned.timeline
-        return simulate_motion(self.scene, timeline, self.variation, steps, trusted_nm=trusted_nm)
+        return simulate_motion(self.scene, self.planned.timeline, self.variation, steps)
 
 
 @lru_cache
