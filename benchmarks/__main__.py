@@ -51,7 +51,7 @@ def main() -> int:
             continue
         start_s = time.perf_counter()
         try:
-            report = topic.run(arguments.quick)
+            report = topic.find()(arguments.quick)
         except ModuleNotFoundError as error:
             progress.print(f'{topic.name} needs {error.name}: pip install {error.name}')
             within = False

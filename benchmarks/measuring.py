@@ -14,13 +14,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Ratio:
-    """Time of ours over time of the floor, from rounds that take turns.
-
-    Attributes
-    ----------
-    median, low, high : float
-        Of the rounds' ratios: median and quartiles [1].
-    """
+    """Time of ours over time of the floor: median and quartiles of rounds that take turns."""
 
     median: float
     low: float
@@ -29,19 +23,9 @@ class Ratio:
 
 @dataclass(frozen=True)
 class Row:
-    """One case of a topic.
+    """One case of a topic: our error with its bound, and the floor's error on the same input.
 
-    Attributes
-    ----------
-    case : str
-    ratio : Ratio or None
-        None where the case is about error alone.
-    error, bound : float or None
-        Our error, and what it must not exceed.
-    floor_error : float or None
-        The error of the floor on the same input.
-    more : dict of str to float or str
-        Columns of this topic alone.
+    ``more`` are columns of this topic alone.
     """
 
     case: str
@@ -75,7 +59,6 @@ def measure_ratio(
 
     Parameters
     ----------
-    ours, floor : callable without arguments
     rounds : int
         How many ratios to take the median of; at least 2.
     round_s : float

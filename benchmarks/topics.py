@@ -15,18 +15,10 @@ LONG = True
 
 
 class Topic(NamedTuple):
-    """One thing to measure.
+    """One thing to measure, by the function ``run_<name>`` of a module.
 
-    Attributes
-    ----------
-    name : str
-        As in ``--only``.
-    module : str
-        Has the function ``run_<name>``, which takes whether to be quick. A module is imported when
-        its topic runs: some need what others do not.
-    summary : str
-    is_long : bool
-        Takes many minutes, or needs peers installed. It runs when it is named.
+    A module is imported when its topic runs: some need what others do not. A long topic, or one
+    that needs peers installed, runs when it is named.
     """
 
     name: str
@@ -39,10 +31,6 @@ class Topic(NamedTuple):
         module = importlib.import_module(f'benchmarks.{self.module}')
         measure: Callable[[bool], Report] = getattr(module, 'run_' + self.name.replace('-', '_'))
         return measure
-
-    def run(self, quick: bool) -> Report:
-        """Measure."""
-        return self.find()(quick)
 
 
 TOPICS = (

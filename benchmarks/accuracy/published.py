@@ -48,20 +48,10 @@ EXCUSED = {'correlation pla/solid_rubber', 'correlation pla/rubber_shell'}
 class Setting:
     """A way of making and classifying trials.
 
-    Attributes
-    ----------
-    per_mounting
-        Trials between one fixing of plate or object and the next.
-    rig
-        Text that is laid over the packaged ``rig.yaml``.
-    newton
-        Value of one newton: 1, or 1000 for features in millinewtons.
-    gamma
-        Of the RBF SVM: ``scale`` (scikit-learn since 0.22) or ``auto`` (before).
-    scaled
-        Zero mean, unit variance, fitted in each fold.
-    tasks
-        The kinds of trials that are made.
+    Plate or object is fixed anew after ``per_mounting`` trials. ``rig`` is laid over the packaged
+    ``rig.yaml``. One newton is ``newton``: 1000 for features in millinewtons. ``gamma`` of the RBF
+    SVM is ``scale`` (scikit-learn since 0.22) or ``auto`` (before). ``scaled`` features have zero
+    mean and unit variance, fitted in each fold.
     """
 
     name: str

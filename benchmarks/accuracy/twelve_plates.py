@@ -52,13 +52,7 @@ TASKS = {
 
 @lru_cache
 def simulate(seed: int, speed_mm_s: int) -> tuple[Array, Array, Array]:
-    """Glides over the same path on every plate.
-
-    Returns
-    -------
-    signals : ndarray, shape (trials, samples)
-    labels, sessions : ndarray, shape (trials,)
-    """
+    """Glides over the same path on every plate: signals (trials, samples), labels, sessions."""
     catalogue = Catalogue(FOLDER)
     request = TrialRequest('texture', 'flexion', glide_speed_m_s=speed_mm_s / 1e3)
     planned = plan_trial(TrialConfig(), request, catalogue)

@@ -35,12 +35,7 @@ _SESSION_TRIALS = 8  # so that the deviations of sessions are drawn too
 class TrialSet:
     """Drawn trials on one plate or object, as `tactile simulate` plans them.
 
-    Attributes
-    ----------
-    scene, planned, variation
-        What is simulated.
-    window : slice
-        The samples that features come from.
+    ``window`` are the samples that features come from.
     """
 
     scene: Scene
