@@ -136,13 +136,17 @@ RepetitionsOption = Annotated[
     ),
 ]
 
-_OTHERS = 'Recordings of others'
+
+def _of_others(*names: str, **more: Any) -> Any:
+    """Return an option of the part of the help on recordings of others."""
+    return typer.Option(*names, rich_help_panel='Recordings of others', **more)
+
+
 ColumnOption = Annotated[
     Optional[list[str]],
-    typer.Option(
+    _of_others(
         '--column',
         metavar='ROLE=NAME',
-        rich_help_panel=_OTHERS,
         help='What a column of a table is: time, trial, label or value, as in --column '
         'value=force_n or --column time=t:ms. May be given several times; several names with '
         'commas.',
@@ -150,77 +154,61 @@ ColumnOption = Annotated[
 ]
 RateOption = Annotated[
     Optional[float],
-    typer.Option(
+    _of_others(
         min=0.001,
         max=1e7,
-        rich_help_panel=_OTHERS,
         help='Sample rate in Hz of recordings without times. With times it must fit them.',
     ),
 ]
 UnitOption = Annotated[
-    str,
-    typer.Option(
-        rich_help_panel=_OTHERS,
-        help='Unit of the signal where no heading says it, as in --unit mN.',
-    ),
+    str, _of_others(help='Unit of the signal where no heading says it, as in --unit mN.')
 ]
-LabelOption = Annotated[
-    str, typer.Option(rich_help_panel=_OTHERS, help='The label of all these trials.')
-]
+LabelOption = Annotated[str, _of_others(help='The label of all these trials.')]
 LabelFromOption = Annotated[
     str,
-    typer.Option(
-        rich_help_panel=_OTHERS,
+    _of_others(
         help='Where the label of a file or bag is: "folder", the one that it lies in; "file", '
         'its name without the number at the end; or a regular expression for its path with '
-        'the label in brackets. Named groups become columns.',
+        'the label in brackets. Named groups become columns.'
     ),
 ]
 LabelsOption = Annotated[
     Optional[Path],
-    typer.Option(
-        rich_help_panel=_OTHERS,
+    _of_others(
         help='File with one label a trial, for a .npy file: .npy, .txt or .csv. Default: '
-        'NAME_labels or labels beside it.',
+        'NAME_labels or labels beside it.'
     ),
 ]
 TopicOption = Annotated[
     str,
-    typer.Option(
-        rich_help_panel=_OTHERS,
+    _of_others(
         help='Topic of a bag with the force: WrenchStamped, Float64, Float32, JointState, or '
-        'our strain. A bag is a trial.',
+        'our strain. A bag is a trial.'
     ),
 ]
 FieldOption = Annotated[
     str,
-    typer.Option(
-        rich_help_panel=_OTHERS,
+    _of_others(
         help='Field of its messages, as in --field force.z, force.norm or effort.JOINT; '
-        'several with commas are several channels.',
+        'several with commas are several channels.'
     ),
 ]
 SeparatorOption = Annotated[
     str,
-    typer.Option(
-        rich_help_panel=_OTHERS,
+    _of_others(
         help='What stands between the columns of a text table: comma, semicolon, tab, space, '
-        'or the character. Default: comma; in .tsv a tab. LabVIEW files (.lvm) state it.',
+        'or the character. Default: comma; in .tsv a tab. LabVIEW files (.lvm) state it.'
     ),
 ]
 DecimalOption = Annotated[
     str,
-    typer.Option(
-        rich_help_panel=_OTHERS,
-        help='Decimal mark of a text table, . or , as in --decimal , . Default: a point.',
-    ),
+    _of_others(help='Decimal mark of a text table, . or , as in --decimal , . Default: a point.'),
 ]
 HeaderRowsOption = Annotated[
     Optional[int],
-    typer.Option(
+    _of_others(
         min=0,
         max=1000,
-        rich_help_panel=_OTHERS,
         help='Lines of a text table above its numbers. The last one names the columns; one '
         'with their units may follow. Default: 1.',
     ),

@@ -30,87 +30,38 @@ from tactile_ros.process import choose_transports, held_signals
 
 COMMANDS = {
     'demo': (
-        'tactile_lab.commands.demo',
-        'Run everything from training to live trials on the **simulated** rig, in about a minute.',
+        'Run everything from training to live trials on the **simulated** rig, in about a minute.'
     ),
-    'simulate': (
-        'tactile_lab.commands.simulate',
-        'Make bags of **simulated** trials, without waiting in real time.',
-    ),
-    'import': (
-        'tactile_lab.commands.import_recordings',
-        'Make one archive of recordings that other programs made.',
-    ),
-    'export': (
-        'tactile_lab.commands.export',
-        'Write the trials of recordings as one long table, with a dataset card beside it.',
-    ),
-    'train': (
-        'tactile_lab.commands.train',
-        'Choose features and classifier by the folds, write a model file.',
-    ),
-    'evaluate': (
-        'tactile_lab.commands.evaluate',
-        'Cross-validate the four classifiers on recordings, and write a report.',
-    ),
+    'simulate': 'Make bags of **simulated** trials, without waiting in real time.',
+    'import': 'Make one archive of recordings that other programs made.',
+    'export': 'Write the trials of recordings as one long table, with a dataset card beside it.',
+    'train': 'Choose features and classifier by the folds, write a model file.',
+    'evaluate': 'Cross-validate the four classifiers on recordings, and write a report.',
     'compare': (
-        'tactile_lab.commands.compare',
-        'Say which of two models is better, and whether the difference is more than chance.',
+        'Say which of two models is better, and whether the difference is more than chance.'
     ),
-    'features': (
-        'tactile_lab.commands.features',
-        'Write the features of recordings as a table, for notebooks and other programs.',
-    ),
-    'replay': (
-        'tactile_lab.commands.replay',
-        'Run a recording through features and classification again, and compare.',
-    ),
-    'repair': (
-        'tactile_lab.commands.repair',
-        'Write a closed copy of a bag whose recorder was killed.',
-    ),
-    'show': (
-        'tactile_lab.commands.show',
-        'List the contents of a recording, a model file or an archive.',
-    ),
-    'trials': (
-        'tactile_lab.commands.trials',
-        'Run trials on one plate or object, one after the other, and record them.',
-    ),
+    'features': 'Write the features of recordings as a table, for notebooks and other programs.',
+    'replay': 'Run a recording through features and classification again, and compare.',
+    'repair': 'Write a closed copy of a bag whose recorder was killed.',
+    'show': 'List the contents of a recording, a model file or an archive.',
+    'trials': 'Run trials on one plate or object, one after the other, and record them.',
     'experiment': (
-        'tactile_lab.commands.experiment',
-        'Record objects x sessions x contacts in a random order, with prompts and resume.',
+        'Record objects x sessions x contacts in a random order, with prompts and resume.'
     ),
-    'rig': (
-        'tactile_lab.commands.rig',
-        'Run all nodes of the rig in this process until Ctrl-C; print each classification.',
-    ),
+    'rig': 'Run all nodes of the rig in this process until Ctrl-C; print each classification.',
     'sense': (
-        'tactile_lab.commands.sense',
-        'Run the nodes of one finger that another program moves, in this process until Ctrl-C.',
+        'Run the nodes of one finger that another program moves, in this process until Ctrl-C.'
     ),
-    'hand': (
-        'tactile_lab.commands.sense',
-        'Run the nodes of any number of fingers, in this process until Ctrl-C.',
-    ),
-    'watch': (
-        'tactile_lab.commands.watch',
-        'Show every finger live in a browser, until Ctrl-C.',
-    ),
-    'devices': (
-        'tactile_lab.commands.devices',
-        'List the connected devices and the parameters that fit them.',
-    ),
-    'check': (
-        'tactile_lab.commands.check',
-        'Test each device and print the results; exit with 1 when there is a fault.',
-    ),
-    'calibrate': (
-        'tactile_lab.commands.calibrate',
-        'Calibrate a load cell against known weights.',
-    ),
+    'hand': 'Run the nodes of any number of fingers, in this process until Ctrl-C.',
+    'watch': 'Show every finger live in a browser, until Ctrl-C.',
+    'devices': 'List the connected devices and the parameters that fit them.',
+    'check': 'Test each device and print the results; exit with 1 when there is a fault.',
+    'calibrate': 'Calibrate a load cell against known weights.',
 }
-"""Module of each command, and the first line of its help."""
+"""First line of the help of each command, whose module and function have its name."""
+
+ELSEWHERE = {'import': ('import_recordings', 'import_recordings'), 'hand': ('sense', 'hand')}
+"""Module and function of the others: one name is a word of Python, one module has two commands."""
 
 UNTIL_A_SIGNAL = {'rig', 'sense', 'hand', 'watch'}
 """These run until SIGINT or SIGTERM, which is their regular end. The others are interrupted."""
@@ -171,9 +122,7 @@ class LazyGroup(TyperGroup):
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
-        self.commands = {
-            name: TyperCommand(name, help=line) for name, (_, line) in COMMANDS.items()
-        }
+        self.commands = {name: TyperCommand(name, help=line) for name, line in COMMANDS.items()}
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         name, command, rest = super().resolve_command(ctx, args)
@@ -198,9 +147,8 @@ def load_command(name: str) -> Any:
 
 def load_function(name: str) -> Any:
     """Import the function behind a command, or the `Typer` of one that has commands itself."""
-    module, _ = COMMANDS[name]
-    of_python = {'import': 'import_recordings'}  # a word of Python
-    return getattr(import_module(module), of_python.get(name, name))
+    module, function = ELSEWHERE.get(name, (name, name))
+    return getattr(import_module(f'tactile_lab.commands.{module}'), function)
 
 
 def _guard(command: Callable[..., None], name: str) -> Callable[..., None]:

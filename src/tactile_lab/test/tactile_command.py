@@ -28,9 +28,14 @@ def tactile(*arguments):
 
 def ask_tactile(*arguments):
     """Run the command with ``--json``, which must succeed; return what it answers."""
+    return ask_and_hear_tactile(*arguments)[0]
+
+
+def ask_and_hear_tactile(*arguments):
+    """Run the command with ``--json``; return what it answers, and what it says besides."""
     done = tactile(*arguments, '--json')
     assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    return json.loads(done.stdout), ' '.join(done.stderr.split())
 
 
 def hear_tactile(*arguments, code=0):

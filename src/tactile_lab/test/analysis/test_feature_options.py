@@ -5,7 +5,7 @@
 
 import numpy as np
 import pytest
-from tactile_command import ask_tactile, hear_tactile
+from tactile_command import ask_and_hear_tactile, ask_tactile, hear_tactile
 
 from tactile_classifier.model_file.model import load_model
 from tactile_lab.datasets.reading import choose_features, list_sets
@@ -130,8 +130,8 @@ def test_of_noise_the_accuracy_of_the_choice_is_told_with_its_own_chance(tmp_pat
         tmp_path / 'noise.npz', rng.normal(size=(30, 1, 60)), label, part=np.arange(30) % 3
     )
     asked = ('evaluate', archive, '--task', 'texture', '--features', 'auto', *CHEAP)
-    said = hear_tactile(*asked, '--group', 'part')
-    (found,) = ask_tactile(*asked, '--group', 'part')['sets']
+    document, said = ask_and_hear_tactile(*asked, '--group', 'part')
+    (found,) = document['sets']
     choice = found['feature_choice']
     nested = f'accuracy {100 * choice["nested_accuracy"]:.1f} % with set and classifier chosen'
     assert choice['ranking'][0]['accuracy'] > choice['nested_accuracy']
@@ -161,13 +161,13 @@ def test_trials_to_test_on_do_not_choose(tmp_path):
         save_glides(archive, x[:, None], labels, later=later.astype(int))
         asked = ('--task', 'texture', '--features', 'auto', *CHEAP)
         stated = ('--train-where', 'later=0', '--test-where', 'later=1')
-        (found,) = ask_tactile('evaluate', archive, *asked, *stated)['sets']
+        document, said = ask_and_hear_tactile('evaluate', archive, *asked, *stated)
+        (found,) = document['sets']
         ranking = [
             {k: v for k, v in each.items() if k != 'fold_s'}
             for each in found['feature_choice']['ranking']
         ]
         choices.append(ranking)
-        said = hear_tactile('evaluate', archive, *asked, *stated)
         assert 'chosen on trials with later=0' in said
         last = said[said.rindex('accuracy ') :]
         assert 'trained on later=0 (12 trials), tested on later=1' in last

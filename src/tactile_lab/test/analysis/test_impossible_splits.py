@@ -5,7 +5,7 @@
 
 import numpy as np
 import pytest
-from tactile_command import ask_tactile, hear_tactile
+from tactile_command import ask_and_hear_tactile, ask_tactile, hear_tactile
 
 from tactile_bags import EVENT
 from tactile_lab.experiment.folder import ExperimentFolder
@@ -43,9 +43,9 @@ def experiment(simulate_bag, rewrite, tmp_path_factory):
 def test_a_finished_experiment_is_evaluated_whatever_its_mountings(experiment, tmp_path):
     # With one mounting held out, some folds inside the fold would train on one object alone.
     report = tmp_path / 'report.html'
-    (found,) = ask_tactile('evaluate', experiment, '--folds', 4, *QUICK, '--report', report)[
-        'sets'
-    ]
+    asked = ('evaluate', experiment, '--folds', 4, *QUICK, '--report', report)
+    document, said = ask_and_hear_tactile(*asked)
+    (found,) = document['sets']
     splits = [evaluation['split'] for evaluation in found['evaluations']]
     assert splits == [
         'stratified 4-fold, once', 'one block of trials held out', 'one mounting held out'
@@ -53,18 +53,17 @@ def test_a_finished_experiment_is_evaluated_whatever_its_mountings(experiment, t
     told = 'one session held out: all trials have the same session: there is nothing to hold out'
     assert told in found['not_done']
     assert told in report.read_text(encoding='utf-8')
-    assert told in hear_tactile('evaluate', experiment, '--folds', 4, *QUICK)
+    assert told in said
 
 
 def test_random_folds_that_cannot_be_made_leave_the_others(experiment):
-    (found,) = ask_tactile('evaluate', experiment, '--folds', 5, *QUICK)['sets']
-    assert 'random folds: class "pla" has 4 trials, fewer than the 5 folds' in str(
-        found['not_done']
-    )
+    document, said = ask_and_hear_tactile('evaluate', experiment, '--folds', 5, *QUICK)
+    (found,) = document['sets']
+    told = 'random folds: class "pla" has 4 trials, fewer than the 5 folds'
+    assert told in said
+    assert told in str(found['not_done'])
     splits = [evaluation['split'] for evaluation in found['evaluations']]
     assert splits == ['one block of trials held out', 'one mounting held out']
-    said = hear_tactile('evaluate', experiment, '--folds', 5, *QUICK)
-    assert 'random folds: class "pla" has 4 trials' in said
 
 
 def save_levels(path, **columns):

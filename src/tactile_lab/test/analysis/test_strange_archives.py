@@ -3,11 +3,9 @@
 
 """`tactile evaluate` on archives that were not made for it."""
 
-import json
-
 import numpy as np
 import pytest
-from tactile_command import ask_tactile, hear_tactile, tactile
+from tactile_command import ask_and_hear_tactile, ask_tactile, hear_tactile
 
 from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.datasets.dataset import table_from_trials
@@ -75,10 +73,10 @@ def test_bad_trials_are_skipped_and_listed_everywhere(save, tmp_path):
     assert '1 of 48 trials' in said
     assert 'row 40' in said
     report = tmp_path / 'report.html'
-    options = ('--skip-bad', '--where', 'day=1,2', '--report', report, '--json')
-    done = tactile('evaluate', path, *CHEAP, *options)
-    (found,) = json.loads(done.stdout)['sets']
-    for shown in (done.stderr, report.read_text()):
+    options = ('--skip-bad', '--where', 'day=1,2', '--report', report)
+    document, said = ask_and_hear_tactile('evaluate', path, *CHEAP, *options)
+    (found,) = document['sets']
+    for shown in (said, report.read_text()):
         assert 'skipped 2 trials' in shown
         assert 'row 3: the tension is constant' in shown
         assert 'row 40: x in strange.npz is not finite at 1 of 200 samples' in shown
@@ -91,9 +89,8 @@ def test_resampling_and_crop_are_stated(save):
     said = hear_tactile('evaluate', path, *CHEAP, '--resample-hz', '60', '--crop', '0.5:1.5')
     assert 'channel 0, at 60 Hz, 0.5 to 1.5 s' in said
     assert 'resampled from 100 to 60 Hz: polyphase filter 3/5' in said
-    said = hear_tactile(
-        'evaluate', path, *CHEAP, '--static-phase', '0.5:1.5'
-    )  # the option's first name
+    first_name = ('--static-phase', '0.5:1.5')
+    said = hear_tactile('evaluate', path, *CHEAP, *first_name)
     assert 'channel 0, 0.5 to 1.5 s' in said
     assert 'cut to the first 1.9 s' in hear_tactile('evaluate', path, *CHEAP)
 

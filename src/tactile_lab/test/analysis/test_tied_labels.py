@@ -3,10 +3,8 @@
 
 """Warnings of tied labels wherever a user looks, and an experiment's folder as recordings."""
 
-import json
-
 import pytest
-from tactile_command import ask_tactile, tactile
+from tactile_command import ask_and_hear_tactile, ask_tactile
 
 from tactile_bags import EVENT
 from tactile_lab.datasets.feature_tables import read_tables
@@ -32,19 +30,20 @@ def tied_bag(stiffness_bag, rewrite, tmp_path_factory):
 
 def test_tied_labels_are_told_in_terminal_json_and_report(tied_bag, tmp_path):
     report = tmp_path / 'report.html'
-    done = tactile('evaluate', tied_bag, *OPTIONS, '--report', report, '--json')
-    assert SENTENCE in done.stderr
+    asked = ('evaluate', tied_bag, *OPTIONS, '--report', report)
+    document, said = ask_and_hear_tactile(*asked)
+    assert SENTENCE in said
     assert SENTENCE in report.read_text()
-    (found,) = json.loads(done.stdout)['sets']
+    (found,) = document['sets']
     for evaluation in found['evaluations']:
         assert any(SENTENCE in warning for warning in evaluation['warnings'])
 
 
 def test_tied_labels_are_told_at_training(tied_bag, tmp_path):
     pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
-    done = tactile('train', tied_bag, '-o', tmp_path, *KNN, *OPTIONS, '--json')
-    assert SENTENCE in done.stderr
-    (model,) = json.loads(done.stdout)['models']
+    document, said = ask_and_hear_tactile('train', tied_bag, '-o', tmp_path, *KNN, *OPTIONS)
+    assert SENTENCE in said
+    (model,) = document['models']
     assert any(SENTENCE in warning for warning in model['evaluation']['warnings'])
 
 

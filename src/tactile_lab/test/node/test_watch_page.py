@@ -26,7 +26,6 @@ from tactile_ros.errors import TactileError
 from tactile_ros.node_group import NodeGroup
 from tactile_sim.rig_process import SimulatedRig
 from tactile_testing.simulated_rigs import home_fast, truth_at_rest
-from tactile_testing.waiting import wait_until
 
 needs_chromium = pytest.mark.skipif(
     find_chromium() is None, reason='no Chromium is installed; apt install chromium'
@@ -246,18 +245,6 @@ def test_a_page_without_fingers_says_what_to_do_and_that_it_is_cut_off(context, 
     assert browser.evaluate(STOP_IS_SEEN)
     click(browser, 'stop')
     assert 'not sent' in text_of(browser, '#outcome')
-
-
-def test_a_silent_sensor_is_told_with_its_remedy(rig):
-    simulated, _, watch = rig
-
-    def is_told():
-        devices = {d['name']: d for d in watch.state.describe_devices()}
-        return devices.get('tendon_sensor', {}).get('level') in ('warning', 'error')
-
-    wait_until(lambda: any(finger.point_count for finger in watch.state.fingers))
-    simulated.fault('sensor', 'unplug')
-    wait_until(is_told, watch.state.describe_devices)
 
 
 class StoppableRig:
