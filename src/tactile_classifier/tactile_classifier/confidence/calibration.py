@@ -25,6 +25,7 @@ from tactile_classifier.confidence.novelty import (
     NoveltyMeasure,
     rank_of_sessions,
 )
+from tactile_classifier.datasets.conditions import find_cells
 from tactile_classifier.datasets.dataset import divide_groups, FeatureTable
 from tactile_classifier.errors import TooFewTrialsError
 from tactile_classifier.estimators.classifiers import (
@@ -47,7 +48,7 @@ Indices = npt.NDArray[np.intp]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class GroupFolds:
-    """Folds of whole groups, such as sessions, or of single trials; held out in turn.
+    """Folds of whole groups, such as sessions, of repeats or of single trials; held out in turn.
 
     Attributes
     ----------
@@ -56,7 +57,7 @@ class GroupFolds:
     fold : ndarray of int, shape (trials,)
         The fold that each trial is held out with.
     session : ndarray of int, shape (trials,), or None
-        The group of each trial; None when folds are of single trials.
+        The group of each trial; None when folds are of repeats or of single trials.
     """
 
     split: str
@@ -65,7 +66,7 @@ class GroupFolds:
 
     @property
     def groups(self) -> int:
-        """Sessions; 0 when folds are of single trials."""
+        """Sessions; 0 when folds are of repeats or of single trials."""
         return 0 if self.session is None else int(self.session.max()) + 1
 
     @property
@@ -78,35 +79,27 @@ def make_group_folds(table: FeatureTable, columns: Sequence[str] = ('session_id'
     """Return folds of whole groups where each label comes in two groups or more, else of trials.
 
     The groups of each label are spread over the folds, so that a model fitted on the other
-    folds knows every label of the one that is held out.
+    folds knows every label of the one that is held out. Trials without groups are near copies
+    where conditions were repeated (`find_cells`): the trials of a condition stay in one fold.
 
     Parameters
     ----------
     table : FeatureTable
     columns : sequence of str
         Trials that agree in all of them are one group. Those that the table does not have
-        do not count.
+        do not count. None: single trials.
 
     Raises
     ------
     TooFewTrialsError
         When a label has one trial only.
     """
-    group: Indices = np.zeros(len(table), dtype=np.intp)
-    for column in columns:
-        if column in table.columns:
-            group = divide_groups(group, table.columns[column])
     labels, codes, counts = np.unique(table.labels, return_inverse=True, return_counts=True)
-    groups = int(group.max()) + 1
-    contains = np.zeros((groups, len(labels)), dtype=bool)
-    contains[group, codes] = True
-    if (contains.sum(axis=0) > 1).all():
-        fold_of_group = _spread(contains)
-        fold = fold_of_group[group]
-        count = int(fold_of_group.max()) + 1
-        name = ' and '.join(column.removesuffix('_id') for column in columns)
-        words = f'one {name} held out' if groups == count else f'{name} held out in {count} folds'
-        return GroupFolds(words, fold, group)
+    if (folds := _hold_groups_out(table, codes, columns)) is not None:
+        return folds
+    cells = find_cells(table) if columns else None
+    if cells and (folds := _hold_groups_out(table, codes, cells.columns)) is not None:
+        return dataclasses.replace(folds, session=None)
     if counts.min() < 2:
         raise TooFewTrialsError(f'label "{labels[counts.argmin()]}" has one trial only')
     count = min(MAX_FOLDS, int(counts.min()))
@@ -115,6 +108,32 @@ def make_group_folds(table: FeatureTable, columns: Sequence[str] = ('session_id'
     for i, (_, held_out) in enumerate(splitter.split(table.values, table.labels)):
         fold[held_out] = i
     return GroupFolds(f'stratified {count}-fold over trials', fold, None)
+
+
+def _hold_groups_out(
+    table: FeatureTable, codes: Indices, columns: Sequence[str]
+) -> GroupFolds | None:
+    """Return folds of whole groups; None where all trials of a label are in one group.
+
+    Parameters
+    ----------
+    codes : ndarray of int, shape (trials,)
+        The label of each trial.
+    """
+    group: Indices = np.zeros(len(table), dtype=np.intp)
+    for column in columns:
+        if column in table.columns:
+            group = divide_groups(group, table.columns[column])
+    groups = int(group.max()) + 1
+    contains = np.zeros((groups, int(codes.max()) + 1), dtype=bool)
+    contains[group, codes] = True
+    if not (contains.sum(axis=0) > 1).all():
+        return None
+    fold_of_group = _spread(contains)
+    count = int(fold_of_group.max()) + 1
+    name = ' and '.join(column.removesuffix('_id') for column in columns)
+    words = f'one {name} held out' if groups == count else f'{name} held out in {count} folds'
+    return GroupFolds(words, fold_of_group[group], group)
 
 
 def _spread(contains: npt.NDArray[np.bool_]) -> Indices:

@@ -1,6 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+import dataclasses
 from itertools import combinations
 
 from hypothesis import given, settings
@@ -22,6 +23,7 @@ from tactile_classifier.confidence.calibration import (
 from tactile_classifier.confidence.novelty import compute_session_threshold, NoveltyMeasure
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError
+from tactile_classifier.estimators.classifiers import build_estimator, compute_raw_scores
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 
@@ -91,6 +93,47 @@ def test_trials_are_folds_where_sessions_do_not_allow_it():
     assert (folds.split, folds.groups) == ('stratified 5-fold over trials', 0)
     with pytest.raises(DatasetError, match='label "b" has one trial only'):
         make_group_folds(small(['a', 'a', 'b']))
+
+
+def repeats(conditions, seed):
+    """Return six trials of two labels under each condition: near copies far from the others."""
+    rng = np.random.default_rng(seed)
+    labels = np.tile(np.repeat(['a', 'b'], 3), conditions)
+    values = np.repeat(rng.normal(size=(2 * conditions, 3)), 3, axis=0)
+    values[labels == 'b', 0] += 1.5
+    values += 1e-3 * rng.normal(size=values.shape)
+    columns = {'speed': np.repeat(np.arange(conditions), 6)}
+    return FeatureTable(values, labels, spec_for('stiffness', FeatureConfig()), columns)
+
+
+def test_repeats_of_a_condition_are_held_out_together():
+    folds = make_group_folds(repeats(8, 0))
+    assert (folds.split, folds.groups) == ('speed held out in 6 folds', 0)
+    assert len(set(zip(folds.fold, repeats(8, 0).column('speed'), strict=True))) == 8
+    # A label with one condition alone would be held out whole.
+    table = repeats(8, 0)
+    once = table.take((table.labels == 'a') | (table.column('speed') == 0))
+    assert make_group_folds(once).split == 'stratified 3-fold over trials'
+
+
+def test_stated_calibration_error_is_that_of_new_conditions():
+    table, new = repeats(60, 0), repeats(600, 1)
+    estimator = build_estimator('knn', 'none').fit(table.values, table.labels)
+    scores = compute_raw_scores(estimator, new.values)
+    answers = np.unique(new.labels, return_inverse=True)[1]
+
+    def state(known):
+        part = calibrate_stage(known, 'knn', 'none', make_group_folds(known), 0.1)
+        return part.error_after, compute_calibration_error(
+            part.calibration.compute(scores), answers
+        )
+
+    stated, true = state(table)
+    assert stated == pytest.approx(true, abs=0.03)
+    # Folds of single trials judge by near copies of the trials that are held out.
+    stated, true = state(dataclasses.replace(table, columns={}))
+    assert stated < true / 2
+    assert true > 0.1
 
 
 @pytest.mark.parametrize('name', ['{day}_{label}', '{label}_{day}'])
