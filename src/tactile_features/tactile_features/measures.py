@@ -65,22 +65,11 @@ _LARGEST_N = 1e9  # no sensor's; squares of it are still numbers
 
 
 def incomplete_beta(a: float, b: float, x: float) -> float:
-    """Return the regularised incomplete beta function I_x(a, b).
+    """Return the regularised incomplete beta function I_x(a, b), for x from 0 to 1.
 
-    Own code, because SciPy's would bring 37 MB into the process of each finger.
-
-    Parameters
-    ----------
-    a, b : float
-        Positive.
-    x : float
-        0 to 1.
-
-    Returns
-    -------
-    float
-        0 to 1, relative error below 1e-12 for ``a + b`` up to 1000.
-        By the continued fraction 8.17.22 of the NIST Digital Library of Mathematical Functions.
+    Own code, because SciPy's would bring 37 MB into the process of each finger. By the continued
+    fraction 8.17.22 of the NIST Digital Library of Mathematical Functions; the relative error is
+    below 1e-12 for ``a + b`` up to 1000.
     """
     if x <= 0.0:
         return 0.0
@@ -125,12 +114,7 @@ class Value(NamedTuple):
 class Press(NamedTuple):
     """Slopes of the tension by the tendon's displacement [N/m].
 
-    Attributes
-    ----------
-    free : Value
-        Before the fingertip touches: the finger's own.
-    contact : Value
-        What touching adds to it.
+    ``free`` is the finger's own, before the fingertip touches; ``contact`` is added by touching.
     """
 
     free: Value
@@ -142,19 +126,8 @@ def measure_press(elapsed_s: FloatArray, tension_n: FloatArray, speed_m_s: float
 
     Two straight lines: one from a quarter of the tension up to the touch, one from
     `CONTACT_SETTLE_S` after it to the end of the pull. The uncertainties are those of the lines,
-    with the scatter about the free one.
-
-    Parameters
-    ----------
-    elapsed_s, tension_n : ndarray of shape (n,)
-        Samples of the pull, from slack to its end [s, N].
-    speed_m_s : float
-        Of the tendon [m/s].
-
-    Raises
-    ------
-    UndefinedFeatureError
-        When there are too few samples on either line or nothing was touched.
+    with the scatter about the free one. The samples are those from slack to the end of the pull,
+    of shape (n,) [s, N]. Too few on either line, or no touch, is an `UndefinedFeatureError`.
     """
     elapsed_s, tension_n = average_samples(elapsed_s, tension_n)
     end = int(np.argmax(tension_n))  # the tendon brakes around it
@@ -229,19 +202,9 @@ def _find_touch(elapsed_s: FloatArray, tension_n: FloatArray, most_n: float) -> 
 def measure_relaxation(elapsed_s: FloatArray, tension_n: FloatArray) -> Value:
     """Return the time constant of the tension while the tendon is held [s].
 
-    A constant and one exponential, by non-linear least squares; its uncertainty is that of the
-    fit, with its residuals' scatter.
-
-    Parameters
-    ----------
-    elapsed_s, tension_n : ndarray of shape (n,)
-        Evenly spaced samples of the hold [s, N].
-
-    Raises
-    ------
-    UndefinedFeatureError
-        When nothing relaxes, the relaxation is too slow for the hold, or it is more than one; or
-        when there are fewer than four samples.
+    A constant and one exponential, by non-linear least squares over evenly spaced samples of shape
+    (n,) [s, N]; its uncertainty is that of the fit, with its residuals' scatter. None, one that is
+    too slow for the hold, several, or fewer than four samples are an `UndefinedFeatureError`.
     """
     if len(elapsed_s) <= _RELAXATION_UNKNOWNS:
         raise UndefinedFeatureError(f'{len(elapsed_s)} samples are too few for a relaxation')
@@ -293,15 +256,7 @@ def _refuse_pattern(left: FloatArray) -> None:
 
 
 class Ripple(NamedTuple):
-    """A periodic part of a window.
-
-    Attributes
-    ----------
-    frequency_hz, standard_uncertainty_hz : float
-        Of the fundamental.
-    harmonics : int
-        How many of them the tension bears out.
-    """
+    """A periodic part of a window: its fundamental, and the number of harmonics that it has."""
 
     frequency_hz: float
     standard_uncertainty_hz: float
@@ -323,20 +278,12 @@ def find_ripple(elapsed_s: FloatArray, tension_n: FloatArray) -> Ripple:
     of harmonics, and with it the choice between a frequency and its fractions, by
     Schwarz's criterion. The uncertainty is the sandwich estimate of that fit with one
     cluster a period (Liang and Zeger, Biometrika 73, 1986): what the periods do not
-    have in common counts, be it noise or not.
+    have in common counts, be it noise or not. The samples are evenly spaced, of shape (n,) [s, N].
 
-    Parameters
-    ----------
-    elapsed_s, tension_n : ndarray of shape (n,)
-        Evenly spaced times [s] and tension [N].
-
-    Raises
-    ------
-    UndefinedFeatureError
-        When no periodic part stands out. It must do so from the tension, whose noise is
-        white where the sensor's is, and from its differences, whose noise is white where the
-        tension drifts as a random walk does: each by an F test, corrected for the
-        number of frequencies that were looked at.
+    Where no periodic part stands out, it is an `UndefinedFeatureError`. It must do so from the
+    tension, whose noise is white where the sensor's is, and from its differences, whose noise is
+    white where the tension drifts as a random walk does: each by an F test, corrected for the
+    number of frequencies that were looked at.
     """
     elapsed_s, tension_n = average_samples(elapsed_s, tension_n)
     elapsed_s = elapsed_s - elapsed_s[0]
@@ -489,14 +436,7 @@ def measure_glide(
 ) -> tuple[Measure, ...]:
     """Return the pitch of the grooves under a glide.
 
-    Parameters
-    ----------
-    samples : ndarray of `windows.SAMPLE`
-        The window.
-    speed_m_s : float
-        Of the glide; 0: not known [m/s].
-    speed_uncertainty : float
-        Relative standard uncertainty of the speed [1].
+    The speed is 0 where it is not known [m/s]; its standard uncertainty is relative [1].
     """
 
     def find_pitch() -> tuple[Value]:
@@ -515,14 +455,8 @@ def measure_hold(
 ) -> tuple[Measure, ...]:
     """Return the stiffness that the pull into contact met, and how the hold relaxes.
 
-    Parameters
-    ----------
-    samples, pull : ndarray of `windows.SAMPLE`
-        The window of the hold; the samples of the pull before it.
-    pull_speed_m_s : float
-        Speed of the tendon in the pull; 0: not known [m/s].
-    no_pull : str
-        Why the samples of the pull are not to be used; empty otherwise.
+    The speed is that of the tendon in the pull; 0: not known [m/s]. ``no_pull`` says why the
+    samples of the pull are not to be used; empty otherwise.
     """
 
     def press() -> Press:

@@ -69,13 +69,8 @@ class ModelContract:
 class FeaturePlan:
     """The features that a node computes for model files.
 
-    Attributes
-    ----------
-    wanted : tuple of WantedFeatures
-    refused : tuple of str
-        One sentence for each file that cannot be used.
-    overruled : tuple of str
-        Parameters that the models decide otherwise than the node's, as ``name 90 (not 180)``.
+    ``refused`` has one sentence for each file that cannot be used, ``overruled`` the parameters
+    that the models decide otherwise than the node's, as ``name 90 (not 180)``.
     """
 
     wanted: tuple[WantedFeatures, ...] = ()
@@ -86,10 +81,7 @@ class FeaturePlan:
 def plan_features(config: FeatureConfig, models: str | Path, contact: str = '') -> FeaturePlan:
     """Return the features that model files need of a node; none are needed without ``models``.
 
-    Raises
-    ------
-    ModelFileError
-        When no file is usable.
+    When no file is usable, it is a `ModelFileError`.
     """
     if not str(models):
         return FeaturePlan()
@@ -124,13 +116,7 @@ def read_contracts(models: str | Path, contact: str = '') -> tuple[list[ModelCon
 
 
 def read_contract(path: Path) -> ModelContract:
-    """Return the contract of a model file.
-
-    Raises
-    ------
-    ModelFileError
-        When the file is no model, or its features cannot be computed here.
-    """
+    """Return the contract of a model file; `ModelFileError` when it cannot be used here."""
     with refusals_of(path):
         fields = check_version(open_container(read_limited(path)).manifest)
         wanted = parse_wanted(fields)
@@ -139,13 +125,7 @@ def read_contract(path: Path) -> ModelContract:
 
 
 def check_version(manifest: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the entries of a manifest without its format version, not yet checked.
-
-    Raises
-    ------
-    ModelFileError
-        When it is of a format that is not read.
-    """
+    """Return the entries of a manifest of a known format version, not yet checked."""
     fields = dict(manifest)
     version = fields.pop('format_version', None)
     if version not in READ_VERSIONS:
@@ -157,20 +137,9 @@ def check_version(manifest: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def parse_wanted(fields: Mapping[str, Any]) -> WantedFeatures:
-    """Return the features that the entries of a manifest ask for; check task and contact.
-
-    Raises
-    ------
-    ModelFileError
-        When an entry is missing or wrong; names it.
-    """
-    for name, expected in (
-        ('task', str),
-        ('contact', str),
-        ('spec', dict),
-        (DIGEST, str),
-        ('stages', list),
-    ):
+    """Return the features that the entries of a manifest ask for; check task and contact."""
+    types = {'task': str, 'contact': str, 'spec': dict, DIGEST: str, 'stages': list}
+    for name, expected in types.items():
         if type(fields.get(name)) is not expected:
             raise ModelFileError(f'its manifest has no valid entry "{name}"')
     try:
@@ -236,19 +205,8 @@ def load_usable(
 ) -> tuple[list[_Loaded], list[str]]:
     """Return what ``load`` makes of each model file, and one sentence for each that it refuses.
 
-    Parameters
-    ----------
-    models : str or Path
-        A folder with ``*.onnx`` files, or one file.
-    contact : str
-        Leave out models of another contact; empty: of none.
-    load : callable
-        Raises `ModelFileError` for a file that it refuses.
-
-    Raises
-    ------
-    ModelFileError
-        When no file is usable.
+    Parameters are those of `read_contracts`. ``load`` raises `ModelFileError` for a file that it
+    refuses; so does this when no file is usable.
     """
     loaded: list[_Loaded] = []
     refused: list[str] = []

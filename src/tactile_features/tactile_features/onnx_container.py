@@ -32,41 +32,12 @@ MAX_CARD_BYTES = 64 * 2**10
 MAX_NODES = 10_000
 """A graph with more operations is refused; the largest of our own has 739."""
 
-OPERATORS = frozenset(
-    [
-        'Abs',
-        'Add',
-        'ArgMax',
-        'ArgMin',
-        'Cast',
-        'Concat',
-        'Div',
-        'Equal',
-        'Exp',
-        'Gather',
-        'Greater',
-        'Identity',
-        'If',
-        'Less',
-        'MatMul',
-        'Max',
-        'Mul',
-        'Neg',
-        'ReduceMin',
-        'ReduceSum',
-        'ReduceSumSquare',
-        'Reshape',
-        'Slice',
-        'Softmax',
-        'Sqrt',
-        'Squeeze',
-        'Sub',
-        'TopK',
-        'Unsqueeze',
-        'Where',
-        'ai.onnx.ml:TreeEnsembleClassifier',
-    ]
-)
+OPERATORS = frozenset((
+    'Abs', 'Add', 'ArgMax', 'ArgMin', 'Cast', 'Concat', 'Div', 'Equal', 'Exp', 'Gather', 'Greater',
+    'Identity', 'If', 'Less', 'MatMul', 'Max', 'Mul', 'Neg', 'ReduceMin', 'ReduceSum',
+    'ReduceSumSquare', 'Reshape', 'Slice', 'Softmax', 'Sqrt', 'Squeeze', 'Sub', 'TopK', 'Unsqueeze',
+    'Where', 'ai.onnx.ml:TreeEnsembleClassifier',
+))  # fmt: skip
 """Operators of our graphs, with their domain where it is not that of ONNX itself. None repeats
 another graph, reads a file or makes values out of a mere size."""
 
@@ -74,16 +45,7 @@ _MAX_DEPTH = 16  # graphs inside graphs
 
 
 class Container(NamedTuple):
-    """Contents of a model file.
-
-    Attributes
-    ----------
-    manifest : dict
-        Without the digest.
-    card : str
-    model : bytes
-        The ONNX model to run.
-    """
+    """Contents of a model file: manifest without the digest, card, ONNX model to run."""
 
     manifest: dict[str, Any]
     card: str
@@ -100,12 +62,9 @@ def pack_container(model: bytes, manifest: Mapping[str, Any], card: str) -> byte
 def open_container(data: bytes) -> Container:
     """Return the contents of an ONNX file that is whole and whose graph keeps to the rules.
 
-    Raises
-    ------
-    ModelFileError
-        When the bytes are not ONNX, hold no manifest, were changed after they were written,
-        use other operators than `OPERATORS`, functions or weights outside the file, or have a
-        card that is no plain text.
+    Refused with `ModelFileError` is a file that is not ONNX, holds no manifest, was changed after
+    it was written, uses other operators than `OPERATORS`, functions or weights outside the file,
+    or has a card that is no plain text.
     """
     from google.protobuf.message import DecodeError
     import onnx

@@ -84,8 +84,7 @@ def estimate_noise_n(tension_n: FloatArray) -> float:
     """Return the standard deviation of the noise, from differences of neighbours [N].
 
     Their median absolute value knows neither the level nor a drift, and does not see the few
-    samples where something happens. A converter's step, if coarser than the noise, can
-    make it 0.
+    samples where something happens. A converter's step, if coarser than the noise, can make it 0.
     """
     if len(tension_n) < 2:
         return 0.0
@@ -95,14 +94,8 @@ def estimate_noise_n(tension_n: FloatArray) -> float:
 def locate_bend(time_s: FloatArray, tension_n: FloatArray, least: int = 3) -> int:
     """Return the index of the sample where two straight lines meet best.
 
-    Each line is fitted by itself; the sample that is returned belongs to both.
-
-    Parameters
-    ----------
-    time_s, tension_n : ndarray of shape (n,)
-        Samples around one bend, ``n >= 2 * least - 1``.
-    least : int
-        Fewest samples of a line.
+    Each line is fitted by itself, to ``least`` samples or more of the ``n >= 2 * least - 1`` that
+    lie around one bend; the sample that is returned belongs to both.
     """
     errors = [
         _line_error(time_s[: i + 1], tension_n[: i + 1]) + _line_error(time_s[i:], tension_n[i:])
@@ -121,17 +114,9 @@ def _line_error(time_s: FloatArray, tension_n: FloatArray) -> float:
 class Step(NamedTuple):
     """Jump of a line between one sample and the next.
 
-    Attributes
-    ----------
-    height_n : float
-        The jump [N].
-    spread : float
-        Its standard deviation over that of one sample [1].
-    before_n : float
-        What a line of their own leaves of the samples before it, as a standard
-        deviation [N].
-    slope_n_s : float
-        Slope of the line on both sides [N/s].
+    ``spread`` is the standard deviation of the jump over that of one sample [1]; ``before_n`` is
+    that of the samples before it about a line of their own [N];
+    ``slope_n_s``: slope of the line on both sides [N/s].
     """
 
     height_n: float
@@ -143,14 +128,7 @@ class Step(NamedTuple):
 def measure_step(time_s: FloatArray, tension_n: FloatArray, first_after: int) -> Step:
     """Return the jump of a straight line that is as steep before as behind.
 
-    Ordinary least squares.
-
-    Parameters
-    ----------
-    time_s, tension_n : ndarray of shape (n,)
-        Time [s] and tension [N].
-    first_after : int
-        Index of the first sample behind the jump, from 3 to ``n - 1``.
+    Ordinary least squares. The index of the first sample behind the jump is 3 to ``n - 1``.
     """
     time, tension = np.split(time_s, [first_after]), np.split(tension_n, [first_after])
     centres = [(float(t.mean()), float(x.mean())) for t, x in zip(time, tension, strict=True)]
@@ -170,14 +148,7 @@ def locate_step(time_s: FloatArray, tension_n: FloatArray, least: int) -> int:
     """Return the index of the last sample before a jump.
 
     Where a straight line with a jump fits best; from there back over the samples of a jump
-    that took more than one.
-
-    Parameters
-    ----------
-    time_s, tension_n : ndarray of shape (n,)
-        Samples around one jump.
-    least : int
-        Fewest samples before it, at least 3.
+    that took more than one. ``least``: fewest samples before it, at least 3.
     """
     steps = {i: measure_step(time_s, tension_n, i) for i in range(least, len(time_s) - 1)}
     first_after = max(steps, key=lambda i: abs(steps[i].height_n) / steps[i].spread)
@@ -193,19 +164,8 @@ def locate_step(time_s: FloatArray, tension_n: FloatArray, least: int) -> int:
 class ReducedSignal:
     """Samples in, means of groups of them kept; the answer does not depend on the blocks.
 
-    Parameters
-    ----------
-    rate_hz : float
-        Of the stream [Hz].
-
-    Attributes
-    ----------
-    stamp_ns : list of int
-        Times of the means [ns], rising.
-    tension_n : list of float
-        The means [N].
-    group : int
-        Number of the present group, counted from sequence number 0; negative: none yet.
+    ``stamp_ns``, rising, and ``tension_n`` are those of the means. ``group`` is the number of the
+    present group, counted from sequence number 0; negative: none yet.
     """
 
     def __init__(self, rate_hz: float) -> None:
@@ -302,16 +262,6 @@ class SignalPhases:
     Nor does the answer depend on when one joins a stream. Who joins late finds no trial
     before the state is that of those who were there: after `_REST_MEMORY` samples of rest, or
     when a trial has ended. A stream with sequence number 0 is there from its beginning.
-
-    Parameters
-    ----------
-    config : FeatureConfig
-        ``phases`` names the protocol that the finger follows.
-
-    Raises
-    ------
-    FeatureError
-        When ``phases`` is ``stated``.
     """
 
     def __init__(self, config: FeatureConfig) -> None:

@@ -33,12 +33,6 @@ class SlipStage(Stage):
     """Samples in, slips out: ``~/slip``.
 
     It listens from its beginning, so that it knows the noise when the node is activated.
-
-    Parameters
-    ----------
-    node : SlipDetectorNode
-        Hosts the topics.
-    config : SlipConfig
     """
 
     def __init__(self, node: SlipDetectorNode, config: SlipConfig) -> None:

@@ -285,13 +285,7 @@ def spec_for(task: str, config: FeatureConfig) -> FeatureSpec:
 
 
 def set_for(task: str, config: FeatureConfig) -> FeatureSet:
-    """Return the feature set for a task, ``texture`` or ``stiffness``.
-
-    Raises
-    ------
-    FeatureError
-        When the task is neither.
-    """
+    """Return the feature set for a task, ``texture`` or ``stiffness``; see `spec_for`."""
     if task not in PHASE_OF_TASK:
         raise FeatureError(
             f'there are no features for the task "{task}"; it is {" or ".join(PHASE_OF_TASK)}'
@@ -304,21 +298,8 @@ def array_spec(
 ) -> FeatureSpec:
     """Return the specification for ready-cut windows: without parameters of the cut.
 
-    Parameters
-    ----------
-    task : str
-        ``texture`` or ``stiffness``.
-    sample_count : int
-        Samples in each window.
-    rate_hz : float
-        Sample rate [Hz].
-    config : FeatureConfig, optional
-        Names the set and its options; the defaults where not given.
-
-    Raises
-    ------
-    FeatureError
-        When the task is unknown or the rate is not positive.
+    ``config`` names the set and its options; the defaults where not given. An unknown task, or a
+    rate [Hz] that is not positive, is a `FeatureError`.
     """
     if not (math.isfinite(rate_hz) and rate_hz > 0.0):
         raise FeatureError(f'the rate is {rate_hz} Hz; it must be positive')

@@ -45,24 +45,8 @@ class FeaturesStage(Stage):
     """Samples and events in, windows of features out.
 
     It listens from its beginning, so that a trial under way when the node is activated is whole.
-
-    Parameters
-    ----------
-    node : TactileFeaturesNode
-        Hosts the topics.
-    config : FeaturesNodeConfig
-    emit, emit_event : callable
-        Given each window, and each phase found in the tension, while the node is active.
-
-    Attributes
-    ----------
-    extractor : TrialFeatureExtractor
-        The core, with its counters.
-
-    Raises
-    ------
-    FeatureError
-        When a parameter does not fit, or none of the model files is usable.
+    ``emit`` and ``emit_event`` are given each window, and each phase found in the tension, while
+    the node is active. Parameters that do not fit, or no usable model file, are a `FeatureError`.
     """
 
     def __init__(
@@ -224,10 +208,7 @@ class TactileFeaturesNode(StageNode):
     @property
     def add_block(self) -> Callable[[StrainRecord], None]:
         """The input for blocks of the sensor of this process."""
-        return self.input(
-            STRAIN_TOPIC,
-            lambda stage, block: stage.add_block(check_record(block)),
-        )
+        return self.input(STRAIN_TOPIC, lambda stage, block: stage.add_block(check_record(block)))
 
 
 def main() -> int:

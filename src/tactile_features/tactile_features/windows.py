@@ -58,16 +58,8 @@ class SampleBuffer:
       interpolation between its neighbours; a longer one is a hole, and so is a
       restart or a reconnection, where nobody knows how much was lost, and a step of
       the host's clock.
-    - The memory is bounded in time and in samples.
-
-    Parameters
-    ----------
-    buffer_ns : int
-        How long samples are kept, by their stamps [ns].
-    capacity : int
-        How many samples are kept at most.
-    max_gap_samples : int
-        Longest run of lost samples that is interpolated.
+    - The memory is bounded: samples are kept for ``buffer_ns`` by their stamps, ``capacity`` of
+      them at most.
 
     Attributes
     ----------

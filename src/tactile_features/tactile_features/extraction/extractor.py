@@ -54,14 +54,7 @@ LONGEST_STEP_S = 0.5
 class _Lane:
     """One specification that is computed: where its samples are, and what still fills.
 
-    Parameters
-    ----------
-    config : FeatureConfig
-        Yields the specification.
-    phase : str
-        The phase that holds its windows.
-    buffer : SampleBuffer
-        Samples under the gap policy of the specification.
+    ``buffer`` has the samples under the gap policy of the specification.
     """
 
     def __init__(self, config: FeatureConfig, phase: str, buffer: SampleBuffer) -> None:
@@ -559,12 +552,6 @@ class SampleTimeout:
     block has come for as long. Where data still come, their stamps decide in the extractor.
     Time in which nobody asked counts as `LONGEST_STEP_S` at most: in a process that was
     stopped, samples may have come that it has not looked at.
-
-    Parameters
-    ----------
-    extractor : TrialFeatureExtractor
-    monotonic_s : callable, optional
-        The time [s].
     """
 
     def __init__(

@@ -83,13 +83,7 @@ class PhaseWindow:
     what happens there only while e is small against it: `CROP_MARGIN` crops count as
     T where they are shorter. A crop of 0 sets no limit.
 
-    Parameters
-    ----------
-    start, end : TrialEvent
-        The phase's event and the trial's next one.
-    config : FeatureConfig
-    before : TrialEvent, optional
-        The trial's event before the phase's.
+    ``start`` is the phase's event, ``end`` the trial's next one, ``before`` the one before.
     """
 
     def __init__(
@@ -215,29 +209,22 @@ class PhaseWindow:
 
     def _assess(self, cut: _Cut) -> FeatureWindow:
         samples = cut.samples
-        reason = self._format_step(cut)
-        if reason:
+        if reason := self._format_step(cut):
             return self.refuse(Outcome.BAD_TIME, reason, samples)
-        reason = self._format_gap(cut)
-        if reason:
+        if reason := self._format_gap(cut):
             return self.refuse(Outcome.GAP, reason, samples)
         if len(samples) < self._wanted:
             reason = f'the {self.start.phase} gave {len(samples)} of {self._wanted} samples'
             return self.refuse(Outcome.TOO_SHORT, reason, samples)
-        reason = self._format_stamp_error(samples)
-        if reason:
+        if reason := self._format_stamp_error(samples):
             return self.refuse(Outcome.BAD_TIME, reason, samples)
-        reason = self._format_fault(samples)
-        if reason:
+        if reason := self._format_fault(samples):
             return self.refuse(Outcome.BAD_SIGNAL, reason, samples)
+        tension_n = np.ascontiguousarray(samples['tension_n'])
+        rate_hz, speed_m_s = self._config.rate_hz, self._speed_m_s
         try:
             values = self._compute(
-                WindowSamples(
-                    samples['stamp_ns'],
-                    np.ascontiguousarray(samples['tension_n']),
-                    self._config.rate_hz,
-                    self._speed_m_s,
-                )
+                WindowSamples(samples['stamp_ns'], tension_n, rate_hz, speed_m_s)
             )
         except FeatureError as error:
             return self.refuse(Outcome.UNDEFINED, str(error), samples)
@@ -371,14 +358,6 @@ class PartialWindow(PhaseWindow):
     It supposes that the glide lasts, because nobody knows its end yet: so it is the same
     whether the event of the end comes before or after the samples. Whether the glide
     lasted, the window of the finished phase says.
-
-    Parameters
-    ----------
-    start : TrialEvent
-        The start of the glide.
-    count : int
-        Samples in this part of the window.
-    config : FeatureConfig
     """
 
     def __init__(self, start: TrialEvent, count: int, config: FeatureConfig) -> None:

@@ -48,13 +48,7 @@ CHOOSER: Mapping[str, str] = MappingProxyType(
 
 @lru_cache(maxsize=64)
 def find_feature_set(name: str) -> type[FeatureSet] | None:
-    """Return the set of that name, or None when no installed package has one.
-
-    Raises
-    ------
-    FeatureError
-        When a package names one that cannot be used.
-    """
+    """Return the set of that name, or None when no installed package has one."""
     for feature_set in BUILT_IN:
         if feature_set.name == name:
             return feature_set
@@ -92,13 +86,7 @@ def list_feature_sets(phase: str) -> tuple[str, ...]:
 
 
 def check_choice(parameter: str, name: str, phase: str) -> type[FeatureSet]:
-    """Return the set that a parameter names.
-
-    Raises
-    ------
-    FeatureError
-        When no installed package has a set of that name for that phase.
-    """
+    """Return the set that a parameter names, if it is one for that phase."""
     found = find_feature_set(name)
     if found is None or found.phase != phase:
         raise FeatureError(

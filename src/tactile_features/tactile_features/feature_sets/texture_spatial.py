@@ -210,17 +210,8 @@ def smooth_over_distance(
 ) -> NDArray[np.float64]:
     """Return the tension over the surface, smoothed over the finest scale (Gaussian).
 
-    Parameters are those of `compute_spatial`.
-
-    Returns
-    -------
-    ndarray of shape (..., k)
-        Tension at the places ``grid_m`` of the window [N].
-
-    Raises
-    ------
-    FeatureError
-        As `compute_spatial`.
+    Parameters and errors are those of `compute_spatial`; returned is the tension at the places
+    ``grid_m`` of the window, of shape (..., k) [N].
     """
     return _compute_each(_smooth_one, tension_n, speed_m_s, rate_hz, window)
 

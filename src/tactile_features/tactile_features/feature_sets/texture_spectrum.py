@@ -45,12 +45,8 @@ class TextureSpectrum(FeatureSet):
         return compute_spectrum(samples.tension_n, config.spectrum_detrend, config.spectrum_window)
 
     def compute_part(self, samples: WindowSamples, sample_count: int) -> FloatArray:
-        return compute_partial_spectrum(
-            samples.tension_n,
-            sample_count,
-            self.config.spectrum_detrend,
-            self.config.spectrum_window,
-        )
+        options = self.config.spectrum_detrend, self.config.spectrum_window
+        return compute_partial_spectrum(samples.tension_n, sample_count, *options)
 
 
 def spectrum_names(sample_count: int, rate_hz: float) -> tuple[str, ...]:
@@ -114,25 +110,8 @@ def compute_partial_spectrum(
     of amplitude A whose periods fill the ``n`` samples gives A at its own frequency, and
     leaks to frequencies in between, the more the shorter the part is.
 
-    Parameters
-    ----------
-    tension_n : array_like of shape (..., n)
-        Tension [N], ``2 <= n <= sample_count``.
-    sample_count : int
-        Samples in the full window.
-    detrend, window : str
-        As for `compute_spectrum`.
-
-    Returns
-    -------
-    ndarray of shape (..., sample_count // 2 + 1)
-        Amplitudes [N].
-
-    Raises
-    ------
-    FeatureError
-        When the number of samples does not fit, a value is not finite, or an amplitude is too
-        large to be represented.
+    ``tension_n`` has shape (..., n) with ``2 <= n <= sample_count`` [N], the amplitudes
+    (..., sample_count // 2 + 1) [N]. The rest is as in `compute_spectrum`.
     """
     tension = np.asarray(tension_n, dtype=np.float64)
     n = tension.shape[-1] if tension.ndim else 0

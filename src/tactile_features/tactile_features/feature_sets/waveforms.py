@@ -90,23 +90,8 @@ def average_parts(tension_n: ArrayLike, parts: int) -> FloatArray:
     """Return the means of equal parts of windows.
 
     A sample on the border of two parts counts in both, by its share. Windows with no more samples
-    than parts come back as they are.
-
-    Parameters
-    ----------
-    tension_n : array_like of shape (..., n)
-        Tension [N].
-    parts : int
-
-    Returns
-    -------
-    ndarray of shape (..., min(n, parts))
-        Means [N].
-
-    Raises
-    ------
-    FeatureError
-        When a value is not finite.
+    than parts come back as they are. Windows have shape (..., n), means (..., min(n, parts)) [N];
+    a value that is not finite is a `FeatureError`.
     """
     tension = _check_finite(tension_n)
     n = tension.shape[-1]
