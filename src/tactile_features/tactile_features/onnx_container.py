@@ -35,8 +35,8 @@ MAX_NODES = 10_000
 OPERATORS = frozenset((
     'Abs', 'Add', 'ArgMax', 'ArgMin', 'Cast', 'Concat', 'Div', 'Equal', 'Exp', 'Gather', 'Greater',
     'Identity', 'If', 'Less', 'MatMul', 'Max', 'Mul', 'Neg', 'ReduceMin', 'ReduceSum',
-    'ReduceSumSquare', 'Reshape', 'Slice', 'Softmax', 'Sqrt', 'Squeeze', 'Sub', 'TopK', 'Unsqueeze',
-    'Where', 'ai.onnx.ml:TreeEnsembleClassifier',
+    'ReduceSumSquare', 'Reshape', 'Slice', 'Softmax', 'Sqrt', 'Squeeze', 'Sub', 'TopK',
+    'Unsqueeze', 'Where', 'ai.onnx.ml:TreeEnsembleClassifier',
 ))  # fmt: skip
 """Operators of our graphs, with their domain where it is not that of ONNX itself. None repeats
 another graph, reads a file or makes values out of a mere size."""

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from tactile_features import (
-    compute_spectrum,
     FeatureConfig,
     FeatureError,
     features_from_trials,
@@ -15,7 +14,6 @@ from tactile_features import (
     TrialEvent,
     TrialFeatureExtractor,
 )
-from tactile_features.feature_sets.texture_spectrum import compute_partial_spectrum
 from tactile_ros.strain import StrainBlock
 
 S = 1_000_000_000
@@ -80,24 +78,6 @@ def test_what_never_filled_is_no_longer_waited_for():
     extractor.add_event(event(300.0, 'glide', 'b'))
     far = StrainBlock(299 * S, 0, PERIOD_NS, TENSION_N)
     assert [w.trial_id for w in extractor.add_block(far)] == ['b', 'b']
-
-
-@pytest.mark.parametrize(('count', 'whole'), [(60, 180), (90, 180), (45, 91)])
-def test_a_sine_of_whole_periods_keeps_its_amplitude_and_its_frequency(count, whole):
-    # Three periods in the part: an odd number of them need not be a bin of the whole.
-    cycles = 3 * whole / count
-    wave = 0.7 * np.sin(2 * np.pi * 3 * np.arange(count) / count + 0.4)
-    values = compute_partial_spectrum(5.0 + wave, whole)
-    if cycles.is_integer():
-        assert values[int(cycles)] == pytest.approx(0.7, rel=1e-12)
-    assert abs(int(values.argmax()) - cycles) <= 1.0
-
-
-def test_the_whole_window_is_its_own_last_part():
-    whole = TENSION_N[:180]
-    np.testing.assert_allclose(
-        compute_partial_spectrum(whole, 180), compute_spectrum(whole), rtol=1e-12, atol=1e-15
-    )
 
 
 @pytest.mark.parametrize('counts', [(29,), (100,), (60, 60), (60, 40)])

@@ -129,25 +129,27 @@ def test_a_clock_set_back_begins_anew():
     assert len(detect(block(slipping()), block(slipping()[:1000]))) == 2
 
 
-@given(cuts=st.lists(st.integers(1, 1199), max_size=30, unique=True))
-@settings(max_examples=10, deadline=None)
-def test_grouping_does_not_matter(cuts):
-    tension_n = slipping()
-    edges = [0, *sorted(cuts), len(tension_n)]
-    pieces = [block(tension_n[a:b], a) for a, b in pairwise(edges)]
-    assert detect(*pieces) == detect(block(tension_n))
+FAST = {'at': 4500, 'fall_n': 0.02, 'seconds': 6.0, 'rate_hz': 1000.0}
 
 
-@given(cuts=st.lists(st.integers(1, 5999), max_size=30, unique=True))
-@settings(max_examples=10, deadline=None)
-def test_grouping_does_not_matter_to_a_fast_sensor(cuts):
-    tension_n = slipping(at=4500, fall_n=0.02, seconds=6.0, rate_hz=1000.0)
-    edges = [0, *sorted(cuts), len(tension_n)]
-    pieces = [block(tension_n[a:b], a, period_ns=1_000_000) for a, b in pairwise(edges)]
-    whole = detect(block(tension_n, period_ns=1_000_000))
+@pytest.mark.parametrize(
+    ('tension_n', 'period_ns', 'at'),
+    [(slipping(), PERIOD_NS, 900), (slipping(**FAST), 1_000_000, 4500)],
+    ids=['60 Hz', '1 kHz'],
+)
+@given(data=st.data())
+@settings(max_examples=6, deadline=None)
+def test_grouping_does_not_matter(tension_n, period_ns, at, data):
+    count = len(tension_n)
+    cuts = data.draw(st.lists(st.integers(1, count - 1), max_size=30, unique=True))
+    pieces = [
+        block(tension_n[a:b], a, period_ns=period_ns)
+        for a, b in pairwise([0, *sorted(cuts), count])
+    ]
+    whole = detect(block(tension_n, period_ns=period_ns))
     assert detect(*pieces) == whole
     (slip,) = whole
-    assert slip.onset_ns == pytest.approx((START + 4500) * 1_000_000, abs=9_000_000)
+    assert slip.onset_ns / period_ns - START == pytest.approx(at, abs=9)
 
 
 @pytest.mark.parametrize('rate_hz', [20.0, 60.0, 59.94, 333.0, 1000.0, 7000.0])
@@ -161,10 +163,9 @@ def test_the_rate_is_that_of_the_blocks(rate_hz):
 def test_another_rate_begins_anew():
     detector = SlipDetector(CONFIG)
     assert len(detector.add(block(slipping()))) == 1
-    fast = {'at': 4500, 'fall_n': 0.02, 'seconds': 6.0, 'rate_hz': 1000.0}
     # Behind the first stream in time and number, so that only the rate begins it anew.
     begin = 20_000
-    second = block(slipping(**fast), begin * 1000, period_ns=1_000_000)
+    second = block(slipping(**FAST), begin * 1000, period_ns=1_000_000)
     alone = SlipDetector(CONFIG).add(second)
     assert detector.add(second) == alone
     assert len(alone) == 1

@@ -14,7 +14,6 @@ from tactile_features.extraction.extractor import features_from_trials
 from tactile_features.feature_sets.registry import find_feature_set
 from tactile_features.feature_sets.texture_spatial import smooth_over_distance, SpatialWindow
 from tactile_features.feature_sets.waveforms import average_parts
-from tactile_features.spec import spec_for
 
 WAVEFORMS = ('glide_waveform', 'spatial_waveform', 'hold_waveform')
 
@@ -80,15 +79,6 @@ def test_a_straight_line_over_the_surface_stays_one_inside_the_window():
     inside = slice(20, -20)  # four finest scales from either end
     expected = 1e6 + 3.0 * window.grid_m
     np.testing.assert_allclose(found[inside], expected[inside], rtol=0, atol=1e-6)
-
-
-@pytest.mark.parametrize('name', WAVEFORMS)
-def test_the_specification_leads_back_to_the_parameters_of_the_node(name):
-    task = 'stiffness' if name == 'hold_waveform' else 'texture'
-    chooser = 'stiffness_features' if task == 'stiffness' else 'texture_features'
-    config = FeatureConfig(**{chooser: name}, stiffness_samples=120)
-    spec = spec_for(task, config)
-    assert spec_for(task, FeatureConfig(**spec.config_values())).digest == spec.digest
 
 
 def test_a_window_that_is_not_finite_is_refused():
