@@ -3,9 +3,13 @@
 
 """Small tables of features with known answers, and models trained on them."""
 
+import os
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.model_file.graphs import Graph
 from tactile_classifier.model_file.onnx_session import open_session
@@ -140,3 +144,18 @@ def make_window(small_table):
         return FeatureWindow(**{**fields, **changes})
 
     return make
+
+
+@pytest.fixture(scope='session')
+def load_recording():
+    """Return a function that loads a public recording; they are not part of the project."""
+    shared = Path(__file__).resolve().parents[4] / 'shared' / 'data'
+    folder = Path(os.environ.get('TACTILE_DATA', shared))
+
+    def load(name):
+        path = folder / name
+        if not path.exists():
+            pytest.skip(f'{name} is not in {folder}; set TACTILE_DATA to the folder that has it')
+        return load_archive(path)
+
+    return load

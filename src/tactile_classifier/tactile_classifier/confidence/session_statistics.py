@@ -40,10 +40,9 @@ class SessionStatistics:
         Part of the mean deviation of `TRIALS` known trials from their labels' means that is taken
         for the session's: its variance over that plus the variance of the mean (empirical
         Bayes, one factor a feature) [1].
-    weight : float
-        Of the known trials' mean log novelty in the threshold, by least squares [1].
-    centre : float
-        Mean of that in training sessions.
+    weight, centre : float
+        Weight of the known trials' mean log novelty in the threshold, by least squares [1], and
+        the mean of that in training sessions.
     log_threshold : float
         Logarithm of the threshold where the known trials lie at ``centre``.
     """

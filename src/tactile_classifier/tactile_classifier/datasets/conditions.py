@@ -29,10 +29,6 @@ class Cells:
     columns: tuple[str, ...]
     cell: npt.NDArray[np.intp]
 
-    @property
-    def count(self) -> int:
-        return int(self.cell.max()) + 1
-
     def average(
         self, values: npt.NDArray[np.float64]
     ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.intp]]:
@@ -46,8 +42,8 @@ class Cells:
         same = ' and '.join(map(plain_name, self.columns))
         return (
             f'random folds test repeats of what they train on: the {len(self.cell)} trials are '
-            f'{self.count} groups of the same label and {same}. A new {same} may do worse. '
-            'Intervals are over these groups'
+            f'{self.cell.max() + 1} groups of the same label and {same}. '
+            f'A new {same} may do worse. Intervals are over these groups'
         )
 
 

@@ -113,10 +113,7 @@ class FeatureTable:
     def column(self, name: str) -> npt.NDArray[Any]:
         """Return a column; ``session`` and ``mounting`` name those with ``_id``, too.
 
-        Raises
-        ------
-        DatasetError
-            When there is none of that name.
+        Raises DatasetError when there is none.
         """
         name = find_column(self.columns, name)
         if name not in self.columns:

@@ -30,14 +30,9 @@ _INNER_FOLDS = 3
 class Split:
     """The trials divided once or several times.
 
-    Attributes
-    ----------
-    name : str
-        In words, as it stands beside every result.
-    repeats : tuple of tuple of (ndarray, ndarray)
-        The folds of each repetition. Within one repetition each trial is tested once.
-    groups : ndarray of int, shape (trials,), or None
-        The group of each trial where whole groups are held out.
+    ``name`` stands beside every result. ``repeats`` are the folds of each repetition, within which
+    each trial is tested once. ``groups`` is the group of each trial, shape (trials,), where whole
+    groups are held out.
     """
 
     name: str

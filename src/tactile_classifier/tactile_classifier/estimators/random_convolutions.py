@@ -55,17 +55,9 @@ Indices = npt.NDArray[np.intp]
 class RandomConvolutions:
     """Kernels with dilations and biases, fitted to signals of one length.
 
-    The features are in the order of aeon: by dilation, then kernel, then bias.
-
-    Attributes
-    ----------
-    samples, channels : int
-        Shape of a signal.
-    dilations : ndarray of int, shape (dilations,)
-    biases : tuple of ndarray of float32, each of shape (84, biases)
-        The biases of each dilation [unit of the signal].
-    sources : tuple of ndarray of int, each of shape (84, 9)
-        The channels that each kernel adds up, at each dilation; -1 from where there are no more.
+    The features are in the order of aeon: by dilation, then kernel, then bias. Each dilation has
+    ``biases`` of shape (84, biases) [unit of the signal], and ``sources`` of shape (84, 9): the
+    channels that each kernel adds up; -1 from where there are no more.
     """
 
     samples: int
@@ -200,16 +192,11 @@ FEATURES = 4998
 class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
     """Two sets of random convolutions, and a linear classifier of their features.
 
-    Beyond the ends of a waveform a kernel meets zeros, and so the level of the waveform counts.
-    Zero is no tension for one half of the kernels, and the mean of the training trials for the
-    other half: that one keeps its digits under any offset, and tells levels apart that differ
-    little against their mean.
-
-    Parameters
-    ----------
-    channels : int
-        The features of a trial are so many waveforms of equal length, one after another.
-    random_state : int
+    The features of a trial are waveforms of equal length, one a channel, one after another. Beyond
+    the ends of a waveform a kernel meets zeros, and so the level of the waveform counts. Zero is
+    no tension for one half of the kernels, and the mean of the training trials for the other half:
+    that one keeps its digits under any offset, and tells levels apart that differ little against
+    their mean.
 
     Attributes
     ----------

@@ -31,22 +31,12 @@ Flags = npt.NDArray[np.bool_]
 class RuleEvaluation(Result):
     """Results of a stopping rule on trials that were held out.
 
-    Attributes
-    ----------
-    error_rate : float
-        Asked for: share of wrong answers among the early ones [1].
-    early_share : float
-        Share of trials that were decided before their window was full [1].
-    early_error : float
-        Share of wrong answers among these; 0 when there are none [1].
-    worst_part_error : float
-        The same in the worst of the folds [1].
-    accuracy : float
-        Share of right answers, early or at the end [1].
-    mean_s, full_s : float
-        Mean time of signal behind an answer, and that of the full window [s].
-    parts_without_rule : int
-        Folds for which the other trials proved no threshold.
+    ``error_rate`` is the share of wrong answers that was asked for; ``early_error`` is that among
+    the trials which were decided before their window was full, 0 when there are none, and
+    ``worst_part_error`` that of the worst fold. ``early_share`` counts these trials, and
+    ``accuracy`` the right answers, early or at the end [all 1]. ``mean_s`` is the mean time of
+    signal behind an answer, ``full_s`` that of the full window [s]. For ``parts_without_rule``
+    folds the other trials proved no threshold.
     """
 
     error_rate: float
@@ -63,13 +53,8 @@ class RuleEvaluation(Result):
 class StoppingEvaluation(Result):
     """Early predictions on trials that were held out, under one split.
 
-    Attributes
-    ----------
-    seconds : tuple of float
-        Signal seen; the last is the full window [s].
-    accuracies : tuple of float
-        Share of right answers after each [1].
-    rules : tuple of RuleEvaluation
+    ``accuracies`` are the shares of right answers [1] after so many ``seconds`` of signal; the
+    last of these is the full window [s].
     """
 
     classifier: str

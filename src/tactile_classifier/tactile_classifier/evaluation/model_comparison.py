@@ -57,24 +57,11 @@ class Confusion(Result):
 class Comparison(Result):
     """Two models, A and B, on the same trials.
 
-    Attributes
-    ----------
-    groups : int
-        Such as sessions; 0 where none are told apart.
-    parts_are : str
-        What the groups are.
-    difference : float
-        Accuracy of B less that of A [1].
-    interval : Interval
-        Of the difference.
-    only_a, only_b : int
-        Trials that only one of the two names correctly.
-    p_value : float
-        McNemar's test on these, as if trials were independent [1].
-    agreement : float
-        Share of trials with the same answer [1]; with several groups the mean over the groups.
-    confusions : tuple of Confusion
-        Wrong answers whose counts differ, the largest difference first.
+    ``difference`` is the accuracy of B less that of A [1], with its ``interval``. ``only_a`` and
+    ``only_b`` count the trials that only one of the two names correctly; ``p_value`` is McNemar's
+    test on these, as if trials were independent [1]. ``agreement`` is the share of trials with the
+    same answer [1], with several groups the mean over these; 0 groups: none are told apart.
+    ``confusions`` are the wrong answers whose counts differ, the largest difference first.
     """
 
     trials: int

@@ -55,19 +55,15 @@ class OpenSetEvaluation(Result):
     ----------
     split, calibration_split : str
         How trials were held out for testing, and among the others for calibration.
-    trials : int
-    false_alarm_rate : float
-        Asked for [1].
-    realised_false_alarm_rate : float
-        Share of held-out trials of known labels that were rejected, all labels
-        being known [1].
+    false_alarm_rate, realised_false_alarm_rate : float
+        Share of held-out trials of known labels that were rejected, all labels being known: as
+        asked for, and as it was [1].
     group_false_alarm_rates : tuple of float
         The same for each fold [1].
     accuracy : float
         Share of right answers among those not rejected [1].
     auroc, miss_rate : float
         Means over ``unknown`` [1].
-    unknown : tuple of UnknownLabel
     calibration_error_before, calibration_error_after : float
         Expected calibration error on held-out trials; after: of what a model file trained on
         the other folds would state [1].

@@ -29,8 +29,7 @@ class RankSum:
     labels : tuple of str
         The classes, sorted: the order of rows and columns of ``p``.
     p : ndarray of shape (k, classes, classes)
-        Two-sided p-value per feature and pair, symmetric; 1 on the diagonal, which is a
-        class beside itself and no test.
+        Two-sided p-value per feature and pair, symmetric; 1 on the diagonal, which is no test.
     mean_p : ndarray of shape (k,)
         Mean over the pairs of two different classes: the paper's significance measure of
         a feature. Low where the feature tells most pairs apart.

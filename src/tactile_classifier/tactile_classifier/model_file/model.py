@@ -55,14 +55,10 @@ _REMEDY = 'name its file in the parameter models of the feature node, or train i
 class Answers(NamedTuple):
     """Answers of a model on many windows of one length.
 
-    Attributes
-    ----------
-    answer : ndarray of int, shape (windows,)
-        Position among the labels of the first largest score before calibration.
-    scores : ndarray of shape (windows, labels)
-        Larger is likelier; the manifest's ``score_kind`` names them.
-    novelty : ndarray of shape (windows,)
-        Empty when the model has no novelty.
+    ``answer``, shape (windows,), is the position among the labels of the first largest score
+    before calibration. Of ``scores``, shape (windows, labels), the larger is likelier; the
+    manifest's ``score_kind`` names them. ``novelty``, shape (windows,), is empty when the model
+    has none.
     """
 
     answer: npt.NDArray[np.int64]

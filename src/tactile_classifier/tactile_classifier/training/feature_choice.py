@@ -64,18 +64,10 @@ class CandidateScore:
 class FeatureChoice(Result):
     """The choice, and the candidates that it was made from.
 
-    Attributes
-    ----------
-    split : str
-        How the trials were divided, in words.
-    ranking : tuple of CandidateScore
-        All candidates, the best first; of equals the one that was named first.
-    nested_accuracy, interval : float, Interval
-        When each fold's training trials choose, and its tests only judge [1].
-    chance : float
-        Accuracy of always naming the commonest label [1].
-    picks : tuple of (Candidate, int)
-        What the folds chose, and how many of them.
+    The ``ranking`` has all candidates, the best first; of equals the one that was named first.
+    ``nested_accuracy``, with its ``interval``, is that when each fold's training trials choose,
+    and its tests only judge [1]; ``picks`` are what the folds chose, and how many of them.
+    ``chance`` is the accuracy of always naming the commonest label [1].
     """
 
     split: str

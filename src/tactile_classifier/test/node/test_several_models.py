@@ -4,22 +4,16 @@
 """Models with different features share a feature node and a classifier node."""
 
 import dataclasses
-from functools import partial
 import shutil
 
-from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
+from finger_nodes import make_header, PERIOD_NS
 import numpy as np
 import pytest
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
-from rclpy.parameter import Parameter
-from std_msgs.msg import Header
 
-from tactile_classifier.conversions import classification_from_msg, model_infos_from_msg
+from tactile_classifier.conversions import model_infos_from_msg
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.model_file.model import load_model
-from tactile_classifier.tactile_classifier_node import TactileClassifierNode
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features import (
@@ -29,13 +23,9 @@ from tactile_features import (
     TrialFeatureExtractor,
 )
 from tactile_features.conversions import event_from_msg, strain_block_from_msg
-from tactile_features.tactile_features_node import TactileFeaturesNode
-from tactile_msgs.msg import Classification, ModelInfos, StrainBlock, TrialEvent
-from tactile_ros.qos import EVENTS, LATEST, RESULTS, STREAM
-from tactile_testing.waiting import wait_until
+from tactile_msgs.msg import ModelInfos, StrainBlock, TrialEvent
+from tactile_ros.qos import LATEST
 
-PERIOD_NS = 16_666_667
-START_NS = 1_760_000_000_000_000_000
 TENSION_N = np.random.default_rng(0).normal(3.0, 0.1, 900)
 SPECS = {
     'full': spec_for('texture', FeatureConfig()),
@@ -73,16 +63,11 @@ def folder(tmp_path_factory):
     return folder
 
 
-def header(time_s):
-    stamp_ns = START_NS + round(time_s * 1e9)
-    return Header(stamp=Time(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9))
-
-
 def blocks():
     """The stream in blocks of one sample, of which one is lost in the first glide."""
     return [
         StrainBlock(
-            header=header(n * PERIOD_NS / 1e9),
+            header=make_header(n * PERIOD_NS / 1e9),
             sequence=n,
             period_ns=PERIOD_NS,
             tension_n=TENSION_N[n : n + 1].tolist(),
@@ -95,7 +80,7 @@ def blocks():
 def events():
     return [
         TrialEvent(
-            header=header(time_s),
+            header=make_header(time_s),
             trial_id=trial_id,
             protocol='texture',
             contact='flexion',
@@ -123,76 +108,9 @@ def answer_alone(path):
     return [model.classify_window(w) for w in windows if w.specification_digest == digest]
 
 
-class Finger:
-    """Both nodes with the same models, and a peer that plays sensor and trial runner."""
-
-    def __init__(self, context, folder):
-        overrides = [Parameter('models', value=str(folder))]
-        self.features = TactileFeaturesNode(context=context, parameter_overrides=overrides)
-        self.classifier = TactileClassifierNode(context=context, parameter_overrides=overrides)
-        self.peer = Node('peer', context=context)
-        self.answers, self.partial, self.health, self.infos = [], [], [], []
-        for topic, heard in (
-            ('tactile_classifier/classification', self.answers),
-            ('tactile_classifier/partial_classification', self.partial),
-        ):
-            self.peer.create_subscription(Classification, topic, heard.append, RESULTS)
-        self.peer.create_subscription(DiagnosticArray, '/diagnostics', self._hear_health, 10)
-        self.strain = self.peer.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
-        self.events = self.peer.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
-        self.executor = SingleThreadedExecutor(context=context)
-        for node in (self.features, self.classifier, self.peer):
-            self.executor.add_node(node)
-
-    def _hear_health(self, message):
-        self.health += [s for s in message.status if s.name == 'tactile_classifier']
-
-    def spin_until(self, condition):
-        wait_until(condition, step=partial(self.executor.spin_once, timeout_sec=0.05))
-
-    def bring_up(self):
-        assert self.features.bring_up()
-        assert self.classifier.bring_up()
-        answering = self.classifier.answering
-        self.spin_until(
-            lambda: self.strain.get_subscription_count()
-            and self.events.get_subscription_count()
-            and self.classifier.count_publishers('tactile_features/partial_features')
-            and self.peer.count_publishers('tactile_classifier/classification')
-            and self.peer.count_publishers('tactile_classifier/partial_classification')
-            and answering.is_told
-        )
-
-    def hear_models(self):
-        self.peer.create_subscription(
-            ModelInfos, 'tactile_classifier/models', self.infos.append, LATEST
-        )
-        self.spin_until(lambda: self.infos)
-        return model_infos_from_msg(self.infos[-1])
-
-    def close(self):
-        self.executor.shutdown()
-        for node in (self.classifier, self.features):
-            node.take_down()
-        self.peer.destroy_node()
-
-
-@pytest.fixture
-def make_finger(context):
-    fingers = []
-
-    def make(folder):
-        fingers.append(Finger(context, folder))
-        fingers[-1].bring_up()
-        return fingers[-1]
-
-    yield make
-    for finger in fingers:
-        finger.close()
-
-
 def test_each_answers_with_the_bits_that_it_gives_alone(make_finger, folder):
-    finger = make_finger(folder)
+    finger = make_finger({'models': str(folder)}, models=str(folder))
+    finger.bring_up()
     assert [spec.digest for spec in finger.features.extractor.specifications] == [
         SPECS[name].digest for name in ('full', 'hold', 'over_distance', 'short')
     ]
@@ -205,14 +123,14 @@ def test_each_answers_with_the_bits_that_it_gives_alone(make_finger, folder):
     part = [answer for answer in alone['full'] if answer.partial]
     assert len(full) == 7
     assert len(part) == 2
-    finger.spin_until(lambda: len(finger.answers) == 7 and len(finger.partial) == 2)
-    answers = [classification_from_msg(message) for message in finger.answers]
+    finger.spin_until(lambda: len(finger.heard) == 7 and len(finger.heard_partial) == 2)
+    answers = finger.answers
     for name in SPECS:
         model_id = alone[name][0].model_id
         assert [a for a in answers if a.model_id == model_id] == [
             a for a in alone[name] if not a.partial
         ]
-    assert [classification_from_msg(message) for message in finger.partial] == part
+    assert finger.partial_answers == part
     # The lost sample is refused by the one and filled by the other.
     (lost,) = [a for a in alone['full'] if a.trial_id == 't1' and not a.partial]
     assert 'max_gap_samples allows 0' in lost.reason
@@ -222,15 +140,18 @@ def test_each_answers_with_the_bits_that_it_gives_alone(make_finger, folder):
 def test_its_models_are_announced_and_a_broken_file_is_named(make_finger, folder, tmp_path, capfd):
     shutil.copy(folder / 'full.onnx', tmp_path / 'any name.onnx')
     (tmp_path / 'broken.onnx').write_bytes(b'hello')
-    finger = make_finger(tmp_path)
-    found = finger.hear_models()
-    assert found.models == finger.classifier.answering.models.infos
+    finger = make_finger({'models': str(tmp_path)}, models=str(tmp_path))
+    finger.bring_up()
+    infos = []
+    finger.peer.create_subscription(ModelInfos, 'tactile_classifier/models', infos.append, LATEST)
+    finger.spin_until(lambda: infos and finger.diagnostics)
+    found = model_infos_from_msg(infos[-1])
+    assert found.models == finger.answering.models.infos
     assert found.models[0].path == str(tmp_path / 'any name.onnx')
     (refused,) = found.refused
     assert f'model {tmp_path / "broken.onnx"} is refused' in refused
     assert refused in capfd.readouterr().err
-    finger.spin_until(lambda: finger.health)
-    status = finger.health[-1]
+    status = finger.diagnostics[-1]
     assert status.level == DiagnosticStatus.WARN
     assert refused in status.message
     assert status.hardware_id == found.models[0].model_id

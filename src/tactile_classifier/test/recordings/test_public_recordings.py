@@ -6,13 +6,9 @@
 The recordings are not part of the project: see their README for origin and licence.
 """
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.datasets.dataset import table_from_trials
 from tactile_classifier.evaluation.cross_validation import evaluate
 from tactile_classifier.records import CLASSIFIERS, SCALINGS
@@ -20,26 +16,16 @@ from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
 
-REPOSITORY = Path(__file__).resolve().parents[4]
-FOLDER = Path(os.environ.get('TACTILE_DATA', REPOSITORY.parent / 'shared' / 'data'))
-
-
-def find(name):
-    path = FOLDER / name
-    if not path.exists():
-        pytest.skip(f'{name} is not in {FOLDER}; set TACTILE_DATA to the folder that has it')
-    return path
-
 
 @pytest.fixture(scope='module')
-def fabrics():
-    trials = load_archive(find('fabric_slide.npz')).where('balanced')
+def fabrics(load_recording):
+    trials = load_recording('fabric_slide.npz').where('balanced')
     return table_from_trials('texture', trials, config=FeatureConfig(spectrum_detrend='mean'))
 
 
 @pytest.fixture(scope='module')
-def holds():
-    return table_from_trials('stiffness', load_archive(find('phac_hold.npz')).between(1.0, 5.0))
+def holds(load_recording):
+    return table_from_trials('stiffness', load_recording('phac_hold.npz').between(1.0, 5.0))
 
 
 def percent(evaluation, classifier, scaling):
@@ -54,8 +40,8 @@ def test_fabrics(fabrics):
     assert percent(evaluation, 'knn', 'none') == pytest.approx(91, abs=3)
 
 
-def test_fabrics_without_their_trend():
-    trials = load_archive(find('fabric_slide.npz')).where('balanced')
+def test_fabrics_without_their_trend(load_recording):
+    trials = load_recording('fabric_slide.npz').where('balanced')
     evaluation = evaluate(
         table_from_trials('texture', trials), ['svm_linear'], ['none'], repetitions=3
     )

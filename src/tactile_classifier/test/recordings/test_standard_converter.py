@@ -8,8 +8,6 @@ between each two of them, where labels change first. Decision 0004 shows the cou
 here because skl2onnx has become better is the reason to review it.
 """
 
-import os
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +22,6 @@ from onnxruntime import InferenceSession
 from skl2onnx import to_onnx
 from skl2onnx.common.data_types import DoubleTensorType
 
-from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.datasets.dataset import table_from_trials
 from tactile_classifier.estimators.classifiers import (
     build_estimator,
@@ -34,22 +31,16 @@ from tactile_classifier.estimators.classifiers import (
 from tactile_classifier.model_file.graphs import add_neighbours, add_scaling, add_svm
 from tactile_features.onnx_container import OPERATORS
 
-REPOSITORY = Path(__file__).resolve().parents[4]
-FOLDER = Path(os.environ.get('TACTILE_DATA', REPOSITORY.parent / 'shared' / 'data'))
-
-
-def load(name):
-    path = FOLDER / name
-    if not path.exists():
-        pytest.skip(f'{name} is not in {FOLDER}; set TACTILE_DATA to the folder that has it')
-    return load_archive(path)
-
 
 @pytest.fixture(scope='module')
-def tables():
+def tables(load_recording):
     return {
-        'spectra': table_from_trials('texture', load('fabric_slide.npz').where('balanced')),
-        'stiffness': table_from_trials('stiffness', load('phac_hold.npz').between(1.0, 5.0)),
+        'spectra': table_from_trials(
+            'texture', load_recording('fabric_slide.npz').where('balanced')
+        ),
+        'stiffness': table_from_trials(
+            'stiffness', load_recording('phac_hold.npz').between(1.0, 5.0)
+        ),
     }
 
 

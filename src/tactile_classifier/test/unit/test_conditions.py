@@ -28,7 +28,6 @@ def test_cells_are_label_and_conditions_without_numbering_columns():
         make_table(labels, speed=speed, force=force, repetition=number, trial_id=np.arange(24))
     )
     assert cells.columns == ('speed', 'force')
-    assert cells.count == 8
     assert '24 trials are 8 groups of the same label and speed and force' in cells.warning
     means, sizes = cells.average(np.arange(24.0))
     assert sizes.tolist() == [3] * 8
