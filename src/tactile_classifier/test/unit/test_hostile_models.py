@@ -108,19 +108,14 @@ def test_a_graph_under_the_manifest_of_another_is_refused(model_path, changes, m
 
 def test_graph_of_another_form_is_refused(model_path):
     info = [helper.make_tensor_value_info(n, TensorProto.DOUBLE, [None, 91]) for n in 'ab']
-
-    def edit(op_type):
-        node = helper.make_node(op_type, ['a'], ['b'])
-        graph = helper.make_graph([node], 'g', info[:1], info[1:])
-        return lambda model: model.graph.CopyFrom(graph)
-
+    graph = helper.make_graph(
+        [helper.make_node('Identity', ['a'], ['b'])], 'g', info[:1], info[1:]
+    )
     with pytest.raises(ModelFileError, match='from features to answer, scores, novelty'):
-        TactileModel(change(model_path, edit('Identity')))
-    with pytest.raises(ModelFileError, match='the operator NoSuchOperator'):
-        TactileModel(change(model_path, edit('NoSuchOperator')))
+        TactileModel(change(model_path, lambda model: model.graph.CopyFrom(graph)))
 
 
-def test_an_answer_that_is_no_label_is_none(model_path, make_window):
+def test_an_answer_that_is_no_label_is_none(model_path):
     def count_on(model):
         for node in model.graph.node:
             node.output[:] = ['raw_answer' if name == 'answer' else name for name in node.output]
@@ -186,8 +181,3 @@ def test_a_rocket_with_weights_that_are_not_finite_names_nothing(rocket_path, va
     answer = model.classify_window(window)
     assert (answer.outcome, answer.label) == (Outcome.NO_FEATURES, '')
     assert 'no finite scores' in answer.reason
-
-
-def test_a_rocket_of_other_waveforms_is_refused(rocket_path, model_path):
-    with pytest.raises(ModelFileError, match='the feature set has 91 features'):
-        TactileModel(change(rocket_path, manifest=read_manifest(model_path)))

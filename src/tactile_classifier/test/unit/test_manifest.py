@@ -15,9 +15,11 @@ from tactile_classifier.model_file.manifest import (
     format_card,
     FULL_WINDOW,
     Manifest,
+    Stage,
     TrainingTrials,
 )
 from tactile_features.config import FeatureConfig
+from tactile_features.onnx_container import MAX_CARD_BYTES
 from tactile_features.spec import spec_for
 
 GOOD = Manifest(
@@ -32,8 +34,10 @@ GOOD = Manifest(
     training_sha256='ab' * 32,
     trials=120,
     versions={'numpy': '2.2.6'},
-    cross_validation={'mean': 0.9, 'spread': 0.01, 'split': 'stratified 6-fold, 10 times'},
+    cross_validation={'mean': 0.9, 'spread': 0.01, 'spread_of': 'folds', 'split': 'random'},
     created='2026-01-02T03:04:05+00:00',
+    stages=(Stage(0, 1.5, -1.0, 0.1, 0.05, 0.9),),
+    calibration={'split': 'one session held out', 'groups': 3, 'session_share': 0.75},
 )
 
 
@@ -109,11 +113,30 @@ JSON = st.recursive(
 )
 
 
+def check_card(**changes):
+    with contextlib.suppress(ModelFileError):
+        card = format_card(Manifest.from_dict(changed(**changes)))
+        assert card.replace('\n', '').isprintable()
+        assert len(card.encode()) < MAX_CARD_BYTES
+
+
 @settings(max_examples=60, deadline=None)
 @given(st.sampled_from(sorted(GOOD.to_dict())), JSON)
 def test_any_entry_may_hold_anything(field, value):
-    with contextlib.suppress(ModelFileError):
-        format_card(Manifest.from_dict(changed(**{field: value})))
+    check_card(**{field: value})
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.sampled_from(['cross_validation', 'calibration']),
+    st.sampled_from(
+        ['mean', 'split', 'groups', 'session_share', 'reason', 'choice', 'recalibrated',
+         'unlearned', 'spread']
+    ),
+    JSON,
+)  # fmt: skip
+def test_any_entry_of_an_entry_may_hold_anything(where, name, value):
+    check_card(**{where: {**getattr(GOOD, where), name: value}})
 
 
 @pytest.mark.parametrize('entry', sorted(GOOD.spec.to_dict()))
