@@ -186,28 +186,17 @@ class _Listener:
             self._arrived.notify_all()
 
     def wait_settled(self, mass_kg: float) -> tuple[float, float]:
-        """Return mean and standard deviation of the second after a settled one."""
-        import numpy as np
-
-        from tactile_lab.devices.load_cell import settled_mean
-
-        has_settled = False
-        deadline = time.monotonic() + SETTLE_TIMEOUT_S
+        """Return mean and standard deviation of the second after a settled one [N]."""
+        deadline_s = time.monotonic() + SETTLE_TIMEOUT_S
         with self._arrived:
-            self._samples.clear()
-            while True:
-                if len(self._samples) == self._count:
-                    found = settled_mean(np.array(self._samples))
-                    if found is not None and has_settled:
-                        return found
-                    if found is not None:
-                        # The first one still has the end of the motion in it.
-                        has_settled = True
-                        self._samples.clear()
-                left_s = deadline - time.monotonic()
-                if left_s <= 0:
+            for _ in range(2):  # the first one still has the end of the motion in it
+                self._samples.clear()
+                left_s = deadline_s - time.monotonic()
+                found = self._arrived.wait_for(self._find_settled, left_s)
+                if found is None:
                     break
-                self._arrived.wait(left_s)
+            if found is not None:
+                return found
             heard = len(self._samples)
         if heard < self._count:
             raise TactileError(
@@ -215,6 +204,14 @@ class _Listener:
                 f'{self._config.port}" says why'
             )
         raise TactileError(f'{mass_kg:g} kg did not come to rest; let it hang still, try again')
+
+    def _find_settled(self) -> Optional[tuple[float, float]]:
+        import numpy as np
+
+        from tactile_lab.devices.load_cell import settled_mean
+
+        is_full = len(self._samples) == self._count
+        return settled_mean(np.array(self._samples)) if is_full else None
 
 
 def _config(stated: dict[str, object]) -> 'TendonSensorConfig':

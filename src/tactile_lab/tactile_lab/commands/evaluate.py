@@ -115,7 +115,7 @@ def evaluate(
     hold_out = [options.split(names) for names in group or ()]
     file = None
     if report is not None:
-        from tactile_lab.report.build import report_path, write_report  # matplotlib
+        from tactile_lab.report.build import build_page, report_path  # matplotlib
         from tactile_lab.report.summary import describe_sources
 
         file = report_path(report)
@@ -151,7 +151,7 @@ def evaluate(
             **{name.replace('_', '-'): given[name] for name in STATED},
         }
         settings = {name: str(value) for name, value in stated.items() if value is not None}
-        write_report(file, results, sources, settings)
+        file.write_text(build_page(results, sources, settings), encoding='utf-8')
         output.say(f'{file}: the same with figures')
     output.result({'sets': [result.to_dict() for result in results]})
 

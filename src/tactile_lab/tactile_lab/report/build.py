@@ -48,58 +48,29 @@ def report_path(path: Path) -> Path:
     return file
 
 
-def write_report(
-    file: Path,
-    results: Sequence[SetResult],
-    sources: Sequence[Source],
-    settings: Mapping[str, str],
-) -> None:
-    """Write the report of some recordings into a file."""
-    page = build_page(results, sources, settings, find_versions())
-    file.write_text(page, encoding='utf-8')
-
-
 def build_page(
     results: Sequence[SetResult],
     sources: Sequence[Source],
     settings: Mapping[str, str],
-    versions: Mapping[str, str],
+    versions: Mapping[str, str] | None = None,
 ) -> str:
-    """Return the report as HTML; ``settings`` and ``versions`` are what the numbers depend on."""
-    holds = [result for result in results if result.units]
+    """Return the report as HTML; the numbers depend on settings and versions of libraries."""
     return fill_template(
         'report.html',
         title=TITLE,
         simulated=any(result.recordings.simulated for result in results),
         results=results,
-        sets=[_summarise(result) for result in results],
-        signals=[
-            drawing
-            for result in results
-            for drawing in drawings.draw_signals(
-                result, find_components(result.recordings.table.spec)
-            )
-        ],
-        accuracies=drawings.draw_accuracies(results),
-        confusions=[drawings.draw_confusion(result) for result in results],
-        scaling_cause=drawings.draw_scaling_cause(holds) if holds else None,
-        significance=list(drawings.draw_significance(results)),
-        alike_pairs=[
-            format_alike_pairs(result, components)
-            for result in results
-            if not result.units
-            and (components := find_components(result.recordings.table.spec)) is not None
-        ],
         sources=sources,
         settings=settings,
-        versions=versions,
-        **_compare([result for result in results if is_the_papers(result)]),
-        **_answer(results),
+        versions=find_versions() if versions is None else versions,
     )
 
 
 def fill_template(name: str, **values: Any) -> str:
-    """Return a page from a template of the folder ``templates``; all text is escaped."""
+    """Return a page from a template of the folder ``templates``, which escapes all text.
+
+    Templates call the functions of this package that make texts and figures of results.
+    """
     environment = Environment(
         loader=PackageLoader('tactile_lab.report'),
         autoescape=True,
@@ -115,77 +86,21 @@ def fill_template(name: str, **values: Any) -> str:
         'scaling': short_scaling,
     }
     environment.filters |= filters
+    environment.globals |= {each.__name__: each for each in _FUNCTIONS}
+    environment.tests['of_the_papers_labels'] = is_the_papers
     return environment.get_template(name).render(values, contents=[])
 
 
-def _summarise(result: SetResult) -> dict[str, Any]:
-    return {
-        'title': result.recordings.title,
-        'simulated': result.recordings.simulated,
-        'first_sentence': format_first_sentence(result),
-        'pictures': [drawings.draw_split_accuracies(result), drawings.draw_answers(result)],
-        'facts': [
-            format_model(result),
-            format_accuracy(result),
-            *format_warnings(result.evaluations),
-        ],
-        'features': format_features(result.recordings.table.spec),
-        'preparation': result.recordings.format_preparation(),
-        'table_sha256': result.recordings.table.compute_sha256(),
-    }
-
-
-def _compare(results: Sequence[SetResult]) -> dict[str, Any]:
-    return {
-        'comparisons': compare_with_paper([result.as_published for result in results])
-        if results
-        else [],
-        'design': format_design(results) if results else '',
-        'compared_split': results[0].plain.split if results else '',
-        'others_features': any(result.published for result in results),
-    }
-
-
-def _answer(results: Sequence[SetResult]) -> dict[str, Any]:
-    """Return the values of the sections on answers besides a label; empty lists without these."""
-    answered = [(result, result.answers) for result in results if result.answers is not None]
-    stopping = [(r, a.stopping) for r, a in answered if a.stopping is not None]
-    return {
-        'open_sets': [
-            {
-                'result': result,
-                'found': answers.open_set,
-                'drawing': drawings.draw_open_set(result, answers.open_set),
-                'split': _format_split(result, answers.open_set),
-            }
-            for result, answers in answered
-            if answers.open_set is not None
-        ],
-        'stopping': [
-            {'result': result, 'found': found, 'split': _format_split(result, found)}
-            for result, found in stopping
-        ],
-        'stopping_drawing': drawings.draw_stopping(stopping) if stopping else None,
-        'measures': [
-            {
-                'result': result,
-                'rows': [_format_measure(each) for each in answers.measures],
-                'unmeasured': list_unmeasured(answers.measures),
-            }
-            for result, answers in answered
-            if answers.measures
-        ],
-    }
-
-
-def _format_split(result: SetResult, each: OpenSetEvaluation | StoppingEvaluation) -> str:
+def format_split(result: SetResult, each: OpenSetEvaluation | StoppingEvaluation) -> str:
+    """Return task, model and split of an evaluation of answers."""
     return (
         f'{result.recordings.table.task}: {CLASSIFIER_TITLES[each.classifier]}, '
         f'{short_scaling(each.scaling)}, {each.split}'
     )
 
 
-def _format_measure(each: MeasureSummary) -> list[str]:
+def format_measure(each: MeasureSummary) -> list[str]:
+    """Return the cells of a measure's row."""
     unit, factor = _SHOWN_UNITS.get(each.unit, (each.unit, 1.0))
     numbers = (each.median, each.spread, each.standard_uncertainty)
     absent = 'too few' if each.measured else 'none'
@@ -208,3 +123,28 @@ def list_unmeasured(summaries: Sequence[MeasureSummary]) -> list[str]:
         f'No {name} of {", ".join(found)}, most often because: {reason}.'
         for (name, reason), found in labels.items()
     ]
+
+
+_FUNCTIONS: Sequence[Callable[..., Any]] = (
+    compare_with_paper,
+    drawings.draw_accuracies,
+    drawings.draw_answers,
+    drawings.draw_confusion,
+    drawings.draw_open_set,
+    drawings.draw_scaling_cause,
+    drawings.draw_signals,
+    drawings.draw_significance,
+    drawings.draw_split_accuracies,
+    drawings.draw_stopping,
+    find_components,
+    format_accuracy,
+    format_alike_pairs,
+    format_design,
+    format_features,
+    format_first_sentence,
+    format_measure,
+    format_model,
+    format_split,
+    format_warnings,
+    list_unmeasured,
+)

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_classifier.evaluation.cross_validation import Score
-from tactile_classifier.evaluation.early_answers import StoppingEvaluation
 from tactile_classifier.evaluation.open_set import OpenSetEvaluation
 from tactile_classifier.records import (
     CLASSIFIER_TITLES,
@@ -140,9 +139,10 @@ def draw_matrix(
 # -- signals ----------------------------------------------------------------------------
 
 
-def draw_signals(result: SetResult, components: Components | None) -> Iterable[Drawing]:
+def draw_signals(result: SetResult) -> Iterable[Drawing]:
     """Draw windows of one trial a label, and a whole trial, as far as there are any."""
     recordings = result.recordings
+    components = find_components(recordings.table.spec)
     if recordings.examples and components is not None:
         yield draw_textures(result, components)
     if recordings.trial is not None:
@@ -542,8 +542,10 @@ def draw_open_set(result: SetResult, found: OpenSetEvaluation) -> Drawing:
     )
 
 
-def draw_stopping(found: Sequence[tuple[SetResult, StoppingEvaluation]]) -> Drawing:
+def draw_stopping(results: Sequence[SetResult]) -> Drawing:
     """Draw accuracy against seconds seen, and where the stopping rules stand."""
+    answered = [(result, result.answers) for result in results if result.answers is not None]
+    found = [(r, each.stopping) for r, each in answered if each.stopping is not None]
 
     def draw(figure: Figure) -> None:
         axes = figure.subplots()

@@ -21,7 +21,7 @@ from tactile_features.spec import spec_for
 from tactile_lab.datasets.feature_tables import open_features
 from tactile_lab.datasets.reading import select_features
 from tactile_lab.report.analysis import analyse, in_unit
-from tactile_lab.report.build import build_page, fill_template, report_path, write_report
+from tactile_lab.report.build import build_page, fill_template, report_path
 from tactile_lab.report.drawings import draw_textures
 from tactile_lab.report.published import compare_with_paper, format_design, LABELS
 from tactile_lab.report.recordings import Example, make_sets, RecordingSet, usual_splits
@@ -188,15 +188,13 @@ def test_first_sentence_says_how_many_of_100_and_what_was_held_out(
     assert sentence in format_first_sentence(result)
 
 
-def test_simulated_trials_are_marked_in_every_figure_and_table(stiffness_bag, tmp_path):
+def test_simulated_trials_are_marked_in_every_figure_and_table(stiffness_bag):
     with open_features([stiffness_bag]) as features:
         sets = make_sets(features, report=True)
         sources = describe_sources([stiffness_bag.parent], features.recording)
     assert sets[0].hold_out == (('trial_block',),)
     result = run(sets[0], folds=3)
-    path = tmp_path / 'report.html'
-    write_report(path, [result], sources, {'folds': '3'})
-    page = path.read_text(encoding='utf-8')
+    page = build_page([result], sources, {'folds': '3'})
     figures = page.split('<figure ')[1:]
     assert len(figures) == 8
     for figure in figures:
