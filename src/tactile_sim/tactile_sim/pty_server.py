@@ -34,20 +34,10 @@ _SETTLE_S = 0.15
 
 
 class PtyPort:
-    """The device's end of a line; drivers open ``link``.
+    """The device's end of a line; drivers open the symbolic link ``link``.
 
     The pty's own name is not for them: the kernel gives its number to the next one who asks,
-    as soon as this one is unplugged.
-
-    Parameters
-    ----------
-    link
-        Where to put the symbolic link.
-
-    Raises
-    ------
-    RigError
-        Something else is there.
+    as soon as this one is unplugged. `RigError` where the link should be is something else.
     """
 
     def __init__(self, link: Path) -> None:
@@ -96,23 +86,10 @@ class PtyPort:
 class PtyServer:
     """Runs a rig by the host's clock and connects its devices to ptys.
 
-    When the host is too slow, the rig's clock slips rather than run behind without end.
-
-    Parameters
-    ----------
-    rig
-        The rig; after `start` it belongs to the server's thread, see `call`.
-    links
-        Folder for the names of the ports; None: one of its own, gone after `close`.
-    seed
-        Of what is random in the faults.
-
-    Attributes
-    ----------
-    ports : dict of str to str
-        Names of the ports: guide, tendon, sensor. They stay when a port is unplugged.
-    failure : Exception or None
-        What ended the thread.
+    When the host is too slow, the rig's clock slips rather than run behind without end. After
+    `start` the rig belongs to the server's thread, see `call`; ``failure`` is what ended that. The
+    names of the ports, in the folder ``links`` or one that is gone after `close`, stay when a port
+    is unplugged.
 
     Raises
     ------
@@ -208,20 +185,8 @@ class WeightStand:
     """Serves a load cell on a pty; a context manager.
 
     Its reading in newtons, with scale 1 and offset 0, is
-    ``(force - offset_n + hysteresis) / scale``. The hysteresis is there on the way down.
-
-    Parameters
-    ----------
-    scale, offset_n
-        The truth that a calibration shall find.
-    hysteresis_n
-        [N]
-    seed
-        Of noise and drift.
-
-    Attributes
-    ----------
-    port : str
+    ``(force - offset_n + hysteresis) / scale``: scale and offset are the truth that a calibration
+    shall find. The hysteresis is there on the way down [N].
     """
 
     def __init__(

@@ -38,13 +38,6 @@ class PalpationRig:
         The same variation for every trial instead of drawn ones.
     catalogue
         What can be mounted; None for the packaged descriptions.
-
-    Attributes
-    ----------
-    guide, tendon, sensor
-        The devices: bytes in, bytes out.
-    now_s
-        Time since the rig was switched on [s].
     """
 
     def __init__(

@@ -45,11 +45,6 @@ class SimulatedRig:
     description
         Folder of descriptions that are laid over the packaged ones, see `Catalogue`.
 
-    Attributes
-    ----------
-    ports : RigPorts
-        Names of the ports.
-
     Raises
     ------
     RigError
@@ -136,13 +131,7 @@ class SimulatedRig:
         return self._request({'mount': wanted})
 
     def truth(self) -> dict[str, Any]:
-        """Physical state: guide_position_m, tendon_displacement_m, bend_rad, tension_n, ...
-
-        Raises
-        ------
-        RigError
-            The rig is dead.
-        """
+        """Physical state: guide_position_m, tendon_displacement_m, bend_rad, tension_n, ..."""
         return self._request({'state': True})
 
     def fault(
@@ -150,14 +139,8 @@ class SimulatedRig:
     ) -> None:
         """Begin a fault of a device; `tactile_sim.devices.faults.KINDS` has all, with options.
 
-        Parameters
-        ----------
-        device
-            guide, tendon or sensor.
-        kind
-            For example ``unplug``; ``none`` ends all faults of the device.
-        duration_s
-            How long it lasts [s]; None: until it is ended. Some are a moment only.
+        The kind ``none`` ends all faults of the device. A fault lasts ``duration_s`` [s], or until
+        it is ended where that is None; some are a moment only.
 
         Raises
         ------

@@ -34,10 +34,8 @@ _USAGE = (
 def main() -> int:
     """Serve until the end of standard input, SIGINT or SIGTERM.
 
-    Prints the ports as one line of JSON when ready. Understands, one line of JSON each:
-    ``{"mount": {"protocol": ..., "object": ..., "contact": ...}}``, ``{"state": true}`` and
-    ``{"fault": {"device": ..., "kind": ..., "duration_s": ...}}``, see
-    `tactile_sim.devices.faults`.
+    Prints the ports as one line of JSON when ready. Understands the lines of JSON that `_USAGE`
+    has; for faults see `tactile_sim.devices.faults`.
     """
     parser = argparse.ArgumentParser(
         prog='tactile_sim_rig', description='Serve a simulated palpation rig on pseudo-terminals.'

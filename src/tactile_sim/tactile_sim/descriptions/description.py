@@ -70,14 +70,9 @@ class Finger:
 class Plate:
     """A rigid texture plate: flat end, grooved zone, flat end; dimensions in millimetres.
 
-    Attributes
-    ----------
-    groove
-        One of ``GROOVES``. Rectangular, triangular and circular grooves have a pitch, a width
-        and a depth; ``none`` has neither; ``profile`` has points.
-    points_mm
-        Polyline (x, height) over the grooved zone: x rises from 0 to ``grooved_mm``, and
-        height 0 is the top of the plate.
+    Rectangular, triangular and circular grooves have a pitch, a width and a depth; ``none`` has
+    neither; ``profile`` has points: a polyline (x, height) over the grooved zone, whose x rises
+    from 0 to ``grooved_mm`` and whose height 0 is the top of the plate.
     """
 
     groove: str
@@ -152,17 +147,10 @@ class Branch:
 class Body:
     """An object to press on; stiffness 0 means that nothing is there.
 
-    Attributes
-    ----------
-    stiffness_n_m
-        What holds for ever [N/m].
-    branches
-        What relaxes besides, at most three branches.
-    softening_m
-        Compression at which the force turns from proportional to growing with its root, as
-        that of a buckling shell does (Pogorelov) [m]; 0 for a solid that never does.
-    friction
-        Static friction of the fingertip on it [1].
+    ``stiffness_n_m`` holds for ever, up to three ``branches`` relax besides. ``softening_m`` is
+    the compression at which the force turns from proportional to growing with its root, as that of
+    a buckling shell does (Pogorelov) [m]; 0 for a solid that never does. ``friction`` is the
+    static one of the fingertip on it [1].
     """
 
     stiffness_n_m: float = _between(0.0, 1e9)
@@ -185,20 +173,9 @@ class Body:
 class HeldObject:
     """An object that the fingertip holds down while something pulls it sideways.
 
-    Attributes
-    ----------
-    motion
-        ``slide`` or ``roll``: what it does when the fingertip lets it go.
-    radius_m
-        Of a cylinder that rolls [m]; 0 when it slides.
-    kinetic_friction
-        Ratio of kinetic to static friction, in (0, 1].
-    weakening_m
-        Way of sliding over which friction falls from static to kinetic [m].
-    healing_s
-        Time over which it recovers at rest [s].
-    drive_stiffness_n_m
-        Of what pulls it sideways [N/m].
+    When the fingertip lets it go, it slides, or rolls as a cylinder of ``radius_m``. Over a way of
+    ``weakening_m`` [m] friction falls from static to ``kinetic_friction`` of it; at rest it
+    recovers in ``healing_s`` [s]. What pulls it has the stiffness ``drive_stiffness_n_m``.
     """
 
     body: Body

@@ -34,17 +34,7 @@ ACCELERATION_COUNTS_S2 = 214.577 / 3600 * COUNTS_PER_TURN
 
 
 class Instruction(NamedTuple):
-    """One instruction packet.
-
-    Attributes
-    ----------
-    device_id, code
-        Addressee, and what to do.
-    parameters
-        Without stuffing.
-    is_intact
-        Whether the checksum is right.
-    """
+    """One instruction packet; its parameters are without stuffing."""
 
     device_id: int
     code: int
@@ -195,13 +185,7 @@ class ControlTable:
         return bytes(table[address : address + length])
 
     def check_write(self, address: int, data: bytes) -> tuple[Register, int]:
-        """Return the register and the value that a write would set; nothing is set yet.
-
-        Raises
-        ------
-        AccessError
-            The write is refused.
-        """
+        """Return register and value that a write would set, or raise `AccessError`."""
         field = _BY_ADDRESS.get(address)
         if field is None or field.lowest > field.highest:
             raise AccessError(ERROR_ACCESS)
@@ -226,11 +210,6 @@ class DynamixelDevice:
     """The servo and its pulley.
 
     Positions are counts; winding in counts up. Mode 5 alone moves it.
-
-    Parameters
-    ----------
-    drive
-        The description.
     """
 
     def __init__(self, drive: TendonDrive) -> None:

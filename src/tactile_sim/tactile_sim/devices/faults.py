@@ -32,15 +32,7 @@ MOMENTS = ('alarm', 'overload', 'restart', 'stall')
 class LineFault:
     """A fault while it lasts; this one does nothing to the bytes.
 
-    Parameters
-    ----------
-    on_end
-        Called when the fault is over.
-
-    Attributes
-    ----------
-    is_spent
-        Whether it is over by itself, before its time.
+    ``on_end`` is called when it is over. ``is_spent``: it is over by itself, before its time.
     """
 
     def __init__(self, on_end: Callable[[], None] = lambda: None) -> None:
@@ -62,15 +54,7 @@ class LineFault:
 
 
 class Cut(LineFault):
-    """A wire is broken: what the device says is lost, what it would hear, or both.
-
-    Parameters
-    ----------
-    says, hears
-        Whether the device still does.
-    on_end
-        See `LineFault`.
-    """
+    """A wire is broken: what the device says is lost, what it would hear, or both."""
 
     def __init__(self, says: bool, hears: bool, on_end: Callable[[], None] = lambda: None) -> None:
         super().__init__(on_end)
@@ -84,13 +68,7 @@ class Cut(LineFault):
 
 
 class Burst(LineFault):
-    """Bytes wait in an adapter and come in clumps.
-
-    Parameters
-    ----------
-    period_s
-        Time between two clumps [s].
-    """
+    """Bytes wait in an adapter and come in clumps, a period [s] apart."""
 
     def __init__(self, period_s: float) -> None:
         super().__init__()
@@ -116,16 +94,7 @@ class Burst(LineFault):
 
 
 class Drop(LineFault):
-    """Whole records are lost.
-
-    Parameters
-    ----------
-    split
-    count
-        How many; infinity: all while it lasts.
-    is_wanted
-        Which records can be lost.
-    """
+    """Whole records are lost: as many as ``count``, of those that can be."""
 
     def __init__(self, split: Splitter, count: float, is_wanted: Callable[[bytes], bool]) -> None:
         super().__init__()
@@ -183,14 +152,7 @@ class Corrupt(_Spoiler):
 
 
 class Noise(LineFault):
-    """Half packets arrive without a request.
-
-    Parameters
-    ----------
-    packet
-        A whole packet, of which beginnings are heard.
-    chance
-    """
+    """Half packets arrive without a request: beginnings of ``packet``."""
 
     def __init__(self, packet: bytes, chance: random.Random) -> None:
         super().__init__()
@@ -205,13 +167,7 @@ class Noise(LineFault):
 
 
 class WrongBaud(LineFault):
-    """Device and driver have different speeds.
-
-    Parameters
-    ----------
-    ratio
-        The device's speed over the driver's.
-    """
+    """Device and driver have different speeds; the ratio is the device's over the driver's."""
 
     def __init__(self, ratio: float) -> None:
         super().__init__()
@@ -227,14 +183,8 @@ class WrongBaud(LineFault):
 def resample_uart(data: bytes, ratio: float) -> bytes:
     """Return what a receiver of another speed makes of bytes sent back to back, 8N1.
 
-    A byte whose stop bit is missing is read as 0, as Linux does by default.
-
-    Parameters
-    ----------
-    data
-        What is sent.
-    ratio
-        The sender's speed over the receiver's; with 1 the bytes come through.
+    A byte whose stop bit is missing is read as 0, as Linux does by default. The ratio is the
+    sender's speed over the receiver's; with 1 the bytes come through.
     """
     bits = [bit for byte in data for bit in (0, *(byte >> i & 1 for i in range(8)), 1)]
 
@@ -290,16 +240,10 @@ KINDS: Mapping[str, Mapping[str, Mapping[str, Option]]] = {
 
 
 class FaultRequest(NamedTuple):
-    """A fault that somebody asks for.
+    """A fault that somebody asks for; see `KINDS`.
 
-    Attributes
-    ----------
-    device, kind
-        See `KINDS`; the kind ``none`` ends all faults of the device.
-    lasting_s
-        How long it lasts [s]; infinite: until it is ended.
-    options
-        The numbers of this kind, complete.
+    The kind ``none`` ends all faults of the device. It lasts ``lasting_s`` [s]; infinite: until it
+    is ended. ``options`` are complete.
     """
 
     device: str
@@ -364,15 +308,7 @@ _D = TypeVar('_D', bound=Device)
 
 
 class FaultyLine(Generic[_D]):
-    """A device behind its line, which is sound until a fault begins.
-
-    Parameters
-    ----------
-    device
-        The device.
-    seed
-        Of what is random in the faults.
-    """
+    """A device behind its line, which is sound until a fault begins; ``seed`` is for chance."""
 
     def __init__(self, device: _D, seed: int) -> None:
         self._device = device

@@ -42,16 +42,10 @@ class Modal:
 
 @dataclass(frozen=True)
 class Command:
-    """Motion or dwell that one line commands.
+    """Motion or dwell that one line commands; None for none.
 
-    Attributes
-    ----------
-    target_mm
-        Machine coordinate of X to go to; None for none [mm].
-    feed_mm_min
-        Speed; None for the fastest [mm/min].
-    dwell_s
-        Pause after all motion has ended; None for none [s].
+    The target is a machine coordinate of X [mm]; without a feed the move is the fastest [mm/min];
+    the pause comes after all motion has ended [s].
     """
 
     target_mm: float | None = None
@@ -62,10 +56,7 @@ class Command:
 def parse_gcode(line: str, modal: Modal, position_mm: float) -> Command:
     """Read one line without spaces and comments, in capitals; changes ``modal``.
 
-    Parameters
-    ----------
-    position_mm
-        Machine coordinate at the end of everything planned so far, for G91.
+    ``position_mm`` is the machine coordinate at the end of everything planned so far, for G91.
 
     Raises
     ------

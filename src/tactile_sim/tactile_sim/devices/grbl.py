@@ -42,13 +42,7 @@ def make_settings(guide: Guide) -> dict[int, float]:
 
 
 def write_setting(settings: dict[int, float], text: str) -> None:
-    """Carry out ``n=v``.
-
-    Raises
-    ------
-    GcodeError
-        No such setting, or a value that Grbl refuses.
-    """
+    """Carry out ``n=v``; `GcodeError` for no such setting, or a value that Grbl refuses."""
     number, equals, value = text.partition('=')
     if not equals or not number.isdecimal() or int(number) not in settings:
         raise GcodeError(3)
@@ -80,13 +74,7 @@ class _Block:
 
 
 class Planner:
-    """Moves from where it is through the queued targets.
-
-    Parameters
-    ----------
-    position
-        Where it stands at the start.
-    """
+    """Moves from where it stands at the start through the queued targets."""
 
     def __init__(self, position: float) -> None:
         self.acceleration = 1.0
@@ -213,16 +201,10 @@ class StatusReporter:
     def encode(
         self, state: str, mpos_mm: float, velocity_mm_s: float, free: tuple[int, int], mask: int
     ) -> bytes:
-        """One report.
+        """One report of a state such as ``Idle`` or ``Hold:0``.
 
-        Parameters
-        ----------
-        state
-            For example ``Idle`` or ``Hold:0``.
-        free
-            Free planner blocks and free bytes of the receive buffer.
-        mask
-            Setting 10: 1 machine instead of work position, 2 adds the buffers.
+        ``free`` are planner blocks and bytes of the receive buffer. ``mask`` is setting 10: 1
+        gives machine instead of work position, 2 adds the buffers.
         """
         fields = [state, f'{"MPos" if mask & 1 else "WPos"}:{mpos_mm:.3f},0.000,0.000']
         if mask & 2:
@@ -249,11 +231,6 @@ class GrblDevice:
     The carriage's place on the rail and the controller's idea of it (MPos) are two things:
     they are tied together by homing alone. The planner works in the carriage's coordinate,
     0 at the negative end [mm].
-
-    Parameters
-    ----------
-    guide
-        The description.
     """
 
     def __init__(self, guide: Guide) -> None:

@@ -35,21 +35,8 @@ class LoadCellDevice:
 
     An ``x`` brings up its menu, as it does with an OpenScale: no lines until the next ``x``,
     the only command that it knows there. Its readings are those of ``sensing.read_tension``
-    with the same generator, up to the rounding of the lines.
-
-    Parameters
-    ----------
-    cell
-        The description.
-    generator
-        Source of noise and drift.
-
-    Attributes
-    ----------
-    is_saturated
-        Whether something pulls beyond the capacity.
-    is_stuck
-        Whether the reading stays what it is.
+    with the same generator, up to the rounding of the lines. It may be told that something pulls
+    beyond the capacity, or that the reading stays what it is.
     """
 
     def __init__(self, cell: LoadCell, generator: np.random.Generator) -> None:

@@ -141,10 +141,7 @@ def compute_line(q0: Any, q1: Any, q2: Any, mass: float, tip_mass: float) -> Any
 def curve_line(line: Any, of_z: Any, of_x: Any, mass: float, tip_mass: float) -> Any:
     """Sums of ``of_z z_ij + of_x x_ij`` minus the weight's derivative, per unit of length.
 
-    Returns
-    -------
-    tuple of 6
-        In the order 00, 01, 02, 11, 12, 22.
+    In the order 00, 01, 02, 11, 12, 22.
     """
     a, b, c, d = NODE_0, NODE_1, NODE_2, NODE_3
     ka = line[11] * (GRAVITY_M_S2 * (mass * a.beyond + tip_mass) - of_z) - line[12] * of_x
@@ -164,15 +161,10 @@ def curve_line(line: Any, of_z: Any, of_x: Any, mass: float, tip_mass: float) ->
 def compute_mass_matrix(
     length_m: float, mass_kg: float, tip_mass_kg: float, bend_rad: float
 ) -> tuple[float, ...]:
-    """Mass matrix of the modes of a finger bent to an arc [kg m^2].
+    """Mass matrix of the modes of a finger bent to an arc [kg m^2]: 00, 01, 02, 11, 12, 22.
 
     M_ij = mass * integral of r_i . r_j along the finger + tip mass * r_i . r_j at the tip,
     where r_i is the derivative of the place on the line by mode i.
-
-    Returns
-    -------
-    tuple of 6
-        In the order 00, 01, 02, 11, 12, 22.
     """
     points, weights = np.polynomial.legendre.leggauss(12)
     nodes = [(float(p + 1) / 2, float(w) / 2) for p, w in zip(points, weights, strict=True)]
@@ -255,10 +247,7 @@ def compute_object_contact(
     proportional to growing with the root of u, as that of a buckled shell does
     (Pogorelov, "Bending of surfaces and stability of shells", 1988).
 
-    Returns
-    -------
-    tuple of 3
-        Force [N], its slope by the indentation [N/m], effective compression p [m].
+    Returns force [N], its slope by the indentation [N/m], effective compression p [m].
     """
     push = tip_stiffness * indentation - held + rest
     push = select(push <= 0.0, 0.0, push)  # what is no number stays so
@@ -461,17 +450,9 @@ def larger(a: Any, b: Any) -> Any:
 
 
 def compute_curve(length_m: float, modes_rad: FloatArray, points: int = 65) -> FloatArray:
-    """The finger's centre line.
+    """The finger's centre line: reach and drop from base to tip, shape (points, 2) [m].
 
-    Parameters
-    ----------
-    modes_rad : ndarray of float, shape (3,)
-        q0, q1, q2 [rad].
-
-    Returns
-    -------
-    ndarray of float, shape (points, 2)
-        Reach and drop from the base to the tip [m].
+    ``modes_rad`` are q0, q1, q2 [rad].
     """
     fine = np.linspace(0.0, 1.0, 8 * (points - 1) + 1)
     q0, q1, q2 = modes_rad

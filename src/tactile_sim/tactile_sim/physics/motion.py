@@ -47,16 +47,9 @@ class Segment(NamedTuple):
 
 
 class Motion:
-    """Segments one after the other, at rest at ``target`` afterwards and in the gaps.
+    """Segments in order of time; at rest at ``start`` before, and at ``target`` afterwards.
 
-    Parameters
-    ----------
-    start
-        Position before the first segment.
-    segments
-        Ordered in time; a gap holds the position that the segment before it ended at.
-    target
-        Exact position after the last segment.
+    A gap holds the position that the segment before it ended at.
     """
 
     def __init__(self, start: float, segments: Sequence[Segment], target: float) -> None:
@@ -192,18 +185,10 @@ class Move:
 
 @dataclass(frozen=True)
 class Timeline:
-    """Moves of the axes in one trial.
+    """Moves of the axes in one trial: each starts after the one before it has ended.
 
-    Attributes
-    ----------
-    guide_moves, tendon_moves
-        In order of time; a move starts after the one before it has ended.
-    duration_s
-        Length of the trial [s].
-    guide_start_m
-        Guide position at the start [m]; the tendon starts slack, at 0.
-    object_moves
-        Sideways moves of a held object, from 0; slip protocol only.
+    The guide starts at ``guide_start_m``, the tendon slack at 0 [m]. ``object_moves`` are sideways
+    moves of a held object, from 0; slip protocol only.
     """
 
     guide_moves: Sequence[Move]

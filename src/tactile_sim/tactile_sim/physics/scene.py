@@ -37,16 +37,10 @@ _FIRST_BEND_RAD = 0.05
 
 @dataclass(frozen=True)
 class Surface:
-    """Height of a surface on an even grid, with slope and curvature.
+    """Height of a surface on an even grid from ``origin_m`` on, with slope and curvature.
 
-    Attributes
-    ----------
-    origin_m
-        Coordinate of the first grid point [m].
-    spacing_m
-        Distance of the grid points [m].
-    table : ndarray of float, shape (cells, 4)
-        Height [m] and slope [1] at the cell's left end, and their rise across the cell.
+    ``table`` of shape (cells, 4) has height [m] and slope [1] at the cell's left end, each
+    followed by its rise across the cell.
     """
 
     origin_m: float
@@ -73,14 +67,9 @@ def build_surface(height_m: FloatArray, origin_m: float, spacing_m: float) -> Su
 
 
 def compute_plate_profile(plate: Plate, x_m: FloatArray, tray_depth_m: float) -> FloatArray:
-    """Height of the bare plate along its length [m]; 0 is its top, x = 0 its edge.
+    """Height of the bare plate at places along it [m]; 0 is its top, x = 0 its edge.
 
-    Parameters
-    ----------
-    x_m : ndarray of float, shape (points,)
-        Coordinate along the plate [m].
-    tray_depth_m
-        How far the tray beside the plate lies below its top [m].
+    The tray beside the plate lies ``tray_depth_m`` below its top [m].
     """
     height = np.where((x_m >= 0) & (x_m <= plate.length_m), 0.0, -tray_depth_m)
     if plate.groove == 'none':
@@ -112,15 +101,6 @@ def dilate_by_circle(height_m: FloatArray, spacing_m: float, radius_m: float) ->
 
     The greyscale dilation of the profile by the circle: max over u of
     ``h(x + u) + sqrt(R^2 - u^2) - R``; the end values continue beyond the ends.
-
-    Parameters
-    ----------
-    height_m : ndarray of float, shape (points,)
-        Profile on an even grid [m].
-
-    Returns
-    -------
-    ndarray of float, shape (points,)
     """
     reach = int(radius_m / spacing_m)
     padded = np.pad(height_m, reach, mode='edge')
@@ -157,8 +137,6 @@ class Scene:
 
     Attributes
     ----------
-    finger, rig
-        The description.
     body
         What yields under the fingertip; None for a rigid plate.
     friction, kinetic_friction
@@ -282,17 +260,10 @@ class Scene:
         inputs: FloatArray,
         state: FloatArray | None = None,
     ) -> FloatArray:
-        """Put trials at rest, with nothing sticking.
+        """Put trials at rest, with nothing sticking; shape (TRIAL_ROWS, trials).
 
-        Parameters
-        ----------
-        inputs : ndarray of float, shape (INPUTS,)
-        state
-            Of another scene, whose finger is to come to rest in this one.
-
-        Returns
-        -------
-        ndarray of float, shape (TRIAL_ROWS, trials)
+        ``inputs`` has the shape (INPUTS,). The finger of ``state``, that of another scene, comes
+        to rest in this one.
 
         Raises
         ------

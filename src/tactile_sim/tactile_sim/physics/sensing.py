@@ -22,15 +22,7 @@ FloatArray = NDArray[np.float64]
 
 
 def low_pass_coefficients(step_s: float, low_pass_hz: float) -> tuple[float, float, float]:
-    """Coefficients of one step of the sensor's one-pole filter; see `compute_relaxation`.
-
-    Parameters
-    ----------
-    step_s
-        Length of the step, from 0 to infinity [s].
-    low_pass_hz
-        Frequency at which the filter halves the power [Hz].
-    """
+    """Coefficients of one step of the sensor's one-pole filter; see `compute_relaxation`."""
     return compute_relaxation(step_s, 1 / (2 * math.pi * low_pass_hz))
 
 
@@ -48,8 +40,7 @@ def read_tension(
     Parameters
     ----------
     tension_n : ndarray of float, shape (trials, samples)
-        Force behind crosstalk and low pass at the sampling times [N]. What is not a number
-        stays so.
+        Force behind crosstalk and low pass [N]. What is not a number stays so.
     sensor_bias_n : ndarray of float, shape (trials,)
         Reading without load [N].
     generators : sequence of numpy.random.Generator, one a trial
@@ -74,15 +65,7 @@ def compute_drift_step_n(cell: LoadCell) -> float:
 
 
 def convert_to_reading(cell: LoadCell, signal_n: FloatArray, noise: FloatArray) -> FloatArray:
-    """Add noise, saturate at the capacity and round to the converter's steps.
-
-    Parameters
-    ----------
-    signal_n : ndarray of float
-        Filtered force with the sensor's zero error [N].
-    noise : ndarray of float
-        Standard normal numbers, same shape.
-    """
+    """Add standard normal noise, saturate at the capacity, round to the converter's steps [N]."""
     # The converter's last step is the last that fits into the capacity.
     most = math.floor(cell.capacity_n / cell.resolution_n * (1 + 1e-12))
     counts = np.rint((signal_n + cell.noise_n * noise) / cell.resolution_n)

@@ -46,13 +46,6 @@ def compute_relaxation(step_s: float, time_s: float) -> tuple[float, float, floa
     ``y1 = alpha y0 + beta u0 + gamma u1`` is exact for an input u that is linear over the
     step (first-order hold). With a = step / time they are exp(-a), (1 - exp(-a)) / a - exp(-a)
     and 1 - (1 - exp(-a)) / a, and add up to 1. For an endless step they are (0, 0, 1).
-
-    Parameters
-    ----------
-    step_s
-        Length of the step, from 0 to infinity [s].
-    time_s
-        Time constant, above 0 [s].
     """
     if math.isinf(step_s):
         return 0.0, 0.0, 1.0
@@ -78,12 +71,7 @@ def compute_coefficients(
     sensor_time_s: float,
     healing_time_s: float = 1.0,
 ) -> FloatArray:
-    """Coefficients of every length of step, and of its parts.
-
-    Parameters
-    ----------
-    steps_s
-        The lengths that occur [s]; infinity seeks rest.
+    """Coefficients of every length of step that occurs, and of its parts; infinity seeks rest.
 
     Returns
     -------
@@ -105,12 +93,7 @@ def compute_coefficients(
 
 
 def split_inputs(before: Any, after: Any, share: float, out: Any) -> None:
-    """Inputs at a share of a step, on a line from its start to its end.
-
-    Parameters
-    ----------
-    before, after, out : ndarray of float, shape (INPUTS,)
-    """
+    """Inputs at a share of a step, shape (INPUTS,), on a line from its start to its end."""
     for i in range(at.PRESENT_INPUT):
         # Counted from the end, so that a whole step has exactly its inputs.
         out[i] = after[i] - (1.0 - share) * (after[i] - before[i])

@@ -64,17 +64,11 @@ class SimulatedTrials:
 class SimulatedMotion:
     """The physics of trials, without the sensor's errors.
 
-    Attributes
-    ----------
-    sample_times_s : ndarray of float, shape (samples,)
-    sensed_n : ndarray of float, shape (trials, samples)
-        Tension and crosstalk behind the sensor's low pass [N].
-    truth : mapping of str to ndarray, shape (trials, samples)
-        ``tension_n`` and ``contact_force_n`` [N], ``bend_rad`` [rad]; for slip ``slip_m``,
-        the way that the fingertip slid since the pull began [m]; if asked for,
-        ``modes_rad`` of shape (trials, samples, 3).
-    failed_at_s : ndarray of float, shape (trials,)
-        NaN, or when a trial found no balance; from there on its rows are NaN.
+    ``sensed_n`` of shape (trials, samples) is tension and crosstalk behind the sensor's low pass
+    [N]. ``truth`` has, of the same shape, ``tension_n`` and ``contact_force_n`` [N], ``bend_rad``
+    [rad]; for slip ``slip_m``, the way that the fingertip slid since the pull began [m]; if asked
+    for, ``modes_rad`` of shape (trials, samples, 3). ``failed_at_s`` is NaN, or when a trial found
+    no balance [s]; from there on its rows are NaN.
     """
 
     sample_times_s: FloatArray
@@ -263,18 +257,9 @@ def _run_batch(
 
 
 class Plant:
-    """State of one trial, moved on by ``step``.
+    """State of one trial, moved on by ``step``; the finger starts at rest.
 
-    Parameters
-    ----------
-    scene
-        What it is made of.
-    variation
-        Of one trial.
-    guide_m, tendon_m
-        Where guide and tendon are at the start; the finger starts at rest [m].
-    step_s
-        Length of every step [s].
+    Guide and tendon start at ``guide_m`` and ``tendon_m`` [m]; every step is ``step_s`` long [s].
     """
 
     def __init__(

@@ -24,20 +24,9 @@ _WIDEST = 3.0
 class Variation:
     """Deviations of each trial from the description; arrays of shape (trials,).
 
-    Attributes
-    ----------
-    contact_height_m
-        Mounting height of plate or object above the described one [m].
-    placement_m
-        Shift of plate or object along the guide [m].
-    friction, object_stiffness, finger_stiffness, glide_speed
-        Factors around 1.
-    tendon_zero_m
-        Tendon displacement at which the tendon is just slack [m].
-    sensor_bias_n
-        Sensor reading without load [N].
-    phase
-        Part of a sampling period by which the sensor lags the motion, in [0, 1).
+    Mounting height above the described one and shift along the guide of plate or object [m];
+    factors around 1; tendon displacement at which the tendon is just slack [m]; reading without
+    load [N]; part of a sampling period by which the sensor lags the motion, in [0, 1).
     """
 
     contact_height_m: FloatArray
@@ -78,19 +67,8 @@ def draw_variation(
     It belongs to mounting i // trials_per_mounting of its label; a mounting's deviations
     depend on (seed, session, protocol, contact, label, mounting) alone. The session's own
     depend on (seed, session, contact) alone: all plates and objects share them. Every
-    deviation is normal, cut at three standard deviations.
-
-    Parameters
-    ----------
-    trials_per_mounting
-        Trials between one fixing of the plate or object and the next.
-
-    Returns
-    -------
-    variation : Variation
-        Shape (count,).
-    generators : list of numpy.random.Generator
-        One a trial, for its sensor's noise.
+    deviation is normal, cut at three standard deviations. Each trial has a generator, for its
+    sensor's noise.
 
     Raises
     ------
