@@ -57,12 +57,8 @@ def measure_ratio(
     Both run side by side within each round, so that a machine that is busy for a while
     is busy for both.
 
-    Parameters
-    ----------
-    rounds : int
-        How many ratios to take the median of; at least 2.
-    round_s : float
-        About how long each of the two runs in a round [s].
+    ``rounds``: how many ratios to take the median of; at least 2. ``round_s``: about how long each
+    of the two runs in a round [s].
     """
     our_loops, floor_loops = _count_loops(ours, round_s), _count_loops(floor, round_s)
     ratios = []

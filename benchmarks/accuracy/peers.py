@@ -159,11 +159,7 @@ def held_out(group: Array, _seed: int = 0) -> Split:
 class Candidate:
     """A method on one set of trials: features that learn nothing are computed once.
 
-    Parameters
-    ----------
-    method : Method
-    x : ndarray of shape (trials, samples)
-    label : ndarray of shape (trials,)
+    ``x`` (ndarray of shape (trials, samples)). ``label`` (ndarray of shape (trials,)).
     """
 
     def __init__(self, method: Method, x: Array, label: Array) -> None:

@@ -178,11 +178,8 @@ def simulate_twin(
     Tendon friction and creep of the finger are not simulated. Guide and tendon are given as
     positions [m] at an array of times [s].
 
-    Raises
-    ------
-    FloatingPointError
-        The motion diverged: the step is far too long. A step that is merely too long to be
-        right raises nothing.
+    Raises `FloatingPointError`: the motion diverged: the step is far too long. A step that is
+    merely too long to be right raises nothing.
     """
     model = mujoco.MjModel.from_xml_string(write_finger_mjcf(finger, step_s, hinges))
     data = mujoco.MjData(model)

@@ -20,15 +20,9 @@ def on_cluster(address: str) -> Iterator[None]:
 
     Results are the same bits: no part depends on where it is computed.
 
-    Parameters
-    ----------
-    address : str
-        Of the scheduler, such as ``tcp://192.168.1.10:8786``.
+    ``address``: of the scheduler, such as ``tcp://192.168.1.10:8786``.
 
-    Raises
-    ------
-    TactileError
-        When Dask is not installed, or no scheduler with workers answers.
+    Raises `TactileError` when Dask is not installed, or no scheduler with workers answers.
     """
     if not address:
         yield

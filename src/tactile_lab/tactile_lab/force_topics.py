@@ -45,10 +45,7 @@ def listening_node(namespace: str = '') -> Iterator[PollingNode]:
 def find_force_topics(listen_s: float) -> list[FoundDevice]:
     """Return the topics of the graph that can hold a tension, with what comes on them.
 
-    Parameters
-    ----------
-    listen_s : float
-        How long to listen [s].
+    ``listen_s``: how long to listen [s].
     """
     heard: dict[str, list[Any]] = {}
     types: dict[str, str] = {}

@@ -91,10 +91,7 @@ class PtyServer:
     names of the ports, in the folder ``links`` or one that is gone after `close`, stay when a port
     is unplugged.
 
-    Raises
-    ------
-    RigError
-        Where a port's name should be is something else.
+    Raises `RigError`: where a port's name should be is something else.
     """
 
     def __init__(self, rig: PalpationRig, links: Path | None = None, seed: int = 0) -> None:

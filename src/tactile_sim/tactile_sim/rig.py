@@ -30,14 +30,9 @@ class PalpationRig:
     The sensor's noise begins anew with each pull, from a stream that belongs to it. So the same
     trials have the same noise, however long anybody waits between them.
 
-    Parameters
-    ----------
-    seed
-        Of the trials' variations and the sensor's noise.
-    variation
-        The same variation for every trial instead of drawn ones.
-    catalogue
-        What can be mounted; None for the packaged descriptions.
+    ``seed``: of the trials' variations and the sensor's noise. ``variation``: the same variation
+    for every trial instead of drawn ones. ``catalogue``: what can be mounted; None for the
+    packaged descriptions.
     """
 
     def __init__(
@@ -95,18 +90,11 @@ class PalpationRig:
     ) -> dict[str, Any]:
         """Put a plate or object under the finger, or turn the finger to the other contact.
 
-        Parameters
-        ----------
-        numbers
-            Session, mounting and trial, each from 0: trials of the same session and mounting
-            share their deviations. None: a session of all such calls, and a mounting each.
+        ``numbers``: session, mounting and trial, each from 0: trials of the same session and
+        mounting share their deviations. None: a session of all such calls, and a mounting each.
 
-        Raises
-        ------
-        DescriptionError
-            No such protocol, object or contact.
-        RigError
-            The tendon is pulled.
+        Raises `DescriptionError`: no such protocol, object or contact. Raises `RigError`: the
+        tendon is pulled.
         """
         if protocol == 'slip':
             raise RigError('nothing on the rig pulls a held object; slip is simulated only')

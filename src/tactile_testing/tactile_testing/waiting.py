@@ -18,18 +18,10 @@ def wait_until(
 ):
     """Return a condition's first true value; fail when none comes in time.
 
-    Parameters
-    ----------
-    condition : callable
-        Asked again and again.
-    what : str or callable
-        What is said, or returns what is said, when the time is over.
-    timeout_s : float
-        Give it where the time is what is tested, or where whole programs have to start.
-    step : callable, optional
-        What is done between two looks, such as spinning an executor once.
-    poll_s : float
-        Pause between two looks.
+    ``condition``: asked again and again. ``what``: what is said, or returns what is said, when the
+    time is over. ``timeout_s``: give it where the time is what is tested, or where whole programs
+    have to start. ``step``: what is done between two looks, such as spinning an executor once.
+    ``poll_s``: pause between two looks.
     """
     deadline_s = time.monotonic() + timeout_s
     while not (found := condition()):

@@ -61,22 +61,11 @@ def choose_automatically(
     The contacts of a task share a set: that whose best classifiers have the highest mean accuracy.
     Where trials to train on are stated, these alone choose.
 
-    Parameters
-    ----------
-    folds, random_state : int
-        Of random folds, where there is nothing to hold out; no more than a label has trials.
-    say : callable
-        Takes each sentence on the choice.
-    columns : sequence of str
-        What each fold holds out.
-    any_set : bool
-        False: the set of features is the stated or recorded one.
-    must_hold_out : bool
-        True: random folds are no substitute.
-    scaling : str
-        The only one that is tried; empty: all.
-    progress : callable
-        ``progress(done, total)`` after each part of the work.
+    ``folds``, ``random_state``: of random folds, where there is nothing to hold out; no more than
+    a label has trials. ``say``: takes each sentence on the choice. ``columns``: what each fold
+    holds out. ``any_set``: False: the set of features is the stated or recorded one.
+    ``must_hold_out``: True: random folds are no substitute. ``scaling``: the only one that is
+    tried; empty: all. ``progress``: ``progress(done, total)`` after each part of the work.
     """
     reading = features.reading
     tables = _read_all(features, say) if any_set else _read_stated(features)

@@ -280,9 +280,7 @@ def number_blocks(
     Trials that follow each other share wear, warmth and drift; with random folds they stand
     on both sides. Held out in turn, these blocks keep neighbours together.
 
-    Parameters
-    ----------
-    starts_ns, session_ids, labels : ndarray of shape (trials,)
+    ``starts_ns``, ``session_ids``, ``labels`` (ndarray of shape (trials,)).
     """
     blocks = np.zeros(len(labels), dtype=np.intp)
     for session in np.unique(session_ids):

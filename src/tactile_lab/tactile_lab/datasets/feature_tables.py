@@ -49,13 +49,9 @@ Samples = tuple[NDArray[np.float64], NDArray[np.float64]]
 class FeatureTables:
     """The feature tables of a recording.
 
-    Attributes
-    ----------
-    tables : dict of tuple to FeatureTable
-        By task and contact. Where a recording has several specifications of a task, each has a
-        table; those after the first have the digest in their key, too.
-    left_out : tuple of str
-        One sentence for each trial that gave no features, or has no label.
+    ``tables``: by task and contact. Where a recording has several specifications of a task, each
+    has a table; those after the first have the digest in their key, too. ``left_out``: one
+    sentence for each trial that gave no features, or has no label.
     """
 
     tables: dict[Key, FeatureTable]
@@ -71,14 +67,8 @@ def name_table(key: Key, table: FeatureTable) -> str:
 class RecordingFeatures(ABC):
     """Features of an open recording; made by `features_of`.
 
-    Attributes
-    ----------
-    recording : Recording
-    reading : Reading
-    steps : tuple of str
-        What was done to the signals first, in words.
-    skipped : tuple of Skipped
-        Trials of an archive that cannot be used.
+    ``steps``: what was done to the signals first, in words. ``skipped``: trials of an archive that
+    cannot be used.
     """
 
     steps: tuple[str, ...] = ()
@@ -91,15 +81,10 @@ class RecordingFeatures(ABC):
     def tables(self, fields: Fields = NONE) -> FeatureTables:
         """Return the labelled trials of the wanted task, by task and kind of contact.
 
-        Parameters
-        ----------
-        fields : mapping
-            Other features than those that ``reading`` names.
+        ``fields``: other features than those that ``reading`` names.
 
-        Raises
-        ------
-        TactileError, DatasetError
-            When no trial gives features, or none is of that task.
+        Raises `TactileError` or `DatasetError` when no trial gives features, or none is of that
+        task.
         """
         found = self._compute(fields)
         task = self.reading.task
@@ -121,27 +106,17 @@ class RecordingFeatures(ABC):
     ) -> dict[int, FeatureTable]:
         """Return features of the first parts of each window, trial by trial, by samples.
 
-        Parameters
-        ----------
-        table : FeatureTable
-            Of texture, of this recording.
-        seconds : sequence of float
-            How much of the window has been seen [s].
+        ``table``: of texture, of this recording. ``seconds``: how much of the window has been seen
+        [s].
 
-        Raises
-        ------
-        TactileError
-            When ``seconds`` do not fit into the window.
+        Raises `TactileError` when ``seconds`` do not fit into the window.
         """
 
     @abstractmethod
     def measures(self, table: FeatureTable) -> list[tuple[Measure, ...]]:
         """Return what was measured in the window of each trial.
 
-        Raises
-        ------
-        TactileError
-            When the recording has no such windows.
+        Raises `TactileError` when the recording has no such windows.
         """
 
     @abstractmethod
@@ -158,15 +133,10 @@ def features_of(
 ) -> RecordingFeatures:
     """Return the features of an open recording.
 
-    Parameters
-    ----------
-    folds : int
-        An archive with fewer trials than this is refused.
+    ``folds``: an archive with fewer trials than this is refused.
 
-    Raises
-    ------
-    TactileError, DatasetError
-        When options and recording do not fit, or no trial of an archive can be used.
+    Raises `TactileError` or `DatasetError` when options and recording do not fit, or no trial of
+    an archive can be used.
     """
     if recording.is_own:
         from tactile_lab.datasets.bag_features import BagFeatures  # readers of bags
@@ -185,10 +155,7 @@ def open_features(
 ) -> Iterator[RecordingFeatures]:
     """Open recordings for their features; see `features_of`.
 
-    Parameters
-    ----------
-    statements : SourceOptions, optional
-        What is stated about recordings of others.
+    ``statements``: what is stated about recordings of others.
     """
     with load_recording(paths, statements) as recording:
         yield features_of(recording, reading, folds=folds)
@@ -197,10 +164,7 @@ def open_features(
 def load_recording(paths: Sequence[Path], statements: SourceOptions | None = None) -> Recording:
     """Open recordings; see `Recording.load`.
 
-    Raises
-    ------
-    TactileError
-        When something is stated about our own bags, which say it themselves.
+    Raises `TactileError` when something is stated about our own bags, which say it themselves.
     """
     recording = Recording.load(paths, statements)
     if recording.is_own and statements not in (None, SourceOptions()):
@@ -221,10 +185,7 @@ def read_tables(paths: Sequence[Path], fields: Fields = NONE) -> FeatureTables:
 def count_samples(seconds: Sequence[float], config: FeatureConfig) -> tuple[int, ...]:
     """Return the ``partial_samples`` of windows that have filled for so long.
 
-    Raises
-    ------
-    BagError
-        When they do not rise, or do not fit into the window.
+    Raises `BagError` when they do not rise, or do not fit into the window.
     """
     counts = tuple(round(second * config.rate_hz) for second in seconds)
     try:

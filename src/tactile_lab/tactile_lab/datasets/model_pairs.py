@@ -67,10 +67,8 @@ def load_models(
 ) -> list[Contender]:
     """Return the models of a file or folder; of one task and contact where these are named.
 
-    Raises
-    ------
-    TactileError, ModelFileError
-        When there is none, or a file of a folder cannot be used.
+    Raises `TactileError` or `ModelFileError` when there is none, or a file of a folder cannot be
+    used.
     """
     contracts, refused = read_contracts(path)
     if refused:
@@ -93,10 +91,7 @@ def pair_models(
 ) -> tuple[list[Pair], list[str]]:
     """Return the models that answer the same question, and a sentence for each other one.
 
-    Raises
-    ------
-    TactileError
-        When there is no pair, or a pair has other labels.
+    Raises `TactileError` when there is no pair, or a pair has other labels.
     """
     pairs = [
         (a, b)
@@ -142,11 +137,8 @@ def _question(model: TactileModel) -> str:
 def reader_of(recording: Recording, reading: Reading, pairs: Sequence[Pair]) -> Reader:
     """Return what gives the tables of a recording for a model, each set of features once.
 
-    Raises
-    ------
-    TactileError
-        When options and recording do not fit; or several models answer one task, and the
-        recording does not state the contact.
+    Raises `TactileError` when options and recording do not fit; or several models answer one task,
+    and the recording does not state the contact.
     """
     if not recording.is_own and max(Counter(a.model.task for a, _ in pairs).values()) > 1:
         raise TactileError(
@@ -176,19 +168,11 @@ def reader_of(recording: Recording, reading: Reading, pairs: Sequence[Pair]) -> 
 class PairedTrials:
     """Trials that give features for one model at least.
 
-    Attributes
-    ----------
-    key : (str, str)
-        Task and contact.
-    labels, trial_ids : ndarray of str, shape (trials,)
-    groups : ndarray of str, shape (trials,), or None
-    parts_are : str
-        What the groups are, in the plural.
-    simulated : ndarray of bool, shape (trials,)
-    tables : (FeatureTable, FeatureTable)
-        Features for A and for B.
-    rows : (ndarray, ndarray) of int, shape (trials,)
-        Where each trial stands in these tables; -1: it gives this model no features.
+    ``key``: task and contact. ``labels``, ``trial_ids`` (ndarray of str, shape (trials,)).
+    ``groups`` (ndarray of str, shape (trials,), or None). ``parts_are``: what the groups are, in
+    the plural. ``simulated`` (ndarray of bool, shape (trials,)). ``tables``: features for A and
+    for B. ``rows`` ((ndarray, ndarray) of int, shape (trials,)): where each trial stands in these
+    tables; -1: it gives this model no features.
     """
 
     key: Key
@@ -217,13 +201,8 @@ class PairedTrials:
     def spread(self, side: int, of_table: NDArray[Any], missing: Any) -> NDArray[Any]:
         """Return what stands for each row of a model's table, for each trial.
 
-        Parameters
-        ----------
-        side : int
-            0: A; 1: B.
-        of_table : ndarray of shape (rows of the table,)
-        missing : Any
-            For trials without features.
+        ``side``: 0: A; 1: B. ``of_table`` (ndarray of shape (rows of the table,)). ``missing``:
+        for trials without features.
         """
         rows = self.rows[side]
         return np.array([missing if row < 0 else of_table[row] for row in rows])
@@ -234,19 +213,11 @@ def pair_tables(
 ) -> list[PairedTrials]:
     """Return the trials that both models are for, by contact; none: there are no such trials.
 
-    Parameters
-    ----------
-    read : callable
-        See `Reader`.
-    columns : sequence of str
-        Columns that make a group; none: the session, where there is one.
+    ``read``: see `Reader`. ``columns``: columns that make a group; none: the session, where there
+    is one.
 
-    Raises
-    ------
-    DatasetError
-        When the recordings lack a column.
-    ModelFileError
-        When the features of the recordings are not those that a model takes.
+    Raises `DatasetError` when the recordings lack a column. Raises `ModelFileError` when the
+    features of the recordings are not those that a model takes.
     """
     found = [_fitting(read(model), models) for model in models]
     paired = []
@@ -319,22 +290,11 @@ def _places(table: FeatureTable) -> dict[tuple[str, ...], int]:
 class Compared:
     """Two models on the trials of one task and contact.
 
-    Attributes
-    ----------
-    title : str
-    contenders : (Contender, Contender)
-    comparison : Comparison
-    seen : (int or None, int or None)
-        Trials that were in the training of each; None: its file does not tell.
-    left_out : str
-        Trials that do not count, in words; empty: none.
-    beside_seen : int
-        With trials of the training left out: trials that share a session with these.
-    new_labels : dict
-        Of trials with labels that the models do not know: how many, and the share of them that
-        each calls unknown; empty: there are none.
-    seconds : (float, float)
-        Median time of one answer [s].
+    ``seen``: trials that were in the training of each; None: its file does not tell. ``left_out``:
+    trials that do not count, in words; empty: none. ``beside_seen``: with trials of the training
+    left out: trials that share a session with these. ``new_labels``: of trials with labels that
+    the models do not know: how many, and the share of them that each calls unknown; empty: there
+    are none. ``seconds``: median time of one answer [s].
     """
 
     title: str
@@ -412,10 +372,7 @@ def compare_pair(
 ) -> list[Compared]:
     """Compare two models on the trials of each contact that both are for.
 
-    Raises
-    ------
-    TactileError
-        When no trial is left.
+    Raises `TactileError` when no trial is left.
     """
     models = (pair[0].model, pair[1].model)
     return [_compare(pair, paired, unseen=unseen) for paired in pair_tables(read, models, columns)]

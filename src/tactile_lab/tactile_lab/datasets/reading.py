@@ -32,10 +32,7 @@ class Reading:
 
     The fields are those options: see `tactile_lab.options` and ``tactile evaluate --help``.
 
-    Raises
-    ------
-    TactileError
-        When only one of ``train_where`` and ``test_where`` is given.
+    Raises `TactileError` when only one of ``train_where`` and ``test_where`` is given.
     """
 
     task: str | None = None
@@ -62,10 +59,7 @@ class Reading:
     def check_for_bags(self) -> None:
         """Refuse options on how to cut trials, which bags with trial events say.
 
-        Raises
-        ------
-        TactileError
-            When such an option is given.
+        Raises `TactileError` when such an option is given.
         """
         for name in ('channel', 'where', 'crop', 'resample_hz', 'skip_bad', 'speed_column'):
             if getattr(self, name):
@@ -77,10 +71,7 @@ class Reading:
     def parse_channel(self) -> Channel:
         """Return the number of the channel, ``all``, or None for ``mean``; default: 0.
 
-        Raises
-        ------
-        TactileError
-            When it is none of these.
+        Raises `TactileError` when it is none of these.
         """
         text = self.channel or '0'
         if text == 'mean':
@@ -117,10 +108,7 @@ class Reading:
     def splits(self, table: FeatureTable) -> tuple[Split, ...]:
         """Return the split into both; empty where none is stated.
 
-        Raises
-        ------
-        EvaluationError
-            When both share a trial, or a class is known in the tests only.
+        Raises `EvaluationError` when both share a trial, or a class is known in the tests only.
         """
         chosen = self.select_stated(table.columns)
         if chosen is None:
@@ -133,10 +121,7 @@ def choose_features(
 ) -> dict[str, Any]:
     """Return the fields of `FeatureConfig` that ``--over``, ``--detrend`` and ``--features`` say.
 
-    Raises
-    ------
-    TactileError
-        When they do not go together, or ``--over`` is no window.
+    Raises `TactileError` when they do not go together, or ``--over`` is no window.
     """
     if detrend is not None and over is not None:
         raise TactileError('--detrend is for the spectrum over time: leave --over or it out')
@@ -161,10 +146,8 @@ def parse_over(text: str | None) -> dict[str, Any]:
 
     None says nothing.
 
-    Raises
-    ------
-    TactileError
-        When it is not of that form, or the window is too short for its finest scale.
+    Raises `TactileError` when it is not of that form, or the window is too short for its finest
+    scale.
     """
     if text is None:
         return {}
@@ -187,10 +170,7 @@ def parse_over(text: str | None) -> dict[str, Any]:
 def select_features(table: FeatureTable, names: str | None) -> FeatureTable:
     """Return the table with only the named features; the last part of a name is enough.
 
-    Raises
-    ------
-    TactileError
-        When there is no such feature, or several whose names end so.
+    Raises `TactileError` when there is no such feature, or several whose names end so.
     """
     if names is None or list_sets(names):
         return table
@@ -219,10 +199,8 @@ def select_features(table: FeatureTable, names: str | None) -> FeatureTable:
 def select_trials(columns: Columns, text: str, option: str) -> NDArray[np.bool_]:
     """Return which trials ``COLUMN`` (is true) or ``COLUMN=VALUE[,VALUE...]`` chooses.
 
-    Raises
-    ------
-    TactileError
-        When there is no such column or no such trial, or the text is no value of the column.
+    Raises `TactileError` when there is no such column or no such trial, or the text is no value of
+    the column.
     """
     name, equals, values = text.partition('=')
     name = find_column(columns, name)
@@ -261,10 +239,7 @@ def _value(text: str, column: NDArray[Any], name: str, option: str) -> Any:
 def parse_span(text: str) -> tuple[float, float]:
     """Return start and stop in seconds from ``START:STOP``.
 
-    Raises
-    ------
-    TactileError
-        When it is not of that form.
+    Raises `TactileError` when it is not of that form.
     """
     start, _, stop = text.partition(':')
     try:

@@ -48,13 +48,8 @@ def check_sensor(
 ) -> CheckReport:
     """Listen to the sensor.
 
-    Parameters
-    ----------
-    config : TendonSensorConfig
-    seconds : float
-        How long [s]; leave the tendon alone meanwhile, or the noise is not noise.
-    make : callable
-        Makes the client; for a sensor on a topic one that has a node.
+    ``seconds``: how long [s]; leave the tendon alone meanwhile, or the noise is not noise.
+    ``make``: makes the client; for a sensor on a topic one that has a node.
     """
     link = {'net_ft': config.host, 'topic': config.topic}.get(config.sensor, config.port)
     blocks: list[StrainBlock] = []

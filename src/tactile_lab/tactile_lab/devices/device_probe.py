@@ -82,10 +82,7 @@ class FoundDevice:
 def recognise(data: bytes) -> tuple[str, str, dict[str, Any]] | None:
     """Return device, sentence and parameters for what a line has said; None if unknown.
 
-    Parameters
-    ----------
-    data : bytes
-        From any point of the stream on.
+    ``data``: from any point of the stream on.
     """
     if banner := _match_banner(data):
         return 'guide', f'Grbl: "{banner.group().decode("ascii", "replace")}"', {}
@@ -211,13 +208,8 @@ def probe_ports(
 ) -> list[FoundDevice]:
     """Return the ports with what is recognised on each; all are asked at once.
 
-    Parameters
-    ----------
-    ports : sequence of FoundDevice
-    listen_s : float
-        How long to wait for a line that speaks by itself [s].
-    is_quiet : bool
-        Send nothing.
+    ``listen_s``: how long to wait for a line that speaks by itself [s]. ``is_quiet``: send
+    nothing.
     """
     with ThreadPoolExecutor(_MOST_PORTS_AT_ONCE) as pool:
         return list(pool.map(lambda port: probe_port(port, listen_s, is_quiet), ports))

@@ -27,10 +27,7 @@ _PARAMETERS = 'ros__parameters'
 def set_parameters(path: Path, node: str, values: Mapping[str, float]) -> None:
     """Set parameters of a node in its file, at once; make the file if there is none.
 
-    Raises
-    ------
-    TactileError
-        When the file cannot be read, edited or written.
+    Raises `TactileError` when the file cannot be read, edited or written.
     """
     try:
         text = read_text(path, MAX_BYTES) if path.exists() else ''
@@ -44,10 +41,7 @@ def set_parameters(path: Path, node: str, values: Mapping[str, float]) -> None:
 def edit_parameters(text: str, node: str, values: Mapping[str, float]) -> str:
     """Return the text of a parameter file with some values of a node set.
 
-    Raises
-    ------
-    TactileError
-        When it is no parameter file, or this would change anything else in it.
+    Raises `TactileError` when it is no parameter file, or this would change anything else in it.
     """
     before = load_yaml(text)
     if before is not None and not isinstance(before, dict):
@@ -135,20 +129,11 @@ class Reading:
 class LoadCellFit:
     """The line ``force = scale * reading + offset_n``.
 
-    Attributes
-    ----------
-    scale, offset_n : float
-        Parameters of the sensor node.
-    scale_error, offset_error_n : float
-        Their standard uncertainties, from the residuals.
-    residuals_n : tuple of float
-        Calibrated force minus true force of each reading [N].
-    largest_residual_n : float
-        Its largest magnitude.
-    hysteresis_n : float or None
-        Largest difference at one weight between its readings on the way up and down [N]; None:
-        no weight was measured both ways.
-    readings : tuple of Reading
+    ``scale``, ``offset_n``: parameters of the sensor node. ``scale_error``, ``offset_error_n``:
+    their standard uncertainties, from the residuals. ``residuals_n``: calibrated force minus true
+    force of each reading [N]. ``largest_residual_n``: its largest magnitude. ``hysteresis_n``:
+    largest difference at one weight between its readings on the way up and down [N]; None: no
+    weight was measured both ways.
     """
 
     scale: float
@@ -192,10 +177,7 @@ def fit_load_cell(readings: Sequence[Reading], gravity_m_s2: float) -> LoadCellF
     The weights are known and the readings are noisy, so the readings are regressed; the line is
     then turned around. Uncertainties: first order in those of slope and intercept.
 
-    Raises
-    ------
-    CalibrationError
-        With too few weights, or readings that do not follow the weights.
+    Raises `CalibrationError` with too few weights, or readings that do not follow the weights.
     """
     force_n = np.array([reading.mass_kg for reading in readings]) * gravity_m_s2
     value_n = np.array([reading.reading_n for reading in readings])

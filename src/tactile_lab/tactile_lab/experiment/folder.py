@@ -58,10 +58,8 @@ class ExperimentFolder:
     def set_up(self, plan: ExperimentPlan) -> None:
         """Make the folder for a plan, or check that it is one for it; draw what lacks.
 
-        Raises
-        ------
-        ExperimentError
-            When it cannot be made, holds something else, or its experiment has another plan.
+        Raises `ExperimentError` when it cannot be made, holds something else, or its experiment
+        has another plan.
         """
         try:
             if not (self.path / PLAN).exists():
@@ -103,10 +101,7 @@ class ExperimentFolder:
     def draw_block(self, session_id: str) -> list[PlannedTrial]:
         """Return one more block of a session, each object once in each contact; nothing changes.
 
-        Raises
-        ------
-        ExperimentError
-            When there is no such session.
+        Raises `ExperimentError` when there is no such session.
         """
         last = self._last_mounting(session_id)
         return list_order(replace(self.read_plan(), mountings=1), session_id, last + 1)
@@ -118,10 +113,7 @@ class ExperimentFolder:
     def appended_left(self, session_id: str) -> int:
         """Return how many trials are left of blocks that were appended to a session.
 
-        Raises
-        ------
-        ExperimentError
-            When there is no such session.
+        Raises `ExperimentError` when there is no such session.
         """
         self._last_mounting(session_id)
         plan = self.read_plan()
@@ -160,19 +152,11 @@ class ExperimentFolder:
 
         The bags stay as they are. What reads them obeys the journal.
 
-        Parameters
-        ----------
-        trial : str
-            Trial id, or the name of a planned trial.
-        kind : str
-            `RELABELLED`, `EXCLUDED` or `INCLUDED`.
-        values
-            ``label`` and ``why``.
+        ``trial``: trial id, or the name of a planned trial. ``kind``: `RELABELLED`, `EXCLUDED` or
+        `INCLUDED`. ``values``: ``label`` and ``why``.
 
-        Raises
-        ------
-        ExperimentError
-            When there is no such trial, or another program runs the experiment.
+        Raises `ExperimentError` when there is no such trial, or another program runs the
+        experiment.
         """
         with self.open_journal() as journal:
             progress = Progress(self.read_order(), journal.entries)

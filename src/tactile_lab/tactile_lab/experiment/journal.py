@@ -65,20 +65,11 @@ def note(log: Log, kind: str, **values: Any) -> Entry:
 class Journal:
     """A journal that is open for one program; a context manager.
 
-    Parameters
-    ----------
-    path : Path
-        Made when it is not there.
+    ``path``: made when it is not there.
 
-    Attributes
-    ----------
-    entries : list of dict
-        All entries, the oldest first.
+    ``entries``: all entries, the oldest first.
 
-    Raises
-    ------
-    ExperimentError
-        When it cannot be read or written, or another program has it open.
+    Raises `ExperimentError` when it cannot be read or written, or another program has it open.
     """
 
     def __init__(self, path: Path) -> None:
@@ -119,10 +110,7 @@ class Journal:
     def append(self, kind: str, **values: Any) -> Entry:
         """Write an entry, and return it once it is on the disk.
 
-        Raises
-        ------
-        ExperimentError
-            When it cannot be written.
+        Raises `ExperimentError` when it cannot be written.
         """
         if self._file is None:
             raise ExperimentError(f'the journal {self.path} is closed')
@@ -149,10 +137,7 @@ class Journal:
 def read_journal(path: Path) -> list[Entry]:
     """Return the entries of a journal, which another program may be writing.
 
-    Raises
-    ------
-    ExperimentError
-        When it cannot be read.
+    Raises `ExperimentError` when it cannot be read.
     """
     try:
         return parse_journal(path.read_bytes())[0]
@@ -186,27 +171,13 @@ class Attempt:
 class Progress:
     """The state of an experiment.
 
-    Parameters
-    ----------
-    order : sequence of PlannedTrial
-    entries : iterable of dict
-        Of the journal.
+    ``entries``: of the journal.
 
-    Attributes
-    ----------
-    attempts : dict of str to Attempt
-        By trial id, in the order in which they were begun.
-    mounting_ids : list of str
-        In the order in which objects were put under the finger.
-    runs : dict of str to int
-        How often the nodes were started, by session.
-    setup : dict of str to str
-        The rig's set-up at the last start; empty: not known.
+    ``attempts``: by trial id, in the order in which they were begun. ``mounting_ids``: in the
+    order in which objects were put under the finger. ``runs``: how often the nodes were started,
+    by session. ``setup``: the rig's set-up at the last start; empty: not known.
 
-    Raises
-    ------
-    ExperimentError
-        When an entry is not of the form that it must have.
+    Raises `ExperimentError` when an entry is not of the form that it must have.
     """
 
     def __init__(
@@ -285,10 +256,7 @@ class Progress:
     def find(self, name: str) -> Attempt:
         """Return the attempt that counts for a planned trial, or any attempt by its trial id.
 
-        Raises
-        ------
-        ExperimentError
-            When there is none.
+        Raises `ExperimentError` when there is none.
         """
         if attempt := self._kept.get(name) or self.attempts.get(name):
             return attempt

@@ -134,20 +134,11 @@ class LiveTrial:
 class LiveSetup:
     """A rig to run trials on.
 
-    Attributes
-    ----------
-    ports : Ports
-    models : pathlib.Path or None
-        Folder of model files, or one file; None runs without a classifier.
-    simulated_rig : SimulatedRig or None
-        The rig is this one. It gets what each trial names under its finger; on a real rig that is
-        the experimenter's part.
-    parameters : mapping
-        ROS parameters by node name.
-    domain_id : int or None
-        ROS domain; None takes the environment's.
-    watch : WatchOptions or None
-        Serve a live page meanwhile.
+    ``models``: folder of model files, or one file; None runs without a classifier.
+    ``simulated_rig``: the rig is this one. It gets what each trial names under its finger; on a
+    real rig that is the experimenter's part. ``parameters``: ROS parameters by node name.
+    ``domain_id``: ROS domain; None takes the environment's. ``watch``: serve a live page
+    meanwhile.
     """
 
     ports: Ports
@@ -171,10 +162,7 @@ def open_rig(
 ) -> LiveSetup:
     """Return the rig that a command is to run trials on; the stack ends a simulated one.
 
-    Raises
-    ------
-    TactileError
-        When ports are missing, or the parameters do not fit.
+    Raises `TactileError` when ports are missing, or the parameters do not fit.
     """
     ports, simulated_rig = open_ports(given, simulated, seed, stack)
     if simulated_rig is not None:
@@ -201,12 +189,8 @@ class LiveRig:
     def run(self, request: TrialRequest) -> LiveTrial:
         """Run a trial to its end, its audit and its answer.
 
-        Raises
-        ------
-        TactileError
-            When the trial or the recording fails.
-        StoppedError
-            When somebody has pressed Stop on a live page.
+        Raises `TactileError` when the trial or the recording fails. Raises `StoppedError` when
+        somebody has pressed Stop on a live page.
         """
         check_recording(self.recorder)
         listening = [
@@ -349,18 +333,9 @@ class ObserverNode(Node):  # type: ignore[misc]
 def live_rig(setup: LiveSetup, bag: Path, output: Output) -> Iterator[LiveRig]:
     """Start the rig's nodes and its recorder, home the guide, and end them after the block.
 
-    Parameters
-    ----------
-    setup : LiveSetup
-    bag : pathlib.Path
-        Where to record; must not exist yet.
-    output : Output
-        Prints the address of the live page.
+    ``bag``: where to record; must not exist yet. ``output``: prints the address of the live page.
 
-    Raises
-    ------
-    TactileError
-        When a node cannot be started or a topic has no publisher.
+    Raises `TactileError` when a node cannot be started or a topic has no publisher.
     """
     models = ModelChoice.of_finger(str(setup.models or ''), setup.parameters)
     simulated = setup.simulated_rig is not None
@@ -407,24 +382,12 @@ Numbers = tuple[int, int, int]
 class LiveBench:
     """The rig; see `tactile_lab.experiment.loop.Bench`.
 
-    Parameters
-    ----------
-    setup : LiveSetup
-    output : Output
-        Prints the address of the live page.
-    make_request : callable
-        Returns the request for an order of the loop.
-    numbers : callable, optional
-        Returns session, mounting and trial of an order, for the deviations of a simulated rig.
-    needs_features : bool
-        A trial without features cannot be used.
+    ``output``: prints the address of the live page. ``make_request``: returns the request for an
+    order of the loop. ``numbers``: returns session, mounting and trial of an order, for the
+    deviations of a simulated rig. ``needs_features``: a trial without features cannot be used.
 
-    Attributes
-    ----------
-    trials : dict of str to LiveTrial
-        Those that were recorded to their end, by trial id.
-    audits : list of Audit
-        Of the last session's recording.
+    ``trials``: those that were recorded to their end, by trial id. ``audits``: of the last
+    session's recording.
     """
 
     setup: LiveSetup
@@ -539,22 +502,11 @@ def run_live_trials(
 ) -> list[LiveTrial]:
     """Home the guide, run the trials, record them; print a line for each.
 
-    Parameters
-    ----------
-    setup : LiveSetup
-    bag : pathlib.Path
-        Where to record; must not exist yet.
-    requests : sequence of TrialRequest
-        Each with a trial id of its own.
-    output : Output
-    live : list of LiveTrial, optional
-        Gets each trial as soon as it is recorded, for who must know them if this raises.
+    ``bag``: where to record; must not exist yet. ``requests``: each with a trial id of its own.
+    ``live``: gets each trial as soon as it is recorded, for who must know them if this raises.
 
-    Raises
-    ------
-    TactileError
-        When a node cannot be started, a topic has no publisher, a trial fails twice, or the
-        recording has failed: no trial is run that would not be recorded.
+    Raises `TactileError` when a node cannot be started, a topic has no publisher, a trial fails
+    twice, or the recording has failed: no trial is run that would not be recorded.
     """
     live = [] if live is None else live
     rig = setup.simulated_rig

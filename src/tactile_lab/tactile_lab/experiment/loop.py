@@ -77,16 +77,9 @@ def usual_range(
     minus t s sqrt(1 + 1/n), with the deviation within all mountings. The first trials of a
     mounting are compared with the means of other mountings, where there are `FEWEST`.
 
-    Parameters
-    ----------
-    name : str
-        Of the statistic.
-    mounting_id : str
-        Of the trial.
-    earlier : sequence of (str, mapping)
-        Mounting and statistics of earlier trials of the same object and contact.
-    count : int
-        Number of statistics that are compared; they share the false alarms.
+    ``name``: of the statistic. ``mounting_id``: of the trial. ``earlier``: mounting and statistics
+    of earlier trials of the same object and contact. ``count``: number of statistics that are
+    compared; they share the false alarms.
     """
     known = sorted((m, s[name]) for m, s in earlier if name in s)
     mountings = {
@@ -156,14 +149,8 @@ class TrialOrder:
 class TrialResult:
     """Result of a trial that ended as planned.
 
-    Attributes
-    ----------
-    problem : str
-        Reason why the recording cannot be used; empty when it can.
-    sentence : str
-        Summary of the recording.
-    statistics : dict of str to float
-        Values for the check for outliers.
+    ``problem``: reason why the recording cannot be used; empty when it can. ``sentence``: summary
+    of the recording. ``statistics``: values for the check for outliers.
     """
 
     problem: str = ''
@@ -220,10 +207,7 @@ def run_experiment(
     Before anything happens, and after, it stands in the journal. A trial counts once its entry
     is on the disk, which it is after the recording. So no trial is lost, and none counts twice.
 
-    Parameters
-    ----------
-    appended : sequence of PlannedTrial
-        A block that is not in the order yet. It is appended once the rig has started.
+    ``appended``: a block that is not in the order yet. It is appended once the rig has started.
 
     Returns
     -------
@@ -231,10 +215,7 @@ def run_experiment(
     ended : str
         Why trials are left; empty: none is.
 
-    Raises
-    ------
-    TactileError
-        When the rig cannot be started, or the recording fails.
+    Raises `TactileError` when the rig cannot be started, or the recording fails.
     """
     progress = Progress([*folder.read_order(), *appended], journal.entries)
     loop = TrialLoop(progress, operator, journal)

@@ -36,29 +36,13 @@ class ExperimentError(TactileError):
 class ExperimentPlan:
     """Plan of an experiment: objects, contacts, sessions, mountings and trials.
 
-    Attributes
-    ----------
-    name : str
-        Beginning of the sessions' names.
-    protocol : str
-    objects : tuple of str
-        Labels of the plates or objects.
-    contacts : tuple of str
-    sessions : int
-        Number of times finger and rig are set up anew.
-    mountings : int
-        Number of times each object is mounted in each session and contact.
-    trials : int
-        Trials in each mounting.
-    seed : int
-        Seed of the random order.
-    glide_speed_m_s, hold_s : float
-        Speed [m/s] and time [s]; 0: the values of the trial runner.
+    ``name``: beginning of the sessions' names. ``objects``: labels of the plates or objects.
+    ``sessions``: number of times finger and rig are set up anew. ``mountings``: number of times
+    each object is mounted in each session and contact. ``trials``: trials in each mounting.
+    ``seed``: seed of the random order. ``glide_speed_m_s``, ``hold_s``: speed [m/s] and time [s];
+    0: the values of the trial runner.
 
-    Raises
-    ------
-    ExperimentError
-        When a value is not usable.
+    Raises `ExperimentError` when a value is not usable.
     """
 
     name: str
@@ -124,16 +108,9 @@ class ExperimentPlan:
 class PlannedTrial:
     """One trial of the order.
 
-    Attributes
-    ----------
-    key : str
-        Its name in the journal, such as ``grooves-s01-m03-t02``.
-    session_id : str
-    mounting : int
-        Number within the session: the object is put under the finger when it changes.
-    trial : int
-        Number within the mounting, from 1.
-    contact, object_label : str
+    ``key``: its name in the journal, such as ``grooves-s01-m03-t02``. ``mounting``: number within
+    the session: the object is put under the finger when it changes. ``trial``: number within the
+    mounting, from 1.
     """
 
     key: str
@@ -151,12 +128,7 @@ def list_order(plan: ExperimentPlan, session_id: str, first: int = 1) -> list[Pl
     objects alike. All blocks of a contact follow each other, since the finger has to be
     turned for the other one; which contact comes first is random, too.
 
-    Parameters
-    ----------
-    plan : ExperimentPlan
-    session_id : str
-    first : int
-        Number of the first mounting, for blocks that are appended to a session.
+    ``first``: number of the first mounting, for blocks that are appended to a session.
     """
     # Python's own generator: its shuffle of a seeded text is the same in all releases.
     generator = random.Random(f'{plan.seed}/{session_id}/{first}')
@@ -187,10 +159,7 @@ def list_order(plan: ExperimentPlan, session_id: str, first: int = 1) -> list[Pl
 def read_plan(path: Path) -> ExperimentPlan:
     """Read a plan, as YAML.
 
-    Raises
-    ------
-    ExperimentError
-        When it cannot be read, or a value is not usable.
+    Raises `ExperimentError` when it cannot be read, or a value is not usable.
     """
     try:
         return parse_plan(load_yaml(read_text(path, MAX_BYTES)), path.stem)
@@ -201,10 +170,7 @@ def read_plan(path: Path) -> ExperimentPlan:
 def parse_plan(document: Any, name: str) -> ExperimentPlan:
     """Return the plan that a YAML document describes; ``name`` if it has none itself.
 
-    Raises
-    ------
-    ExperimentError
-        When an entry is missing, not known or not usable.
+    Raises `ExperimentError` when an entry is missing, not known or not usable.
     """
     if not isinstance(document, dict):
         raise ExperimentError('it is no mapping; `tactile experiment new` writes one')
@@ -259,10 +225,7 @@ def format_order(order: list[PlannedTrial]) -> str:
 def parse_order(text: str) -> list[PlannedTrial]:
     """Return the order that `format_order` has written.
 
-    Raises
-    ------
-    ExperimentError
-        When it is not of that form, or names a trial twice.
+    Raises `ExperimentError` when it is not of that form, or names a trial twice.
     """
     order = list(_parse_rows(text))
     if len({trial.key for trial in order}) < len(order):

@@ -56,12 +56,8 @@ chunk of each label."""
 class SimulatedBag:
     """Bag that was written, with the number of its trials.
 
-    Attributes
-    ----------
-    trials : int
-        Number of trials in the bag, including aborted ones.
-    aborted : tuple of (str, float)
-        Trials that the simulator aborted: id and time since the first sample [s].
+    ``trials``: number of trials in the bag, including aborted ones. ``aborted``: trials that the
+    simulator aborted: id and time since the first sample [s].
     """
 
     path: Path
@@ -89,21 +85,12 @@ def write_simulated_bag(
     The trials come session after session; within a session the first trial of each label,
     then the second of each, and so on. A bag that cannot be finished is removed.
 
-    Parameters
-    ----------
-    catalogue : Catalogue, optional
-        Descriptions of finger, rig, plates and objects; those of the package when left out.
-    jobs : int or None
-        As joblib takes it: -1 is all cores.
-    on_trials : callable
-        Called with the number of trials that have been written since the last call.
+    ``catalogue``: descriptions of finger, rig, plates and objects; those of the package when left
+    out. ``jobs``: as joblib takes it: -1 is all cores. ``on_trials``: called with the number of
+    trials that have been written since the last call.
 
-    Raises
-    ------
-    BagError
-        When the bag exists already or cannot be written.
-    TactileSimError
-        When a description does not fit.
+    Raises `BagError` when the bag exists already or cannot be written. Raises `TactileSimError`
+    when a description does not fit.
     """
     catalogue = catalogue or Catalogue(None)
     trial_config = plan.configure(trial_config)
@@ -209,10 +196,7 @@ def _state_loss(data: bytes, lost_before: int) -> bytes:
 def paper_plans(trials: int, sessions: int, seed: int) -> Sequence[SimulationPlan]:
     """Return the paper's four sets: texture and stiffness, flexion and abduction.
 
-    Parameters
-    ----------
-    trials : int
-        On each plate or object in each session.
+    ``trials``: on each plate or object in each session.
     """
     return [
         SimulationPlan(protocol, contact, trials, seed, sessions)

@@ -111,18 +111,11 @@ def plan_trial(
 class SimulationPlan:
     """One bag of simulated trials: every label of a protocol, so many times a session.
 
-    Attributes
-    ----------
-    trials_per_label : int
-        In each session.
-    seed : int
-        The same seed gives the same bag.
-    sessions : int
-        How often the rig is set up anew; trials of a session share its deviations.
-    glide_speed_m_s : float or None
-        Speed over the plate [m/s]; None: as the trials are configured.
-    trials_per_mounting : int
-        Trials of a label and session between one fixing of the plate or object and the next.
+    ``trials_per_label``: in each session. ``seed``: the same seed gives the same bag.
+    ``sessions``: how often the rig is set up anew; trials of a session share its deviations.
+    ``glide_speed_m_s``: speed over the plate [m/s]; None: as the trials are configured.
+    ``trials_per_mounting``: trials of a label and session between one fixing of the plate or
+    object and the next.
     """
 
     protocol: str
@@ -155,12 +148,8 @@ class SimulationPlan:
 class TrialChunk:
     """Consecutive trials on one plate or object in one session.
 
-    Attributes
-    ----------
-    first, count : int
-        Numbers of the trials: ``first`` to ``first + count - 1``.
-    row, row_step : int
-        Place of the first trial in the bag, and from each to the next.
+    ``first``, ``count``: numbers of the trials: ``first`` to ``first + count - 1``. ``row``,
+    ``row_step``: place of the first trial in the bag, and from each to the next.
     """
 
     label: str
@@ -175,16 +164,10 @@ class TrialChunk:
 class SimulatedTrial:
     """One trial as it goes into a bag.
 
-    Attributes
-    ----------
-    messages : tuple of (int, str, bytes)
-        Time [ns], type and bytes (CDR) of each message, in the order of time.
-    missing_samples : int
-        Samples at its end that the simulator could not compute.
-    failed_at_s : float or None
-        When the simulator gave up, since the trial's first sample [s].
-    onset_s : float or None
-        When the object began to slip, since the trial's first phase [s].
+    ``messages``: time [ns], type and bytes (CDR) of each message, in the order of time.
+    ``missing_samples``: samples at its end that the simulator could not compute. ``failed_at_s``:
+    when the simulator gave up, since the trial's first sample [s]. ``onset_s``: when the object
+    began to slip, since the trial's first phase [s].
     """
 
     trial_id: str
@@ -241,10 +224,8 @@ def find_onset_s(
 
     Slip during the release does not count.
 
-    Parameters
-    ----------
-    times_s, slip_m : ndarray of shape (samples,)
-        Time since the first sample [s] and true slip of the fingertip [m].
+    ``times_s``, ``slip_m`` (ndarray of shape (samples,)): time since the first sample [s] and true
+    slip of the fingertip [m].
 
     Returns
     -------

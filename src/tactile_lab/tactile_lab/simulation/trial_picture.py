@@ -54,14 +54,9 @@ BODY_DEPTH_M = 0.012
 class Shape:
     """The finger at one moment.
 
-    Attributes
-    ----------
-    moment : str
-        ``at rest``, ``start``, ``middle`` or ``end``, of the phase that is measured.
-    at_s : float
-        Since the trial's first sample [s].
-    curve_m : ndarray of shape (points, 2)
-        Centre line in the guide's frame: place along the guide, drop below the base [m].
+    ``moment``: ``at rest``, ``start``, ``middle`` or ``end``, of the phase that is measured.
+    ``at_s``: since the trial's first sample [s]. ``curve_m`` (ndarray of shape (points, 2)):
+    centre line in the guide's frame: place along the guide, drop below the base [m].
     """
 
     moment: str
@@ -73,13 +68,8 @@ class Shape:
 class TrialPicture:
     """Data for the drawing of a trial.
 
-    Attributes
-    ----------
-    times_s : ndarray of shape (samples,)
-        Times since the trial's first sample [s].
-    truth : mapping of str to ndarray
-        Ground truth of the simulator for this trial only.
-    shapes : sequence of Shape
+    ``times_s`` (ndarray of shape (samples,)): times since the trial's first sample [s]. ``truth``:
+    ground truth of the simulator for this trial only.
     """
 
     plan: SimulationPlan
@@ -164,17 +154,9 @@ def plot_simulated_trial(
 ) -> None:
     """Simulate a trial exactly as described, without variation or noise, and draw it.
 
-    Parameters
-    ----------
-    path : pathlib.Path
-        PNG to write.
-    plan : SimulationPlan
-        Says protocol and contact.
+    ``path``: PNG to write. ``plan``: says protocol and contact.
 
-    Raises
-    ------
-    TactileError
-        When the file cannot be written, or the simulator finds no solution.
+    Raises `TactileError` when the file cannot be written, or the simulator finds no solution.
     """
     figure = draw_picture(simulate_picture(plan, config, catalogue))
     try:

@@ -51,10 +51,8 @@ _WORDS |= {'.inf': math.inf, '-.inf': -math.inf, '.nan': math.nan}
 def parse_text(text: str, name: str) -> dict[str, Any]:
     """Read a mapping of names to numbers, words, lists and mappings.
 
-    Raises
-    ------
-    DescriptionError
-        The text is no such mapping; ``name`` is the file named in the sentence.
+    Raises `DescriptionError`: the text is no such mapping; ``name`` is the file named in the
+    sentence.
     """
     try:
         # The events come one by one and without recursion: the depth is ours to limit.
@@ -77,10 +75,8 @@ def parse_text(text: str, name: str) -> dict[str, Any]:
 def parse_description(kind: type[_T], values: object, name: str) -> _T:
     """Build one frozen description from plain values.
 
-    Raises
-    ------
-    DescriptionError
-        A key is missing or unknown, or a value is of the wrong kind or out of range.
+    Raises `DescriptionError`: a key is missing or unknown, or a value is of the wrong kind or out
+    of range.
     """
     if not isinstance(values, Mapping):
         raise DescriptionError(f'{name} must be a mapping of names to values')

@@ -255,10 +255,7 @@ class FaultRequest(NamedTuple):
 def read_request(document: Any) -> FaultRequest:
     """Read the object ``{"device": ..., "kind": ..., "duration_s": ..., options ...}``.
 
-    Raises
-    ------
-    RigError
-        It asks for no fault that there is.
+    Raises `RigError`: it asks for no fault that there is.
     """
     if not isinstance(document, dict) or not {'device', 'kind'} <= set(document):
         raise RigError('a fault needs "device" and "kind"')

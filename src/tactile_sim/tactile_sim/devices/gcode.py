@@ -58,10 +58,7 @@ def parse_gcode(line: str, modal: Modal, position_mm: float) -> Command:
 
     ``position_mm`` is the machine coordinate at the end of everything planned so far, for G91.
 
-    Raises
-    ------
-    GcodeError
-        The line is refused; ``modal`` is unchanged.
+    Raises `GcodeError`: the line is refused; ``modal`` is unchanged.
     """
     groups, values = _read_words(line)
     motion = groups.get('motion', modal.motion)

@@ -201,10 +201,7 @@ class Timeline:
 def plan_timeline(rig: Rig, timeline: Timeline) -> tuple[Motion, Motion, Motion]:
     """Motions of guide, tendon and held object; targets are rounded as the devices round.
 
-    Raises
-    ------
-    DescriptionError
-        The timeline does not fit the rig.
+    Raises `DescriptionError`: the timeline does not fit the rig.
     """
     if not 0.0 <= timeline.guide_start_m <= rig.guide.travel_m:
         raise DescriptionError(f'guide_start_m is {timeline.guide_start_m}; it is off the guide')

@@ -318,10 +318,7 @@ def build_scene(
 ) -> Scene:
     """Compose the scene of a trial.
 
-    Raises
-    ------
-    DescriptionError
-        No such protocol, object or contact.
+    Raises `DescriptionError`: no such protocol, object or contact.
     """
     catalogue = catalogue or default_catalogue()
     finger, rig = catalogue.finger(contact), catalogue.rig()

@@ -37,14 +37,9 @@ def read_tension(
     Each trial starts with its drift at 0. The first readings of a trial do not depend on how
     many follow.
 
-    Parameters
-    ----------
-    tension_n : ndarray of float, shape (trials, samples)
-        Force behind crosstalk and low pass [N]. What is not a number stays so.
-    sensor_bias_n : ndarray of float, shape (trials,)
-        Reading without load [N].
-    generators : sequence of numpy.random.Generator, one a trial
-        Source of noise and drift.
+    ``tension_n`` (ndarray of float, shape (trials, samples)): force behind crosstalk and low pass
+    [N]. What is not a number stays so. ``sensor_bias_n`` (ndarray of float, shape (trials,)):
+    reading without load [N]. ``generators``: source of noise and drift.
 
     Returns
     -------

@@ -112,10 +112,7 @@ def advance_trials(
 def load_advance() -> Callable[..., None]:
     """Return the compiled solver, for blocks of `BLOCK` trials.
 
-    Raises
-    ------
-    SolverError
-        numba is missing, or cannot compile the solver.
+    Raises `SolverError`: numba is missing, or cannot compile the solver.
     """
     # Here, because numba takes half a second to load: only who simulates pays for it.
     try:

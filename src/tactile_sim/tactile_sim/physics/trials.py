@@ -142,12 +142,8 @@ def simulate_motion(
     While the axes rest there are an eighth as many steps, at least 1 a sample. With
     ``trusted_nm`` 0 every step is solved.
 
-    Raises
-    ------
-    DescriptionError
-        The timeline does not fit the rig.
-    ConvergenceError
-        The finger finds no rest at the start.
+    Raises `DescriptionError`: the timeline does not fit the rig. Raises `ConvergenceError`: the
+    finger finds no rest at the start.
     """
     schedule = _Schedule(scene, timeline, steps_per_sample)
     rows = _ROWS + _MODE_ROWS if keep_modes else _ROWS
@@ -296,10 +292,7 @@ class Plant:
     def step(self, guide_m: float, tendon_m: float) -> None:
         """Move on by one step, at whose end guide and tendon are where they are told.
 
-        Raises
-        ------
-        ConvergenceError
-            No balance was found; the state is not to be used any more.
+        Raises `ConvergenceError`: no balance was found; the state is not to be used any more.
         """
         failed = np.full(1, -1, dtype=np.int64)
         inputs = self._compute_inputs(guide_m, tendon_m)

@@ -70,10 +70,7 @@ def draw_variation(
     deviation is normal, cut at three standard deviations. Each trial has a generator, for its
     sensor's noise.
 
-    Raises
-    ------
-    DescriptionError
-        No such contact, or less than one trial for each mounting.
+    Raises `DescriptionError`: no such contact, or less than one trial for each mounting.
     """
     if trials_per_mounting < 1:
         raise DescriptionError(
