@@ -208,12 +208,7 @@ def run_experiment(
     is on the disk, which it is after the recording. So no trial is lost, and none counts twice.
 
     ``appended``: a block that is not in the order yet. It is appended once the rig has started.
-
-    Returns
-    -------
-    progress : Progress
-    ended : str
-        Why trials are left; empty: none is.
+    The text says why trials are left; empty: none is.
 
     Raises `TactileError` when the rig cannot be started, or the recording fails.
     """

@@ -226,11 +226,7 @@ def find_onset_s(
 
     ``times_s``, ``slip_m`` (ndarray of shape (samples,)): time since the first sample [s] and true
     slip of the fingertip [m].
-
-    Returns
-    -------
-    float or None
-        Since the trial's first phase [s], linear between samples.
+    The time is since the trial's first phase [s], linear between samples.
     """
     phases = dict(planned.phases)
     first, end = np.searchsorted(times_s, [phases['pull'], phases['release']])

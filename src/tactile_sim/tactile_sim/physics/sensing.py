@@ -41,10 +41,7 @@ def read_tension(
     [N]. What is not a number stays so. ``sensor_bias_n`` (ndarray of float, shape (trials,)):
     reading without load [N]. ``generators``: source of noise and drift.
 
-    Returns
-    -------
-    ndarray of float, shape (trials, samples)
-        Readings [N], whole multiples of ``cell.resolution_n``.
+    Returns the readings, of the same shape: whole multiples of ``cell.resolution_n`` [N].
     """
     samples = tension_n.shape[1]
     normal = np.array([generator.standard_normal((samples, 2)) for generator in generators])

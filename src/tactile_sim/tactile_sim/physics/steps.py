@@ -73,10 +73,7 @@ def compute_coefficients(
 ) -> FloatArray:
     """Coefficients of every length of step that occurs, and of its parts; infinity seeks rest.
 
-    Returns
-    -------
-    ndarray of float, shape (lengths, MAX_HALVINGS + 1, COLUMNS)
-        See `layout`.
+    Returns an array of shape (lengths, MAX_HALVINGS + 1, COLUMNS); see `layout`.
     """
     table = np.zeros((len(steps_s), MAX_HALVINGS + 1, at.COLUMNS))
     for index in np.ndindex(table.shape[:2]):

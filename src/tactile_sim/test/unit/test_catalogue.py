@@ -214,19 +214,6 @@ def test_any_file_gives_a_catalogue_or_a_sentence(tmp_path, name, data):
     assert '\n' not in said
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=40)
-@given(st.sampled_from([f.name for f in dataclasses.fields(Finger)]), st.floats(1e-9, 1e9))
-def test_any_number_gives_a_finger_or_a_sentence_that_names_it(tmp_path, key, value):
-    said = f'finger_flexion.yaml {key}'
-    try:
-        catalogue = lay_over(tmp_path, finger_flexion=f'{key}: {value!r}')
-        assert getattr(catalogue.finger('flexion'), key) == value
-    except DescriptionError as error:
-        said = str(error)
-    assert 'finger_flexion.yaml' in said
-    assert key in said
-
-
 def test_digest_is_that_of_the_descriptions_wherever_they_were_read(tmp_path):
     assert Catalogue(tmp_path).digest == default_catalogue().digest
     (tmp_path / 'finger_flexion.yaml').write_text('tip_radius_m: 0.0051\n')

@@ -141,18 +141,6 @@ def test_kept_modes_begin_with_the_bend():
     assert np.abs(motion.truth['modes_rad'][..., 1]).max() > 1e-2
 
 
-def test_steps_are_fine_enough():
-    timeline = Timeline([Move(0.6, 0.085, 0.015)], [Move(0.1, 0.0054, 0.02)], 1.6, 0.070)
-    scene = build_scene('texture', 'R3', 'flexion')
-    coarse = simulate_motion(scene, timeline, Variation.none())
-    fine = simulate_motion(scene, timeline, Variation.none(), steps_per_sample=160)
-    gliding = coarse.sample_times_s > 0.8
-    ripple = fine.sensed_n[0][gliding]
-    difference = coarse.sensed_n[0][gliding] - ripple
-    assert ripple.std() > 0.005
-    assert difference.std() < 0.02 * ripple.std()
-
-
 def test_readings_are_noisy_quantised_and_limited():
     trials = simulate_trials('texture', 'F', 'flexion', SHORT, 3, 1)
     counts = trials.tension_n / CELL.resolution_n

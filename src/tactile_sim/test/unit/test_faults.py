@@ -202,27 +202,6 @@ def test_a_mute_sensor_and_an_unplugged_one_lose_their_lines():
     assert b'Readings:\r\n0,' in bench.wait(0.7)
 
 
-def test_a_saturated_reading_is_the_capacity_and_a_stuck_one_stays():
-    bench = Bench('sensor')
-    bench.begin('saturate', 0.2)
-    (highest,) = {kg for _, kg in read_lines(bench.wait(0.2))}
-    assert highest == pytest.approx(2.0, abs=1e-4)
-    bench.wait(0.05)
-    bench.begin('stuck', 0.2)
-    lines = read_lines(bench.wait(0.2))
-    assert len({kg for _, kg in lines}) == 1
-    assert len({ms for ms, _ in lines}) == len(lines) > 10
-    assert len({kg for _, kg in read_lines(bench.wait(0.2))}) > 1
-
-
-def test_the_menu_stops_the_lines_until_x():
-    bench = Bench('sensor')
-    bench.begin('menu')
-    assert bench.wait(0.3).endswith(b'x) Exit\r\n>')
-    assert bench.send(b'x') == b'Exiting\r\n'
-    assert len(read_lines(bench.wait(0.3))) > 10
-
-
 def test_a_muted_guide_obeys_and_a_deaf_one_does_not():
     bench = Bench('guide')
     bench.send(b'$X\nG91\n')
@@ -241,34 +220,6 @@ def test_what_a_guide_says_by_itself_is_not_lost_with_its_ok():
     assert b'VER' in bench.send(b'$I\n')
     bench.begin('none')
     assert bench.send(b'\n') == b'ok\r\n'
-
-
-@pytest.mark.parametrize(
-    ('kind', 'said'), [('alarm', b'ALARM:1\r\n'), ('restart', b"Grbl 1.1h ['$' for help]\r\n")]
-)
-def test_alarm_and_restart_stop_the_guide(kind, said):
-    bench = Bench('guide')
-    bench.send(b'$X\nG91\nG1X-100F1200\n')
-    bench.wait(0.3)
-    bench.begin(kind)
-    here_m = bench.core.position_m(bench.now_s)
-    assert said in bench.wait(1.5)
-    assert bench.core.position_m(bench.now_s) == here_m
-
-
-@pytest.mark.parametrize(('kind', 'error'), [('overheat', 4), ('overload', 32)])
-def test_a_servo_that_is_hot_or_overloaded_switches_off(kind, error):
-    bench = Bench('tendon')
-    bench.begin(kind)
-    bench.wait(0.01)
-    assert bench.core._table.read(70, 1)[0] == error
-    bench.begin('none')
-    bench.ask(0x08)
-    bench.wait(0.35)
-    assert bench.ask(0x01)[8] == 0
-    if kind == 'overheat':
-        bench.begin(kind, temperature_c=91)
-        assert bench.core._table.read(146, 1)[0] == 91
 
 
 def test_a_restarted_servo_is_silent():
