@@ -5,8 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-import copy
+from collections.abc import Mapping
 import dataclasses
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -14,7 +13,7 @@ import hashlib
 import math
 from pathlib import Path
 import re
-from typing import Any, get_args, get_origin, get_type_hints, TypeVar
+from typing import Any, ClassVar, get_args, get_origin, get_type_hints, TypeVar
 
 import yaml
 
@@ -33,8 +32,7 @@ _T = TypeVar('_T')
 _DEEPEST = 8
 _LONGEST_SHOWN = 40
 _WHOLE = re.compile(r'[-+]?[0-9]{1,18}\Z')
-_DECIMAL = re.compile(r'[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]{1,4})?\Z')
-_WORDS: dict[str, Any] = {'': None, '~': None, 'null': None, 'true': True, 'false': False}
+_DECIMAL = re.compile(r'([-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]{1,4})?|-?\.inf|\.nan)\Z')
 
 _LARGEST_BYTES = 1 << 20
 _MOST_LABELS = 1000
@@ -45,7 +43,34 @@ _GRAVITY_M_S2 = 9.80665
 # Deviations of each level (trial, mounting, session) are cut at three standard deviations.
 _WIDEST = 3.0
 
-_WORDS |= {'.inf': math.inf, '-.inf': -math.inf, '.nan': math.nan}
+
+_Safe: Any = yaml.SafeLoader  # it has no types
+
+
+class _Loader(_Safe):
+    """The safe loader; names are words, and values but for numbers, true, false and null."""
+
+    yaml_implicit_resolvers: ClassVar[dict[str, Any]] = {}
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        values: dict[Any, Any] = {}
+        for key, value in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                raise _refuse(key, 'it has a key that is no word; write name: value')
+            if key.value in values:
+                raise _refuse(key, f'it has {show(key.value)} twice; remove one')
+            values[key.value] = self.construct_object(value, deep=True)
+        return values
+
+
+for _kind, _form in (
+    ('null', re.compile(r'(~|null)?\Z')),
+    ('bool', re.compile(r'(true|false)\Z')),
+    ('int', _WHOLE),
+    ('float', _DECIMAL),
+):
+    _Loader.add_implicit_resolver(f'tag:yaml.org,2002:{_kind}', _form, None)
+_Loader.add_constructor('tag:yaml.org,2002:int', lambda loader, node: int(node.value))
 
 
 def parse_text(text: str, name: str) -> dict[str, Any]:
@@ -55,9 +80,8 @@ def parse_text(text: str, name: str) -> dict[str, Any]:
     sentence.
     """
     try:
-        # The events come one by one and without recursion: the depth is ours to limit.
-        events = yaml.parse(text, Loader=yaml.SafeLoader)
-        values = _read_document(events, name)
+        _check_events(text)
+        values = yaml.load(text, Loader=_Loader)
     except yaml.MarkedYAMLError as error:
         line = '' if error.problem_mark is None else f' in line {error.problem_mark.line + 1}'
         raise DescriptionError(f'{name} is no YAML{line}: {error.problem}; correct it') from None
@@ -70,6 +94,27 @@ def parse_text(text: str, name: str) -> dict[str, Any]:
             f'{name} must be a mapping of names to values; see the packaged one'
         )
     return values
+
+
+def _check_events(text: str) -> None:
+    """Refuse what could stand for more than its bytes, one event at a time."""
+    depth = documents = 0
+    for event in yaml.parse(text, Loader=_Loader):
+        if isinstance(event, yaml.AliasEvent):
+            raise _refuse(event, f'it has the alias *{event.anchor}; write the value itself')
+        if getattr(event, 'tag', None) is not None:
+            raise _refuse(event, f'it has the tag {show(event.tag)}; write the value alone')
+        depth += isinstance(event, yaml.CollectionStartEvent)
+        depth -= isinstance(event, yaml.CollectionEndEvent)
+        if depth > _DEEPEST:
+            raise _refuse(event, 'it is nested too deeply; see the packaged descriptions')
+        documents += isinstance(event, yaml.DocumentStartEvent)
+        if documents > 1:
+            raise _refuse(event, 'it has more than one document; remove the lines ---')
+
+
+def _refuse(where: yaml.Event | yaml.Node, reason: str) -> yaml.MarkedYAMLError:
+    return yaml.MarkedYAMLError(problem=reason, problem_mark=where.start_mark)
 
 
 def parse_description(kind: type[_T], values: object, name: str) -> _T:
@@ -102,61 +147,6 @@ def show(value: object) -> str:
     """A value as it may stand in a sentence, however long it is."""
     text = ascii(value)
     return text if len(text) <= _LONGEST_SHOWN else f'{text[:_LONGEST_SHOWN]}...'
-
-
-def _read_document(events: Iterator[yaml.Event], name: str) -> Any:
-    for event in events:
-        if isinstance(event, yaml.NodeEvent):
-            break
-    else:
-        return None
-    values = _read_node(events, event, name, 0)
-    if any(isinstance(event, yaml.DocumentStartEvent) for event in events):
-        raise DescriptionError(f'{name} has more than one document; remove the lines ---')
-    return values
-
-
-def _read_node(events: Iterator[yaml.Event], event: yaml.Event, where: str, depth: int) -> Any:
-    if isinstance(event, yaml.AliasEvent):
-        raise DescriptionError(f'{where} is the alias *{event.anchor}; write the value itself')
-    if isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent) and event.tag is not None:
-        raise DescriptionError(f'{where} has the tag {show(event.tag)}; write the value alone')
-    if isinstance(event, yaml.ScalarEvent):
-        return _read_scalar(event.value) if event.implicit[0] else event.value
-    if depth == _DEEPEST:
-        raise DescriptionError(f'{where} is nested too deeply; see the packaged descriptions')
-    if isinstance(event, yaml.SequenceStartEvent):
-        return _read_sequence(events, where, depth)
-    return _read_mapping(events, where, depth)
-
-
-def _read_sequence(events: Iterator[yaml.Event], where: str, depth: int) -> list[Any]:
-    values: list[Any] = []
-    while not isinstance(event := next(events), yaml.SequenceEndEvent):
-        values.append(_read_node(events, event, f'{where}[{len(values)}]', depth + 1))
-    return values
-
-
-def _read_mapping(events: Iterator[yaml.Event], where: str, depth: int) -> dict[str, Any]:
-    values: dict[str, Any] = {}
-    while not isinstance(event := next(events), yaml.MappingEndEvent):
-        if not isinstance(event, yaml.ScalarEvent):
-            raise DescriptionError(f'{where} has a key that is no word; write name: value')
-        key = event.value
-        if key in values:
-            raise DescriptionError(f'{where} has {show(key)} twice; remove one')
-        shown = key if key.isidentifier() and len(key) <= _LONGEST_SHOWN else show(key)
-        inner = f'{where}: {shown}' if depth == 0 else f'{where}.{shown}'
-        values[key] = _read_node(events, next(events), inner, depth + 1)
-    return values
-
-
-def _read_scalar(text: str) -> Any:
-    if text in _WORDS:
-        return _WORDS[text]
-    if _WHOLE.match(text):
-        return int(text)
-    return float(text) if _DECIMAL.match(text) else text
 
 
 def _parse_value(wanted: Any, value: object, where: str, limits: Mapping[str, Any]) -> Any:
@@ -260,12 +250,6 @@ class Catalogue:
     def rig(self) -> Rig:
         """The rig around the finger."""
         return self._rig
-
-    def with_rig(self, rig: Rig) -> Catalogue:
-        """Return the same fingers, plates and objects on another rig."""
-        other = copy.copy(self)
-        object.__setattr__(other, '_rig', rig)
-        return other
 
     def plate(self, label: str) -> Plate:
         """The texture plate of this label; DescriptionError if there is none."""
