@@ -422,14 +422,7 @@ def _findings(
 
 
 class AuditSummary:
-    """Summary of a bag's audits: number of trials, failed trials and whole-recording audits.
-
-    Attributes
-    ----------
-    trials : int
-    last_failed : Audit or None
-        The last trial that failed.
-    """
+    """Summary of a bag's audits: number of trials, failed trials and whole-recording audits."""
 
     def __init__(self) -> None:
         self.trials = self._failed_trials = 0

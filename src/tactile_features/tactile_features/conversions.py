@@ -77,15 +77,6 @@ def check_block(block: StrainBlock) -> StrainBlock:
     return block
 
 
-def check_event(event: TrialEvent) -> TrialEvent:
-    """Return an event; raise `MessageError` when something in it is wrong."""
-    _check_name('phase', event.phase, _KNOWN['PHASE_'])
-    _check_name('contact', event.contact, ('', *_KNOWN['CONTACT_']))
-    _check_name('protocol', event.protocol, ('', *_KNOWN['PROTOCOL_']))
-    _check_floats(event)
-    return event
-
-
 def check_window(window: FeatureWindow) -> FeatureWindow:
     """Return a window; raise `MessageError` when something in it is wrong.
 
@@ -141,7 +132,12 @@ def check_record(block: StrainBlock) -> StrainBlock:
 
 def event_from_msg(msg: Any) -> TrialEvent:
     """Return the record of a ``tactile_msgs/TrialEvent``."""
-    return check_event(_copy(msg, TrialEvent, stamp_ns=_stamp_from_msg(msg.header.stamp)))
+    event: TrialEvent = _copy(msg, TrialEvent, stamp_ns=_stamp_from_msg(msg.header.stamp))
+    _check_name('phase', event.phase, _KNOWN['PHASE_'])
+    _check_name('contact', event.contact, ('', *_KNOWN['CONTACT_']))
+    _check_name('protocol', event.protocol, ('', *_KNOWN['PROTOCOL_']))
+    _check_floats(event)
+    return event
 
 
 def feature_window_from_record(window: FeatureWindow) -> FeatureWindow:

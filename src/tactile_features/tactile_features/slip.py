@@ -80,16 +80,8 @@ class SlipConfig:
 class Slip:
     """A held object began to slide.
 
-    Attributes
-    ----------
-    stamp_ns, onset_ns : int
-        Time of the sample that gave the decision; estimated time of the change itself [ns].
-    statistic : float
-        Of the fall, in units of the threshold [1].
-    tension_n : float
-        At the decision [N].
-    simulated : bool
-        A sample that it was found in is from a simulated sensor.
+    ``stamp_ns`` is that of the sample that gave the decision, ``onset_ns`` the estimated time of
+    the change itself [ns], ``statistic`` that of the fall, in units of the threshold [1].
     """
 
     stamp_ns: int
@@ -116,18 +108,7 @@ class SlipDetector:
 
     A faster change than ``move_per_s``, a gap, a sample that is no measurement or too
     little tension begin the history anew. The answer depends on stamps and sequence numbers
-    alone, however samples are grouped into blocks.
-
-    Parameters
-    ----------
-    config : SlipConfig
-
-    Attributes
-    ----------
-    rate_hz : float
-        Rate of the samples [Hz]; 0: not known yet.
-    is_armed : bool
-        True when a slip could be found now.
+    alone, however samples are grouped into blocks. ``rate_hz`` is 0 while it is not known.
     """
 
     def __init__(self, config: SlipConfig) -> None:

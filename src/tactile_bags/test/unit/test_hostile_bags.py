@@ -17,10 +17,7 @@ import lz4.frame
 import pytest
 import zstandard
 
-from tactile_bags import (
-    STRAIN,
-    TactileBag,
-)
+from tactile_bags import STRAIN, TactileBag
 from tactile_bags.bag_metadata import parse_metadata
 from tactile_bags.bag_repair import repair_bag
 from tactile_bags.errors import BagError
@@ -110,10 +107,6 @@ def test_chunks_however_packed_are_read(read_file, packing):
     records = message(b'one') + message(b'two', at_ns=3)
     data = DEFINED + chunk(records, packing, checksum=zlib.crc32(records)) + END
     assert read_file(data) == ([b'two', b'one'], '')
-
-
-def test_messages_outside_of_chunks_are_read(read_file):
-    assert read_file(DEFINED + message(b'one') + END) == ([b'one'], '')
 
 
 def test_messages_behind_a_chunk_without_an_index_are_read(read_file):

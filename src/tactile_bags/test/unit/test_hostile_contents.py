@@ -16,14 +16,7 @@ import numpy as np
 import pytest
 import zstandard
 
-from tactile_bags import (
-    BagMessage,
-    BagWriter,
-    EVENT,
-    STRAIN,
-    STRAIN_TOPIC,
-    TactileBag,
-)
+from tactile_bags import BagMessage, BagWriter, EVENT, STRAIN, STRAIN_TOPIC, TactileBag
 from tactile_bags.audit import FingerAuditor
 from tactile_bags.bag_repair import repair_bag
 from tactile_bags.errors import BagError

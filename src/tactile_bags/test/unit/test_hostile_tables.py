@@ -23,8 +23,10 @@ def test_numbers_that_runs_pack_without_limit_are_counted_before_they_are_read(t
         read_table(path)
 
 
-@pytest.mark.parametrize('store_schema', [False, True])
-@pytest.mark.parametrize('encoding', ['plain', 'dictionary', 'delta'])
+@pytest.mark.parametrize(
+    ('encoding', 'store_schema'),
+    [('plain', True), ('dictionary', True), ('dictionary', False), ('delta', True)],
+)
 def test_texts_that_numpy_would_widen_are_refused(tmp_path, store_schema, encoding):
     path = tmp_path / 'words.parquet'
     long, rows = 'x' * 300_000, 4000 if encoding == 'delta' else 2000

@@ -109,6 +109,8 @@ def test_the_long_table_is_read_back_equal(tmp_path, suffix):
     table = first.to_table()
     assert table.column_names[:4] == ['trial', 'label', 'session_id', 'time_s']
     assert table.schema.field('channel_1').metadata[b'unit'] == b'mN'
+    assert table.schema.field('time_s').metadata == {b'unit': b's'}
+    assert json.loads(table.schema.metadata[b'tactile']) == {'rate_hz': 100.0}
     assert table.num_rows == 3 * 40 + 3 * 30
     path = tmp_path / f'trials{suffix}'
     options = SourceOptions()
@@ -177,12 +179,6 @@ def test_a_list_file_stands_for_its_recordings(tmp_path):
     (tmp_path / 'recordings.txt').write_text('data/pla_01.csv\ndata/gone.csv\n')
     with pytest.raises(SourceError, match=r'recordings\.txt, line 2: .*gone\.csv does not exist'):
         Recording.load(tmp_path / 'recordings.txt')
-
-
-def test_what_the_table_states_is_json(tmp_path):
-    table = Recording.load(write_archive(tmp_path / 'a.npz')).to_table()
-    assert json.loads(table.schema.metadata[b'tactile']) == {'rate_hz': 100.0}
-    assert table.schema.field('time_s').metadata == {b'unit': b's'}
 
 
 def test_a_trial_with_a_pause_does_not_count_and_is_not_written(tmp_path):

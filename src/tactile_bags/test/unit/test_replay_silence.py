@@ -9,13 +9,7 @@ import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
 
-from tactile_bags import (
-    BagWriter,
-    EVENT_TOPIC,
-    FEATURES_TOPIC,
-    STRAIN_TOPIC,
-    TactileBag,
-)
+from tactile_bags import BagWriter, EVENT_TOPIC, FEATURES_TOPIC, STRAIN_TOPIC, TactileBag
 from tactile_bags.recorded_setup import recorded_features
 from tactile_bags.recorded_topics import JOINT_STATE, RecordedTopic
 from tactile_bags.replay import compare, recorded_results, replay_through_core

@@ -19,6 +19,7 @@ from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.feature_set import (
     Feature,
     FeatureSet,
+    FloatArray,
     glide_window,
     WindowParameters,
     WindowSamples,
@@ -110,7 +111,7 @@ class SpatialWindow:
         return math.ceil(self.length_m / step_m - 1e-9) + 1
 
     @property
-    def grid_m(self) -> NDArray[np.float64]:
+    def grid_m(self) -> FloatArray:
         """Places at which the smoothed signal is evaluated [m]."""
         step_m = self.finest_m / GRID_PER_SCALE
         return np.asarray(np.arange(0.0, self.length_m * (1 + 1e-9), step_m), dtype=np.float64)
@@ -156,13 +157,13 @@ class TextureSpatial(FeatureSet):
     def describe(self, sample_count: int, rate_hz: float) -> tuple[Feature, ...]:
         return tuple(Feature(name, 'N') for name in self.stretch.names())
 
-    def compute(self, samples: WindowSamples) -> NDArray[np.float64]:
+    def compute(self, samples: WindowSamples) -> FloatArray:
         return compute_spatial(samples.tension_n, samples.speed_m_s, samples.rate_hz, self.stretch)
 
 
 def compute_spatial(
     tension_n: ArrayLike, speed_m_s: float, rate_hz: float, window: SpatialWindow
-) -> NDArray[np.float64]:
+) -> FloatArray:
     """Return what does not depend on where the fingertip was, nor on how fast it slid.
 
     Three kinds of features, all in newtons:
@@ -207,7 +208,7 @@ def compute_spatial(
 
 def smooth_over_distance(
     tension_n: ArrayLike, speed_m_s: float, rate_hz: float, window: SpatialWindow
-) -> NDArray[np.float64]:
+) -> FloatArray:
     """Return the tension over the surface, smoothed over the finest scale (Gaussian).
 
     Parameters and errors are those of `compute_spatial`; returned is the tension at the places
@@ -217,12 +218,12 @@ def smooth_over_distance(
 
 
 def _compute_each(
-    compute_one: Callable[[NDArray[np.float64], SpatialWindow, _Maps], NDArray[np.float64]],
+    compute_one: Callable[[FloatArray, SpatialWindow, _Maps], FloatArray],
     tension_n: ArrayLike,
     speed_m_s: float,
     rate_hz: float,
     window: SpatialWindow,
-) -> NDArray[np.float64]:
+) -> FloatArray:
     tension = np.asarray(tension_n, dtype=np.float64)
     count = window.sample_count(speed_m_s, rate_hz)
     if tension.ndim == 0 or tension.shape[-1] != count:
@@ -247,10 +248,10 @@ class _Maps(NamedTuple):
     grid point the first sample within reach and the weights of it and those after it.
     """
 
-    cosine: NDArray[np.float64]
-    sine: NDArray[np.float64]
+    cosine: FloatArray
+    sine: FloatArray
     first: NDArray[np.intp]
-    weights: NDArray[np.float64]
+    weights: FloatArray
 
 
 @lru_cache(maxsize=4)
@@ -278,9 +279,7 @@ def _maps(window: SpatialWindow, step_m: float, count: int) -> _Maps:
     return _Maps(cosine, sine, first, weights)
 
 
-def _compute_one(
-    tension_n: NDArray[np.float64], window: SpatialWindow, maps: _Maps
-) -> NDArray[np.float64]:
+def _compute_one(tension_n: FloatArray, window: SpatialWindow, maps: _Maps) -> FloatArray:
     with np.errstate(over='ignore', invalid='ignore'):
         # Exact under a large offset, as in the spectrum over time.
         change = tension_n - tension_n[0]
@@ -296,21 +295,16 @@ def _compute_one(
     return np.concatenate([amplitude, *quantiles])
 
 
-def _smooth_one(
-    tension_n: NDArray[np.float64], window: SpatialWindow, maps: _Maps
-) -> NDArray[np.float64]:
-    smoothed: NDArray[np.float64] = tension_n[0] + _smooth(tension_n - tension_n[0], maps)
-    return smoothed
+def _smooth_one(tension_n: FloatArray, window: SpatialWindow, maps: _Maps) -> FloatArray:
+    return np.asarray(tension_n[0] + _smooth(tension_n - tension_n[0], maps))
 
 
-def _smooth(change: NDArray[np.float64], maps: _Maps) -> NDArray[np.float64]:
+def _smooth(change: FloatArray, maps: _Maps) -> FloatArray:
     near = sliding_window_view(change, maps.weights.shape[1])[maps.first]
-    smoothed: NDArray[np.float64] = (maps.weights * near).sum(axis=1)
-    return smoothed
+    return np.asarray((maps.weights * near).sum(axis=1))
 
 
-def _quantiles(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _quantiles(values: FloatArray) -> FloatArray:
     ordered = np.sort(values)
     place = np.linspace(0.0, len(ordered) - 1.0, QUANTILES)
-    quantiles: NDArray[np.float64] = np.interp(place, np.arange(len(ordered)), ordered)
-    return quantiles
+    return np.asarray(np.interp(place, np.arange(len(ordered)), ordered))

@@ -8,10 +8,16 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.special import betainc
 
 from tactile_features import FeatureConfig, TrialEvent, TrialFeatureExtractor
 from tactile_features.errors import UndefinedFeatureError
-from tactile_features.measures import find_ripple, measure_press, measure_relaxation
+from tactile_features.measures import (
+    find_ripple,
+    incomplete_beta,
+    measure_press,
+    measure_relaxation,
+)
 from tactile_ros.strain import StrainBlock
 
 RATE_HZ = 60.0
@@ -27,6 +33,13 @@ def dips(frequency_hz, depth_n=0.3, width=0.2):
     """A groove each period: the tension falls and recovers."""
     phase = np.mod(TIME_S * frequency_hz + 0.3, 1.0)
     return -depth_n * np.exp(-((phase - 0.5) ** 2) / (2 * (width / 2) ** 2))
+
+
+@pytest.mark.parametrize('a', [0.5, 1.0, 3.5, 75.5, 356.0])
+@pytest.mark.parametrize('b', [0.5, 1.5, 12.5])
+@pytest.mark.parametrize('x', [0.0, 1e-6, 0.3, 0.8, 0.98, 1.0])
+def test_the_incomplete_beta_function_agrees_with_that_of_scipy(a, b, x):
+    assert incomplete_beta(a, b, x) == pytest.approx(betainc(a, b, x), rel=1e-12, abs=1e-290)
 
 
 @pytest.mark.parametrize('count', [1, 2, 3])

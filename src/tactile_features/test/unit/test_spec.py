@@ -29,11 +29,6 @@ def test_the_features_of_each_task():
     spec = spec_for('stiffness', CONFIG)
     assert (spec.feature_set, spec.version) == ('stiffness_regression', 2)
     assert (spec.rate_hz, spec.sample_count) == (60.0, 0)
-    assert spec.names == (
-        'tension__regression__slope',
-        'tension__regression__intercept',
-        'tension__regression__correlation',
-    )
     assert spec.units == ('N/s', 'N', '1')
 
 
