@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from sklearn.metrics import confusion_matrix
 
 from tactile_classifier.datasets.conditions import Cells, find_cells, find_tied_labels
 from tactile_classifier.datasets.dataset import FeatureTable
@@ -25,9 +26,8 @@ from tactile_classifier.datasets.splits import (
 )
 from tactile_classifier.errors import EvaluationError
 from tactile_classifier.estimators.classifiers import build_estimator, RANDOM_STATE
-from tactile_classifier.evaluation.intervals import accuracy_interval, Interval
+from tactile_classifier.evaluation.intervals import accuracy_interval, Interval, Result
 from tactile_classifier.evaluation.plans import run_plans, Task
-from tactile_classifier.evaluation.results import Result
 from tactile_classifier.records import ALL_CLASSIFIERS, CLASSIFIERS, ROCKET, SCALINGS
 
 Answers = list[npt.NDArray[np.str_]]
@@ -221,8 +221,7 @@ class AccuracyPlan:
                 is_right = answer == true[test]
                 accuracies[i, j] = np.mean(is_right)
                 right[test] += is_right
-                rows, columns = (np.searchsorted(labels, y) for y in (true[test], answer))
-                np.add.at(confusion, (rows, columns), 1)
+                confusion += confusion_matrix(true[test], answer, labels=labels)
         parts = accuracies[0] if split.groups is not None else accuracies.mean(axis=1)
         return Score(
             classifier,

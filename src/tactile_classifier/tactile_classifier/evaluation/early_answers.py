@@ -21,7 +21,7 @@ from tactile_classifier.estimators.classifiers import (
     default_scaling,
     on_one_thread,
 )
-from tactile_classifier.evaluation.results import Result
+from tactile_classifier.evaluation.intervals import Result
 
 Matrix = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]

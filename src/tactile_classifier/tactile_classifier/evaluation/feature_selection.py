@@ -26,9 +26,8 @@ from tactile_classifier.evaluation.cross_validation import (
     predict_folds,
     split_interval,
 )
-from tactile_classifier.evaluation.intervals import difference_interval, Interval
+from tactile_classifier.evaluation.intervals import difference_interval, Interval, Result
 from tactile_classifier.evaluation.plans import Task
-from tactile_classifier.evaluation.results import Result
 from tactile_classifier.evaluation.significance import rank_features
 from tactile_classifier.records import CLASSIFIERS, SCALINGS
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Confidence intervals of an accuracy, over the trials or groups that it comes from."""
+"""Results of an evaluation, and confidence intervals over the trials or groups behind them."""
 
 from __future__ import annotations
 
@@ -13,10 +13,25 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import stdtrit
 
-from tactile_classifier.evaluation.results import Result
-
 LEVEL = 0.95
 """Share of such intervals that are meant to hold the true value [1]."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Result:
+    """Base of the records that reports and ``--json`` print."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields by name as what JSON can hold."""
+        return {f.name: _to_plain(getattr(self, f.name)) for f in dataclasses.fields(self)}
+
+
+def _to_plain(value: Any) -> Any:
+    if isinstance(value, Result):
+        return value.to_dict()
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return [_to_plain(each) for each in value] if isinstance(value, tuple) else value
 
 
 @dataclasses.dataclass(frozen=True)

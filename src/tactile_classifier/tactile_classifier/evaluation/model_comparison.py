@@ -20,8 +20,8 @@ from tactile_classifier.evaluation.intervals import (
     difference_interval,
     Interval,
     LEVEL,
+    Result,
 )
-from tactile_classifier.evaluation.results import Result
 from tactile_classifier.records import NO_ANSWER, UNKNOWN
 
 Names = npt.NDArray[np.str_]

@@ -29,7 +29,7 @@ from tactile_classifier.estimators.classifiers import (
     on_one_thread,
     SCORE_KINDS,
 )
-from tactile_classifier.evaluation.results import Result
+from tactile_classifier.evaluation.intervals import Result
 
 
 @dataclasses.dataclass(frozen=True)

@@ -25,9 +25,8 @@ from tactile_classifier.evaluation.cross_validation import (
     predict_folds,
     split_interval,
 )
-from tactile_classifier.evaluation.intervals import Interval
+from tactile_classifier.evaluation.intervals import Interval, Result
 from tactile_classifier.evaluation.plans import Task
-from tactile_classifier.evaluation.results import Result
 from tactile_classifier.records import ROCKET
 
 INNER_FOLDS, INNER_REPEATS = 6, 3
@@ -177,10 +176,8 @@ class ChoicePlan:
         """Return the choice."""
         split, candidates = self._split, self._candidates
         folds = split.repeats[0]
-        of_candidate = [
-            answers[i : i + len(answers) // len(candidates)]
-            for i in range(0, len(answers), len(answers) // len(candidates))
-        ]
+        size = len(answers) // len(candidates)
+        of_candidate = [answers[i : i + size] for i in range(0, len(answers), size)]
         scores = [
             CandidateScore(
                 candidate,
