@@ -110,17 +110,6 @@ def test_ready_cut_windows_take_their_specification_from_whoever_asks(
     assert 'another specification' in model.format_mismatch(make_window())
 
 
-def test_an_announced_specification_says_what_differs(model, make_window):
-    other = spec_for('texture', FeatureConfig(texture_crop_start_s=0.9))
-    window = make_window(specification_digest=other.digest)
-    assert 'another specification' in model.format_mismatch(window)
-    model.set_specifications([other])
-    assert 'window (texture_crop_start_s) differs: 0.6 here, 0.9 there' in model.format_mismatch(
-        window
-    )
-    model.set_specifications([])
-
-
 def test_accepts_its_own_feature_set_and_contact(model, make_window):
     assert model.accepts(make_window())
     assert model.accepts(make_window(contact=''))

@@ -20,7 +20,7 @@ from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
 from tactile_features.model_contract import read_contracts
 from tactile_features.records import Outcome as FeatureOutcome
-from tactile_features.spec import array_spec, FeatureSpecifications, spec_for, WantedFeatures
+from tactile_features.spec import FeatureSpecifications, spec_for, WantedFeatures
 
 SHORT = spec_for('texture', FeatureConfig(texture_samples=90))
 LATER = spec_for('texture', FeatureConfig(texture_crop_start_s=0.9))
@@ -132,19 +132,6 @@ def test_a_window_that_fits_no_model_is_answered_with_the_reason(folder, window_
     models.set_specifications([other, full])
     assert models.classify(window_of(other)) == []
     assert models.unfed == ()
-
-
-def test_a_model_of_ready_cut_windows_answers_what_does_not_contradict_it(
-    small_table, window_of, full, tmp_path
-):
-    cut = table_of(small_table, array_spec('texture', 180, 60.0))
-    write_model(tmp_path / 'cut.onnx', train(cut, 'tree'))
-    models = ModelSet.load(tmp_path)
-    assert [r.outcome for r in models.classify(window_of(full))] == [Outcome.LABEL]
-    models.set_specifications([full, LATER, SHORT])
-    for spec in (full, LATER):
-        assert [r.outcome for r in models.classify(window_of(spec))] == [Outcome.LABEL]
-    assert models.classify(window_of(SHORT)) == []
 
 
 def test_a_file_that_cannot_be_used_is_named_and_the_others_answer(folder, window_of, tmp_path):

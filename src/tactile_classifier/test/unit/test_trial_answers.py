@@ -28,10 +28,8 @@ def test_answers_are_those_of_the_node(small_table, make_window, tmp_path, class
 
 def test_a_model_tells_its_training_trials_from_others_like_them(texture_table, tmp_path):
     keep = np.arange(len(texture_table)) % 4 == 0
-    for classifier in ('knn', 'svm_linear'):
-        model = write_model(tmp_path / 'm.onnx', train(texture_table.take(keep), classifier))
-        found = find_training_trials(model, texture_table.values)
-        np.testing.assert_array_equal(found, keep)
+    model = write_model(tmp_path / 'm.onnx', train(texture_table.take(keep), 'knn'))
+    np.testing.assert_array_equal(find_training_trials(model, texture_table.values), keep)
 
 
 def test_a_model_without_novelty_does_not_tell(stiffness_table, tmp_path):
