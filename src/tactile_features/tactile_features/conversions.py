@@ -49,6 +49,7 @@ def check_stamp(stamp_ns: int) -> int:
 
 def check_block(block: StrainBlock) -> StrainBlock:
     """Return a block; raise `MessageError` when something in it is wrong."""
+    check_stamp(block.stamp_ns)
     count = len(block.tension_n)
     if not count:
         raise MessageError('tension_n is empty; a block holds one sample or more')
@@ -71,7 +72,8 @@ def check_block(block: StrainBlock) -> StrainBlock:
             raise MessageError(
                 f'tension_n holds {beyond[0]:g}; no tension is larger than {LARGEST_TENSION_N:g} N'
             )
-    _check_status(block.status)
+    if int(block.status) & ~_STATUS:
+        _check_status(block.status)
     if not math.isfinite(block.stamp_error_s):
         raise MessageError(f'stamp_error_s is {block.stamp_error_s}; it must be finite')
     return block
@@ -109,7 +111,7 @@ def strain_block_from_msg(msg: Any) -> StrainBlock:
     """Return the record of a ``tactile_msgs/StrainBlock``."""
     return check_block(
         StrainBlock(
-            stamp_ns=_stamp_from_msg(msg.header.stamp),
+            stamp_ns=_nanoseconds(msg.header.stamp),
             sequence=int(msg.sequence),
             period_ns=int(msg.period_ns),
             tension_n=np.array(msg.tension_n, dtype=np.float64),
@@ -122,7 +124,6 @@ def strain_block_from_msg(msg: Any) -> StrainBlock:
 
 def check_record(block: StrainBlock) -> StrainBlock:
     """Return a driver's block as its message would come: checked, read-only, without wrench."""
-    check_stamp(block.stamp_ns)
     if block.wrench is not None or block.tension_n.flags.writeable:
         tension_n = block.tension_n.view()
         tension_n.flags.writeable = False  # others look at it, too
@@ -304,4 +305,8 @@ def _outcome_from_msg(value: Any) -> Outcome:
 
 
 def _stamp_from_msg(stamp: Any) -> int:
-    return check_stamp(int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec))
+    return check_stamp(_nanoseconds(stamp))
+
+
+def _nanoseconds(stamp: Any) -> int:
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)

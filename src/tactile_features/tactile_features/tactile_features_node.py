@@ -128,7 +128,8 @@ class FeaturesStage(Stage):
                 self._node.get_logger().warning(f'trial {event.trial_id}: {event.message}')
             self._detected.publish(event_to_msg(event))
             self._emit_event(event)
-        self._publish(windows)
+        if windows:
+            self._publish(windows)
 
     def _on_event(self, event: TrialEvent, published_ns: int) -> None:
         """Take in an event. After a start the latched ones of earlier trials come first."""

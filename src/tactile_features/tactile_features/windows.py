@@ -38,6 +38,7 @@ _SIMULATED = int(StrainStatus.SIMULATED)
 _RESYNCHRONISED = int(StrainStatus.RESYNCHRONISED)
 _BREAKS = _CLOCK_STEP | int(StrainStatus.RECONNECTED)
 """Where one of these begins, a block does not continue the one before."""
+_EVENTS = _BREAKS | _RESYNCHRONISED
 
 SET_BACK_NS = 1_000_000_000
 """A block whose stamps lie further back than this is not late: the clock was set back."""
@@ -69,6 +70,8 @@ class SampleBuffer:
         Samples that the last `add` appended, interpolated ones included.
     evicted_ns : int or None
         Latest stamp that is no longer in the buffer [ns].
+    watermark_ns : int or None
+        Latest stamp seen [ns]; None before the first sample.
     """
 
     def __init__(self, buffer_ns: int, capacity: int, max_gap_samples: int) -> None:
@@ -84,6 +87,9 @@ class SampleBuffer:
         self._store(np.empty(1024, SAMPLE))
         self._start = self._end = 0
         self.evicted_ns: int | None = None
+        self.watermark_ns: int | None = None
+        self._next_sequence = 0
+        self._last_status = 0
 
     @property
     def samples(self) -> Samples:
@@ -105,14 +111,9 @@ class SampleBuffer:
         return self._columns['latest_ns'][self._start : self._end]
 
     @property
-    def watermark_ns(self) -> int | None:
-        """Latest stamp seen [ns]; None before the first sample."""
-        return int(self._columns['latest_ns'][self._end - 1]) if self._end else None
-
-    @property
     def is_simulated(self) -> bool:
         """True when the newest sample is from a simulated sensor."""
-        return bool(self._end and self._columns['status'][self._end - 1] & _SIMULATED)
+        return bool(self._last_status & _SIMULATED)
 
     def first_at(self, stamp_ns: int) -> int:
         """Return the index of the first sample with this stamp or a later one."""
@@ -125,13 +126,21 @@ class SampleBuffer:
     def add(self, block: StrainBlock) -> bool:
         """Append a block; return whether the clock was set back and the past is gone."""
         self.new_count = 0
-        if len(block.tension_n) == 0:
+        count = len(block.tension_n)
+        if count == 0:
             return False
-        if self._continues(block):
-            self._append_next(block)
+        if (
+            self.watermark_ns is not None
+            and block.stamp_ns > self.watermark_ns
+            and block.sequence == self._next_sequence
+            and not block.lost_before
+            and block.period_ns >= 0
+            and not int(block.status) & ~self._last_status & _EVENTS
+        ):
+            self._append_next(block, count)
             return False
         new = _unpack(block)
-        if not self._end:
+        if self.watermark_ns is None:
             new['hole'][0] = True
             self._append(new)
             return False
@@ -154,32 +163,21 @@ class SampleBuffer:
             self._append(new)
         return False
 
-    def _continues(self, block: StrainBlock) -> bool:
-        """Return whether nothing lies between the last sample and a block that rises in time."""
-        if not self._end or block.lost_before or block.period_ns < 0:
-            return False
-        last = self._data[self._end - 1]
-        return (
-            block.sequence == int(last['sequence']) + 1
-            and block.stamp_ns > last['latest_ns']
-            and not int(block.status) & ~int(last['status']) & _BREAKS
-            and not _has_paused(
-                last, block.stamp_ns, block.sequence, int(block.status), block.period_ns
-            )
-        )
-
-    def _append_next(self, block: StrainBlock) -> None:
+    def _append_next(self, block: StrainBlock, count: int) -> None:
         """Append a block that continues: as `_unpack` and `_append`, but straight into place."""
-        count = len(block.tension_n)
-        self._make_room(count)
+        if self._end + count > len(self._data):
+            self._make_room(count)
         self.new_count += count
+        self.watermark_ns = block.stamp_ns + (count - 1) * block.period_ns
+        self._next_sequence = block.sequence + count
+        self._last_status = int(block.status)
         if count == 1:  # one store instead of nine
             self._data[self._end] = (
                 block.stamp_ns,
                 block.stamp_ns,
                 block.sequence,
                 block.tension_n[0],
-                int(block.status),
+                self._last_status,
                 _known_error(block),
                 0,
                 False,
@@ -194,7 +192,7 @@ class SampleBuffer:
         columns['stamp_ns'][to] = columns['latest_ns'][to] = stamp_ns
         columns['sequence'][to] = np.uint64(block.sequence) + step.astype(np.uint64)
         columns['tension_n'][to] = block.tension_n
-        columns['status'][to] = block.status
+        columns['status'][to] = self._last_status
         columns['stamp_error_s'][to] = _known_error(block)
         columns['step_ns'][to] = 0
         columns['hole'][to] = columns['interpolated'][to] = False
@@ -206,9 +204,7 @@ class SampleBuffer:
         if lost < 0:
             self.restart_count += 1
         first = new[0]
-        broken = first['status'] & ~last['status'] & _BREAKS or _has_paused(
-            last, int(first['stamp_ns']), int(first['sequence']), int(first['status']), period_ns
-        )
+        broken = first['status'] & ~last['status'] & _BREAKS or _has_paused(last, first, period_ns)
         if lost < lost_before or broken or lost > self._max_gap_samples:
             new['hole'][0] = True
         elif lost > 0:
@@ -222,25 +218,27 @@ class SampleBuffer:
         start = self._start
         if self._columns['latest_ns'][start] < watermark_ns - self._buffer_ns:
             start += self.first_at(watermark_ns - self._buffer_ns)
-        start = max(start, self._end - self._capacity)
+        if self._end - start > self._capacity:
+            start = self._end - self._capacity
         if start > self._start:
             self._start = start
             self.evicted_ns = int(self._data['latest_ns'][start - 1])
 
     def _append(self, new: Samples) -> None:
         latest_ns = np.maximum.accumulate(new['stamp_ns'])
-        watermark_ns = self.watermark_ns
-        if watermark_ns is not None:
-            latest_ns = np.maximum(latest_ns, watermark_ns)
+        if self.watermark_ns is not None:
+            latest_ns = np.maximum(latest_ns, self.watermark_ns)
         new['latest_ns'] = latest_ns
-        self._make_room(len(new))
+        if self._end + len(new) > len(self._data):
+            self._make_room(len(new))
         self._data[self._end : self._end + len(new)] = new
         self._end += len(new)
         self.new_count += len(new)
+        self.watermark_ns = int(latest_ns[-1])
+        self._next_sequence = int(new['sequence'][-1]) + 1
+        self._last_status = int(new['status'][-1])
 
     def _make_room(self, count: int) -> None:
-        if self._end + count <= len(self._data):
-            return
         kept = self.samples
         self._store(np.empty(2 * (len(kept) + count), SAMPLE))
         self._data[: len(kept)] = kept
@@ -277,12 +275,13 @@ def _measure_step(last: Any, first: Any, period_ns: int) -> int:
     return max(-_LARGEST_STEP_NS, min(_LARGEST_STEP_NS, step_ns))
 
 
-def _has_paused(last: Any, stamp_ns: int, sequence: int, status: int, period_ns: int) -> bool:
+def _has_paused(last: Any, first: Any, period_ns: int) -> bool:
     """Return whether stamps leap after a sample although the host's clock was not set."""
-    if not status & ~int(last['status']) & _RESYNCHRONISED:
+    if not first['status'] & ~last['status'] & _RESYNCHRONISED:
         return False
-    elapsed_ns = stamp_ns - int(last['stamp_ns'])
-    return elapsed_ns - (sequence - int(last['sequence'])) * period_ns > PAUSE_NS
+    periods = int(first['sequence']) - int(last['sequence'])
+    elapsed_ns = int(first['stamp_ns']) - int(last['stamp_ns'])
+    return elapsed_ns - periods * period_ns > PAUSE_NS
 
 
 def _interpolate(before: Any, after: Any, count: int) -> Samples:

@@ -49,12 +49,13 @@ class RecordPublisher:
             copy.copy(profile),  # rclpy writes the overrides into it
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
+        self._handle = self._publisher.handle
 
     def publish(self, record: Any) -> None:
         """Publish a record, unless the node is inactive or nobody subscribes."""
-        publisher = self._publisher
-        if publisher.is_activated and publisher.get_subscription_count():
-            publisher.publish(self._to_message(record))
+        # The handle's own count, since it is asked for every record.
+        if self._handle.get_subscription_count() and self._publisher.is_activated:
+            self._publisher.publish(self._to_message(record))
 
     def close(self) -> None:
         """Take the publisher away."""

@@ -70,22 +70,28 @@ class SerialTransport:
             raise LinkError(f'cannot open serial port {port}: {reason}') from error
         self._cancelled, self._cancel = os.pipe()
         os.set_blocking(self._cancel, False)
+        self._number = self._port.fileno()
+        waiting = select.poll()
+        for number in (self._number, self._cancelled):
+            waiting.register(number, select.POLLIN)
+        self._wait = waiting.poll
 
     def read(self, timeout_s: float) -> bytes:
         """Return what has arrived, or nothing after some time without any or after `cancel`."""
         # As pyserial's read, but with one wait and one read for all that has come.
+        ready = self._wait(timeout_s * 1000)
+        if not ready:
+            return b''
         try:
-            port = self._port.fileno()
-            ready, _, _ = select.select([port, self._cancelled], [], [], timeout_s)
-            if self._cancelled in ready:
+            if len(ready) > 1 or ready[0][0] == self._cancelled:
                 os.read(self._cancelled, 1)
                 return b''
-            data = os.read(port, _MOST_BYTES) if ready else b''
+            data = os.read(self._number, _MOST_BYTES)
         except BlockingIOError:
             return b''
         except _FAILURES as error:
             raise LinkError(f'lost serial port {self._name}: {error}') from error
-        if ready and not data:
+        if not data:
             raise LinkError(
                 f'lost serial port {self._name}: it is ready to read and gives nothing'
             )
@@ -290,9 +296,9 @@ class LinkClient(SensorClient, Generic[LinkType]):
         """Tell whether to wait before the next attempt."""
         return True
 
-    def _note_samples(self) -> None:
-        """Note that new samples have come: the link is well."""
-        self._note_heard()
+    def _note_samples(self, monotonic_ns: int) -> None:
+        """Note that new samples have come at a monotonic time [ns]: the link is well."""
+        self._heard_monotonic_ns = monotonic_ns
         self._delay_s = FIRST_DELAY_S
         if not self._is_connected:
             self._is_connected = True

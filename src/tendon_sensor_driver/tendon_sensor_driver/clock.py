@@ -88,8 +88,8 @@ class ClockSkewFilter:
         """Return the line's difference at a device time [ns]."""
         return self._difference_ns + round(self.slope * (device_ns - self._device_ns))
 
-    def add(self, device_ns: int, difference_ns: int) -> None:
-        """Take the difference of a sample that is newer than those before [ns]."""
+    def add(self, device_ns: int, difference_ns: int) -> int:
+        """Take a newer sample's difference; return that of the line there, then [ns]."""
         seconds = device_ns // SECOND_NS - self._second
         if seconds >= (1 if self._samples >= _LEAST_SAMPLES else _MOST_SECONDS):
             self._points.append(self._least)
@@ -101,7 +101,11 @@ class ClockSkewFilter:
             drift_ns = self.slope * (device_ns - least_device_ns)
             if difference_ns - least_ns < drift_ns:
                 self._least = (device_ns, difference_ns)
-        self._difference_ns += min(0, difference_ns - self.at(device_ns))
+        line_ns = self.at(device_ns)
+        if difference_ns >= line_ns:
+            return line_ns
+        self._difference_ns += difference_ns - line_ns
+        return difference_ns
 
     def _begin_least(self, device_ns: int, difference_ns: int) -> None:
         self._second = device_ns // SECOND_NS
@@ -175,13 +179,18 @@ class ArrivalClock:
     ----------
     now_ns : callable
         The host's time [ns].
+
+    Attributes
+    ----------
+    step_ns : int
+        By how much the host's clock was stepped since `take_step_ns` [ns].
     """
 
     def __init__(self, now_ns: Callable[[], int]) -> None:
+        self.step_ns = 0
         self._now_ns = now_ns
         self._offset_ns: int | None = None  # host's time less monotonic time
         self._slack_ns = 0
-        self._step_ns = 0
 
     def now_ns(self) -> int:
         """Return the host's time; note whether it was stepped since the last call [ns]."""
@@ -194,14 +203,15 @@ class ArrivalClock:
         offset_ns = now_ns - before_ns
         if self._offset_ns is not None:
             change_ns = offset_ns - self._offset_ns
-            if abs(change_ns) > _LEAST_STEP_NS + slack_ns + self._slack_ns:
-                self._step_ns += change_ns
+            most_ns = _LEAST_STEP_NS + slack_ns + self._slack_ns
+            if not -most_ns <= change_ns <= most_ns:
+                self.step_ns += change_ns
         self._offset_ns, self._slack_ns = offset_ns, slack_ns
         return now_ns
 
     def take_step_ns(self) -> int:
-        """Return by how much the host's clock was stepped since the last call [ns]."""
-        step_ns, self._step_ns = self._step_ns, 0
+        """Return `step_ns` and set it to 0."""
+        step_ns, self.step_ns = self.step_ns, 0
         return step_ns
 
 
@@ -331,9 +341,9 @@ class SampleClock:
     def place_batch(self, batch: Batch) -> list[Run]:
         """Return the samples that have a place in time, as runs."""
         runs = []
+        ticks = batch.ticks
         for i in range(len(batch.tension_n)):
-            ticks = None if batch.ticks is None else int(batch.ticks[i])
-            instant = self.place(ticks, batch.received_at_ns)
+            instant = self.place(None if ticks is None else int(ticks[i]), batch.received_at_ns)
             if instant is None:
                 continue
             event = _RESTART if instant.is_restart else 0
@@ -363,7 +373,7 @@ class SampleClock:
             return 0
         elapsed_ns = self._device_ns - before_ns
         periods = (2 * elapsed_ns + self.period_ns) // (2 * self.period_ns)
-        return max(periods, 1) - 1
+        return periods - 1 if periods > 1 else 0
 
     def _drop_old(self, behind_ns: int) -> None:
         """Count a sample that is so far behind the newest one, or is that one again."""
@@ -441,7 +451,7 @@ class DeviceClock(SampleClock):
         self._last: Instant | None = None
         self._last_ns = 0  # device time of the last reading
         self._wrapped_ticks = 0
-        self._offset_ns = 0  # at the last reading
+        self._offset_ns = self._line_ns = 0  # of the stamps and of the line, at the last reading
         self._first_offset_ns: int | None = None  # of the newest of the first readings
         self._is_reconnected = False
 
@@ -453,6 +463,7 @@ class DeviceClock(SampleClock):
         super().note_step(step_ns)
         self._skew.shift(step_ns)
         self._offset_ns += step_ns
+        self._line_ns += step_ns
         if self._last is not None:
             self._last = self._last._replace(stamp_ns=self._last.stamp_ns + step_ns)
 
@@ -465,7 +476,7 @@ class DeviceClock(SampleClock):
             raise ValueError('a device clock needs readings with device time')
         if self._last is None:
             return self._begin(ticks, received_at_ns, is_restart=False)
-        expected_ns = received_at_ns - self._skew.at(self._last_ns)
+        expected_ns = received_at_ns - self._line_ns
         device_ns = self._to_ns(ticks + self._wrapped_ticks)
         if device_ns < self._last_ns:
             after_wrap_ns = self._to_ns(ticks + self._wrapped_ticks + _WRAP_TICKS)
@@ -496,38 +507,34 @@ class DeviceClock(SampleClock):
         if newest_ns is not None and 0 < offset_ns - newest_ns < _MOST_WAITED_NS:
             offset_ns = newest_ns
         self._skew.restart(device_ns, offset_ns)
+        self._line_ns = offset_ns
         if self._last is not None:
             offset_ns = max(offset_ns, self._last.stamp_ns + 1 - device_ns)
         self._offset_ns = offset_ns
-        return self._stamp(device_ns, is_restart=is_restart)
+        return self._stamp(device_ns, 0, is_restart=is_restart)
 
     def _continue(self, device_ns: int, received_at_ns: int) -> Instant:
-        self._skew.add(device_ns, received_at_ns - device_ns)
-        away_ns = self._get_away(self._skew.at(self._last_ns))
-        left_ns = max(abs(away_ns) - (device_ns - self._last_ns) // _SLEW_DIVISOR, 0)
-        offset_ns = self._skew.at(device_ns) + (left_ns if away_ns > 0 else -left_ns)
+        offset_ns = self._line_ns = self._skew.add(device_ns, received_at_ns - device_ns)
+        away_ns = self._offset_ns - self._skew.at(self._last_ns)
+        lack_ns = 0
+        if away_ns >= -STEP_NS:  # else the stamps leap to the line
+            lack_ns = max(abs(away_ns) - (device_ns - self._last_ns) // _SLEW_DIVISOR, 0)
+            offset_ns += lack_ns if away_ns > 0 else -lack_ns
         is_leap = offset_ns - self._offset_ns > STEP_NS
         self._offset_ns = offset_ns
-        return self._stamp(device_ns, is_restart=False, is_leap=is_leap)
+        return self._stamp(device_ns, lack_ns, is_restart=False, is_leap=is_leap)
 
-    def _get_away(self, line_ns: int) -> int:
-        """Return how far the offset is above the line [ns]; nothing when it is to step."""
-        away_ns = self._offset_ns - line_ns
-        return away_ns if away_ns >= -STEP_NS else 0
-
-    def _stamp(self, device_ns: int, *, is_restart: bool, is_leap: bool = False) -> Instant:
+    def _stamp(
+        self, device_ns: int, lack_ns: int, *, is_restart: bool, is_leap: bool = False
+    ) -> Instant:
+        """Return the instant of a device time whose offset lacks so much of the line [ns]."""
         stamp_ns = device_ns + self._offset_ns
-        if self._last is not None:
-            stamp_ns = max(stamp_ns, self._last.stamp_ns + 1)  # ticks of single nanoseconds
+        if self._last is not None and stamp_ns <= self._last.stamp_ns:
+            stamp_ns = self._last.stamp_ns + 1  # ticks of single nanoseconds
         self._last_ns = device_ns
         self._outlier = None
         self._is_reconnected = False
-        error_s = self._compute_error()
+        scatter_ns = self._skew.scatter_ns
+        error_s = self._tick_s + (scatter_ns + lack_ns) / 1e9 if scatter_ns >= 0 else -1.0
         self._last = Instant(device_ns, stamp_ns, error_s, is_restart, is_leap=is_leap)
         return self._last
-
-    def _compute_error(self) -> float:
-        if self._skew.scatter_ns < 0:
-            return -1.0
-        lack_ns = abs(self._offset_ns - self._skew.at(self._last_ns))
-        return self._tick_s + (self._skew.scatter_ns + lack_ns) / 1e9

@@ -85,6 +85,10 @@ _TOO_LONG = 'it is too long: check the baud'
 _Shape = tuple[int, tuple[bytes, ...]]
 
 
+class _RefusedLineError(Exception):
+    """A line is no reading; the message is the reason, and a remedy."""
+
+
 def split_line(line: bytes, decimal_mark: str = 'auto') -> list[bytes]:
     """Return the columns of a line without its end."""
     line = line.strip(b' \t')
@@ -133,10 +137,11 @@ class LineDecoder:
         self._is_auto = config.decimal_mark == 'auto'
         self._has_comma = config.decimal_mark == ','
         self._split = _split_at_other_commas if self._has_comma else _split_columns
-        mark = b',' if self._has_comma else rb'\.'
+        self._mark = b',' if self._has_comma else b'.'
+        self._has_time_mark = decimals > 0
         ticks = rb'\d{1,19}'
         if decimals:
-            ticks = rb'\d{1,%d}%s\d{%d}' % (19 - decimals, mark, decimals)
+            ticks = rb'\d{1,%d}%s\d{%d}' % (19 - decimals, re.escape(self._mark), decimals)
         self._match_ticks = re.compile(ticks).fullmatch
         number = _COMMA if self._has_comma else _POINT
         self._match_number = re.compile(number).fullmatch
@@ -187,21 +192,23 @@ class LineDecoder:
             del lines[0]
         readings = []
         for line in lines:
+            if not line:
+                continue
             if len(line) > MAX_LINE_BYTES:
                 self._reject(line, _TOO_LONG)
                 continue
             line = line.strip(b' \t')
             if not line:
                 continue
-            decoded = self._decode_line(line)
-            if isinstance(decoded, str):
-                self._reject(line, _FAULT if line in _FAULT_LINES else decoded)
-                continue
-            ticks, value, is_simulated = decoded
-            readings.append(Reading(ticks, value, received_at_ns, self._has_dropped, is_simulated))
-            self._has_dropped = False
-        self.readings += len(readings)
-        self.lines += len(readings)
+            try:
+                readings.append(self._decode_line(line, received_at_ns))
+            except _RefusedLineError as refusal:
+                self._reject(line, str(refusal))
+            else:
+                self._has_dropped = False
+        count = len(readings)
+        self.readings += count
+        self.lines += count
         if self._skip_line:
             rest = b''
         elif len(rest) > MAX_LINE_BYTES:
@@ -211,66 +218,80 @@ class LineDecoder:
         self._rest = rest
         return readings
 
-    def _decode_line(self, line: bytes) -> tuple[int | None, float, bool] | str:
-        """Return device time, value and whether it is simulated; or the reason of a refusal."""
-        if b'+ ' in line or b'- ' in line:
-            line = _join_sign(rb'\1', line)
-        columns = self._split(line)
-        if not _FAULTS.isdisjoint(columns):
-            return _FAULT
-        if len(columns) <= self._last_column:
-            return _FEW_COLUMNS
+    def _decode_line(self, line: bytes, received_at_ns: int) -> Reading:
+        plain = _join_sign(rb'\1', line) if b'+ ' in line or b'- ' in line else line
+        columns = self._split(plain)
+        if line in _FAULT_LINES or not _FAULTS.isdisjoint(columns):
+            raise _RefusedLineError(_FAULT)
+        count = len(columns)
+        if count <= self._last_column:
+            raise _RefusedLineError(_FEW_COLUMNS)
         ticks = None
         if self._time_column >= 0:
             text = columns[self._time_column]
             if not self._match_ticks(text):
-                return _NO_TIME
-            ticks = int(text.replace(b',' if self._has_comma else b'.', b''))
-        text = columns[self._value_column]
+                raise _RefusedLineError(_NO_TIME)
+            ticks = int(text.replace(self._mark, b'') if self._has_time_mark else text)
         words = [w for w in columns[: self._value_column] if w and not _find_digit(w)]
+        text = columns[self._value_column]
         unit = b''
         if not self._match_number(text):
             named = self._match_named(text)
             if not named:
-                return _NO_NUMBER
+                raise _RefusedLineError(_NO_NUMBER)
             name, text, unit = named.groups()
             words += [name or b'', unit]
-        after_value = self._value_column + 1
-        after = b''
-        if after_value < len(columns):
-            after = columns[after_value]
-            if self._is_auto and after[:1].isdigit() and self._is_ambiguous(line):
-                return _AMBIGUOUS
-        if unit:
-            if unit not in self._units:
-                return self._refuse_word(unit)
-        elif after_value < len(columns) and after not in self._units:
-            for column in columns[after_value:]:
-                if self._match_number(column):
-                    break  # the value of something else
-                if column in self._other_units or (column is after and _is_word(after)):
-                    return self._refuse_word(column)
+        after = columns[self._value_column + 1 :]
+        if after and after[0] not in self._units:
+            if self._is_auto and after[0][:1].isdigit() and self._is_ambiguous(plain):
+                raise _RefusedLineError(_AMBIGUOUS)
+            if not unit:
+                self._check_after(after)
+        if unit and unit not in self._units:
+            raise self._refuse_word(unit)
         value = float(text.replace(b',', b'.') if self._has_comma else text)
-        if not math.fabs(value) <= MAX_VALUE:
-            return _NO_NUMBER
-        shape = len(columns), tuple(words)
-        if shape != self._shape:
-            for word in words:
-                if word.strip(b'[]():=') in self._other_units:
-                    return self._refuse_word(word)
-            shape = len(columns), tuple(b'' if word in _STABILITY else word for word in words)
-        if not self._is_usual(shape):
-            return _UNUSUAL
-        return ticks, value, SIMULATED in columns
+        if not -MAX_VALUE <= value <= MAX_VALUE:
+            raise _RefusedLineError(_NO_NUMBER)
+        shape = count, tuple(words)
+        if shape == self._shape:
+            self._odd_shape = None
+        else:
+            self._check_shape(*shape)
+        return Reading(ticks, value, received_at_ns, self._has_dropped, SIMULATED in columns)
 
-    def _refuse_word(self, word: bytes) -> str:
+    def _check_after(self, columns: list[bytes]) -> None:
+        """Refuse a unit, or a word that may be one, in the columns after the value."""
+        for number, column in enumerate(columns):
+            if self._match_number(column):
+                break  # the value of something else
+            if column in self._other_units or (number == 0 and _is_word(column)):
+                raise self._refuse_word(column)
+
+    def _check_shape(self, count: int, words: tuple[bytes, ...]) -> None:
+        """Refuse a line that has other columns or words before the value than the last one.
+
+        A cut or melted line differs once, and so does a banner that looks like a reading; a
+        device that was set up anew differs for good.
+        """
+        for word in words:
+            if word.strip(b'[]():=') in self._other_units:
+                raise self._refuse_word(word)
+        shape = count, tuple(b'' if word in _STABILITY else word for word in words)
+        is_plain_start = self._shape is None and not words
+        if shape in (self._shape, self._odd_shape) or is_plain_start:
+            self._shape, self._odd_shape = shape, None
+            return
+        self._odd_shape = shape
+        raise _RefusedLineError(_UNUSUAL)
+
+    def _refuse_word(self, word: bytes) -> _RefusedLineError:
         word = word.strip(b'[]():=')
         if word in UNITS:
-            return (
+            return _RefusedLineError(
                 f'its unit is {word.decode()}, and "unit" is {self._unit}: '
                 f'set unit to {UNITS[word]}'
             )
-        return (
+        return _RefusedLineError(
             f'the word "{format_line(word)}" after the value is no unit that is known here: let '
             f'the device send {self._unit}, or no word'
         )
@@ -283,17 +304,6 @@ class LineDecoder:
         if len(others) <= self._last_column:
             return False
         return bool(_match_comma_number(others[self._value_column]))
-
-    def _is_usual(self, shape: _Shape) -> bool:
-        # A cut or melted line differs once, and so does a banner that looks like a reading;
-        # a device that was set up anew differs for good.
-        is_plain_start = self._shape is None and not shape[1]
-        if shape == self._shape or shape == self._odd_shape or is_plain_start:
-            self._shape = shape
-            self._odd_shape = None
-            return True
-        self._odd_shape = shape
-        return False
 
     def _reject(self, line: bytes, reason: str) -> None:
         self.lines += 1
@@ -428,17 +438,16 @@ class TendonSensorClient(LinkClient[SerialTransport]):
             self._leave_menu(link)
             return
         received_at_ns = self._arrivals.now_ns()
-        step_ns = self._arrivals.take_step_ns()
-        if step_ns:
-            self._stream.note_clock_step(step_ns)
+        if self._arrivals.step_ns:
+            self._stream.note_clock_step(self._arrivals.take_step_ns())
         began_ns = time.monotonic_ns()
         readings = self._decoder.feed(data, received_at_ns)
-        self._bursts += len(readings) >= _BURST_READINGS
         if readings:
-            newest = readings[-1]
-            self._stream.clock.note_newest(newest.device_ticks, newest.received_at_ns)
+            self._note_samples(began_ns)
+        if len(readings) > 1:
+            self._bursts += len(readings) >= _BURST_READINGS
+            self._stream.clock.note_newest(readings[-1].device_ticks, received_at_ns)
         for reading in readings:
-            self._note_samples()
             self._deliver(self._stream.add_reading(reading))
         self._delivered_in_ns = time.monotonic_ns() - began_ns
 

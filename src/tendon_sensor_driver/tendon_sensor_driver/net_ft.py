@@ -319,10 +319,9 @@ class NetFtClient(LinkClient[NetFtLink]):
         if batch is None:
             self._deliver(self._stream.flush())
             return
-        step_ns = self._arrivals.take_step_ns()
-        if step_ns:
-            self._stream.note_clock_step(step_ns)
+        if self._arrivals.step_ns:
+            self._stream.note_clock_step(self._arrivals.take_step_ns())
         readings = self._stream.readings
         self._deliver(self._stream.add(batch))
         if self._stream.readings != readings:
-            self._note_samples()
+            self._note_samples(time.monotonic_ns())

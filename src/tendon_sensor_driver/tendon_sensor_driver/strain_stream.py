@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+import functools
 import math
 from typing import Any, Generic, TypeVar
 
@@ -34,6 +35,8 @@ _RECONNECTED = int(StrainStatus.RECONNECTED)
 _RESYNCHRONISED = int(StrainStatus.RESYNCHRONISED)
 _CLOCK_STEP = int(StrainStatus.CLOCK_STEP)
 _SIMULATED = np.array([int(StrainStatus.SIMULATED)], dtype=np.uint32)
+
+_status_of = functools.cache(StrainStatus)  # its members are found by a search
 
 Clock = TypeVar('Clock', bound=SampleClock)
 
@@ -53,9 +56,15 @@ class _OpenBlock:
     tensions: list[NDArray[np.float64]] = field(default_factory=list)
     wrenches: list[NDArray[np.float64]] = field(default_factory=list)
 
-    def end_ns(self) -> int:
-        """Return where the block would put a next sample [ns]."""
-        return self.stamp_ns + self.samples * self.period_ns
+    def misfit_ns(self, stamp_ns: int) -> int:
+        """Return how far a next sample is behind where the block would put it [ns]."""
+        return stamp_ns - self.stamp_ns - self.samples * self.period_ns
+
+    def widen_error(self, stamp_ns: int, error_s: float) -> None:
+        """Have the error of the block bound that of a next sample, too; negative: not known."""
+        if self.error_s >= 0:
+            misfit_s = abs(self.misfit_ns(stamp_ns)) / 1e9
+            self.error_s = max(self.error_s, error_s + misfit_s) if error_s >= 0 else -1.0
 
 
 class Stream(Generic[Clock]):
@@ -137,50 +146,46 @@ class Stream(Generic[Clock]):
 
     def flush(self) -> list[StrainBlock]:
         """Return the unfinished block, if there is one."""
-        made, self._open = self._open, None
-        if made is None:
-            return []
-        tension_n = made.tensions[0] if len(made.tensions) == 1 else np.concatenate(made.tensions)
-        tension_n.flags.writeable = False  # neighbours in the process look at it, too
-        self._next_ns = made.end_ns() - made.period_ns + 1
-        return [
-            StrainBlock(
-                stamp_ns=made.stamp_ns,
-                sequence=made.sequence,
-                period_ns=made.period_ns,
-                tension_n=tension_n,
-                lost_before=made.lost_before,
-                stamp_error_s=made.error_s,
-                status=StrainStatus(made.status | made.event),
-                wrench=np.concatenate(made.wrenches) if made.wrenches else None,
-            )
-        ]
+        return [] if self._open is None else [self._close(self._open)]
 
     # -- one run -----------------------------------------------------------------------
 
     def _add_run(self, batch: Batch, run: Run) -> list[StrainBlock]:
         tension_n = batch.tension_n[run.samples]
         wrench = None if batch.wrench is None else batch.wrench[run.samples]
-        stated = None if batch.status is None else batch.status[run.samples]
-        status = self._judge(tension_n, stated)
+        status = self._judge(
+            tension_n, None if batch.status is None else batch.status[run.samples]
+        )
+        count, period_ns = len(tension_n), self.clock.period_ns
         self.lost_samples += run.lost
         self._sequence += run.lost
-        self.readings += len(tension_n)
+        self.readings += count
         if run.event:
             self._event |= run.event
             if run.event & _CLOCK_STEP:
                 self._next_ns = None
         blocks: list[StrainBlock] = []
-        if run.lost or self._event or self._misfit_ns(run.stamp_ns) * 2 > self.clock.period_ns:
-            blocks += self.flush()
-        changes = np.flatnonzero(status[1:] != status[:-1]) + 1 if len(status) > 1 else ()
+        made = self._open
+        if made is not None and (
+            run.lost or self._event or abs(made.misfit_ns(run.stamp_ns)) * 2 > period_ns
+        ):
+            blocks.append(self._close(made))
+        ends = [count]
+        if count > 1:
+            ends = [*(np.flatnonzero(status[1:] != status[:-1]) + 1).tolist(), count]
         first, lost = 0, run.lost
-        for end in (*changes, len(status)):
+        for end in ends:
             while first < end:
-                stamp_ns = run.stamp_ns + first * self.clock.period_ns
-                blocks += self._open_for(stamp_ns, run.stamp_error_s, lost, int(status[first]))
-                made, lost = self._open, 0
-                assert made is not None
+                stamp_ns, bits = run.stamp_ns + first * period_ns, int(status[first])
+                made = self._open
+                if made is not None and (bits != made.status or period_ns != made.period_ns):
+                    blocks.append(self._close(made))
+                    made = None
+                if made is None:
+                    made = self._begin(stamp_ns, run.stamp_error_s, lost, bits)
+                    lost = 0
+                else:
+                    made.widen_error(stamp_ns, run.stamp_error_s)
                 last = min(end, first + self._samples_per_block - made.samples)
                 made.tensions.append(tension_n[first:last])
                 if wrench is not None:
@@ -189,34 +194,36 @@ class Stream(Generic[Clock]):
                 self._sequence += last - first
                 first = last
                 if made.samples == self._samples_per_block:
-                    blocks += self.flush()
+                    blocks.append(self._close(made))
         self._status = int(status[-1])
         return blocks
 
-    def _misfit_ns(self, stamp_ns: int) -> int:
-        """Return how far a stamp is from where the open block would put it [ns]."""
-        return 0 if self._open is None else abs(stamp_ns - self._open.end_ns())
+    def _begin(self, stamp_ns: int, error_s: float, lost: int, status: int) -> _OpenBlock:
+        """Open a block that begins with the next sample, later than all before."""
+        if self._next_ns is not None and stamp_ns < self._next_ns:
+            error_s += (self._next_ns - stamp_ns) / 1e9 if error_s >= 0 else 0.0
+            stamp_ns = self._next_ns
+        event, self._event = self._event, 0
+        self._open = _OpenBlock(
+            stamp_ns, self._sequence + 1, lost, error_s, status, event, self.clock.period_ns
+        )
+        return self._open
 
-    def _open_for(
-        self, stamp_ns: int, error_s: float, lost: int, status: int
-    ) -> list[StrainBlock]:
-        """See that a block is open that a sample fits; return the block that this ends."""
-        blocks: list[StrainBlock] = []
-        made = self._open
-        if made is not None and (status != made.status or self.clock.period_ns != made.period_ns):
-            blocks = self.flush()
-            made = None
-        if made is None:
-            if self._next_ns is not None and stamp_ns < self._next_ns:
-                error_s += (self._next_ns - stamp_ns) / 1e9 if error_s >= 0 else 0.0
-                stamp_ns = self._next_ns
-            event, self._event = self._event, 0
-            period_ns, sequence = self.clock.period_ns, self._sequence + 1
-            self._open = _OpenBlock(stamp_ns, sequence, lost, error_s, status, event, period_ns)
-        elif made.error_s >= 0:
-            misfit_s = self._misfit_ns(stamp_ns) / 1e9
-            made.error_s = max(made.error_s, error_s + misfit_s) if error_s >= 0 else -1.0
-        return blocks
+    def _close(self, made: _OpenBlock) -> StrainBlock:
+        self._open = None
+        tension_n = made.tensions[0] if len(made.tensions) == 1 else np.concatenate(made.tensions)
+        tension_n.flags.writeable = False  # neighbours in the process look at it, too
+        self._next_ns = made.stamp_ns + (made.samples - 1) * made.period_ns + 1
+        return StrainBlock(
+            made.stamp_ns,
+            made.sequence,
+            made.period_ns,
+            tension_n,
+            lost_before=made.lost_before,
+            stamp_error_s=made.error_s,
+            status=_status_of(made.status | made.event),
+            wrench=np.concatenate(made.wrenches) if made.wrenches else None,
+        )
 
     def _judge(
         self, tension_n: NDArray[np.float64], stated: NDArray[np.uint32] | None
@@ -228,7 +235,9 @@ class Stream(Generic[Clock]):
             self._last_n = value_n
             bits = self._always if stated is None else self._always | int(stated[0])
             bits |= _SATURATED if abs(value_n) >= self._saturation_n else 0
-            return (bits | _STUCK if self._are_stuck(self._equal) else bits,)
+            if self._equal >= _FEWEST_EQUAL and self._are_stuck(self._equal):
+                bits |= _STUCK
+            return (bits,)
         status = np.full(len(tension_n), self._always, dtype=np.uint32)
         if stated is not None:
             status |= stated

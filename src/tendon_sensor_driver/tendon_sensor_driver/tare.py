@@ -71,6 +71,7 @@ class Tare:
         self._lock = threading.Lock()
         self._blocks: deque[StrainBlock] = deque()
         self._samples = 0
+        self._end_ns = 0  # of the newest block
         self._break = ''  # of the samples, before the first of those that are kept
         self._wrench_bias: NDArray[np.float64] | None = None
         self._bias = Bias(0)
@@ -82,13 +83,16 @@ class Tare:
 
     def apply(self, block: StrainBlock) -> StrainBlock:
         """Take note of a block as it came, and return it with the bias taken off."""
+        count = len(block.tension_n)
         with self._lock:
-            if event := self._format_break(block):
-                self._blocks.clear()
-                self._samples = 0
-                self._break = event
+            silence_s = (block.stamp_ns - self._end_ns) / 1e9
+            if int(block.status) & _ANY_BREAK:
+                self._begin_anew(next(text for bit, text in _BREAKS.items() if block.status & bit))
+            elif self._blocks and silence_s > self._config.silence_s:
+                self._begin_anew(f'a silence of {silence_s:.1f} s')
             self._blocks.append(block)
-            self._samples += len(block.tension_n)
+            self._samples += count
+            self._end_ns = block.stamp_ns + count * block.period_ns
             while self._samples - len(self._blocks[0].tension_n) >= self._config.tare_samples:
                 self._samples -= len(self._blocks.popleft().tension_n)
             bias, wrench_bias = self._bias, self._wrench_bias
@@ -129,9 +133,7 @@ class Tare:
     def note_restart(self, now_ns: int) -> bool:
         """Forget samples and bias of a device that has restarted; return whether one was set."""
         with self._lock:
-            self._blocks.clear()
-            self._samples = 0
-            self._break = _BREAKS[StrainStatus.RESTARTED]
+            self._begin_anew(_BREAKS[StrainStatus.RESTARTED])
         was_set = self._bias.samples > 0
         self.clear(now_ns)
         return was_set
@@ -150,18 +152,11 @@ class Tare:
                 return None
         return bias.bias_n - self._bias.bias_n
 
-    def _format_break(self, block: StrainBlock) -> str:
-        """Return the event that parts a block from the samples before it, if there is one."""
-        if int(block.status) & _ANY_BREAK:
-            return next(event for bit, event in _BREAKS.items() if block.status & bit)
-        if not self._blocks:
-            return ''
-        silence_s = (block.stamp_ns - self._end_ns()) / 1e9
-        return f'a silence of {silence_s:.1f} s' if silence_s > self._config.silence_s else ''
-
-    def _end_ns(self) -> int:
-        newest = self._blocks[-1]
-        return newest.stamp_ns + len(newest.tension_n) * newest.period_ns
+    def _begin_anew(self, event: str) -> None:
+        """Forget the samples: they say nothing about the zero after this event."""
+        self._blocks.clear()
+        self._samples = 0
+        self._break = event
 
     def _check(self, now_ns: int) -> list[StrainBlock]:
         """Return the last blocks when there are enough, they are fresh and good."""
@@ -172,7 +167,7 @@ class Tare:
                 f'only {self._samples} of {config.tare_samples} samples have come{since}; leave '
                 'the sensor unloaded and try again'
             )
-        silence_s = (now_ns - self._end_ns()) / 1e9
+        silence_s = (now_ns - self._end_ns) / 1e9
         if silence_s > config.silence_s:
             raise TareError(f'no sample for {silence_s:.1f} s; see the diagnostics of the sensor')
         for block in blocks:

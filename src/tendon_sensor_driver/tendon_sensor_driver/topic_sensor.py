@@ -323,9 +323,8 @@ class TopicClient(SensorClient):
             # arrival that seems too early makes the sample an outlier, which is dropped.
             wait_ns = _measure_wait_ns(info)
             received_at_ns = self._arrivals.now_ns() - wait_ns
-            step_ns = self._arrivals.take_step_ns()
-            if step_ns:
-                stream.note_clock_step(step_ns)
+            if self._arrivals.step_ns:
+                stream.note_clock_step(self._arrivals.take_step_ns())
             try:
                 reading = read(message, self._config)
             except ReadingError as error:

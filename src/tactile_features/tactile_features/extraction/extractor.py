@@ -193,6 +193,7 @@ class TrialFeatureExtractor:
         self._buffer_ns = round(config.buffer_s * 1e9)
         self._buffers: dict[tuple[int, int], SampleBuffer] = {}
         self._lanes = self._make_lanes(wanted)
+        self._has_parts = any(lane.partial_samples for lane in self._lanes)
         # Phases in the signal do not depend on what is wanted.
         is_stated = config.phases == PHASES_STATED
         self._buffer = self._lanes[0].buffer if is_stated else self._buffer_for(config)
@@ -263,6 +264,16 @@ class TrialFeatureExtractor:
         self.sample_count += len(block.tension_n)
         for buffer in self._buffers.values():
             is_set_back = buffer.add(block)  # by stamps and numbers: all say the same
+        windows = self._find_phases(is_set_back) if self._signal or is_set_back else []
+        if self._has_parts:
+            windows += self._take_partial()
+        if self._waiting:
+            windows += self._take_complete()
+        for buffer in self._buffers.values():
+            buffer.evict()
+        return windows
+
+    def _find_phases(self, is_set_back: bool) -> list[FeatureWindow]:
         step_ns = self._buffer.new_step_ns
         windows = []
         if self._signal and (is_set_back or step_ns):
@@ -276,10 +287,6 @@ class TrialFeatureExtractor:
             for event in self._signal.add(self._buffer.new_samples):
                 self._detected.append(event)
                 windows += self._take_event(event)
-        windows += self._take_partial()
-        windows += self._take_complete()
-        for buffer in self._buffers.values():
-            buffer.evict()
         return windows
 
     def add_event(self, event: TrialEvent, *, is_past: bool = False) -> list[FeatureWindow]:
