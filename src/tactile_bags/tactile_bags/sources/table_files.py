@@ -92,7 +92,6 @@ class TextForm:
     decimal: str
     names: tuple[str, ...]
     first_line: int
-    is_named: bool = True
     is_labview: bool = False
     rate_hz: float | None = None
 
@@ -108,8 +107,6 @@ class Table:
     times, nested, values : collections of str
         Columns of points in time, as integer nanoseconds; columns that were not read, because they
         hold lists or structures; columns that the file states to be the signal.
-    is_named : bool
-        Whether the names of the columns stand in the file.
     units : dict of str to str
         By column.
     rate_hz : float, optional
@@ -119,7 +116,6 @@ class Table:
     path: Path
     columns: dict[str, NDArray[Any]]
     times: frozenset[str] = field(default_factory=frozenset)
-    is_named: bool = True
     nested: tuple[str, ...] = ()
     units: dict[str, str] = field(default_factory=dict)
     values: tuple[str, ...] = ()
@@ -157,8 +153,7 @@ def read_table(path: Path, options: SourceOptions = SourceOptions()) -> Table:  
     rate_hz = form.rate_hz if form else _stated_rate_hz(found.schema.metadata)
     units = {n: m[UNIT].decode(errors='replace') for n, m in stated.items() if UNIT in m}
     values = tuple(n for n, metadata in stated.items() if metadata.get(ROLE) == b'value')
-    is_named = form is None or form.is_named
-    return Table(path, columns, frozenset(times), is_named, nested, units, values, rate_hz)
+    return Table(path, columns, frozenset(times), nested, units, values, rate_hz)
 
 
 def _stated_rate_hz(metadata: Any) -> float | None:
@@ -307,7 +302,7 @@ def _stated_form(path: Path, lines: Sequence[str], options: SourceOptions) -> Te
         first = next((line for line in lines if line.strip()), '')
         width = len(next(csv.reader([first], delimiter=separator), []))
         names = tuple(f'column {i + 1}' for i in range(width))
-        return TextForm(separator, decimal, names, 0, is_named=False)
+        return TextForm(separator, decimal, names, 0)
     if not above:
         raise SourceError(
             f'{path}: there are no names of columns in its first line; {_remedy(lines)}'

@@ -260,7 +260,7 @@ def _find_time(
     elif table.times:
         name = min(table.times)
     else:
-        name = named('time') if table.is_named else _first_even_column(table)
+        name = named('time')
     if not name:
         return '', 1.0
     if name in table.times:
@@ -287,17 +287,6 @@ def _guess_unit(table: Table, name: str) -> str:
         's' if 0.0 < step < 1.0 else '',
         with_layout=False,
     )
-
-
-def _first_even_column(table: Table) -> str:
-    """Return the first column when it rises in even steps, as times do; otherwise nothing."""
-    if len(table.columns) < 2:
-        return ''
-    name, values = next(iter(table.columns.items()))
-    if values.dtype.kind != 'f' or len(values) < 3:
-        return ''
-    steps = np.diff(values)
-    return name if steps.min() > 0.0 and steps.max() < 2.0 * steps.min() else ''
 
 
 def _find_values(

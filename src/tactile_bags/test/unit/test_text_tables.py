@@ -47,7 +47,6 @@ def test_every_form_is_read_back(tmp_path_factory, data):
     stated = SourceOptions(separator=separator, decimal=decimal, header_rows=count)
     table = read_table(path, stated)
     assert list(table.columns) == (['label', *names] if words else names)
-    assert table.is_named
     for i, name in enumerate(names):
         np.testing.assert_array_equal(table.columns[name], [row[i] for row in rows])
     if words:
@@ -73,7 +72,6 @@ def test_a_table_without_names_has_numbered_columns(tmp_path):
         read_table(tmp_path / 'bare.csv')
     table = read_table(tmp_path / 'bare.csv', SourceOptions(header_rows=0))
     assert list(table.columns) == ['column 1', 'column 2']
-    assert not table.is_named
     np.testing.assert_array_equal(table.columns['column 2'], np.arange(1.0, 12.0, 2.0))
 
 

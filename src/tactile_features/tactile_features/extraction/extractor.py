@@ -336,12 +336,9 @@ class TrialFeatureExtractor:
         return self._end_oldest(lambda window: window.refuse_by_events() or window.time_out())
 
     def pass_time(self, now_ns: int) -> list[FeatureWindow]:
-        """Refuse the windows whose samples have not come in time, when the last data came.
+        """Refuse the windows whose samples have not come in time.
 
-        Parameters
-        ----------
-        now_ns : int
-            Time of arrival of the last data of any kind (ROS time) [ns].
+        ``now_ns`` is the time of arrival of the last data of any kind (ROS time) [ns].
         """
         most_ns = (self.config.samples_timeout_s + GRACE_S) * 1e9
         windows: list[FeatureWindow] = []

@@ -176,7 +176,7 @@ partial_outcomes: Counter[Outcome] = Counter()
 
 
 # Which outcomes the examples meet is asserted below, so the examples are always the same.
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=100, deadline=None, derandomize=True)
 @given(configs(), st.integers(0, 2**32 - 1))
 def check_interleaving_and_grouping(config, seed):
     random = Random(seed)
@@ -271,7 +271,7 @@ def test_each_of_several_specifications_gives_the_bits_that_it_gives_alone():
     assert {outcome for partial, outcome in shared if partial} >= {Outcome.OK, Outcome.GAP}, shared
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(configs(), st.integers(0, 2**32 - 1))
 def test_own_features_wanted_by_name_are_those_without_anything_wanted(config, seed):
     random = Random(seed)
