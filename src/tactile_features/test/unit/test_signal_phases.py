@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Phases found in the tension: made-up pulls whose bends are known."""
+"""Phases found in the tension: made-up pulls whose bends and jumps are known."""
 
 import dataclasses
 from random import Random
@@ -21,7 +21,14 @@ from tactile_features import (
     TrialFeatureExtractor,
     WantedFeatures,
 )
-from tactile_features.phases import SignalPhases
+from tactile_features.phases import (
+    estimate_noise_n,
+    locate_bend,
+    locate_step,
+    measure_step,
+    SignalPhases,
+)
+from tactile_features.windows import SAMPLE
 from tactile_ros.strain import StrainBlock, StrainStatus
 
 RATE_HZ = 60.0
@@ -320,3 +327,105 @@ def test_phases_in_simulated_samples_say_so(size):
     events = extractor.take_detected_events()
     assert [event.simulated for event in events] == [*[False] * 4, *[True] * 4, *[False] * 4]
     assert [window.simulated for window in windows] == [False, True, False]
+
+
+# -- whoever joins late finds the same trials ----------------------------------------------
+
+SETTLED_NS = 1_300_000_000
+"""Rest after which a late one finds the same trials [ns]: 60 samples and up to 15 more."""
+
+
+def make_session(seed, step_n, first_sequence):
+    """Return the samples of five pulls with 0.4 s to 4 s of rest between them."""
+    random = np.random.default_rng(seed)
+    parts = []
+    for _ in range(5):
+        t = np.arange(400) / RATE_HZ
+        held_n = 3.5 + 1.5 * np.exp(-t / 3.0) - step_n * np.clip((t - 1.0) / 0.05, 0.0, 1.0)
+        shape = np.clip(np.minimum(t / 0.5, (6.0 - t) / 0.4), 0.0, 1.0)
+        parts += [np.zeros(random.integers(24, 240)), held_n * shape]
+    tension_n = np.concatenate(parts)
+    samples = np.zeros(len(tension_n), SAMPLE)
+    samples['stamp_ns'] = 10**18 + np.rint(np.arange(len(tension_n)) * 1e9 / RATE_HZ)
+    samples['sequence'] = first_sequence + np.arange(len(tension_n))
+    samples['tension_n'] = tension_n + random.normal(0.0, 0.02, len(tension_n))
+    return samples
+
+
+@pytest.mark.parametrize(('phases', 'step_n'), [('stiffness', 0.0), ('texture', 0.3)])
+def test_a_late_one_finds_the_same_trials_or_none(phases, step_n):
+    config = FeatureConfig(phases=phases)
+    samples = make_session(1, step_n, 0)
+    expected = SignalPhases(config).add(samples)
+    assert len({event.trial_id for event in expected}) == 5
+    contacts = [event for event in expected if event.phase == 'contact']
+    ends_ns = [0, *(event.stamp_ns for event in expected if event.phase == 'done')]
+    for joined in range(1, len(samples) - 1, 67):
+        found = SignalPhases(config).add(samples[joined:])
+        names = {event.trial_id for event in found}
+        assert found == [event for event in expected if event.trial_id in names]
+        at_ns = int(samples['stamp_ns'][joined])
+        sure = {
+            event.trial_id
+            for event, rest_ns in zip(contacts, ends_ns, strict=False)
+            if event.stamp_ns - max(at_ns, rest_ns) > SETTLED_NS
+        }
+        assert sure <= names
+
+
+def test_a_stream_is_not_joined_late_where_its_first_sample_is_seen():
+    config = FeatureConfig(phases='stiffness')
+    samples = make_session(0, 0.0, 0)
+    contact = SignalPhases(config).add(samples)[0]
+    short_rest = samples[samples['stamp_ns'] > contact.stamp_ns - SETTLED_NS // 2]
+    for first_sequence, count in ((0, 5), (1000, 4)):
+        short_rest['sequence'] = first_sequence + np.arange(len(short_rest))
+        found = SignalPhases(config).add(short_rest)
+        assert len({event.trial_id for event in found}) == count
+
+
+# -- bends and jumps, against numpy ---------------------------------------------------------
+
+RNG = np.random.default_rng(0)
+TIME_S = np.arange(20) / 60
+
+
+def test_noise_is_told_from_level_slope_and_what_happens_once():
+    noise = RNG.normal(0.0, 0.1, 20_000)
+    signal = 7.0 + 1e-4 * np.arange(20_000) + noise
+    signal[10_000:] += 50.0
+    assert estimate_noise_n(signal) == pytest.approx(0.1, rel=0.05)
+    assert estimate_noise_n(signal[:1]) == 0.0
+
+
+@pytest.mark.parametrize('at', [3, 9, 15])
+def test_a_bend_is_where_two_lines_meet(at):
+    bent = np.minimum(20.0 * (TIME_S - TIME_S[at]), -1.0 * (TIME_S - TIME_S[at]))
+    assert locate_bend(TIME_S, 5.0 + bent) == at
+
+
+def test_a_jump_and_its_uncertainty_are_those_of_least_squares():
+    signal = RNG.normal(0.0, 1.0, 20)
+    step = measure_step(TIME_S, signal, 8)
+    design = np.stack([np.ones(20), TIME_S, np.arange(20) >= 8], axis=1)
+    _, slope, height = np.linalg.lstsq(design, signal, rcond=None)[0]
+    assert step.height_n == pytest.approx(height, rel=1e-9)
+    assert step.slope_n_s == pytest.approx(slope, rel=1e-9)
+    covariance = np.linalg.inv(design.T @ design)
+    assert step.spread == pytest.approx(np.sqrt(covariance[2, 2]), rel=1e-9)
+    line = np.polynomial.Polynomial.fit(TIME_S[:8], signal[:8], 1)
+    left = np.sum((signal[:8] - line(TIME_S[:8])) ** 2) / 6
+    assert step.before_n == pytest.approx(np.sqrt(left), rel=1e-9)
+
+
+@pytest.mark.parametrize('height_n', [0.4, -0.4])
+@pytest.mark.parametrize('first_after', [8, 12])
+def test_a_jump_is_found_where_it_is(height_n, first_after):
+    signal = 3.0 - 2.0 * TIME_S + height_n * (np.arange(20) >= first_after)
+    assert locate_step(TIME_S, signal, 6) == first_after - 1
+
+
+def test_a_jump_that_takes_some_samples_begins_with_the_first():
+    share = np.clip((np.arange(20) - 8) / 4, 0.0, 1.0)
+    signal = 3.0 - 2.0 * TIME_S - 0.5 * share + RNG.normal(0.0, 0.004, 20)
+    assert locate_step(TIME_S, signal, 6) in (8, 9)
