@@ -47,6 +47,7 @@ TOPICS = (
     Topic('speeds', 'accuracy.speeds', 'public recordings at a speed never seen', LONG),
     Topic('choice', 'accuracy.choices', 'features and classifier chosen by the folds', LONG),
     Topic('unlearned', 'accuracy.choices', 'labels that training has not seen', LONG),
+    Topic('calibration-error', 'accuracy.choices', 'stated and true error of probabilities', LONG),
     Topic('peers', 'accuracy.peers', 'features of aeon and tsfresh beside ours', LONG),
     Topic('pitch', 'events.pitch_and_press', 'groove pitch: error, coverage of its uncertainty'),
     Topic('press', 'events.pitch_and_press', 'stiffness and relaxation: error, coverage'),

@@ -14,10 +14,23 @@ import numpy as np
 from benchmarks.measuring import Report, Row
 from benchmarks.recordings import FABRIC_SLIDE, find_recording, PHAC_HOLD, say_missing
 from tactile_classifier import load_archive
+from tactile_classifier.confidence.calibration import (
+    Calibration,
+    compute_calibration_error,
+    hold_out_probabilities,
+    hold_out_scores,
+    make_group_folds,
+)
 from tactile_classifier.datasets.dataset import FeatureTable, table_from_trials
 from tactile_classifier.datasets.splits import grouped_split, Split, stratified_split
+from tactile_classifier.estimators.classifiers import (
+    build_estimator,
+    compute_raw_scores,
+    on_one_thread,
+)
 from tactile_classifier.evaluation.open_set import evaluate_open_set
 from tactile_classifier.evaluation.plans import run_plans
+from tactile_classifier.records import ROCKET
 from tactile_classifier.training.feature_choice import ChoicePlan
 from tactile_features import FeatureConfig
 
@@ -126,4 +139,61 @@ def _measure_unlearned(table: FeatureTable, columns: tuple[str, ...]) -> dict[st
         'AUROC, %': f'{100 * found.auroc:.1f}',
         'named, %': f'{100 * found.miss_rate:.0f}',
         'false rejection, %': f'{100 * found.realised_false_alarm_rate:.1f}',
+    }
+
+
+def run_calibration_error(quick: bool) -> Report:
+    """Compare the calibration error that a card states with that in groups held out."""
+    rows = [Row(say_missing(FABRIC_SLIDE))]
+    if find_recording(PHAC_HOLD) and find_recording(FABRIC_SLIDE):
+        cases = [(f'holds, {name}', table, REPETITION) for name, table in read_holds().items()]
+        for name, table in {} if quick else read_fabrics().items():
+            cases.append((f'fabrics, {name}', table, CELLS))
+        rows = [
+            Row(f'{case}, {classifier}', more=_measure_calibration(table, columns, classifier))
+            for case, table, columns in cases
+            for classifier in ('knn', 'svm_linear', ROCKET)
+            if table.is_waveform or classifier != ROCKET
+        ]
+    return Report(
+        'expected calibration error that a card states, beside that in groups held out',
+        '',
+        'single trials, stated: by folds of these, or of the training; mean and SD over trainings '
+        'that leave one group out; true: in the groups left out, pooled; chance: of labels drawn '
+        'with the stated probabilities. In %',
+        rows,
+    )
+
+
+@on_one_thread
+def _measure_calibration(
+    table: FeatureTable, columns: tuple[str, ...], classifier: str
+) -> dict[str, Any]:
+    scaling = 'standard' if classifier == 'svm_linear' else 'none'
+    group = make_group_folds(table, columns).session
+    assert group is not None
+    stated: dict[str, list[float]] = {}
+    probabilities, answers = [], []
+    for one in np.unique(group):
+        train, test = table.take(group != one), table.take(group == one)
+        ways = {'single trials': make_group_folds(train, ()).fold}
+        ways |= {'stated': make_group_folds(train).fold}
+        for way, fold in ways.items():
+            scores, true = hold_out_scores(train, classifier, scaling, fold)
+            found = compute_calibration_error(hold_out_probabilities(scores, true, fold), true)
+            stated.setdefault(way, []).append(100 * found)
+        estimator = build_estimator(classifier, scaling, table.channels)
+        estimator.fit(train.values, train.labels)
+        raw = compute_raw_scores(estimator, test.values)
+        probabilities.append(Calibration.fit(scores, true).compute(raw))
+        answers.append(np.searchsorted(estimator.classes_, test.labels))
+    pooled, label = np.concatenate(probabilities), np.concatenate(answers)
+    generator = np.random.default_rng(0)
+    drawn = [
+        compute_calibration_error(pooled, (generator.random((len(pooled), 1)) > sums).sum(axis=1))
+        for sums in [np.minimum(pooled.cumsum(axis=1)[:, :-1], 1.0)] * 200
+    ]
+    return {way: f'{np.mean(each):.1f} ± {np.std(each):.1f}' for way, each in stated.items()} | {
+        'true': f'{100 * compute_calibration_error(pooled, label):.1f}',
+        'chance': f'{100 * np.mean(drawn):.1f} ± {100 * np.std(drawn):.1f}',
     }
