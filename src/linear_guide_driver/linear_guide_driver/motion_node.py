@@ -152,13 +152,9 @@ class MotionNode(PollingNode):
     ) -> Result:
         """Move the device for a goal; return what the client returns.
 
-        Parameters
-        ----------
-        goal : Goal
-        move : callable
-            Takes what is called with each new state, and what tells whether to stop.
-        to_feedback, find_rest : callable
-            Make the fields of a feedback, and those of the result of a goal that is aborted.
+        ``move`` takes what is called with each new state, and what tells whether to stop.
+        ``to_feedback`` and ``find_rest`` make the fields of a feedback, and those of the result of
+        a goal that is aborted.
         """
         due_s = time.monotonic()
         self._loss = ''

@@ -21,8 +21,34 @@ REST_AFTER_S = 1.0
 
 
 @dataclass(frozen=True)
-class LinearGuideConfig:
-    """Connection and limits of the guide's Grbl controller; `ValueError` when out of range."""
+class _MotionConfig:
+    """The signs of life that both drivers depend on; `ValueError` when out of range."""
+
+    heartbeat_topics: tuple[str, ...] = parameter(
+        (),
+        'topics on which the nodes that motion needs give their sign of life; motion ends when '
+        'one falls silent, or when two nodes give it on one topic',
+    )
+    heartbeat_timeout_s: float = parameter(
+        0.15,
+        'silence of a heartbeat topic that ends motion; the lease of its liveliness',
+        unit='s',
+        range=(0.15, 10.0),
+    )
+    peer_wait_s: float = parameter(
+        5.0,
+        'how long a goal waits for topics that have not been heard yet, as after a start',
+        unit='s',
+        range=(0.0, 60.0),
+    )
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+
+@dataclass(frozen=True)
+class LinearGuideConfig(_MotionConfig):
+    """Connection and limits of the guide's Grbl controller."""
 
     port: str = parameter('/dev/ttyUSB0', 'serial port of the Grbl controller')
     baud: int = parameter(
@@ -48,17 +74,6 @@ class LinearGuideConfig:
         unit='Hz',
         range=(1.0, 20.0),
     )
-    heartbeat_topics: tuple[str, ...] = parameter(
-        (),
-        'topics on which the nodes that motion needs give their sign of life; motion ends when '
-        'one falls silent, or when two nodes give it on one topic',
-    )
-    heartbeat_timeout_s: float = parameter(
-        0.15,
-        'silence of a heartbeat topic that ends motion; the lease of its liveliness',
-        unit='s',
-        range=(0.15, 10.0),
-    )
     strain_timeout_s: float = parameter(
         0.0,
         'every motion ends when no valid sample came on tendon_sensor/strain for this long; '
@@ -66,22 +81,13 @@ class LinearGuideConfig:
         unit='s',
         range=(0.0, 10.0),
     )
-    peer_wait_s: float = parameter(
-        5.0,
-        'how long a goal waits for topics that have not been heard yet, as after a start',
-        unit='s',
-        range=(0.0, 60.0),
-    )
     joint_name: str = parameter('linear_guide_joint', 'name of the joint in joint states')
     frame_id: str = parameter('linear_guide_link', 'frame of the joint states')
 
-    def __post_init__(self) -> None:
-        check_parameters(self)
-
 
 @dataclass(frozen=True)
-class TendonActuatorConfig:
-    """Connection and limits of the tendon's Dynamixel servo; `ValueError` when out of range."""
+class TendonActuatorConfig(_MotionConfig):
+    """Connection and limits of the tendon's Dynamixel servo."""
 
     port: str = parameter('/dev/ttyUSB1', 'serial port of the Dynamixel bus')
     baud: int = parameter(
@@ -152,23 +158,6 @@ class TendonActuatorConfig:
         unit='Hz',
         range=(5.0, 200.0),
     )
-    heartbeat_topics: tuple[str, ...] = parameter(
-        (),
-        'topics on which the nodes that motion needs give their sign of life; motion ends when '
-        'one falls silent, or when two nodes give it on one topic',
-    )
-    heartbeat_timeout_s: float = parameter(
-        0.15,
-        'silence of a heartbeat topic that ends motion; the lease of its liveliness',
-        unit='s',
-        range=(0.15, 10.0),
-    )
-    peer_wait_s: float = parameter(
-        5.0,
-        'how long a goal waits for topics that have not been heard yet, as after a start',
-        unit='s',
-        range=(0.0, 60.0),
-    )
     hang_timeout_s: float = parameter(
         0.0,
         'a driver whose poll hangs for so long, as when it is frozen, is killed, so that its '
@@ -180,7 +169,7 @@ class TendonActuatorConfig:
     frame_id: str = parameter('tendon_link', 'frame of the joint states')
 
     def __post_init__(self) -> None:
-        check_parameters(self)
+        super().__post_init__()
         if self.watchdog_s * self.poll_rate_hz < 3.0:
             raise ValueError(
                 f'watchdog_s is {self.watchdog_s} s, shorter than three polls at '

@@ -22,19 +22,11 @@ TICK_S = 0.02
 
 
 class SerialLink:
-    """An open serial line.
+    """An open serial line. Opening and `write` raise `DeviceConnectionError`.
 
-    Opening and `write` raise `DeviceConnectionError`.
-
-    Parameters
-    ----------
-    on_bytes : callable
-        Called on the reader thread with what has arrived.
-    on_tick : callable
-        Called on the reader thread after each read, at least every 20 ms.
-    on_lost : callable
-        Called once with a sentence when the line is lost, on the thread that notices it: the
-        reader's, or that of the writer before `write` raises.
+    On the reader thread ``on_bytes`` is called with what has arrived, and ``on_tick`` after each
+    read, at least every 20 ms. ``on_lost`` is called once with a sentence when the line is lost,
+    on the thread that notices it: the reader's, or that of the writer before `write` raises.
     """
 
     def __init__(
@@ -88,11 +80,15 @@ class SerialLink:
     def _read(self) -> None:
         try:
             while not self._closing.is_set():
-                data = self._read_available()
+                try:
+                    data = bytes(self._serial.read(self._serial.in_waiting or 1))
+                except LINE_ERRORS as error:
+                    self._lose(f'the line to {self._port} is lost: {error}')
+                    return
                 if data:
                     self._on_bytes(data)
                 self._on_tick()
-        except DeviceConnectionError as error:
+        except DeviceConnectionError as error:  # a query could not be written
             self._lose(str(error))
         except Exception as error:  # nobody reads on, so the line is as good as lost
             self._lose(f'reading {self._port} failed: {error!r}')
@@ -103,9 +99,3 @@ class SerialLink:
             if not self._is_lost and not self._closing.is_set():
                 self._is_lost = True
                 self._on_lost(reason)
-
-    def _read_available(self) -> bytes:
-        try:
-            return bytes(self._serial.read(self._serial.in_waiting or 1))
-        except LINE_ERRORS as error:
-            raise DeviceConnectionError(f'the line to {self._port} is lost: {error}') from error

@@ -95,13 +95,8 @@ def format_hardware_error(word: int) -> str:
 
 
 def decode_register(register: Register, block: bytes, block_address: int) -> int:
-    """Return one register's value from a block read at ``block_address``.
-
-    Raises `ValueError` when the block does not hold the whole register.
-    """
+    """Return one register's value from a block read at ``block_address``, which holds it."""
     start = register.address - block_address
-    if start < 0 or start + register.size > len(block):
-        raise ValueError(f'register {register.address} is not in the block')
     return int.from_bytes(
         block[start : start + register.size], 'little', signed=register.is_signed
     )
@@ -167,7 +162,7 @@ STATE_BLOCK = Register(
 
 
 def decode_state(block: bytes) -> ServoState:
-    """Decode the bytes of `STATE_BLOCK`; raises `ValueError` when it is too short."""
+    """Decode the bytes of a whole `STATE_BLOCK`."""
 
     def value(register: Register) -> int:
         return decode_register(register, block, STATE_BLOCK.address)

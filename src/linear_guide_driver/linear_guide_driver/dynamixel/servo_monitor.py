@@ -50,35 +50,14 @@ _logger = logging.getLogger(__name__)
 class ServoMonitor:
     """The poll thread of one servo.
 
-    Parameters
-    ----------
-    on_poll : callable
-        Makes a `TendonState` of a `ServoState` and acts on it, under the bus's lock.
-    on_state : callable
-        Called with each state, on the poll thread.
-    is_slack : callable
-        Whether nothing moves and the tendon is slack in a state.
-    on_loss, on_trouble : callable
-        Called with a reason at each failure, and when an outage or a fault is new; on the
-        thread that noticed it.
-    on_turn : callable
-        Called on the poll thread each time that it comes round, with how much longer than usual
-        the next time may take [s]: infinite when there is none.
-    restore : callable
-        Makes a lost connection again, on the poll thread; raises when it cannot.
+    On the poll thread: ``on_poll`` makes a `TendonState` of a `ServoState` and acts on it, under
+    the bus's lock. ``on_state`` is called with each state, and ``is_slack`` tells whether nothing
+    moves in it and the tendon is slack. ``on_turn`` is called each time that the thread comes
+    round, with how much longer than usual the next time may take [s]: infinite when there is none.
+    ``restore`` makes a lost connection again, or raises.
 
-    Attributes
-    ----------
-    state : TendonState or None
-        The last state; None before the first poll.
-    outage : str
-        Reason for which no command can be watched: no answers, or the torque is off.
-    fault : str
-        Fault that the servo reports while its torque is on. It must not wind in.
-    is_lost : bool
-        The line is lost, or the torque went off: the connection is made again before a command.
-    is_shut_down : bool
-        The servo has switched its torque off because of a fault. Only a restart ends that.
+    ``on_loss`` and ``on_trouble`` are called with a reason at each failure, and when an outage or
+    a fault is new; on the thread that noticed it.
     """
 
     def __init__(
@@ -104,11 +83,11 @@ class ServoMonitor:
         self._polls = 0
         self._failed_polls = 0
         self._back_off_s = FIRST_BACK_OFF_S
-        self.state: TendonState | None = None
-        self.outage = ''
-        self.fault = ''
-        self.is_lost = False
-        self.is_shut_down = False
+        self.state: TendonState | None = None  # the last one
+        self.outage = ''  # why no command can be watched: no answers, or the torque is off
+        self.fault = ''  # reported while the torque is on: the servo must not wind in
+        self.is_lost = False  # line or torque: the connection is made again before a command
+        self.is_shut_down = False  # torque off because of a fault; only a restart ends that
         self._thread = threading.Thread(target=self._run, name='tendon poll', daemon=True)
 
     @property

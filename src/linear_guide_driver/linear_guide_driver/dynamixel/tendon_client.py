@@ -81,26 +81,13 @@ class TendonActuatorClient:
     tendon out that was left taut. `close` lets it out, too, and switches the torque off. Commands
     raise `MotionRefusedError`, and the errors of the bus.
 
-    Parameters
-    ----------
-    config : TendonActuatorConfig
-    on_state : callable, optional
-        Called with each `TendonState`, on the poll thread.
-    clock_ns : callable, optional
-        Clock that stamps states [ns].
-    on_trouble : callable, optional
-        Called with a sentence as soon as a fault or a safety order is new, from any thread.
-    watches : sequence of Watch, optional
-        Signs of life that must be there while the tendon is taut.
-    on_turn : callable, optional
-        Called each time that the poll thread comes round; see `ServoMonitor`.
+    ``on_state`` is called with each `TendonState`, stamped by ``clock_ns``, on the poll thread;
+    ``on_turn`` each time that this thread comes round, see `ServoMonitor`; ``on_trouble`` with a
+    sentence as soon as a fault or a safety order is new, from any thread. ``watches`` are the
+    signs of life that must be there while the tendon is taut.
 
-    Attributes
-    ----------
-    safety : TendonSafety
-        Feed it the samples of the tension.
-    recoveries : int
-        How often the servo's watchdog had stopped it and its goals were unlocked again.
+    Feed ``safety`` the samples of the tension. ``recoveries`` counts how often the servo's
+    watchdog had stopped it and its goals were unlocked again.
     """
 
     def __init__(
@@ -240,14 +227,12 @@ class TendonActuatorClient:
 
         Parameters
         ----------
-        displacement_m : float
-            From the slack reference [m]; 0 lets the tendon out to slack.
-        speed_m_s : float
-            [m/s]; 0: the configured default.
-        on_state : callable
-            Called with each new state while the tendon moves.
-        should_stop : callable
-            Ends the pull when it returns True; the tendon is held where it is.
+        displacement_m, speed_m_s : float
+            From the slack reference [m], and [m/s]; 0 lets the tendon out to slack, and is the
+            configured speed.
+        on_state, should_stop : callable
+            Called with each new state while the tendon moves; holds the tendon where it is by
+            returning True.
         contact : str
             flexion or abduction: chooses the limit of the tension.
         stop_tension_n : float

@@ -132,16 +132,9 @@ class GrblConnection:
     ) -> Generator[None, None, None]:
         """Send lines as fast as the controller takes them, until the last has its ``ok``.
 
-        Yields before each line, after each answer, and some fifty times a second while it
-        waits. Close it, and nothing more is sent.
-
-        Parameters
-        ----------
-        lines : iterable of bytes
-        timeout_s : float
-            For all of them [s].
-        answers_status : bool
-            False for a command during which Grbl leaves queries unanswered.
+        ``timeout_s`` is for all of them [s]. ``answers_status`` is False for a command during
+        which Grbl leaves queries unanswered. Yields before each line, after each answer, and some
+        fifty times a second while it waits. Close it, and nothing more is sent.
         """
         with self._changed:
             self._unanswered.clear()

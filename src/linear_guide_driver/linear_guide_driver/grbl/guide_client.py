@@ -19,6 +19,7 @@ from collections.abc import Callable, Generator
 from contextlib import closing
 from functools import partial
 import logging
+import statistics
 import time
 from typing import NamedTuple, TypeVar
 
@@ -89,9 +90,8 @@ class MotionTrack:
     def start_ns(self) -> int | None:
         """When the motion began [ns]; None while not enough of it has been reported.
 
-        It is extrapolated backwards from the first reports at the commanded speed. An axis that
-        needs the time ``t`` to reach its speed seems to begin up to ``t / 2`` after its
-        first step.
+        It is extrapolated backwards at the commanded speed. An axis that needs the time ``t`` to
+        reach its speed seems to begin up to ``t / 2`` after its first step.
         """
         first = self._starts(self._moving[:START_REPORTS])
         return min(first) if len(first) == START_REPORTS or (first and self._is_over) else None
@@ -115,7 +115,9 @@ class MotionTrack:
         lags_ns = [
             min(starts[index:]) - min(starts[: index + 1]) for index in range(len(starts) - 1)
         ]
-        return MotionSummary(_fit_slope(cruise), max(least_lag_s, max(lags_ns) / 1e9))
+        times_s = [(stamp - cruise[0][0]) / 1e9 for stamp, _ in cruise]
+        line = statistics.linear_regression(times_s, [path_m for _, path_m in cruise])
+        return MotionSummary(line.slope, max(least_lag_s, max(lags_ns) / 1e9))
 
     def _cruise(self) -> list[tuple[int, float]]:
         margin_m = max(MOVED_M, CRUISE_SHARE * self._path_m)
@@ -124,16 +126,6 @@ class MotionTrack:
     def _starts(self, reports: list[tuple[int, float]]) -> list[int]:
         """Return when the motion began by each report, had it the commanded speed [ns]."""
         return [stamp - round(path_m / self._speed_m_s * 1e9) for stamp, path_m in reports]
-
-
-def _fit_slope(reports: list[tuple[int, float]]) -> float:
-    """Return the slope of the least-squares line [m/s]; 0 when the stamps stand still."""
-    times_s = [(stamp - reports[0][0]) / 1e9 for stamp, _ in reports]
-    mean_s = sum(times_s) / len(times_s)
-    mean_m = sum(path_m for _, path_m in reports) / len(reports)
-    spread = sum((t - mean_s) ** 2 for t in times_s)
-    product = sum((t - mean_s) * (r[1] - mean_m) for t, r in zip(times_s, reports, strict=True))
-    return product / spread if spread else 0.0
 
 
 POSITION_TOLERANCE_M = 0.0001
@@ -161,24 +153,13 @@ _News = Generator[_New | None, None, GuideState]
 class LinearGuideClient:
     """Blocking, thread-safe client of the guide's controller; one motion at a time.
 
-    Parameters
-    ----------
-    config : LinearGuideConfig
-    on_state : callable, optional
-        Called with each `GuideState`, on the reader thread.
-    clock_ns : callable, optional
-        Clock that stamps states [ns].
-    on_trouble : callable, optional
-        Called with a reason, on the reader thread, when a fault has lost the position.
-    on_turn : callable, optional
-        Called on the reader thread each time that it comes round, at least every 20 ms.
+    On the reader thread ``on_state`` is called with each `GuideState`, stamped by ``clock_ns``,
+    ``on_trouble`` with a reason when a fault has lost the position, and ``on_turn`` each time
+    that the thread comes round, at least every 20 ms.
 
-    Attributes
-    ----------
-    late_moves : int
-        Moves so far that took longer than computed; a glide among them was not steady.
-    last_move : MotionSummary or None
-        Speed and lag of the last finished move; None when too few positions were reported.
+    ``late_moves`` counts the moves that took longer than computed; a glide among them was not
+    steady. ``last_move`` has speed and lag of the last finished move; it is None when too few
+    positions were reported.
     """
 
     def __init__(
@@ -234,10 +215,8 @@ class LinearGuideClient:
     def connect(self) -> None:
         """Open the line, bring the controller to rest and check its settings.
 
-        Raises
-        ------
-        DeviceConnectionError, DeviceRefusedError
-            When no Grbl answers, or its settings would silently change a glide.
+        Raises `DeviceConnectionError` when no Grbl answers, and `DeviceRefusedError` when its
+        settings would silently change a glide.
         """
         self.close()
         self._connection, self._settings = self._open()
@@ -262,19 +241,10 @@ class LinearGuideClient:
     ) -> GuideState:
         """Find the reference switch; return the state at rest.
 
-        Connects anew when the line was lost. Stopping resets the controller, since
-        a homing cycle heeds nothing else.
-
-        Parameters
-        ----------
-        on_elapsed : callable
-            Called now and then with the time since the command [s].
-        should_stop : callable
-            Ends the homing when it returns True.
-
-        Raises
-        ------
-        MotionRefusedError, MotionFailedError, MotionStoppedError, DeviceConnectionError
+        Connects anew when the line was lost. ``on_elapsed`` is called now and then with the time
+        since the command [s]. When ``should_stop`` returns True the controller is reset, since a
+        homing cycle heeds nothing else. Raises the errors of `move_to`, and
+        `DeviceConnectionError`.
         """
         stop = self._stop_homing  # also when nobody watches the homing any more
         motion = Motion(self._begin_homing, stop, self._fail_homing, stop, self._finish)
@@ -289,16 +259,8 @@ class LinearGuideClient:
     ) -> GuideState:
         """Move; return the state at rest.
 
-        Parameters
-        ----------
-        position_m : float
-            Target in the guide's frame [m].
-        speed_m_s : float
-            Speed [m/s].
-        on_state : callable
-            Called with each new state while the guide moves.
-        should_stop : callable
-            Stops the guide, with braking and position kept, when it returns True.
+        The target is in the guide's frame. ``on_state`` is called with each new state while the
+        guide moves; when ``should_stop`` returns True it brakes and keeps the position.
 
         Raises
         ------

@@ -67,9 +67,6 @@ ERRORS = {
     12: 'the step rate is too high',
     13: 'the safety door is open',
     14: 'the line is too long to be stored',
-    15: 'the jog leaves the travel',
-    16: 'malformed jog',
-    17: 'laser mode needs PWM output',
     20: 'unknown or unsupported word',
     21: 'two words of one modal group',
     22: 'no feed rate was given',
@@ -77,26 +74,18 @@ ERRORS = {
     24: 'two commands want the axis words',
     25: 'a word is repeated',
     26: 'axis words are missing',
-    27: 'the line number is out of range',
     28: 'a required word is missing',
-    29: 'the coordinate system is not supported',
     30: 'G53 needs G0 or G1',
     31: 'axis words without a command that uses them',
-    32: 'an arc has no word in its plane',
     33: 'the target is not valid',
-    34: "the arc's radius is not valid",
-    35: "an arc's offset is missing",
     36: 'words are left over',
-    37: 'the tool length offset is on another axis',
-    38: 'the tool number is too large',
 }
+"""Of lines as the driver sends them, whole or damaged: not of jogs, arcs, tools or lasers."""
 
 ALARMS = {
     1: 'hard limit: a limit switch was hit',
     2: 'soft limit: the target leaves the travel',
     3: 'reset while moving: the position is lost',
-    4: 'the probe was in the wrong state at the start',
-    5: 'the probe made no contact',
     6: 'homing was ended by a reset',
     7: 'the safety door opened during homing',
     8: 'homing did not clear the limit switch',
@@ -104,8 +93,7 @@ ALARMS = {
     10: 'homing did not find the second limit switch of a dual axis',
 }
 
-
-_NO_CODE = 'not a code of Grbl 1.1'
+_NO_CODE = 'see the codes of Grbl 1.1'
 
 
 # -- events --------------------------------------------------------------------------
@@ -138,15 +126,15 @@ class Alarm:
 
 @dataclass(frozen=True)
 class StatusReport:
-    """One answer to ``?``: machine and work position, one value an axis.
+    """One answer to ``?``.
 
-    A report holds one of the two; the decoder adds the other once it knows the work offset.
+    ``mpos_mm`` is the machine position, one value an axis. A report may hold the work position
+    instead; it is None then until the decoder knows the work offset.
     """
 
     state: str  # one of `STATES`
     substate: int | None = None  # number after the state: Hold:0 is at rest, Hold:1 still braking
     mpos_mm: tuple[float, ...] | None = None
-    wpos_mm: tuple[float, ...] | None = None
     feed_mm_min: float | None = None  # speed now
 
 
@@ -188,20 +176,13 @@ def encode_move(mpos_mm: float, feed_mm_min: float) -> bytes:
 
 
 def compute_piece_s(run_on_s: float, planner_blocks: int) -> float:
-    """Return how long one piece of a move lasts [s].
-
-    ``run_on_s`` is the motion that the controller may hold in advance [s], ``planner_blocks``
-    how many moves its planner takes.
-    """
+    """Return how long one piece lasts [s] where ``run_on_s`` [s] may be held in advance."""
     waiting_lines = RECEIVE_BYTES // len(encode_move(-100.0, 1000.0))
     return max(SHORTEST_PIECE_S, run_on_s / (planner_blocks + waiting_lines))
 
 
 def cut_move(start_mm: float, end_mm: float, piece_mm: float) -> Iterator[float]:
-    """Yield where each piece ends [mm], the last one exactly at ``end_mm``.
-
-    ``piece_mm`` is the longest piece [mm].
-    """
+    """Yield where each piece of ``piece_mm`` or less ends, the last at ``end_mm`` [mm]."""
     pieces = max(1, math.ceil(abs(end_mm - start_mm) / piece_mm - 1e-9))
     for number in range(1, pieces):
         yield start_mm + (end_mm - start_mm) * number / pieces
@@ -211,10 +192,7 @@ def cut_move(start_mm: float, end_mm: float, piece_mm: float) -> Iterator[float]
 def encode_pieces(
     start_mm: float, end_mm: float, speed_mm_s: float, piece_s: float
 ) -> Iterator[bytes]:
-    """Yield the lines of a move between machine positions [mm, mm/s], a dwell at its end.
-
-    ``piece_s`` is how long one piece lasts [s].
-    """
+    """Yield the lines of a move in pieces [mm, mm/s, s], a dwell at its end."""
     for mpos_mm in cut_move(start_mm, end_mm, piece_s * speed_mm_s):
         yield encode_move(mpos_mm, speed_mm_s * 60)
     yield DWELL
@@ -312,18 +290,13 @@ class GrblDecoder:
             return None
         if 'WCO' in positions:
             self._wco_mm = positions['WCO']
-        mpos, wpos = positions.get('MPos'), positions.get('WPos')
-        offset = self._wco_mm
-        if offset is not None and len(offset) == len(mpos or wpos or ()):
-            if mpos is None and wpos is not None:
-                mpos = tuple(w + o for w, o in zip(wpos, offset, strict=True))
-            elif mpos is not None:
-                wpos = tuple(m - o for m, o in zip(mpos, offset, strict=True))
+        mpos, offset = positions.get('MPos'), self._wco_mm
+        if mpos is None and offset is not None and len(offset) == len(positions['WPos']):
+            mpos = tuple(w + o for w, o in zip(positions['WPos'], offset, strict=True))
         return StatusReport(
             state=state[1],
             substate=None if state[2] is None else int(state[2]),
             mpos_mm=mpos,
-            wpos_mm=wpos,
             feed_mm_min=None if feed_text is None else float(feed_text.split(',')[0]),
         )
 
@@ -387,7 +360,7 @@ class GuideSettings:
         """Raise `DeviceRefusedError` for a setting that would change a motion without an error.
 
         ``build_options`` are the letters of the controller's ``[OPT:`` message, ``is_hal`` is
-        True for grblHAL. The error names the setting and the value that it needs.
+        True for grblHAL.
         """
         if self.reports_inches:
             raise DeviceRefusedError('the controller reports inches; set $13=0')
@@ -436,8 +409,7 @@ class GuideSettings:
     def compute_homing_timeout_s(self) -> float:
         """Return how long a homing cycle may take [s].
 
-        Grbl seeks over 1.5 times the travel, then approaches the switch slowly over
-        a few times the pull-off.
+        Grbl seeks over 1.5 times the travel, then approaches the switch over a few pull-offs.
         """
         seek_s = 1.5 * self.travel_mm / (self.homing_seek_mm_min / 60)
         locate_s = 10 * self.pull_off_mm / (self.homing_feed_mm_min / 60)

@@ -72,17 +72,11 @@ def find_loss(watches: Sequence[Watch], now_ns: int) -> str:
 
 
 class TensionLevel:
-    """Latest block of valid samples. No IO, no clock, no lock.
+    """Latest block of valid samples; no lock. Those older than ``timeout_s`` do not count [s].
 
-    Samples older than ``timeout_s`` do not count [s].
-
-    Attributes
-    ----------
-    latest_n : float or None
-        Last tension [N]; infinite when saturated; None before the first sample.
-    worst_n : float
-        Largest magnitude in the latest block [N]. The limit holds for both signs, since a
-        sensor may be mounted the other way round.
+    ``latest_n`` is the last tension [N]: infinite when saturated, None before the first sample.
+    ``worst_n`` is the largest magnitude in the latest block [N]: the limit holds for both signs,
+    since a sensor may be mounted the other way round.
     """
 
     def __init__(self, timeout_s: float) -> None:

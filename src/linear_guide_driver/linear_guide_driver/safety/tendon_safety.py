@@ -225,18 +225,10 @@ class TendonSafety:
     def add_samples(
         self, tension_n: Sequence[float], is_saturated: bool, now_ns: int, age_ns: int = 0
     ) -> bool:
-        """Take the valid samples that have come; return whether the order may have changed.
+        """Take samples that came at ``now_ns``; return whether the order may have changed.
 
-        Parameters
-        ----------
-        tension_n : sequence of float
-            Oldest first [N]. A block with a value that is not finite counts as silence.
-        is_saturated : bool
-            The sensor is at the end of its range: counts as above the limit.
-        now_ns : int
-            Time of arrival.
-        age_ns : int
-            How old the last sample is already, beyond what is usual [ns].
+        They are oldest first [N]; with a value that is not finite they count as silence, and
+        saturated as above the limit. ``age_ns`` is how much older than usual the last one is.
         """
         with self._lock:
             if not self._level.add(tension_n, is_saturated, now_ns, age_ns):
@@ -265,10 +257,7 @@ class TendonSafety:
     def check_pull(self, pull: Pull) -> float:
         """Return the tension limit of a pull's contact [N].
 
-        Raises
-        ------
-        MotionRefusedError
-            When the contact is unknown or a tension is out of range.
+        Raises `MotionRefusedError` when the contact is unknown or a tension is out of range.
         """
         limit_n = self._limits_n.get(pull.contact)
         if limit_n is None:
