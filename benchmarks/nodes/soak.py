@@ -66,21 +66,12 @@ def run_nodes(
     """Run the nodes of some fingers, and the recorder with the first four; obey orders."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     descriptions = [
-        NodeDescription(*what, parameters=parameters, namespace=finger)
+        NodeDescription(name, parameters, namespace=finger)
         for finger in fingers
-        for what, parameters in (
-            (
-                ('tendon_sensor_driver', 'tendon_sensor_node', 'tendon_sensor'),
-                SENSOR | {'port': str(folder / finger)},
-            ),
-            (
-                ('tactile_features', 'tactile_features_node', 'tactile_features'),
-                {**CASE.feature_parameters(), 'models': model},
-            ),
-            (
-                ('tactile_classifier', 'tactile_classifier_node', 'tactile_classifier'),
-                {'models': model},
-            ),
+        for name, parameters in (
+            ('tendon_sensor', SENSOR | {'port': str(folder / finger)}),
+            ('tactile_features', {**CASE.feature_parameters(), 'models': model}),
+            ('tactile_classifier', {'models': model}),
         )
     ]
     recorder = {
@@ -90,9 +81,7 @@ def run_nodes(
         'rig': False,
     }
     if KILLED not in fingers:
-        descriptions.append(
-            NodeDescription('tactile_bags', 'bag_recorder_node', 'bag_recorder', recorder)
-        )
+        descriptions.append(NodeDescription('bag_recorder', recorder))
     with ros_context(domain) as context, running_graph(descriptions, context, quiet=True) as nodes:
         is_up.set()
         for name in iter(orders.get, None):

@@ -11,12 +11,11 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction
 
 from tactile_bringup.launch_config.graph import (
     DEVICES,
-    join_namespaces,
     ModelChoice,
     recorder_parameters,
     sensor_parameters,
 )
-from tactile_bringup.launch_config.hand import find_fingers, refuse_shared_ports
+from tactile_bringup.launch_config.hand import find_fingers, place_fingers, refuse_shared_ports
 from tactile_bringup.launch_config.launching import (
     Arguments,
     in_processes,
@@ -25,7 +24,6 @@ from tactile_bringup.launch_config.launching import (
     SimulatedRig,
     start,
 )
-from tactile_ros.errors import TactileError
 
 ARGUMENTS = [
     DeclareLaunchArgument(
@@ -108,18 +106,12 @@ def launch_setup(context):
     file, hand = arguments.file, arguments['namespace']
     is_single = arguments['fingers'] == '/'
     fingers = [''] if is_single else find_fingers(arguments['fingers'], file, hand)
-    file.refuse_others([join_namespaces(hand, finger) for finger in fingers])
-    if arguments['sensor_port'] and len(fingers) > 1:
-        raise TactileError(
-            'sensor_port is for one finger; give each its port in the params_file, in a block for '
-            f'{fingers[0]}/tendon_sensor'
-        )
+    places = place_fingers(fingers, file, hand, arguments['sensor_port'])
     simulated = arguments['rig'] == 'simulated'
     common = arguments.of_every_node
-    process = arguments.process()
     rigs, nodes, recorders = [], [], []
-    for index, finger in enumerate(fingers):
-        namespace = join_namespaces(hand, finger)
+    for index, (finger, namespace) in enumerate(zip(fingers, places, strict=True)):
+        process = {'namespace': namespace, **arguments.process}
         stated = {
             name: file.of(name, namespace)
             for name in ('tendon_sensor', 'tactile_features', 'tactile_classifier')
@@ -154,7 +146,6 @@ def launch_setup(context):
                     package='tendon_sensor_driver',
                     executable='tendon_sensor_node',
                     name='tendon_sensor',
-                    namespace=namespace,
                     parameters=[
                         {'port': str(DEVICES / (finger or 'sensor'))},
                         file,
@@ -170,7 +161,6 @@ def launch_setup(context):
                 package='tactile_features',
                 executable='tactile_features_node',
                 name='tactile_features',
-                namespace=namespace,
                 parameters=[file, found, of_models, common],
                 **process,
             )
@@ -182,7 +172,6 @@ def launch_setup(context):
                     package='tactile_classifier',
                     executable='tactile_classifier_node',
                     name='tactile_classifier',
-                    namespace=namespace,
                     parameters=[file, of_models, models.recalibration, common],
                     **process,
                 )
@@ -194,7 +183,6 @@ def launch_setup(context):
                     package='tactile_features',
                     executable='slip_detector_node',
                     name='slip_detector',
-                    namespace=namespace,
                     parameters=[file, common],
                     **process,
                 )
@@ -212,7 +200,6 @@ def launch_setup(context):
                     package='tactile_bags',
                     executable='bag_recorder_node',
                     name='bag_recorder',
-                    namespace=namespace,
                     parameters=[file, recorder, common],
                     # a bag is not written on by another process
                     **{**process, 'respawn': False},

@@ -45,7 +45,7 @@ def launch_setup(context):
     except ValueError:
         raise TactileError(f'rate is "{arguments["rate"]}"; it must be a number') from None
     common = arguments.of_every_node
-    process = arguments.process()
+    process = arguments.process
     nodes, has_classifier = [], False
     with TactileBag(path) as bag:
         simulated = bool(bag.metadata.get('simulated'))

@@ -103,7 +103,7 @@ def launch_setup(context):
     namespace, file = arguments['namespace'], arguments.file
     file.refuse_others([namespace])
     common = arguments.of_every_node
-    process = arguments.process()
+    process = {'namespace': namespace, **arguments.process}
 
     # -- what is behind the ports ------------------------------------------------------------
     ports = {name: arguments[f'{name}_port'] for name in ('guide', 'tendon', 'sensor')}
@@ -157,7 +157,6 @@ def launch_setup(context):
                 package='tendon_sensor_driver',
                 executable='tendon_sensor_node',
                 name='tendon_sensor',
-                namespace=namespace,
                 parameters=[CONFIG, file, sensor, common],
                 **process,
             )
@@ -168,7 +167,6 @@ def launch_setup(context):
             package='linear_guide_driver',
             executable='linear_guide_node',
             name='linear_guide',
-            namespace=namespace,
             parameters=[CONFIG, file, {'port': ports['guide']}, common],
             **process,
         ),
@@ -177,17 +175,15 @@ def launch_setup(context):
             package='linear_guide_driver',
             executable='tendon_actuator_node',
             name='tendon_actuator',
-            namespace=namespace,
             parameters=[CONFIG, file, {'port': ports['tendon']}, common],
             # one that died may have left the tendon taut
-            **arguments.process(respawn_delay_s=0.2),
+            **{**process, 'respawn_delay': 0.2},
         ),
         # trials by the protocol: action run_trial, events
         Node(
             package='tactile_bringup',
             executable='trial_runner_node',
             name='trial_runner',
-            namespace=namespace,
             parameters=[CONFIG, file, common],
             **process,
         ),
@@ -196,7 +192,6 @@ def launch_setup(context):
             package='tactile_features',
             executable='tactile_features_node',
             name='tactile_features',
-            namespace=namespace,
             parameters=[CONFIG, file, of_models, common],
             **process,
         ),
@@ -208,7 +203,6 @@ def launch_setup(context):
                 package='tactile_classifier',
                 executable='tactile_classifier_node',
                 name='tactile_classifier',
-                namespace=namespace,
                 parameters=[CONFIG, file, of_models, models.recalibration, common],
                 **process,
             )
@@ -222,7 +216,6 @@ def launch_setup(context):
                 package='tactile_bags',
                 executable='bag_recorder_node',
                 name='bag_recorder',
-                namespace=namespace,
                 parameters=[CONFIG, file, recorder, common],
                 # a bag is not written on by another process
                 **{**process, 'respawn': False},

@@ -40,14 +40,9 @@ class TendonContact:
     moves. It is at rest when it has come no nearer to the displacement for `STILL_NS`, from the
     first state that was as near.
 
-    Attributes
-    ----------
-    rest_ns : int or None
-        Stamp of the first state at rest at the displacement [ns]; None until rest is detected.
-    error_m : float
-        Largest difference from the displacement since rest was detected [m].
-    last_m : float
-        Displacement of the last state [m].
+    ``rest_ns`` is the stamp of the first state at rest at the displacement [ns]; None until rest
+    is detected. ``error_m`` is the largest difference from the displacement since then [m],
+    ``last_m`` the displacement of the last state [m].
     """
 
     def __init__(self) -> None:
@@ -116,14 +111,9 @@ class TendonContact:
 
 
 def judge_glide(summary: MotionSummary | None, speed_m_s: float, config: TrialConfig) -> str:
-    """Return why a glide was not the commanded one; empty when it was.
+    """Return why a glide was not the commanded one [m/s]; empty when it was.
 
-    Parameters
-    ----------
-    summary : MotionSummary or None
-        What was observed; None when too little was.
-    speed_m_s : float
-        Commanded speed [m/s].
+    ``summary`` is None when too little was observed.
     """
     if summary is None:
         return (

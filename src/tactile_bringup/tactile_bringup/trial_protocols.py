@@ -188,13 +188,7 @@ SimulatedStep = Step | PullStep
 
 @dataclass(frozen=True)
 class TrialRequest:
-    """One trial: which protocol, which contact, on what.
-
-    Raises
-    ------
-    ProtocolError
-        When the protocol or the contact is not known, or a number is negative.
-    """
+    """One trial: which protocol, which contact, on what; `ProtocolError` when it cannot be."""
 
     protocol: str
     contact: str
@@ -227,10 +221,7 @@ def glide_speed_m_s(config: TrialConfig, request: TrialRequest) -> float:
 def trial_steps(config: TrialConfig, request: TrialRequest) -> list[Step]:
     """Return the steps of a trial on the rig, in order; each names the phase it belongs to.
 
-    Raises
-    ------
-    ProtocolError
-        When the rig cannot carry the protocol out.
+    Raises `ProtocolError` when the rig cannot carry the protocol out.
     """
     if request.protocol not in PROTOCOLS:
         raise ProtocolError(
@@ -255,13 +246,7 @@ def trial_steps(config: TrialConfig, request: TrialRequest) -> list[Step]:
 
 
 def longest_trial_s(config: TrialConfig, request: TrialRequest) -> float:
-    """Return how long a trial may take at most [s]: its motions and waits, and every time-out.
-
-    Raises
-    ------
-    ProtocolError
-        When the rig cannot carry the protocol out.
-    """
+    """Return how long a trial may take at most [s]: its motions and waits, and every time-out."""
     total_s = config.server_timeout_s  # until the drivers are ready
     for step in trial_steps(config, request):
         if isinstance(step, WaitStep):

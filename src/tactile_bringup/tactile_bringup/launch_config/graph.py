@@ -55,19 +55,19 @@ DEVICES = Path('/dev/tactile')
 
 @dataclass(frozen=True)
 class NodeDescription:
-    """One node: what to start, under which name, with which parameters.
+    """A node of ours: its name, its parameters, and the namespace of its finger.
 
-    Attributes
-    ----------
-    namespace : str
-        That of the node's finger, without slashes around it; empty: the root.
+    The namespace has no slashes around it; empty: the root.
     """
 
-    package: str
-    executable: str
     name: str
     parameters: Mapping[str, Any] = field(default_factory=dict)
     namespace: str = ''
+
+    @property
+    def executable(self) -> str:
+        """Name of the program that runs it."""
+        return f'{self.name}_node'
 
     @property
     def path(self) -> str:
@@ -79,10 +79,7 @@ class NodeDescription:
 class Ports:
     """Serial ports of the three devices, or the topic that the force comes from.
 
-    Attributes
-    ----------
-    sensor_topic : str
-        ``TOPIC``, ``TOPIC:AXIS`` or ``TOPIC:JOINT``; ``sensor`` is then not used. Empty: none.
+    ``sensor_topic`` is ``TOPIC``, ``TOPIC:AXIS`` or ``TOPIC:JOINT``; ``sensor`` is then not used.
     """
 
     guide: str
@@ -95,34 +92,19 @@ class Ports:
 class ModelChoice:
     """The models of a finger, which say what its features and its classifier node do.
 
-    Attributes
-    ----------
-    path : Path
-        Folder of model files, or one file.
-    contact : str
-        Models of another contact are passed over; empty: none is.
-    recalibration_trials : int
-        Known trials of a session that correct the models; 0: none.
-    rate_hz : float
-        Sample rate that they were trained at [Hz]; 0: they differ.
+    Each way to make one raises `TactileError` when a model cannot be used.
     """
 
-    path: Path
-    contact: str = ''
-    recalibration_trials: int = 0
-    rate_hz: float = 0.0
+    path: Path  # folder of model files, or one file
+    contact: str = ''  # models of another contact are passed over; empty: none is
+    recalibration_trials: int = 0  # known trials of a session that correct them; 0: none
+    rate_hz: float = 0.0  # sample rate that they were trained at [Hz]; 0: they differ
 
     @classmethod
     def read(
         cls, path: Path | None, task: str = '', contact: str = '', recalibrate: str | int = 0
     ) -> ModelChoice | None:
-        """Return the models for a task and a contact (empty: for any); None without a path.
-
-        Raises
-        ------
-        TactileError
-            When no file there can be used for these, or ``recalibrate`` is no number.
-        """
+        """Return the models for a task and a contact (empty: for any); None without a path."""
         from tactile_classifier.confidence.session_statistics import TRIALS
 
         text = str(recalibrate)
@@ -154,21 +136,10 @@ class ModelChoice:
         contact: str = '',
         recalibrate: str | int = 0,
     ) -> ModelChoice | None:
-        """Return the models of a finger: those given, or those that a parameter file states.
+        """Return the models of a finger: those at a path, or those that a parameter file states.
 
-        Parameters
-        ----------
-        given : str
-            Path of the models; empty: that of the parameters.
-        stated : mapping
-            Parameters of the finger's nodes, by name. Models of the feature node or of the
-            classifier are those of both.
-        task, contact, recalibrate
-            See `read`.
-
-        Raises
-        ------
-        TactileError
+        In the file, models of the feature node or of the classifier are those of both. The other
+        arguments are those of `read`.
         """
         of_classifier, of_features = stated.get(CLASSIFIER_NODE, {}), stated.get(FEATURES_NODE, {})
         place = given or of_classifier.get('models', '') or of_features.get('models', '')
@@ -187,19 +158,7 @@ class ModelChoice:
     ) -> ModelChoice | None:
         """Return the models that are named, or those that a finger was recorded with, as then.
 
-        Parameters
-        ----------
-        bag : TactileBag
-        namespace : str
-            That of the finger in the recording.
-        named : Path or None
-        scratch : Path
-            Folder for links to the models.
-
-        Raises
-        ------
-        TactileError
-            When a model is not where it was, or cannot be used.
+        ``scratch`` is a folder for links to the models.
         """
         from tactile_bags.recorded_setup import find_models, gather_models, recorded_models
 
@@ -236,25 +195,16 @@ def sensing_graph(
 ) -> list[NodeDescription]:
     """Return the nodes that sense with one finger: sensor, features and, with models, classifier.
 
-    Parameters
-    ----------
-    sensor_port, sensor_topic, simulated
-        See `sensor_parameters`.
-    models : ModelChoice or None
-    parameters : mapping
-        Further parameters by node name; those given here win.
+    The first arguments win over further ``parameters`` by node name; see `sensor_parameters`.
     """
     of_sensor = sensor_parameters(
         parameters, models, port=sensor_port, topic=sensor_topic, simulated=simulated
     )
     told = models.parameters if models else {}
-    nodes = [NodeDescription('tactile_features', 'tactile_features_node', FEATURES_NODE, told)]
-    if of_sensor is not None:
-        sensor = ('tendon_sensor_driver', 'tendon_sensor_node', SENSOR_NODE, of_sensor)
-        nodes.insert(0, NodeDescription(*sensor))
+    nodes = [] if of_sensor is None else [NodeDescription(SENSOR_NODE, of_sensor)]
+    nodes.append(NodeDescription(FEATURES_NODE, told))
     if models:
-        classifier = ('tactile_classifier', 'tactile_classifier_node', CLASSIFIER_NODE)
-        nodes.append(NodeDescription(*classifier, {**told, **models.recalibration}))
+        nodes.append(NodeDescription(CLASSIFIER_NODE, {**told, **models.recalibration}))
     return [_placed(node, parameters, namespace) for node in nodes]
 
 
@@ -312,8 +262,7 @@ def sensor_parameters(
 
 def slip_node(parameters: NodeParameters, *, namespace: str = '') -> NodeDescription:
     """Return the node that finds the slip of a held object."""
-    node = NodeDescription('tactile_features', 'slip_detector_node', SLIP_NODE)
-    return _placed(node, parameters, namespace)
+    return _placed(NodeDescription(SLIP_NODE), parameters, namespace)
 
 
 def rig_graph(
@@ -326,19 +275,9 @@ def rig_graph(
 ) -> list[NodeDescription]:
     """Return the nodes of the whole palpation rig: sensing, motion, trial runner."""
     motion = [
-        NodeDescription(
-            'linear_guide_driver',
-            'linear_guide_node',
-            'linear_guide',
-            {'port': ports.guide},
-        ),
-        NodeDescription(
-            'linear_guide_driver',
-            'tendon_actuator_node',
-            'tendon_actuator',
-            {'port': ports.tendon},
-        ),
-        NodeDescription('tactile_bringup', 'trial_runner_node', 'trial_runner', {}),
+        NodeDescription('linear_guide', {'port': ports.guide}),
+        NodeDescription('tendon_actuator', {'port': ports.tendon}),
+        NodeDescription('trial_runner'),
     ]
     sensing = sensing_graph(
         '' if ports.sensor_topic else ports.sensor,
@@ -348,10 +287,7 @@ def rig_graph(
         simulated=simulated,
         namespace=namespace,
     )
-    return [
-        *sensing,
-        *(_placed(node, parameters, namespace) for node in motion),
-    ]
+    return [*sensing, *(_placed(node, parameters, namespace) for node in motion)]
 
 
 def recorder_parameters(
@@ -365,9 +301,8 @@ def recorder_parameters(
     """Return the parameters of a recorder of one or more fingers.
 
     It notes by itself that samples are ``simulated``; a recording from before samples said so
-    needs to be told.
-
-    It does not wait for the topics of a ``rig`` or of a ``classifier`` that is not there.
+    needs to be told. It does not wait for the topics of a ``rig`` or ``classifier`` that is not
+    there.
     """
     return {
         'bag': str(bag),
@@ -381,22 +316,12 @@ def recorder_parameters(
 def recorder_node(bag: Path, namespace: str = '', **parameters: Any) -> NodeDescription:
     """Return the recorder node, with `recorder_parameters`."""
     return NodeDescription(
-        'tactile_bags',
-        'bag_recorder_node',
-        'bag_recorder',
-        recorder_parameters(bag, **parameters),
-        join_namespaces(namespace),
+        'bag_recorder', recorder_parameters(bag, **parameters), join_namespaces(namespace)
     )
 
 
 def choose_fingers(bag: TactileBag, wanted: str) -> tuple[str, ...]:
-    """Return the namespaces of a recording's fingers, or the wanted one alone.
-
-    Raises
-    ------
-    TactileError
-        When the recording does not hold it.
-    """
+    """Return the namespaces of a recording's fingers, or the wanted one alone if it is there."""
     found, wanted = bag.namespaces, wanted.strip('/')
     if wanted and wanted not in found:
         raise TactileError(

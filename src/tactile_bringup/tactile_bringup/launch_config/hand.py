@@ -31,22 +31,11 @@ _NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*')
 
 
 def find_fingers(text: str, file: ParameterFile, namespace: str = '') -> tuple[str, ...]:
-    """Return the names of the fingers of a hand.
+    """Return the names of the fingers of a hand in a namespace.
 
-    Parameters
-    ----------
-    text : str
-        Names with commas between them; empty: all that the file describes.
-    file : ParameterFile
-        Describes a finger by blocks for nodes in a namespace of its name, or describes none.
-    namespace : str
-        Namespace of the hand.
-
-    Raises
-    ------
-    TactileError
-        When there are no names, one is no name for a namespace or is there twice, or the names
-        and the file do not fit.
+    ``text`` has commas between them; empty: all that the file describes. It describes a finger by
+    blocks for nodes in a namespace of its name, or describes none. Raises `TactileError` when
+    there are no names, one cannot be used, or the names and the file do not fit.
     """
     described = file.fingers(namespace)
     names = parse_finger_names(text) or described
@@ -72,10 +61,7 @@ def find_fingers(text: str, file: ParameterFile, namespace: str = '') -> tuple[s
 def parse_finger_names(text: str) -> tuple[str, ...]:
     """Return the names in a list such as ``index,middle``.
 
-    Raises
-    ------
-    TactileError
-        When one is no name for a namespace, or is there twice.
+    Raises `TactileError` when one is no name for a namespace, or is there twice.
     """
     names = tuple(name.strip() for name in text.split(',') if name.strip())
     for name in names:
@@ -87,6 +73,23 @@ def parse_finger_names(text: str) -> tuple[str, ...]:
     if twice:
         raise TactileError(f'the finger {", ".join(twice)} is named twice')
     return names
+
+
+def place_fingers(
+    fingers: Sequence[str], file: ParameterFile, namespace: str, sensor_port: str
+) -> list[str]:
+    """Return the namespaces of fingers that the file and a sensor port (empty: none) fit.
+
+    Raises `TactileError` when the file has parameters for others, or fingers would share the port.
+    """
+    places = [join_namespaces(namespace, finger) for finger in fingers]
+    file.refuse_others(places)
+    if sensor_port and len(fingers) > 1:
+        raise TactileError(
+            'a sensor port is for one finger; give each its port in a parameter file, in a block '
+            f'for {fingers[0]}/{SENSOR_NODE}'
+        )
+    return places
 
 
 def hand_graph(
@@ -106,38 +109,27 @@ def hand_graph(
 ) -> list[NodeDescription]:
     """Return the nodes of a hand as the commands start them, in one process.
 
+    A finger with an empty name is the only one, in the hand's own ``namespace``. See
+    `sensor_parameters` for ``sensor_port`` (of a single finger) and ``sensor_topic``, and
+    `ModelChoice.of_finger` for ``models``, ``recalibrate`` and ``contact``.
+
     Parameters
     ----------
-    fingers : sequence of str
-        Their names; an empty one is that of the only finger, in the hand's own namespace.
-    file : ParameterFile
-    sensor_port, sensor_topic
-        See `sensor_parameters`; a port is for a single finger.
     simulate : callable, optional
         The sensors are simulated. Called with number and name of each finger that is given no
         port and no topic; returns the port of its simulated sensor.
-    models, recalibrate, contact
-        See `ModelChoice.of_finger`.
     phases : str
         Empty: as the file says.
     slip : bool
         Every finger has a slip detector, not only those that the file describes one for.
     record : Path, optional
         Folder of the bags, one a finger.
-    namespace : str
-        Of the hand.
 
     Raises
     ------
     TactileError
     """
-    places = [join_namespaces(namespace, finger) for finger in fingers]
-    file.refuse_others(places)
-    if sensor_port and len(fingers) > 1:
-        raise TactileError(
-            'a sensor port is for one finger; give each its port in a parameter file, in a block '
-            f'for {fingers[0]}/{SENSOR_NODE}'
-        )
+    places = place_fingers(fingers, file, namespace, sensor_port)
     nodes: list[NodeDescription] = []
     for number, (finger, place) in enumerate(zip(fingers, places, strict=True)):
         stated = {
@@ -169,26 +161,14 @@ def hand_graph(
         if slip or file.says_of(SLIP_NODE, place):
             nodes.append(slip_node(parameters, namespace=place))
         if record is not None:
-            nodes.append(
-                recorder_node(
-                    record / finger,
-                    place,
-                    namespaces=(place,),
-                    rig=False,
-                    classifier=choice is not None,
-                )
-            )
+            has = {'rig': False, 'classifier': choice is not None}
+            nodes.append(recorder_node(record / finger, place, namespaces=(place,), **has))
     refuse_shared_ports(nodes)
     return nodes
 
 
 def refuse_shared_ports(nodes: Iterable[NodeDescription]) -> None:
-    """Refuse nodes of which two have the same serial port.
-
-    Raises
-    ------
-    TactileError
-    """
+    """Raise `TactileError` where two nodes have the same serial port."""
     owners: dict[str, str] = {}
     for node in nodes:
         port = node.parameters.get('port')

@@ -93,22 +93,9 @@ def shared_arguments(**defaults: str) -> list[DeclareLaunchArgument]:
 class Arguments:
     """The values of a launch file's arguments.
 
-    Parameters
-    ----------
-    context : LaunchContext
-    declared : sequence of DeclareLaunchArgument
-
-    Attributes
-    ----------
-    file : ParameterFile
-        That of ``params_file``.
-    scratch : Path
-        A folder that is gone when the launch has ended.
-
-    Raises
-    ------
-    TactileError
-        When the command line names an argument that is not declared, or the file is not one.
+    ``file`` is that of ``params_file``, ``scratch`` a folder that is gone when the launch has
+    ended. Raises `TactileError` when the command line names an argument that is not declared, or
+    the file is not one.
     """
 
     def __init__(self, context: LaunchContext, declared: Sequence[DeclareLaunchArgument]) -> None:
@@ -141,14 +128,15 @@ class Arguments:
         time = {'use_sim_time': True} if self.is_true('use_sim_time') else {}
         return time if self.is_true('autostart') else {**time, 'autostart': False}
 
-    def process(self, *, respawn_delay_s: float = 1.0) -> dict[str, Any]:
-        """Return what every process has: output, log level, its end, and its next start."""
+    @property
+    def process(self) -> dict[str, Any]:
+        """What every process has: output, log level, its end, and its next start."""
         return {
             'output': 'screen',
             'ros_arguments': ['--log-level', self['log_level']],
             'sigterm_timeout': ENDS_WITHIN_S,
             'respawn': self.is_true('respawn'),
-            'respawn_delay': respawn_delay_s,
+            'respawn_delay': 1.0,
         }
 
     def clean_up(self) -> None:
@@ -179,21 +167,9 @@ class Arguments:
 class Node(launch_ros.actions.Node):
     """A node of ours: `launch_ros.actions.Node` with layers of parameters.
 
-    Parameters
-    ----------
-    package, executable, name, namespace : str
-    parameters : sequence of ParameterFile or mapping
-        In each the parameters of this node; of the same parameter the last one counts. An entry
-        that is None or an empty text says nothing.
-    process
-        Passed on.
-
-    Attributes
-    ----------
-    description : NodeDescription
-        The node with its parameters.
-    process : dict
-        How its process is run.
+    Each layer is a parameter file or a mapping; of the same parameter the last one counts. An
+    entry that is None or an empty text says nothing. ``description`` is the node with its
+    parameters, ``process`` how its process is run.
     """
 
     def __init__(
@@ -211,7 +187,7 @@ class Node(launch_ros.actions.Node):
         for layer in parameters:
             of_node = layer.of(name, namespace) if isinstance(layer, ParameterFile) else layer
             merged |= {k: v for k, v in of_node.items() if v is not None and v not in ('', ())}
-        self.description = NodeDescription(package, executable, name, merged, namespace)
+        self.description = NodeDescription(name, merged, namespace)
         self.process = process
         super().__init__(
             package=package,
@@ -228,12 +204,8 @@ def in_processes(
 ) -> list[launch_ros.actions.Node]:
     """Return the processes of the nodes of fingers.
 
-    Parameters
-    ----------
-    nodes : sequence of Node
-    processes : str
-        ``node``: one for each; ``finger``: one for each namespace; ``one``: one for all.
-    arguments : Arguments
+    ``processes`` is ``node``: one for each; ``finger``: one for each namespace; ``one``: one for
+    all.
     """
     if processes == 'node':
         return list(nodes)
@@ -292,22 +264,8 @@ def _type_of(value: Any) -> Any:
 class SimulatedRig(ExecuteProcess):
     """The simulated devices of a finger or a rig, behind serial ports.
 
-    Parameters
-    ----------
-    links : Path
-        Folder for its ports.
-    seed : int
-    mount : tuple of str
-        Protocol, object and contact of what lies under the finger; empty: nothing.
-
-    Attributes
-    ----------
-    ports : Ports
-
-    Raises
-    ------
-    TactileError
-        When nothing of this name can lie under the finger.
+    Its ``ports`` are in the folder ``links``. ``mount`` is protocol, object and contact of what
+    lies under the finger; empty: nothing. Raises `TactileError` when nothing of this name can.
     """
 
     def __init__(self, links: Path, seed: int, mount: tuple[str, ...] = ()) -> None:

@@ -67,18 +67,10 @@ class _Entry(NamedTuple):
 
 
 class ParameterFile:
-    """A ROS parameter file.
+    """A ROS parameter file; without a path it says nothing.
 
-    Parameters
-    ----------
-    path : Path, optional
-        Without one, it says nothing.
-
-    Raises
-    ------
-    TactileError
-        When it cannot be read, is not of ROS's form, names a parameter that a node of ours does
-        not have, or a node whose name is nearly one of ours.
+    Raises `TactileError` when it cannot be read, is not of ROS's form, names a parameter that a
+    node of ours does not have, or a node whose name is nearly one of ours.
     """
 
     def __init__(self, path: Path | None = None) -> None:
@@ -140,12 +132,7 @@ class ParameterFile:
         return tuple(found)
 
     def refuse_others(self, namespaces: Iterable[str]) -> None:
-        """Refuse entries for nodes of ours in other namespaces than these.
-
-        Raises
-        ------
-        TactileError
-        """
+        """Raise `TactileError` for an entry for a node of ours in another namespace."""
         places = [place.strip('/') for place in namespaces]
         for entry in self._entries:
             expression = _as_expression(entry.pattern)

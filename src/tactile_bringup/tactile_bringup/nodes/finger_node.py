@@ -12,7 +12,13 @@ import threading
 import time
 from typing import Any
 
-from tactile_bringup.launch_config.graph import NodeDescription
+from tactile_bringup.launch_config.graph import (
+    CLASSIFIER_NODE,
+    FEATURES_NODE,
+    NodeDescription,
+    SENSOR_NODE,
+    SLIP_NODE,
+)
 from tactile_classifier.tactile_classifier_node import TactileClassifierNode
 from tactile_features.slip_detector_node import SlipDetectorNode
 from tactile_features.tactile_features_node import TactileFeaturesNode
@@ -26,13 +32,8 @@ from tendon_sensor_driver.tendon_sensor_node import TendonSensorNode
 def connect_fingers(nodes: Iterable[Any]) -> None:
     """Have the nodes of each finger call each other; before they are configured.
 
-    Nodes of one namespace are a finger. Without a sensor node among them, samples come from the
-    topic of one elsewhere.
-
-    Parameters
-    ----------
-    nodes : iterable of rclpy.node.Node
-        Others than those of sensing are passed over.
+    Nodes of one namespace are a finger; others than those of sensing are passed over. Without a
+    sensor node among them, samples come from the topic of one elsewhere.
     """
     fingers: dict[str, dict[type, Any]] = {}
     for node in nodes:
@@ -82,15 +83,8 @@ def _connect(
     sensor.emit = take
 
 
-PACKAGES = {
-    'tendon_sensor': 'tendon_sensor_driver',
-    'tactile_features': 'tactile_features',
-    'slip_detector': 'tactile_features',
-    'tactile_classifier': 'tactile_classifier',
-    'bag_recorder': 'tactile_bags',
-}
-"""Nodes that can share the process, and their packages."""
-
+NODES = (SENSOR_NODE, FEATURES_NODE, SLIP_NODE, CLASSIFIER_NODE, 'bag_recorder')
+"""Names of the nodes that can share the process."""
 
 POLL_S = 1.0
 """Period of the check for nodes that are finished, as a recorder is that has failed [s]."""
@@ -117,7 +111,7 @@ def main() -> int:
     try:
         nodes = [describe(path) for path in remove_ros_args(sys.argv)[1:]]
         if not nodes:
-            raise TactileError(f'name nodes, as /tendon_sensor; there are {", ".join(PACKAGES)}')
+            raise TactileError(f'name nodes, as /tendon_sensor; there are {", ".join(NODES)}')
         with (
             ros_context(args=sys.argv) as context,
             ExitStack() as after,
@@ -140,15 +134,9 @@ def main() -> int:
 
 
 class Starting:
-    """The nodes that could not be started yet, and what the log says of it.
+    """The nodes, by name, that could not be started yet, and what the log says of it.
 
-    A node that was active once is left to whoever stops it.
-
-    Parameters
-    ----------
-    nodes : mapping of str to TactileNode
-        By name; each is spun by its executor.
-    logger
+    Each is spun by its executor. A node that was active once is left to whoever stops it.
     """
 
     def __init__(self, nodes: Mapping[str, Any], logger: Any) -> None:
@@ -186,14 +174,8 @@ class Starting:
 
 
 def describe(path: str) -> NodeDescription:
-    """Return the node of a name such as ``/index/tendon_sensor``.
-
-    Raises
-    ------
-    TactileError
-        When it is none of `PACKAGES`.
-    """
+    """Return the node of a name such as ``/index/tendon_sensor``, if it is one of `NODES`."""
     namespace, _, name = path.strip('/').rpartition('/')
-    if name not in PACKAGES:
-        raise TactileError(f'there is no node {name} for a finger, only {", ".join(PACKAGES)}')
-    return NodeDescription(PACKAGES[name], f'{name}_node', name, namespace=namespace)
+    if name not in NODES:
+        raise TactileError(f'there is no node {name} for a finger, only {", ".join(NODES)}')
+    return NodeDescription(name, namespace=namespace)

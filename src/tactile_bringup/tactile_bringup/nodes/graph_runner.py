@@ -28,12 +28,8 @@ def create_node(
 ) -> Any:
     """Return the described node, unconfigured; a quiet one logs warnings and errors only.
 
-    ``namespace`` is the one that the description's own lies in.
-
-    Raises
-    ------
-    TactileError
-        When a parameter is not known, out of range or of the wrong type.
+    ``namespace`` is the one that the description's own lies in. Raises `TactileError` when a
+    parameter is not known, out of range or of the wrong type.
     """
     node_class = find_node_class(description.executable)
     overrides = [
@@ -99,14 +95,10 @@ def running_graph(
 
     Parameters
     ----------
-    descriptions : sequence of NodeDescription
-    context : rclpy.context.Context
-    namespace : str
-        The namespace that those of the descriptions lie in.
+    descriptions, context, namespace, quiet
+        Those of `create_node`.
     others : sequence of rclpy.node.Node
         Nodes that are spun beside them, and destroyed at the end.
-    quiet : bool
-        Log warnings and errors only.
     on_end : callable
         Called, on a thread of the graph, when the nodes have stopped running.
     signals : Signals, optional

@@ -47,15 +47,10 @@ class OperatorNode(Node):  # type: ignore[misc]
 
     Service ``~/stop`` ends the session: the goal that runs is cancelled, and no other one is sent.
 
-    Parameters
-    ----------
-    answers : bool
-        Take the answers of the models, for `wait_for_models` and `wait_for_answers`.
-
-    Attributes
-    ----------
-    trial_config : TrialConfig
-        Configuration of the trial runner: it tells how long a trial may take.
+    With ``answers`` it takes the answers of the models, for `wait_for_models` and
+    `wait_for_answers`. ``trial_config`` is that of the trial runner: it tells how long a trial may
+    take. Calls raise `TactileError` when something does not end as asked or does not come, and
+    `StoppedError` when somebody has stopped the goal, or this operator.
     """
 
     def __init__(
@@ -126,13 +121,7 @@ class OperatorNode(Node):  # type: ignore[misc]
             self._arrived.notify_all()
 
     def wait_for_models(self) -> tuple[ModelInfo, ...]:
-        """Wait for the classifier; return the models that it answers with.
-
-        Raises
-        ------
-        TactileError
-            When it does not name them.
-        """
+        """Wait for the classifier; return the models that it answers with."""
         with self._arrived:
             if not self._arrived.wait_for(lambda: self._models is not None, ANSWER_TIMEOUT_S):
                 raise TactileError(
@@ -142,28 +131,12 @@ class OperatorNode(Node):  # type: ignore[misc]
             return self._models or ()
 
     def home_guide(self) -> str:
-        """Home the guide; return what the action says at its end.
-
-        Raises
-        ------
-        TactileError
-            When it does not end as asked.
-        StoppedError
-            When somebody has stopped it, or this operator.
-        """
+        """Home the guide; return what the action says at its end."""
         end = self._call(self._home, 'homing the guide', HomeGuide.Goal(), HOMING_TIMEOUT_S)
         return str(end.message)
 
     def run_trial(self, request: TrialRequest) -> str:
-        """Run one trial; return its id.
-
-        Raises
-        ------
-        TactileError
-            When it does not end as planned.
-        StoppedError
-            When somebody has stopped it, or this operator.
-        """
+        """Run one trial; return its id."""
         goal = RunTrial.Goal(**dataclasses.asdict(request))
         timeout_s = longest_trial_s(self.trial_config, request) + END_TIMEOUT_S
         return str(self._call(self._run, 'the trial', goal, timeout_s).trial_id)
@@ -171,19 +144,7 @@ class OperatorNode(Node):  # type: ignore[misc]
     def wait_for_answers(
         self, trial_id: str, models: Collection[str]
     ) -> tuple[ClassificationResult, ...]:
-        """Wait for the classification of a trial by each of some models.
-
-        Parameters
-        ----------
-        trial_id : str
-        models : collection of str
-            Their ``model_id``.
-
-        Raises
-        ------
-        TactileError
-            When one does not come.
-        """
+        """Wait for the classification of a trial by each of some models, named by ``model_id``."""
 
         def found() -> dict[str, ClassificationResult]:
             of_trial = (answer for answer in self._answers if answer.trial_id == trial_id)

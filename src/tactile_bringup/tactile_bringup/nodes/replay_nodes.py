@@ -32,6 +32,7 @@ from tactile_bringup.launch_config.graph import (
     ModelChoice,
     NodeDescription,
     sensing_graph,
+    SENSOR_NODE,
 )
 from tactile_bringup.nodes.graph_runner import create_node
 from tactile_classifier.conversions import classification_from_msg
@@ -61,28 +62,12 @@ def replay_through_nodes(
 ) -> TactileResults:
     """Send a recording's strain and events to fresh nodes and collect what they publish.
 
-    As fast as the nodes take it: sample time, not arrival time, decides what they
-    compute.
+    As fast as the nodes take it: sample time, not arrival time, decides what they compute.
 
-    Parameters
-    ----------
-    bag : TactileBag
-    models : Path or None
-        Folder of model files, or one file.
-    config : FeatureConfig
-    context : rclpy.context.Context
-        A context on a ROS domain where nobody else publishes.
-    expected : TactileResults
-        How many windows and classifications to wait for.
-    namespace : str
-        Namespace of the finger in the recording.
-    recalibration_trials, contact
-        Parameters of the classifier node.
-
-    Raises
-    ------
-    TactileError
-        When a node cannot be started, or does not answer in time.
+    ``models`` is a folder of model files, or one file; ``context`` is on a ROS domain where nobody
+    else publishes; ``expected`` tells how many windows and classifications to wait for;
+    ``namespace`` is that of the finger in the recording. Raises `TactileError` when a node cannot
+    be started, or does not answer in time.
     """
     results = TactileResults()
     executor = SingleThreadedExecutor(context=context)
@@ -159,7 +144,7 @@ def replay_through_nodes(
 def _replay_graph(models: ModelChoice | None, config: FeatureConfig) -> list[NodeDescription]:
     """Return the sensing graph without the sensor: the bag takes its place."""
     graph = sensing_graph('', models, {FEATURES_NODE: asdict(config)})
-    return [node for node in graph if node.name != 'tendon_sensor']
+    return [node for node in graph if node.name != SENSOR_NODE]
 
 
 def _caught_up(features: Any, sent: Mapping[str, int]) -> bool:

@@ -36,10 +36,8 @@ class ContactLost(GoalAborted):
 class RunningTrial:
     """State of one running trial, and the numbers for its result.
 
-    Attributes
-    ----------
-    is_watched : bool
-        The thread of the trial looks at it again and again, and gives the runner's sign of life.
+    While it ``is_watched``, its thread looks at it again and again, and gives the runner's sign of
+    life.
     """
 
     def __init__(self, request: TrialRequest, goal: Goal) -> None:
@@ -58,15 +56,8 @@ class RunningTrial:
     def look(self, most_s: float = math.inf) -> None:
         """Note that somebody watches the trial now.
 
-        Parameters
-        ----------
-        most_s : float
-            Longest time since the last look [s].
-
-        Raises
-        ------
-        GoalAborted
-            When nobody has looked for longer: the process was stopped, or got no core.
+        Raises `GoalAborted` when nobody has looked for longer than ``most_s`` [s]: the process was
+        stopped, or got no core.
         """
         now_s = time.monotonic()
         away_s, self._looked_s = now_s - self._looked_s, now_s
@@ -100,23 +91,10 @@ REASON_S = 0.3
 class TrialDevice:
     """One motion driver: its action, its stop, its signs of life, its reports.
 
-    Parameters
-    ----------
-    node : PollingNode
-        Spun by an executor on another thread than that of the calls. It polls joint states.
-    name, words : str
-        Name of the driver's node, and what it is called in sentences.
-    action_type, verb
-        Its action ``name/verb``.
-    config : TrialConfig
-    on_state : callable
-        Called with stamp [ns], position [m] and speed [m/s] of each joint state, while the node
-        polls.
-
-    Attributes
-    ----------
-    name : str
-    client : rclpy.action.ActionClient
+    ``node`` polls joint states; an executor on another thread than that of the calls spins it.
+    ``name`` is that of the driver's node, ``words`` what it is called in sentences, and its action
+    is ``name/verb``. ``on_state`` is called with stamp [ns], position [m] and speed [m/s] of each
+    joint state, while the node polls.
     """
 
     def __init__(
@@ -209,12 +187,7 @@ class TrialDevice:
         """Return the track of the motion that is about to be commanded.
 
         It takes joint states until `TRACK_S` after the `call` that must follow at once. They come
-        slowly until the motion begins.
-
-        Raises
-        ------
-        GoalAborted
-            When its position is not known.
+        slowly until the motion begins. Raises `GoalAborted` when its position is not known.
         """
         if self._position_m is None:
             raise GoalAborted(
@@ -244,21 +217,10 @@ class TrialDevice:
         check: Callable[[], None] = lambda: None,
         timeout_s: float = math.inf,
     ) -> Any:
-        """Send a goal and wait for its end; return the result.
+        """Send a goal and wait for its end, ``timeout_s`` at the most [s]; return the result.
 
-        Parameters
-        ----------
-        message
-            The goal.
-        check : callable
-            Called all the time; ends the goal by raising `GoalAborted` or `GoalCanceled`.
-        timeout_s : float
-            For the whole goal [s].
-
-        Raises
-        ------
-        GoalAborted, GoalCanceled
-            Unless the goal succeeded.
+        ``check`` is called all the time; it ends the goal by raising `GoalAborted` or
+        `GoalCanceled`. One of them is raised unless the goal succeeded.
         """
         self._track_end_s = math.inf
         try:
@@ -356,18 +318,12 @@ class TrialDevice:
 
 
 class StrainWatch:
-    """Monitor of the arrival of valid strain samples, as of the node's last poll.
-
-    Attributes
-    ----------
-    is_simulated : bool
-        The newest samples are from a simulated sensor.
-    """
+    """Monitor of the arrival of valid strain samples, as of the node's last poll."""
 
     def __init__(self, node: PollingNode, timeout_s: float) -> None:
         self._node, self._timeout_s = node, timeout_s
         self._heard_s = -math.inf
-        self.is_simulated = False
+        self.is_simulated = False  # the newest samples
         self._blocks = node.poll(StrainBlock, 'tendon_sensor/strain', self._on_block, NEWEST)
 
     def close(self) -> None:

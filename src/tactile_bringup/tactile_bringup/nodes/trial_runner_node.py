@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import fields
 import math
 import time
@@ -96,29 +97,26 @@ class TrialRunnerNode(PollingNode):
         self._strain: StrainWatch | None = None
         self._heartbeat: Heartbeat | None = None
         self._rivals: HeartbeatWatch | None = None
-        self._beats: Periodic | None = None
-        self._turns: Any = None
         self._turned_s = 0.0  # when the executor came round
         self._ready: ReadinessPublisher | None = None
         self._telling: Periodic | None = None
         self._began_s = math.inf  # when it began to wait for what a trial needs
+        self._parts = ExitStack()  # takes back what was made, last things first
         self._contact = TendonContact()
         self._trial: RunningTrial | None = None
         self._count = 0
 
     def set_up(self, config: TrialConfig) -> None:
         self._events = self.create_lifecycle_publisher(TrialEvent, '~/events', EVENTS)
-        self._guide = TrialDevice(self, 'linear_guide', 'linear guide', MoveGuide, 'move', config)
-        self._tendon = TrialDevice(
-            self,
-            'tendon_actuator',
-            'tendon actuator',
-            PullTendon,
-            'pull',
-            config,
-            self._contact.take,
-        )
+        self._parts.callback(self.destroy_lifecycle_publisher, self._events)
+        guide = ('linear_guide', 'linear guide', MoveGuide, 'move', config)
+        self._guide = TrialDevice(self, *guide)
+        self._parts.callback(self._guide.close)
+        tendon = ('tendon_actuator', 'tendon actuator', PullTendon, 'pull', config)
+        self._tendon = TrialDevice(self, *tendon, self._contact.take)
+        self._parts.callback(self._tendon.close)
         self._strain = StrainWatch(self, config.strain_timeout_s)
+        self._parts.callback(self._strain.close)
         self._runner = GoalRunner(
             self,
             RunTrial,
@@ -127,14 +125,20 @@ class TrialRunnerNode(PollingNode):
             accepting=lambda: '' if self.is_active else 'the trial runner is not active',
         )
         self._heartbeat = Heartbeat(self, lambda: self.is_active)
+        self._parts.callback(self._heartbeat.close)
         self._rivals = HeartbeatWatch(self, '~/heartbeat', is_own=True)
+        self._parts.callback(self._rivals.close)
         self._ready = ReadinessPublisher(self, self._find_missing)
+        self._parts.callback(self._ready.close)
         self._began_s = time.monotonic()
         self._telling = self.call_every(TELL_S, self._tell_start)
+        self._parts.callback(self._telling.cancel)
         self._note_turn()  # its first turn may be long after the activation
         clock = Clock(clock_type=ClockType.STEADY_TIME)
-        self._turns = self.create_timer(TURN_S, self._note_turn, clock=clock)
-        self._beats = self.call_every(BEAT_S, self._beat_for_executor)
+        turns = self.create_timer(TURN_S, self._note_turn, clock=clock)
+        self._parts.callback(self.destroy_timer, turns)
+        beats = self.call_every(BEAT_S, self._beat_for_executor)
+        self._parts.callback(beats.cancel)
 
     def stop(self) -> None:
         if self._runner is not None and self._runner.is_busy:
@@ -150,22 +154,9 @@ class TrialRunnerNode(PollingNode):
             if self._runner.is_busy and self._trial and self._tendon and self.context.ok():
                 self._tendon.client.send_goal_async(self._release(self._trial.request))
             self._runner = None
-        if self._telling is not None:
-            self._telling.cancel()
-            self._telling = None
-        if self._beats is not None:
-            self._beats.cancel()
-            self.destroy_timer(self._turns)
-            self._beats = None
-        parts = (self._ready, self._heartbeat, self._rivals, self._strain, self._guide)
-        for part in (*parts, self._tendon):
-            if part is not None:
-                part.close()
-        self._ready = self._heartbeat = self._rivals = None
-        self._strain = self._guide = self._tendon = None
-        if self._events is not None:
-            self.destroy_lifecycle_publisher(self._events)
-            self._events = None
+        self._parts.close()
+        self._ready = self._heartbeat = self._rivals = self._telling = None
+        self._strain = self._guide = self._tendon = self._events = None
 
     def _find_missing(self) -> list[str]:
         """Return what keeps a trial from being taken, a sentence each."""

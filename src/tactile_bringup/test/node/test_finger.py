@@ -73,8 +73,6 @@ class Finger:
     def __init__(self, context, board, namespace='', **of_features):
         descriptions = [
             NodeDescription(
-                'tendon_sensor_driver',
-                'tendon_sensor_node',
                 'tendon_sensor',
                 {
                     'port': board.port,
@@ -84,13 +82,8 @@ class Finger:
                     'stuck_s': 0.0,
                 },
             ),
-            NodeDescription(
-                'tactile_features',
-                'tactile_features_node',
-                'tactile_features',
-                {'rate_hz': float(board.rate_hz), **of_features},
-            ),
-            NodeDescription('tactile_features', 'slip_detector_node', 'slip_detector', {}),
+            NodeDescription('tactile_features', {'rate_hz': float(board.rate_hz), **of_features}),
+            NodeDescription('slip_detector'),
         ]
         self.nodes = {d.name: create_node(d, context, namespace) for d in descriptions}
         self.sensor, self.features, self.slip = self.nodes.values()

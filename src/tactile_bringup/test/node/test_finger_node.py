@@ -13,7 +13,7 @@ import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-from tactile_bringup.nodes.finger_node import describe, PACKAGES
+from tactile_bringup.nodes.finger_node import describe, NODES
 from tactile_msgs.msg import StrainBlock
 from tactile_ros.errors import TactileError
 from tactile_ros.node_program import find_node_class
@@ -141,9 +141,9 @@ def test_what_cannot_be_started_ends_the_process_with_one(context, arguments, se
 
 
 def test_every_name_is_that_of_a_node():
-    for name, package in PACKAGES.items():
+    for name in NODES:
         node = describe(f'/a/b/{name}')
-        assert (node.package, node.namespace) == (package, 'a/b')
-        assert find_node_class(node.executable).__module__.split('.')[0] == package
+        assert (node.name, node.namespace) == (name, 'a/b')
+        assert find_node_class(node.executable).__module__.endswith(f'.{name}_node')
     with pytest.raises(TactileError, match='no node x'):
         describe('x')

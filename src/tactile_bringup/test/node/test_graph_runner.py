@@ -9,7 +9,7 @@ from tactile_bringup.launch_config.graph import NodeDescription
 from tactile_bringup.nodes.graph_runner import running_graph
 from tactile_ros.errors import TactileError
 
-RUNNER = NodeDescription('tactile_bringup', 'trial_runner_node', 'trial_runner', {})
+RUNNER = NodeDescription('trial_runner')
 
 
 def test_a_callback_that_fails_is_told_at_once_and_at_the_end(context):

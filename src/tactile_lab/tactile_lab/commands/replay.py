@@ -145,7 +145,7 @@ def replay_graph(path: Path, models: Optional[Path], scratch: Path) -> 'list[Nod
             nodes += sensing_graph(NO_PORT, choice, recorded, namespace=namespace)
     nodes = [replace(n, parameters={**n.parameters, 'use_sim_time': True}) for n in nodes]
     player = player_parameters(path, 1.0)
-    return [*nodes, NodeDescription('tactile_bags', 'bag_player_node', PLAYER, player)]
+    return [*nodes, NodeDescription(PLAYER, player)]
 
 
 def print_report(report: ReplayReport, output: 'Output') -> None:

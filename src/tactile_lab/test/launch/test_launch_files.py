@@ -51,7 +51,7 @@ def as_dict(descriptions):
         assert node.path not in found
         # An empty value is the default.
         parameters = {k: v for k, v in node.parameters.items() if v not in ('', (), [])}
-        found[node.path] = (node.package, node.executable, parameters)
+        found[node.path] = parameters
     return found
 
 
@@ -139,10 +139,10 @@ def test_a_simulated_rig_is_started_unless_ports_are_given():
     assert isinstance(rig, SimulatedRig), 'the nodes come when its ports are there'
     running = {f'{name}_port': f'/tmp/{name}' for name in ('guide', 'tendon', 'sensor')}
     nodes = launched('texture', rig='simulated', **running)
-    assert nodes['tendon_sensor'][2] == {'port': '/tmp/sensor', 'simulated': True}
+    assert nodes['tendon_sensor'] == {'port': '/tmp/sensor', 'simulated': True}
     running = {'guide_port': '/tmp/guide', 'tendon_port': '/tmp/tendon', 'sensor_topic': '/ft'}
     nodes = launched('texture', rig='simulated', **running)
-    assert nodes['tendon_sensor'][2]['topic'] == '/ft'
+    assert nodes['tendon_sensor']['topic'] == '/ft'
     with pytest.raises(TactileError, match='also tendon_port, sensor_port'):
         evaluate('texture', rig='simulated', guide_port='/tmp/guide')
     rigs = evaluate('hand', rig='simulated', fingers='index,middle')
@@ -155,7 +155,7 @@ def test_a_simulated_rig_is_started_unless_ports_are_given():
         ('replay', {'bag': 'nowhere'}, 'nowhere is not a readable bag'),
         ('replay', {'bag': 'nowhere', 'rate': 'fast'}, 'rate is "fast"'),
         ('hand', {}, 'name the fingers'),
-        ('hand', {'fingers': 'a,b', 'sensor_port': '/dev/x'}, 'sensor_port is for one finger'),
+        ('hand', {'fingers': 'a,b', 'sensor_port': '/dev/x'}, 'a sensor port is for one finger'),
         ('sense', {'slip': 'maybe'}, 'slip is "maybe"; it must be true or false'),
         ('texture', {'models': 'nowhere'}, 'nowhere: No such file'),
         ('texture', {'params_file': 'nowhere.yaml'}, 'nowhere.yaml'),

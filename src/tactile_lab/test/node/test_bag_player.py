@@ -24,9 +24,7 @@ DEADLINE_S = 60.0
 
 
 def player(bag, **parameters):
-    return NodeDescription(
-        'tactile_bringup', 'bag_player_node', 'bag_player', {'bag': str(bag), **parameters}
-    )
+    return NodeDescription('bag_player', {'bag': str(bag), **parameters})
 
 
 class Listener:

@@ -95,8 +95,8 @@ def running_rig(rig, context, models=None, parameters=None, sensor_topic=''):
     parameters = {'trial_runner': {**QUICK, **(parameters or {})}}
     graph = rig_graph(ports, models, parameters, simulated=True)
     if sensor_topic:  # the hand's own driver of the load cell
-        driver = ('tendon_sensor_driver', 'tendon_sensor_node', 'tendon_sensor')
-        graph.append(NodeDescription(*driver, {'port': rig.ports.sensor}, namespace='hand'))
+        driver = NodeDescription('tendon_sensor', {'port': rig.ports.sensor}, namespace='hand')
+        graph.append(driver)
     with running_graph(graph, context, others=[operator, watcher]) as nodes:
         yield operator, watcher, nodes
 

@@ -40,9 +40,7 @@ def descriptions(stiffness_bag, trained, tmp_path_factory):
             *rig_graph(ports, ModelChoice.read(trained), {}, simulated=True),
             slip_node({}),
             recorder_node(recording, simulated=True),
-            NodeDescription(
-                'tactile_bringup', 'bag_player_node', 'bag_player', {'bag': str(stiffness_bag)}
-            ),
+            NodeDescription('bag_player', {'bag': str(stiffness_bag)}),
         ]
         yield {node.executable: node for node in nodes}
 

@@ -235,10 +235,8 @@ EXECUTABLES = {
 def nodes_of_one_process(case, context, *, has_sensor):
     """Give nodes that call each other; with a sensor, it calls them, too."""
     nodes = {
-        name: create_node(
-            NodeDescription(package, executable, name, case.parameters()[name]), context
-        )
-        for name, (package, executable) in EXECUTABLES.items()
+        name: create_node(NodeDescription(name, case.parameters()[name]), context)
+        for name in EXECUTABLES
     }
     connect_fingers(nodes.values())
     if has_sensor:
