@@ -354,13 +354,6 @@ def test_a_failed_homing_names_the_alarm(guide, grbl):
         guide.home()
 
 
-def test_one_motion_at_a_time(guide, grbl, move):
-    with pytest.raises(MotionRefusedError, match='busy'):
-        guide.move_to(0.01, 0.05)
-    guide.request_stop()
-    move.end()
-
-
 def test_close_brings_a_moving_guide_to_rest(guide, grbl):
     guide.home()
     move = Background(guide.move_to, 0.19, 0.02)

@@ -39,8 +39,3 @@ def test_public_names_exist_and_importing_them_brings_no_ros():
         'sys.exit("rclpy" in sys.modules)'
     )
     assert subprocess.run([sys.executable, '-c', code], check=False).returncode == 0
-
-
-def test_an_unknown_name_is_an_attribute_error():
-    with pytest.raises(AttributeError, match='no attribute nonsense'):
-        _ = linear_guide_driver.nonsense

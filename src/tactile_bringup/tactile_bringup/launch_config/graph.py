@@ -31,13 +31,10 @@ FEATURES_NODE = 'tactile_features'
 CLASSIFIER_NODE = 'tactile_classifier'
 """Name of the node that answers with every model of a finger, where there are models."""
 
-SENSING_NODES = (SENSOR_NODE, FEATURES_NODE)
-"""Names of the nodes of a finger that a hand moves, but for its classifier."""
-
 SLIP_NODE = 'slip_detector'
 """Name of the node that finds a slip, where one is wanted."""
 
-RIG_NODES = (*SENSING_NODES, 'linear_guide', 'tendon_actuator', 'trial_runner')
+RIG_NODES = (SENSOR_NODE, FEATURES_NODE, 'linear_guide', 'tendon_actuator', 'trial_runner')
 """Names of the nodes of the whole rig, but for its classifier."""
 
 PLAYER = 'bag_player'

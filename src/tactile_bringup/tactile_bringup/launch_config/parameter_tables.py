@@ -3,14 +3,14 @@
 
 """The nodes' parameters and the launch files' arguments as Markdown, from the code itself.
 
-``python -m tactile_bringup.launch_config.parameter_tables FILE...`` renews the tables between
-the two markers in each file.
+``python -m tactile_bringup.launch_config.parameter_tables FILE`` renews those between the markers
+in a page.
 """
 
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 import dataclasses
 from pathlib import Path
 import sys
@@ -134,38 +134,19 @@ def _table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return '\n'.join(lines) + '\n'
 
 
-TABLES: dict[str, Callable[[], str]] = {
-    'parameters': parameter_tables,
-    'launch arguments': argument_tables,
-}
-"""Generator of each kind of table, by the name in its markers."""
-
-
 def renew(text: str) -> str:
-    """Return ``text`` with fresh tables between each pair of markers.
-
-    Raises
-    ------
-    ValueError
-        When there is none, or one of a pair is missing.
-    """
-    found = False
-    for name, make_tables in TABLES.items():
+    """Return ``text`` with fresh tables between its markers; `ValueError` without them."""
+    for name, tables in (
+        ('parameters', parameter_tables()),
+        ('launch arguments', argument_tables()),
+    ):
         begin, end = f'<!-- {name}: begin -->', f'<!-- {name}: end -->'
-        if begin not in text and end not in text:
-            continue
-        head, _, rest = text.partition(begin)
-        _, closed, tail = rest.partition(end)
-        if not closed:
-            raise ValueError(f'the markers {begin} and {end} are not both in the file')
-        text = f'{head}{begin}\n{make_tables()}\n{end}{tail}'
-        found = True
-    if not found:
-        raise ValueError(f'no markers of {" or ".join(TABLES)} are in the file')
+        head, rest = text.split(begin)
+        _, tail = rest.split(end)
+        text = f'{head}{begin}\n{tables}\n{end}{tail}'
     return text
 
 
 if __name__ == '__main__':
-    for argument in sys.argv[1:]:
-        path = Path(argument)
-        path.write_text(renew(path.read_text()))
+    page = Path(sys.argv[1])
+    page.write_text(renew(page.read_text()))
