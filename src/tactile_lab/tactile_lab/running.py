@@ -68,7 +68,6 @@ def read_rig_parameters(path: Path | None, namespace: str) -> dict[str, dict[str
 
 def run_nodes(
     nodes: Sequence[NodeDescription],
-    namespace: str,
     title: str,
     *,
     watch: bool,
@@ -115,9 +114,7 @@ def run_nodes(
                     f'{time.strftime("%H:%M:%S")}  {line}'
                 )
             say_address(watched, output)
-        stack.enter_context(
-            running_graph(nodes, context, namespace=namespace, on_end=end, signals=signals)
-        )
+        stack.enter_context(running_graph(nodes, context, on_end=end, signals=signals))
         if not signals.received:
             names = ', '.join(node.path for node in nodes)
             output.say(f'{title} running: {names}. Ctrl-C ends it.')

@@ -311,10 +311,10 @@ def recorder_parameters(
 
 
 def recorder_node(bag: Path, namespace: str = '', **parameters: Any) -> NodeDescription:
-    """Return the recorder node, with `recorder_parameters`."""
-    return NodeDescription(
-        'bag_recorder', recorder_parameters(bag, **parameters), join_namespaces(namespace)
-    )
+    """Return the recorder of the finger in a namespace, with `recorder_parameters`."""
+    place = join_namespaces(namespace)
+    told = recorder_parameters(bag, namespaces=(place,), **parameters)
+    return NodeDescription('bag_recorder', told, place)
 
 
 def choose_fingers(bag: TactileBag, wanted: str) -> tuple[str, ...]:

@@ -162,7 +162,7 @@ def hand_graph(
             nodes.append(slip_node(parameters, namespace=place))
         if record is not None:
             has = {'rig': False, 'classifier': choice is not None}
-            nodes.append(recorder_node(record / finger, place, namespaces=(place,), **has))
+            nodes.append(recorder_node(record / finger, place, **has))
     refuse_shared_ports(nodes)
     return nodes
 

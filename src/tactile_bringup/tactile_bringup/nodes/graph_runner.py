@@ -16,20 +16,17 @@ from rclpy.logging import LoggingSeverity
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-from tactile_bringup.launch_config.graph import join_namespaces, NodeDescription
+from tactile_bringup.launch_config.graph import NodeDescription
 from tactile_ros.errors import TactileError
 from tactile_ros.node_group import NodeGroup
 from tactile_ros.node_program import find_node_class
 from tactile_ros.process import keep_heap_small, Signals
 
 
-def create_node(
-    description: NodeDescription, context: Context, namespace: str = '', *, quiet: bool = False
-) -> Any:
+def create_node(description: NodeDescription, context: Context, *, quiet: bool = False) -> Any:
     """Return the described node, unconfigured; a quiet one logs warnings and errors only.
 
-    ``namespace`` is the one that the description's own lies in. Raises `TactileError` when a
-    parameter is not known, out of range or of the wrong type.
+    Raises `TactileError` when a parameter is not known, out of range or of the wrong type.
     """
     node_class = find_node_class(description.executable)
     overrides = [
@@ -40,7 +37,7 @@ def create_node(
     try:
         node = node_class(
             node_name=description.name,
-            namespace=join_namespaces(namespace, description.namespace),
+            namespace=description.namespace,
             context=context,
             parameter_overrides=overrides,
         )
@@ -82,7 +79,6 @@ def running_graph(
     descriptions: Sequence[NodeDescription],
     context: Context,
     *,
-    namespace: str = '',
     others: Sequence[Any] = (),
     quiet: bool = False,
     on_end: Callable[[], None] = lambda: None,
@@ -95,7 +91,7 @@ def running_graph(
 
     Parameters
     ----------
-    descriptions, context, namespace, quiet
+    descriptions, context, quiet
         Those of `create_node`.
     others : sequence of rclpy.node.Node
         Nodes that are spun beside them, and destroyed at the end.
@@ -121,7 +117,7 @@ def running_graph(
         for description in descriptions:
             if is_ending():
                 return
-            nodes[description.path] = create_node(description, context, namespace, quiet=quiet)
+            nodes[description.path] = create_node(description, context, quiet=quiet)
         from tactile_bringup.nodes.finger_node import (  # slow to import
             connect_fingers,
             sources_last,

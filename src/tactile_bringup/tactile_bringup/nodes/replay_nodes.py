@@ -30,9 +30,8 @@ from tactile_bags.replay import sensed_messages, TactileResults
 from tactile_bringup.launch_config.graph import (
     FEATURES_NODE,
     ModelChoice,
-    NodeDescription,
+    NO_PORT,
     sensing_graph,
-    SENSOR_NODE,
 )
 from tactile_bringup.nodes.graph_runner import create_node
 from tactile_classifier.conversions import classification_from_msg
@@ -76,8 +75,11 @@ def replay_through_nodes(
     try:
         executor.add_node(player)
         choice = ModelChoice.read(models, contact=contact, recalibrate=recalibration_trials)
-        for description in _replay_graph(choice, config):
-            node = create_node(description, context, namespace, quiet=True)
+        graph = sensing_graph(
+            NO_PORT, choice, {FEATURES_NODE: asdict(config)}, namespace=namespace
+        )
+        for description in graph:
+            node = create_node(description, context, quiet=True)
             nodes.append(node)
             if not node.bring_up():
                 raise TactileError(f'the node {description.name} could not be started')
@@ -139,12 +141,6 @@ def replay_through_nodes(
         player.destroy_node()
         executor.shutdown()
     return results.sort()
-
-
-def _replay_graph(models: ModelChoice | None, config: FeatureConfig) -> list[NodeDescription]:
-    """Return the sensing graph without the sensor: the bag takes its place."""
-    graph = sensing_graph('', models, {FEATURES_NODE: asdict(config)})
-    return [node for node in graph if node.name != SENSOR_NODE]
 
 
 def _caught_up(features: Any, sent: Mapping[str, int]) -> bool:

@@ -4,6 +4,7 @@
 """A finger in one process: its stages call each other, whatever others do in the meantime."""
 
 from collections import Counter
+from dataclasses import replace
 import itertools
 import os
 import threading
@@ -85,7 +86,9 @@ class Finger:
             NodeDescription('tactile_features', {'rate_hz': float(board.rate_hz), **of_features}),
             NodeDescription('slip_detector'),
         ]
-        self.nodes = {d.name: create_node(d, context, namespace) for d in descriptions}
+        self.nodes = {
+            d.name: create_node(replace(d, namespace=namespace), context) for d in descriptions
+        }
         self.sensor, self.features, self.slip = self.nodes.values()
         connect_fingers(self.nodes.values())
         for _, node in sources_last(self.nodes):

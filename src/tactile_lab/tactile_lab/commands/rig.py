@@ -40,8 +40,7 @@ def rig(
     with ExitStack() as stack:
         given = Ports(guide, tendon, sensor, sensor_topic)
         ports, simulated_rig = open_ports(given, simulated, seed, stack)
-        nodes = rig_graph(ports, choice, parameters, simulated=simulated)
+        nodes = rig_graph(ports, choice, parameters, simulated=simulated, namespace=namespace)
         if record:
-            fingers = (namespace.strip('/'),)
-            nodes.append(recorder_node(record, namespaces=fingers, classifier=choice is not None))
-        run_nodes(nodes, namespace, 'rig', watch=watch, quiet=quiet, simulated_rig=simulated_rig)
+            nodes.append(recorder_node(record, namespace, classifier=choice is not None))
+        run_nodes(nodes, 'rig', watch=watch, quiet=quiet, simulated_rig=simulated_rig)

@@ -132,4 +132,4 @@ def run_fingers(
             return str(stack.enter_context(SimulatedRig(number + 1, links)).ports.sensor)
 
         nodes = hand_graph(names, file, simulate=simulate if simulated else None, **choices)
-        run_nodes(nodes, '', 'sensor nodes', watch=watch, quiet=quiet, simulated=simulated)
+        run_nodes(nodes, 'sensor nodes', watch=watch, quiet=quiet, simulated=simulated)

@@ -78,9 +78,7 @@ def test_a_rig_is_that_of_the_command(protocol, namespace, trained, parameter_fi
     }
     choice = ModelChoice.read(trained, protocol, 'flexion', 5) if models else None
     expected = rig_graph(PORTS, choice, parameters, simulated=False, namespace=namespace)
-    expected.append(
-        recorder_node(record, namespace, namespaces=(namespace,), classifier=choice is not None)
-    )
+    expected.append(recorder_node(record, namespace, classifier=choice is not None))
     assert nodes == as_dict(expected)
 
 

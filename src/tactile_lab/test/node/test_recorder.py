@@ -69,7 +69,7 @@ class Source:
         """Give the recorder that records what is sent."""
         graph = running_graph([description], self.context, others=[self.node], **options)
         with graph as nodes:
-            recorder = nodes['bag_recorder']
+            (recorder,) = nodes.values()
             for publisher in (self.strain, self.events):
                 wait_until(lambda publisher=publisher: publisher.get_subscription_count())
             topics = {f'{namespace}/tendon_sensor/strain', f'{namespace}/trial_runner/events'}
@@ -92,7 +92,7 @@ def test_recording_holds_the_very_bytes_that_were_sent(context, tmp_path):
         for i in range(200)
     ]
     path = tmp_path / 'bag'
-    description = recorder_node(path, namespaces=('thumb',), classifier=True)
+    description = recorder_node(path, 'thumb', classifier=True)
     with source.recorded(description, '/thumb') as recorder:
         missing = recorder.unmatched_topics()
         assert '/thumb/tactile_features/features' in missing
