@@ -220,7 +220,7 @@ def test_lost_packets_lose_no_stop(tendon, servo, packets):
 
     servo.lose = lose
     tendon.hold_here()
-    assert isinstance(pull.end(), MotionStoppedError)
+    pull.ends_by(MotionStoppedError)
     wait_until(lambda: servo.position == servo.goal)
     assert servo.position < 2500
 
@@ -287,9 +287,7 @@ def test_a_pull_that_is_told_to_stop_by_a_release_does_not_hold_the_tendon_first
 
     pull = begin_pull(tendon, servo, lambda _: None, should_stop)
     tendon.request_release(end_pull)
-    error = pull.end()
-    assert isinstance(error, MotionStoppedError)
-    assert 'released' in str(error)
+    pull.ends_by(MotionStoppedError, 'released')
     wait_until(lambda: servo.position == servo.goal == 2048)
 
 
@@ -306,7 +304,7 @@ def test_one_pull_at_a_time_and_close_lets_go(tendon, servo):
     with pytest.raises(MotionRefusedError, match='busy'):
         tendon.pull_to(0.01)
     tendon.close()
-    assert isinstance(pull.end(), MotionStoppedError)
+    pull.ends_by(MotionStoppedError)
     assert servo.table[64] == 0
     with pytest.raises(MotionRefusedError, match='not connected'):
         tendon.pull_to(0.0)

@@ -6,7 +6,7 @@
 import time
 
 from background import Background
-from pulls import begin_pull, check_failure
+from pulls import begin_pull
 import pytest
 
 from linear_guide_driver import MotionFailedError, MotionRefusedError
@@ -21,7 +21,7 @@ def test_a_tripped_watchdog_ends_the_pull_and_the_goals_are_unlocked(connect, se
     tendon = connect(watchdog_s=0.3)
     pull = begin_pull(tendon, servo)
     servo.put(98, 1, 255)
-    check_failure(pull, 'watchdog has stopped it')
+    pull.ends_by(MotionFailedError, 'watchdog has stopped it')
     stopped_at = servo.position
     wait_until(lambda: servo.table[98] == 15)
     assert (tendon.trouble, tendon.recoveries) == ('', 1)
@@ -64,7 +64,7 @@ def test_the_poll_feeds_the_watchdog_and_its_end_trips_it(connect, servo):
 def test_a_hardware_alert_ends_the_pull_for_good(tendon, servo):
     pull = begin_pull(tendon, servo)
     servo.shut_down(0x20)
-    check_failure(pull, 'shut down: overload')
+    pull.ends_by(MotionFailedError, 'shut down: overload')
     with pytest.raises(MotionRefusedError, match=r'overload.*configure the driver again'):
         tendon.pull_to(0.0)
 
@@ -88,7 +88,7 @@ def test_a_servo_that_lost_its_power_is_set_up_again_at_rest(connect, servo):
     tendon = connect(slack_after_s=0.2)
     pull = begin_pull(tendon, servo)
     servo.is_silent = True
-    check_failure(pull, 'silent')
+    pull.ends_by(MotionFailedError, 'silent')
     servo.lose_power()
     rest = servo.position
     servo.is_silent = False
@@ -159,7 +159,7 @@ def test_a_silent_servo_ends_the_pull_and_can_be_commanded_again(connect, servo)
     tendon = connect(slack_after_s=0.2, watchdog_s=0.5)
     pull = begin_pull(tendon, servo)
     servo.is_silent = True
-    check_failure(pull, 'silent')
+    pull.ends_by(MotionFailedError, 'silent')
     wait_until(lambda: servo.table[98] == 255)
     servo.is_silent = False
     wait_until(lambda: servo.position == 2048, 8.0)  # nobody commands it: held, then let out
@@ -168,7 +168,7 @@ def test_a_silent_servo_ends_the_pull_and_can_be_commanded_again(connect, servo)
 def test_an_unplugged_bus_ends_the_pull(tendon, servo):
     pull = begin_pull(tendon, servo)
     servo.close()
-    check_failure(pull, 'is lost')
+    pull.ends_by(MotionFailedError, 'is lost')
     wait_until(lambda: tendon.trouble != '')
     wait_until(lambda: 'cannot open' in tendon.trouble)
     with pytest.raises(MotionRefusedError, match=r'cannot open .* connects again by itself'):
@@ -183,6 +183,6 @@ def test_a_fault_of_the_reading_itself_is_trouble(connect, servo, monkeypatch):
     pull = begin_pull(tendon, servo)
     with monkeypatch.context() as patch:
         patch.setattr(registers, 'decode_state', fail)
-        check_failure(pull, "Reading the servo failed: ValueError('a bug')")
+        pull.ends_by(MotionFailedError, "Reading the servo failed: ValueError('a bug')")
         assert 'a bug' in tendon.trouble
     wait_until(lambda: servo.position == 2048)

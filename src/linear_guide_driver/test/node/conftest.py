@@ -86,6 +86,12 @@ class Bench:
         }
         return names[reply.status], reply.result
 
+    def aborts(self, handle, words):
+        """Check that a goal is aborted with these words; return its message."""
+        status, result = self.result(handle)
+        assert (status, words in result.message) == ('aborted', True), result.message
+        return result.message
+
     def call(self, name):
         """Return the answer of a trigger service."""
         client = self.peer.create_client(Trigger, name)

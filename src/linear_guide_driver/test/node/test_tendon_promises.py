@@ -119,8 +119,7 @@ def test_the_release_service_goes_on_with_a_slow_letting_out(bench, servo, peers
     slow = pull(bench, 0.0, 0.001)
     wait_until(lambda: servo.position < TAUT - 10)
     assert bench.call('/tendon_actuator/release').success
-    status, result = bench.result(slow)
-    assert (status, 'released' in result.message) == ('aborted', True), result.message
+    bench.aborts(slow, 'released')
     wait_until(lambda: is_slack(servo))
 
 
@@ -187,8 +186,7 @@ def test_old_samples_are_no_live_ones(bench, servo, peers):
     pull_taut(bench, peers)
     peers.delay_s = 1.0
     wait_until(lambda: is_slack(servo))
-    status, result = bench.result(pull(bench, TAUT_M))
-    assert (status, 's late; ' in result.message) == ('aborted', True), result.message
+    bench.aborts(pull(bench, TAUT_M), 's late; ')
     peers.delay_s = 0.0
     peers.tension_n = 0.0
     wait_until(lambda: not bench.node._find_missing())
@@ -286,15 +284,13 @@ def test_tension_at_the_zero_asks_for_homing_and_letting_out_goes_by_the_sensor(
     peers.tension_n = 2.0
     start(bench, servo)
     wait_until(lambda: bench.node._client.safety.zero is Zero.UNKNOWN)
-    status, result = bench.result(pull(bench, 0.002))
-    assert (status, 'home the tendon' in result.message) == ('aborted', True)
+    bench.aborts(pull(bench, 0.002), 'home the tendon')
     handle = pull(bench, 0.0, 0.005)
     wait_until(lambda: servo.position < SLACK - 130)
     peers.tension_n = 0.0
     assert bench.result(handle)[0] == 'succeeded'
     assert SLACK - 400 < servo.position < SLACK - 130
-    status, result = bench.result(pull(bench, 0.002))
-    assert (status, 'home the tendon' in result.message) == ('aborted', True)
+    bench.aborts(pull(bench, 0.002), 'home the tendon')
 
 
 def test_the_release_service_without_a_zero_ends_where_the_sensor_reads_slack(bench, servo, peers):

@@ -24,3 +24,9 @@ class Background:
         self._thread.join(8.0)
         assert not self._thread.is_alive()
         return self.error
+
+    def ends_by(self, kind, words=''):
+        """Check that it ends by an error of this kind that says these words."""
+        error = self.end()
+        assert isinstance(error, kind)
+        assert words in str(error)

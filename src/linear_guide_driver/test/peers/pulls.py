@@ -1,11 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A pull in the background, and how it ends."""
+"""A pull in the background."""
 
 from background import Background
 
-from linear_guide_driver import MotionFailedError
 from tactile_testing.waiting import wait_until
 
 
@@ -14,9 +13,3 @@ def begin_pull(tendon, servo, *arguments):
     pull = Background(tendon.pull_to, 0.02, 0.01, *arguments)
     wait_until(lambda: servo.position > 2100)
     return pull
-
-
-def check_failure(pull, text):
-    error = pull.end()
-    assert isinstance(error, MotionFailedError)
-    assert text in str(error)
