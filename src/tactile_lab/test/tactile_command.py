@@ -26,6 +26,12 @@ def tactile(*arguments):
     return SimpleNamespace(returncode=done.exit_code, stdout=done.stdout, stderr=done.stderr)
 
 
+def answer_of(*arguments):
+    """Run the command with ``--json``; return its code and what it answers."""
+    done = tactile(*arguments, '--json')
+    return done.returncode, json.loads(done.stdout)
+
+
 def ask_tactile(*arguments):
     """Run the command with ``--json``, which must succeed; return what it answers."""
     return ask_and_hear_tactile(*arguments)[0]

@@ -3,9 +3,8 @@
 
 """`tactile compare`: which of two models is better on the same trials, with paired intervals."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated, Any, Optional, TYPE_CHECKING
 
 import typer
@@ -130,8 +129,10 @@ def _print(compared: 'Compared', output: 'Output') -> None:
     for side, each in zip(SIDES, compared.contenders, strict=True):
         table.add_column(f'{side}: {each.title}', justify='right')
     table.add_row('features', *(each.model.spec.feature_set for each in compared.contenders))
-    for name, tell in _ROWS.items():
-        table.add_row(name, *(tell(side) for side in sides))
+    table.add_row('named correctly', *map(_format_accuracy, sides))
+    table.add_row('right, where it gives a label', *map(_format_answered, sides))
+    table.add_row('unknown', *(f'{100 * side.unknown_rate:.1f} %' for side in sides))
+    table.add_row('no answer', *(f'{100 * side.no_answer_rate:.1f} %' for side in sides))
     table.add_row('only this one is right', str(comparison.only_a), str(comparison.only_b))
     table.add_row('file', *(f'{each.size_bytes / 1024:.0f} KiB' for each in compared.contenders))
     output.say(table)
@@ -182,14 +183,3 @@ def _format_accuracy(side: 'Answered') -> str:
 def _format_answered(side: 'Answered') -> str:
     share = side.answered_accuracy
     return 'it gives none' if share is None else f'{100 * share:.1f} %'
-
-
-_ROWS: Mapping[str, Callable[['Answered'], str]] = MappingProxyType(
-    {
-        'named correctly': _format_accuracy,
-        'right, where it gives a label': _format_answered,
-        'unknown': lambda side: f'{100 * side.unknown_rate:.1f} %',
-        'no answer': lambda side: f'{100 * side.no_answer_rate:.1f} %',
-    }
-)
-"""Rows of the table: what each says of one model."""

@@ -34,22 +34,7 @@ def sense(
     trial events on ``trial_runner/events``. With ``--phases`` they are found in the tension
     instead.
     """
-    run_fingers(
-        None,
-        params,
-        simulated=simulated,
-        watch=watch,
-        quiet=quiet,
-        sensor_port=sensor,
-        sensor_topic=sensor_topic,
-        models=str(models or ''),
-        recalibrate=recalibrate,
-        phases=phases,
-        contact=contact,
-        slip=slip,
-        record=record,
-        namespace=namespace,
-    )
+    run_fingers(None, **locals())
 
 
 def hand(
@@ -80,30 +65,18 @@ def hand(
     topic, models, phases, slip detector) stands in the ROS parameter file ``--params``, in
     blocks for the nodes of each finger. ``--record`` makes one bag a finger.
     """
-    run_fingers(
-        fingers,
-        params,
-        simulated=simulated,
-        watch=watch,
-        quiet=quiet,
-        sensor_topic=sensor_topic,
-        models=str(models or ''),
-        recalibrate=recalibrate,
-        phases=phases,
-        contact=contact,
-        slip=slip,
-        record=record,
-        namespace=namespace,
-    )
+    run_fingers(**locals())
 
 
 def run_fingers(
     fingers: Optional[str],
-    params: Optional[Path],
     *,
+    params: Optional[Path],
     simulated: bool,
     watch: bool,
     quiet: bool,
+    models: Optional[Path],
+    sensor: str = '',
     **choices: Any,
 ) -> None:
     """Run the nodes of fingers in this process until a signal comes.
@@ -131,5 +104,12 @@ def run_fingers(
             links = scratch / f'rig_{finger or "finger"}'
             return str(stack.enter_context(SimulatedRig(number + 1, links)).ports.sensor)
 
-        nodes = hand_graph(names, file, simulate=simulate if simulated else None, **choices)
+        nodes = hand_graph(
+            names,
+            file,
+            sensor_port=sensor,
+            simulate=simulate if simulated else None,
+            models=str(models or ''),
+            **choices,
+        )
         run_nodes(nodes, 'sensor nodes', watch=watch, quiet=quiet, simulated=simulated)

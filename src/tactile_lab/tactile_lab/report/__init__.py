@@ -6,5 +6,5 @@
 - `recordings`, `analysis`, `answers`: sets of trials and their results, without matplotlib.
 - `summary`, `significance`, `published`: results in words, the last beside the paper's.
 - `drawings`, `svg`: figures with text alternatives.
-- `build`, `provenance`: the HTML file, from the templates of the folder ``templates``.
+- `build`: the HTML file, from the templates of the folder ``templates``.
 """

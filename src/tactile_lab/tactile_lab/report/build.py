@@ -25,6 +25,7 @@ from tactile_lab.report.significance import find_components, format_alike_pairs
 from tactile_lab.report.summary import (
     find_versions,
     format_accuracy,
+    format_classifier,
     format_first_sentence,
     format_model,
     Source,
@@ -93,10 +94,7 @@ def fill_template(name: str, **values: Any) -> str:
 
 def format_split(result: SetResult, each: OpenSetEvaluation | StoppingEvaluation) -> str:
     """Return task, model and split of an evaluation of answers."""
-    return (
-        f'{result.recordings.table.task}: {CLASSIFIER_TITLES[each.classifier]}, '
-        f'{short_scaling(each.scaling)}, {each.split}'
-    )
+    return f'{result.recordings.table.task}: {format_classifier(each)}, {each.split}'
 
 
 def format_measure(each: MeasureSummary) -> list[str]:

@@ -44,6 +44,7 @@ from tactile_lab.report.significance import (
 )
 from tactile_lab.report.summary import (
     confusion_shares,
+    format_classifier,
     format_confusion,
     hardest_evaluation,
     shown_score,
@@ -80,13 +81,13 @@ def draw_split_accuracies(result: SetResult) -> Drawing:
         axes.set_yticks(range(len(scores)), [fill(score.split, 16) for score in scores])
         axes.set(xlim=(0, 106), ylim=(-0.5, len(scores) - 0.3), xlabel='accuracy [%]')
 
+    shown = format_classifier(scores[0])
     means = '; '.join(f'{_percent(score.mean)}, {score.split}' for score in scores)
     return render(
         draw,
         (3.4, 0.8 + 0.6 * max(2, len(scores))),
-        f'Accuracy of {_classifier(scores[0])}, by split, with its 95 % interval. Dots: chance.',
-        f'Accuracy of {_classifier(scores[0])}: {means}. Chance: '
-        f'{_percent(result.evaluations[0].chance)}.',
+        f'Accuracy of {shown}, by split, with its 95 % interval. Dots: chance.',
+        f'Accuracy of {shown}: {means}. Chance: {_percent(result.evaluations[0].chance)}.',
         simulated=result.recordings.simulated,
     )
 
@@ -274,7 +275,7 @@ def draw_accuracies(results: Sequence[SetResult]) -> Drawing:
     )
     paper = any(is_the_papers(result) for result in results)
     best = '; '.join(
-        f'{result.recordings.title}: best {_percent(score.mean)}, {_classifier(score)}'
+        f'{result.recordings.title}: best {_percent(score.mean)}, {format_classifier(score)}'
         for result in results
         for score in [max(result.plain.scores, key=lambda each: each.mean)]
     )
@@ -351,13 +352,13 @@ def draw_confusion(result: SetResult) -> Drawing:
         figure.supylabel('true', fontsize=8.5)
 
     most = '; '.join(
-        f'{_classifier(score)}: {format_confusion(score)}' for score in result.plain.scores
+        f'{format_classifier(score)}: {format_confusion(score)}' for score in result.plain.scores
     )
     return render(
         draw,
         (1.2 + len(CLASSIFIERS) * size_in, 1.6 + len(SCALINGS) * (size_in + 0.4)),
         f'{result.recordings.title}: confusion in % of each true label, {result.plain.split}. '
-        f'Most frequent of the best ({_classifier(best)}): {format_confusion(best)}.',
+        f'Most frequent of the best ({format_classifier(best)}): {format_confusion(best)}.',
         f'Confusion matrices, {result.plain.split}. Most frequent confusion of each classifier: '
         f'{most}.',
         simulated=result.recordings.simulated,
@@ -594,10 +595,6 @@ def draw_stopping(results: Sequence[SetResult]) -> Drawing:
 
 
 # -- words ------------------------------------------------------------------------------
-
-
-def _classifier(score: Score) -> str:
-    return f'{CLASSIFIER_TITLES[score.classifier]}, {short_scaling(score.scaling)}'
 
 
 def _quantity(value: float, unit: str) -> str:

@@ -26,6 +26,8 @@ from tactile_bags.recording import Recording
 from tactile_classifier.datasets.dataset import plain_name
 from tactile_classifier.estimators.classifiers import default_scaling
 from tactile_classifier.evaluation.cross_validation import Evaluation, Score
+from tactile_classifier.evaluation.early_answers import StoppingEvaluation
+from tactile_classifier.evaluation.open_set import OpenSetEvaluation
 from tactile_classifier.records import CLASSIFIER_TITLES, short_scaling
 from tactile_lab.datasets.tables import format_interval, format_nested, name_candidate
 from tactile_lab.report.analysis import SetResult
@@ -131,6 +133,11 @@ def hardest_evaluation(result: SetResult) -> Evaluation:
     )
 
 
+def format_classifier(each: Score | OpenSetEvaluation | StoppingEvaluation) -> str:
+    """Return classifier and scaling in words."""
+    return f'{CLASSIFIER_TITLES[each.classifier]}, {short_scaling(each.scaling)}'
+
+
 def format_model(result: SetResult) -> str:
     """Return the model of the first sentence, and the command that writes it."""
     if result.recordings.choice is not None:
@@ -138,7 +145,7 @@ def format_model(result: SetResult) -> str:
         return f'This model: {chosen}, as chosen by the folds.'
     score = shown_score(result, result.plain)
     return (
-        f'This model: {CLASSIFIER_TITLES[score.classifier]}, {short_scaling(score.scaling)}, as '
+        f'This model: {format_classifier(score)}, as '
         f'from tactile train --classifier {score.classifier}. The default of tactile train '
         'chooses features and classifier; --features auto evaluates that choice.'
     )

@@ -293,7 +293,17 @@ class Finger:
             'faults': [sentence for bit, sentence in SIGNAL_FAULTS if self.status & bit],
             'lost': self.lost_count,
             'simulated': self.simulated,
-            'trial': event and self._describe_event(event),
+            'trial': event
+            and {
+                'id': event.trial_id,
+                'protocol': event.protocol,
+                'contact': event.contact,
+                'object': event.object_label,
+                'phase': event.phase,
+                'message': event.message,
+                'detected': event.detected,
+                'runs': event.phase not in (PHASE_DONE, PHASE_ABORTED),
+            },
             'spans': self._describe_spans(),
             'answers': [describe_answer(*answer) for answer in self._answers.values()],
             'window': self._describe_window(),
@@ -303,18 +313,6 @@ class Finger:
 
     def _seconds(self, stamp_ns: int) -> float:
         return round((stamp_ns - self._base_ns) * 1e-9, 3)
-
-    def _describe_event(self, event: TrialEvent) -> dict[str, Any]:
-        return {
-            'id': event.trial_id,
-            'protocol': event.protocol,
-            'contact': event.contact,
-            'object': event.object_label,
-            'phase': event.phase,
-            'message': event.message,
-            'detected': event.detected,
-            'runs': event.phase not in (PHASE_DONE, PHASE_ABORTED),
-        }
 
     def _describe_spans(self) -> list[dict[str, Any]]:
         """Return the phases of the last seconds, in order; the last one may be open."""

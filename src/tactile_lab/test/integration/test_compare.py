@@ -2,12 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """`tactile compare` from the command line, on simulated trials and models trained on them."""
 
-import json
 import shutil
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from tactile_command import ask_tactile, hear_tactile
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
@@ -21,21 +20,17 @@ from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 from tactile_lab.datasets.feature_tables import FeatureTables, read_tables
 from tactile_lab.datasets.model_pairs import pair_tables
-from tactile_lab.program import app
 from tactile_lab.simulation.simulated_bags import write_simulated_bag
 from tactile_lab.simulation.simulated_trials import SimulationPlan
 
 
-def tactile(*arguments, code=0):
-    """Run `tactile compare`; return its standard output, or what it says of a refusal."""
-    done = CliRunner().invoke(app, ['compare', *map(str, arguments)])
-    assert done.exit_code == code, done.output
-    return done.stdout if code == 0 else done.output
-
-
 def compare(*arguments):
-    (found,) = json.loads(tactile(*arguments, '--json'))['comparisons']
+    (found,) = ask_tactile('compare', *arguments)['comparisons']
     return found
+
+
+def hear(*arguments, **options):
+    return hear_tactile('compare', *arguments, **options)
 
 
 @pytest.fixture(scope='module')
@@ -103,7 +98,7 @@ def test_trials_of_the_training_are_counted_and_left_out(bags, models):
     alone = compare(*models, bags[1])
     for name in ('trials', 'difference', 'interval', 'confusions', 'verdict', 'groups'):
         assert unseen[name] == alone[name]
-    said = tactile(*models, bags[0], '--unseen', code=2)
+    said = hear(*models, bags[0], '--unseen', code=2)
     assert 'a model was trained on each of these trials, so none is left' in said
 
 
@@ -126,7 +121,7 @@ def test_a_model_that_does_not_tell_its_trials_is_said(bags, models, tmp_path):
     found = compare(models[0], silent, bags[1])
     assert found['models']['b']['training_trials_among_these'] is None
     assert 'whether B has seen these trials is not known' in found['warnings']
-    said = tactile(models[0], silent, bags[1], '--unseen', code=2)
+    said = hear(models[0], silent, bags[1], '--unseen', code=2)
     assert 'does not tell which trials it was trained on' in said
 
 
@@ -158,16 +153,14 @@ def test_each_model_has_features_of_its_own(bags, models, tmp_path):
 
 
 def test_one_session_is_said_and_groups_may_be_others(bags, models):
-    said = tactile(*models, bags[1], '--group', 'bag')
+    said = hear(*models, bags[1], '--group', 'bag')
     assert 'of one session, or it is not stated' in said
     assert 'Tango score interval over 120 paired trials; p ' in said
     assert 'SIMULATED' in said
     found = compare(*models, bags[1], '--group', 'session_id,mounting_id')
     assert found['parts_are'] == 'groups of session_id and mounting_id'
     assert found['groups'] > 5
-    assert 'there is no column "weekday"' in tactile(
-        *models, bags[1], '--group', 'weekday', code=2
-    )
+    assert 'there is no column "weekday"' in hear(*models, bags[1], '--group', 'weekday', code=2)
 
 
 def test_an_archive_with_sessions_and_a_new_label(tmp_path):
@@ -185,7 +178,7 @@ def test_an_archive_with_sessions_and_a_new_label(tmp_path):
     for folder, classifier in (('m1', 'knn'), ('m2', 'svm_linear')):
         options = ['--task', 'texture', '--classifier', classifier, '--repetitions', '1']
         command = ['train', paths[0], '-o', tmp_path / folder, *options]
-        assert CliRunner().invoke(app, [str(each) for each in command]).exit_code == 0
+        hear_tactile(*command)
     found = compare(tmp_path / 'm1', tmp_path / 'm2', paths[1])
     assert (found['trials'], found['groups']) == (int((~first & known).sum()), 2 + 1)
     assert found['new_labels']['labels'] == ['c']
@@ -194,25 +187,25 @@ def test_an_archive_with_sessions_and_a_new_label(tmp_path):
 
 
 def test_what_cannot_be_compared_is_one_sentence(bags, models, stiffness_bag, trained, tmp_path):
-    assert 'does not exist' in tactile(models[0], tmp_path / 'no.onnx', bags[1], code=2)
+    assert 'does not exist' in hear(models[0], tmp_path / 'no.onnx', bags[1], code=2)
     bad = tmp_path / 'bad.onnx'
     bad.write_bytes(b'no model')
-    assert 'is refused' in tactile(models[0], bad, bags[1], code=2)
-    said = tactile(models[0], trained, bags[1], code=2)
+    assert 'is refused' in hear(models[0], bad, bags[1], code=2)
+    said = hear(models[0], trained, bags[1], code=2)
     assert 'A answers texture, flexion and B stiffness, flexion' in said
-    said = tactile(*models, stiffness_bag, code=2)
+    said = hear(*models, stiffness_bag, code=2)
     assert 'no labelled trials of texture, flexion in these recordings' in said
     (table,) = read_tables(bags[:1]).tables.values()
     fewer = tmp_path / 'fewer.onnx'
     write_model(fewer, train(table.take(table.labels != 'F'), 'knn'))
-    said = tactile(models[0], fewer, bags[1], code=2)
+    said = hear(models[0], fewer, bags[1], code=2)
     assert 'know different labels: only A knows F, only B none' in said
     both = tmp_path / 'both'
     shutil.copytree(trained, both)
     shutil.copy(models[0], both / 'texture_flexion.onnx')
-    told = json.loads(tactile(both, models[1], bags[1], '--json'))
+    told = ask_tactile('compare', both, models[1], bags[1])
     assert told['left_out'] == ['only A has a model for stiffness, flexion: not compared']
-    told = json.loads(tactile(both, both, bags[1], '--json'))
+    told = ask_tactile('compare', both, both, bags[1])
     assert [each['title'] for each in told['comparisons']] == ['texture, flexion, SIMULATED']
     assert told['left_out'] == ['no labelled trials of stiffness, flexion in these recordings']
 
@@ -226,6 +219,6 @@ def test_trials_of_other_labels_alone_are_refused(tmp_path, bags):
         table = FeatureTable(values, np.repeat(['felt', 'silk'], 20), spec)
         paths.append(tmp_path / f'{name}.onnx')
         write_model(paths[-1], train(table, 'knn'))
-    said = tactile(*paths, bags[1], code=2)
+    said = hear(*paths, bags[1], code=2)
     assert 'no trial has a label that the models know: the trials have' in said
     assert 'the models know felt, silk' in said

@@ -4,15 +4,13 @@
 """`tactile devices` and `tactile check` on the simulated rig's ports."""
 
 from http.server import BaseHTTPRequestHandler, HTTPServer
-import json
 import threading
 
 import pytest
 import serial
-from typer.testing import CliRunner
+from tactile_command import answer_of, hear_tactile
 
 from tactile_lab.devices.device_probe import FoundDevice, probe_net_ft, probe_ports
-from tactile_lab.program import app
 from tactile_sim import SimulatedRig
 from tactile_testing.simulated_rigs import advance_rig, home_fast
 
@@ -34,19 +32,12 @@ def faulty(rig):
     advance_rig(rig, 0.5)  # it is silent meanwhile
 
 
-def tactile(*arguments):
-    """Exit code, JSON and what people read."""
-    done = CliRunner().invoke(app, [*map(str, arguments), '--json'])
-    out = done.stdout
-    return done.exit_code, json.loads(out[out.index('{\n') : out.rindex('}') + 1])
-
-
 def probe(*ports, is_quiet=False):
     return probe_ports([FoundDevice(port) for port in ports], listen_s=0.2, is_quiet=is_quiet)
 
 
 def check(option, port, *more):
-    code, document = tactile('check', option, port, '--seconds', 1, *more)
+    code, document = answer_of('check', option, port, '--seconds', 1, *more)
     (report,) = document['devices']
     assert document['fit'] == (not report['problems']) == (code == 0)
     return report['facts'], ' '.join(p['what'] + p['remedy'] for p in report['problems'])
@@ -57,7 +48,9 @@ def check(option, port, *more):
 
 def test_devices_are_recognised_and_left_as_they_were(rig):
     before = rig.truth()
-    code, document = tactile('devices', *(f'--port={port}' for port in rig.ports), '--listen=0.3')
+    code, document = answer_of(
+        'devices', *(f'--port={port}' for port in rig.ports), '--listen=0.3'
+    )
     assert code == 0
     found = {device['port']: device for device in document['devices']}
     assert found[rig.ports.guide]['device'] == 'guide'
@@ -131,7 +124,7 @@ def test_a_net_ft_is_asked_at_its_address():
 
 
 def test_a_sound_rig_is_fit_and_moves_when_allowed(rig):
-    code, document = tactile(
+    code, document = answer_of(
         'check',
         *(f'--{name}={port}' for name, port in rig.ports._asdict().items()),
         *('--seconds', 2, '--move'),
@@ -181,7 +174,7 @@ def test_a_wrong_rate_is_told_with_the_right_one(rig, tmp_path):
     params.write_text(
         f'tendon_sensor:\n  ros__parameters:\n    port: {rig.ports.sensor}\n    rate_hz: 80.0\n'
     )
-    code, document = tactile('check', '--params', params, '--seconds', 1)
+    code, document = answer_of('check', '--params', params, '--seconds', 1)
     (report,) = document['devices']
     assert code == 1
     assert any('rate_hz is 80' in problem['what'] for problem in report['problems'])
@@ -211,5 +204,4 @@ def test_faults_of_guide_and_tendon_are_told(faulty):
 
 
 def test_nothing_named_is_refused():
-    done = CliRunner().invoke(app, ['check'])
-    assert done.exit_code == 2
+    assert 'name what to check' in hear_tactile('check', code=2)

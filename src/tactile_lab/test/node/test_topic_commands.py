@@ -6,7 +6,6 @@
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict
-import json
 import math
 import time
 
@@ -15,11 +14,10 @@ import pytest
 from rclpy.node import Node
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
-from typer.testing import CliRunner
+from tactile_command import answer_of
 
 from tactile_lab.devices.checks import check_sensor
 from tactile_lab.force_topics import sensors_on_topics
-from tactile_lab.program import app
 from tactile_ros.node_group import NodeGroup
 from tendon_sensor_driver.records import TendonSensorConfig
 
@@ -61,13 +59,6 @@ def publishing(context, *nodes):
         yield
 
 
-def tactile(*arguments):
-    """Exit code and JSON."""
-    done = CliRunner().invoke(app, [*map(str, arguments), '--json'])
-    out = done.stdout
-    return done.exit_code, json.loads(out[out.index('{\n') : out.rindex('}') + 1])
-
-
 def describe(problems):
     return ' '.join(problem['what'] + problem['remedy'] for problem in problems)
 
@@ -103,18 +94,18 @@ def test_what_is_wrong_with_a_topic_is_told_with_its_remedy(context):
 
 
 def test_a_topic_that_nobody_publishes_is_told():
-    code, document = tactile('check', '--seconds', 1, '--sensor-topic', '/nothing')
+    code, document = answer_of('check', '--seconds', 1, '--sensor-topic', '/nothing')
     assert code == 1
     assert 'nobody publishes /nothing' in describe(document['devices'][0]['problems'])
 
 
 def test_topics_with_a_force_are_listed_with_their_parameters(context):
     with publishing(context, ('/ft/wrench', WrenchStamped), ('/joint_states', JointState)):
-        _, document = tactile('devices', '--topics', '--listen', 1.5)
+        _, document = answer_of('devices', '--topics', '--listen', 1.5)
     wrench, joints = document['devices']
     assert wrench['parameters'] == {'sensor': 'topic', 'topic': '/ft/wrench'}
     assert 'WrenchStamped of their_hand' in wrench['what']
     assert 'joints with effort: thumb, index' in joints['what']
     assert joints['device'] == wrench['device'] == 'sensor'
-    _, document = tactile('devices', '--topics', '--listen', 0.1)
+    _, document = answer_of('devices', '--topics', '--listen', 0.1)
     assert document['devices'] == []
