@@ -114,7 +114,7 @@ def write_table(table: pyarrow.Table, path: Path) -> None:
     import pyarrow.parquet
 
     with named_errors('write', path):
-        if path.suffix == '.csv':
+        if path.suffix.lower() == '.csv':
             pyarrow.csv.write_csv(table, path)
         else:
             pyarrow.parquet.write_table(table, path, compression='zstd')

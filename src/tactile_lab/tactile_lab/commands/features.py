@@ -94,7 +94,7 @@ def features(
     output.say(*notes, plain=True)
     for path, kind, table in written:
         columns = _columns(table, group, str(paths[0]))
-        write_table(_to_arrow(columns, table, is_csv=path.suffix == '.csv'), path)
+        write_table(_to_arrow(columns, table, is_csv=path.suffix.lower() == '.csv'), path)
         output.say(
             f'{path}: {kind}, {len(table)} trials of {len(np.unique(table.labels))} labels, '
             f'{len(table.spec.names)} features of {table.spec.feature_set}'
