@@ -50,14 +50,9 @@ Indices = npt.NDArray[np.intp]
 class GroupFolds:
     """Folds of whole groups, such as sessions, of repeats or of single trials; held out in turn.
 
-    Attributes
-    ----------
-    split : str
-        In words.
-    fold : ndarray of int, shape (trials,)
-        The fold that each trial is held out with.
-    session : ndarray of int, shape (trials,), or None
-        The group of each trial; None when folds are of repeats or of single trials.
+    ``split`` names them in words. ``fold`` is the fold that each trial is held out with, and
+    ``session`` the group of each trial, shapes (trials,); None when folds are of repeats or of
+    single trials.
     """
 
     split: str
@@ -78,21 +73,11 @@ class GroupFolds:
 def make_group_folds(table: FeatureTable, columns: Sequence[str] = ('session_id',)) -> GroupFolds:
     """Return folds of whole groups where each label comes in two groups or more, else of trials.
 
-    The groups of each label are spread over the folds, so that a model fitted on the other
-    folds knows every label of the one that is held out. Trials without groups are near copies
-    where conditions were repeated (`find_cells`): the trials of a condition stay in one fold.
-
-    Parameters
-    ----------
-    table : FeatureTable
-    columns : sequence of str
-        Trials that agree in all of them are one group. Those that the table does not have
-        do not count. None: single trials.
-
-    Raises
-    ------
-    TooFewTrialsError
-        When a label has one trial only.
+    Trials that agree in all columns are one group; columns that the table does not have do not
+    count; no columns: single trials. The groups of each label are spread over the folds, so that a
+    model fitted on the other folds knows every label of the one that is held out. Trials without
+    groups are near copies where conditions were repeated (`find_cells`): the trials of a condition
+    stay in one fold. Raises TooFewTrialsError when a label has one trial only.
     """
     labels, codes, counts = np.unique(table.labels, return_inverse=True, return_counts=True)
     if (folds := _hold_groups_out(table, codes, columns)) is not None:
@@ -115,10 +100,7 @@ def _hold_groups_out(
 ) -> GroupFolds | None:
     """Return folds of whole groups; None where all trials of a label are in one group.
 
-    Parameters
-    ----------
-    codes : ndarray of int, shape (trials,)
-        The label of each trial.
+    ``codes`` are the labels of the trials, shape (trials,).
     """
     group: Indices = np.zeros(len(table), dtype=np.intp)
     for column in columns:
@@ -139,13 +121,9 @@ def _hold_groups_out(
 def _spread(contains: npt.NDArray[np.bool_]) -> Indices:
     """Return the fold of each group, so that no label has all its groups in one fold.
 
-    Groups are assigned one by one, those with the most labels first, each to the fold that
-    has the fewest groups of its labels. Groups of the same labels are assigned in turn.
-
-    Parameters
-    ----------
-    contains : ndarray of bool, shape (groups, labels)
-        Each label in two groups or more.
+    Groups are assigned one by one, those with the most labels first, each to the fold that has the
+    fewest groups of its labels. Groups of the same labels are assigned in turn. ``contains``,
+    shape (groups, labels), has each label in two groups or more.
     """
     groups, labels = contains.shape
     folds = min(MAX_FOLDS, groups)
@@ -168,13 +146,9 @@ def _spread(contains: npt.NDArray[np.bool_]) -> Indices:
 def hold_out_scores(
     table: FeatureTable, classifier: str, scaling: str, fold: Indices
 ) -> tuple[Matrix, Indices]:
-    """Return raw scores by models that were fitted on the other folds.
+    """Return raw scores by models that were fitted on the other folds, shape (trials, labels).
 
-    Returns
-    -------
-    scores : ndarray of shape (trials, labels)
-    true : ndarray of int, shape (trials,)
-        Column of the true label.
+    With them the column of each true label, shape (trials,).
     """
     classes, true = np.unique(table.labels, return_inverse=True)
     scores = np.zeros((len(table), len(classes)))
@@ -210,13 +184,9 @@ def fit_novelty(
     """Return the measure fitted to all trials, the held-out novelties, and their threshold.
 
     This is not split conformal prediction: each fold has a measure of its own, the one that is
-    returned is fitted to all, and the metric was chosen on the same trials. More references
-    bring the nearest closer, so that novelties of new trials are lower rather than higher.
-
-    Raises
-    ------
-    TooFewTrialsError
-        When there are too few for the rate.
+    returned is fitted to all, and the metric was chosen on the same trials. More references bring
+    the nearest closer, so that novelties of new trials are lower rather than higher. Raises
+    TooFewTrialsError when there are too few for the rate.
     """
     fold = folds.fold
     metric = choose_metric(table.values, table.labels, fold)
@@ -235,13 +205,8 @@ def _threshold(novelty: Matrix, session: Indices | None, false_alarm_rate: float
 class UnlearnedLabels:
     """Rejection of labels that were left out of the training, one after another.
 
-    Attributes
-    ----------
-    labels : int
-    auroc : float
-        Probability that a trial of such a label is more novel than one of a known label [1].
-    miss_rate : float
-        Share of their trials below the threshold, which get a known name [1].
+    ``auroc`` is the probability that a trial of such a label is more novel than one of a known
+    label, ``miss_rate`` the share of their trials below the threshold, which get a known name [1].
     """
 
     labels: int
@@ -286,16 +251,10 @@ def leave_labels_out(
 class Calibration:
     """A map from raw scores to probabilities that keeps their order.
 
-    The softmax of ``slope * scores`` (temperature scaling, Guo et al. 2017) with the
-    answer's own term raised by ``offset``, as the constant of Platt's (1999) map would.
-    With an offset below 0 the second label could come before the answer; it is never negative.
-
-    Attributes
-    ----------
-    slope : float
-        Positive; in 1 over the unit of the scores.
-    offset : float
-        Not negative; a natural logarithm [1].
+    The softmax of ``slope * scores`` (temperature scaling, Guo et al. 2017) with the answer's own
+    term raised by ``offset``, as the constant of Platt's (1999) map would. The slope is positive,
+    in 1 over the unit of the scores. The offset is a natural logarithm [1]; it is never negative:
+    below 0 the second label could come before the answer.
     """
 
     slope: float
@@ -305,13 +264,9 @@ class Calibration:
     def fit(cls, scores: Matrix, true: Indices) -> Calibration:
         """Return the map under which held-out labels are likeliest.
 
-        One imagined miss among the trials, as in Platt's targets, keeps a classifier that made
-        none from claiming certainty.
-
-        Parameters
-        ----------
-        scores : ndarray of shape (trials, labels)
-        true : ndarray of int, shape (trials,)
+        Scores have shape (trials, labels); ``true`` are positions, shape (trials,). One imagined
+        miss among the trials, as in Platt's targets, keeps a classifier that made none from
+        claiming certainty.
         """
         trials, labels = scores.shape
         doubt = 1.0 / (trials + 2.0)
@@ -344,12 +299,8 @@ def compute_calibration_error(probabilities: Matrix, true: Indices) -> float:
     """Return the expected calibration error of the answers [1].
 
     Mean over the trials of the distance between the share of right answers and their mean
-    probability, in ten bins of equal width of that probability (Naeini et al. 2015).
-
-    Parameters
-    ----------
-    probabilities : ndarray of shape (trials, labels)
-    true : ndarray of int, shape (trials,)
+    probability, in ten bins of equal width of that probability (Naeini et al. 2015). Probabilities
+    have shape (trials, labels); ``true`` are positions, shape (trials,).
     """
     answer = probabilities.argmax(axis=1)
     stated = probabilities[np.arange(len(true)), answer]
@@ -376,15 +327,11 @@ def hold_out_probabilities(scores: Matrix, true: Indices, fold: Indices) -> Matr
 class CalibratedStage:
     """Calibration of one length of window by held-out trials.
 
+    ``calibration`` is fitted to all held-out scores, ``novelty`` to all trials; the threshold
+    comes from ``held_out_novelty``, shape (trials,), by measures fitted on the other folds.
+
     Attributes
     ----------
-    calibration : Calibration
-        Fitted to all held-out scores.
-    novelty : NoveltyMeasure
-        Fitted to all trials.
-    novelty_threshold : float
-    held_out_novelty : ndarray of shape (trials,)
-        By measures fitted on the other folds; the threshold comes from these.
     error_before, error_after : float
         Expected calibration error; after: of ``confidence`` [1].
     confidence : ndarray of shape (trials,)
@@ -409,10 +356,7 @@ def calibrate_stage(
 ) -> CalibratedStage:
     """Hold out each fold in turn; return the calibration, the thresholds and their errors.
 
-    Raises
-    ------
-    TooFewTrialsError
-        When there are too few for the rate, or for the classifier.
+    Raises TooFewTrialsError when there are too few for the rate, or for the classifier.
     """
     fold = folds.fold
     scores, true = hold_out_scores(table, classifier, scaling, fold)

@@ -83,20 +83,11 @@ class NoveltyMeasure:
         metric: str = METRICS[0],
         spaces: Spaces | None = None,
     ) -> NoveltyMeasure:
-        """Return the measure for training trials.
+        """Return the measure for training trials of shape (trials, k).
 
-        A feature that never varies within a label has no scale and does not count.
-
-        Parameters
-        ----------
-        values : ndarray of shape (trials, k)
-        labels : ndarray of str, shape (trials,)
-        fold : ndarray of int, shape (trials,)
-            Fold that each trial belongs to, such as its session.
-        metric : str
-            One of `METRICS`.
-        spaces : Spaces, optional
-            Fitted to the same trials, or to these and more.
+        A feature that never varies within a label has no scale and does not count. ``fold`` is
+        that of each trial, such as its session, shape (trials,); ``metric`` one of `METRICS`.
+        ``spaces`` are fitted to the same trials, or to these and more.
         """
         classes, owner = np.unique(labels, return_inverse=True)
         spaces = spaces or Spaces.fit(values, labels)
@@ -177,14 +168,10 @@ def _relate(to_label: Matrix, to_all: Matrix, features: int) -> Matrix:
 def choose_metric(values: Matrix, labels: npt.NDArray[np.str_], fold: Indices) -> str:
     """Return the metric that best tells trials of one label when it is left out.
 
-    On the training alone: folds are held out in turn, and in each fold every label once has
-    no training trials. The first of `METRICS` is kept unless another has a larger area under the
-    receiver operating characteristic, by more than one standard error over the labels.
-
-    Parameters
-    ----------
-    values, labels, fold
-        As in `NoveltyMeasure.fit`.
+    On the training alone, given as in `NoveltyMeasure.fit`: folds are held out in turn, and in
+    each fold every label once has no training trials. The first of `METRICS` is kept unless
+    another has a larger area under the receiver operating characteristic, by more than one
+    standard error over the labels.
     """
     classes = np.unique(labels)
     is_small = values.shape[1] <= MOST_FEATURES
@@ -307,21 +294,11 @@ def trials_needed(rate: float) -> int:
 def compute_threshold(novelty: Matrix, false_alarm_rate: float) -> float:
     """Return the conformal threshold of calibration trials of known labels.
 
-    The ``ceil((n + 1) * (1 - rate))``-th smallest of ``n`` novelties: a further trial,
-    exchangeable with them, lies above it with at most that probability (split conformal
-    prediction: Vovk, Gammerman and Shafer 2005; Lei et al. 2018).
-
-    Parameters
-    ----------
-    novelty : ndarray of shape (trials,)
-        Of trials that the measure was not fitted on.
-    false_alarm_rate : float
-        Between 0 and 1 [1].
-
-    Raises
-    ------
-    TooFewTrialsError
-        When there are fewer than `trials_needed`.
+    The ``ceil((n + 1) * (1 - rate))``-th smallest of ``n`` novelties of trials that the measure
+    was not fitted on: a further trial, exchangeable with them, lies above it with at most that
+    probability (split conformal prediction: Vovk, Gammerman and Shafer 2005; Lei et al. 2018). The
+    rate is between 0 and 1 [1]. Raises TooFewTrialsError when there are fewer than
+    `trials_needed`.
     """
     if len(novelty) < trials_needed(false_alarm_rate):
         raise TooFewTrialsError(
@@ -349,23 +326,13 @@ def compute_session_threshold(novelty: Matrix, session: Indices, false_alarm_rat
     """Return a threshold that holds in most new sessions, not only on average over them.
 
     Each session's own conformal quantile, and of these the one of `rank_of_sessions`: conformal
-    prediction with the session as the unit (Dunn, Wasserman and Ramdas 2022; Duchi, Gupta,
-    Jiang and Sur 2024, over environments). In a share ``rank / (count + 1)`` of new
-    sessions the quantile of their own trials is not above it. A session with fewer trials than
-    `trials_needed` gives its largest novelty.
+    prediction with the session as the unit (Dunn, Wasserman and Ramdas 2022; Duchi, Gupta, Jiang
+    and Sur 2024, over environments). In a share ``rank / (count + 1)`` of new sessions the
+    quantile of their own trials is not above it. A session with fewer trials than `trials_needed`
+    gives its largest novelty.
 
-    Parameters
-    ----------
-    novelty : ndarray of shape (trials,)
-        Of trials whose session the measure was not fitted on.
-    session : ndarray of int, shape (trials,)
-    false_alarm_rate : float
-        Between 0 and 1 [1].
-
-    Raises
-    ------
-    TooFewTrialsError
-        When there are fewer than `trials_needed` in all.
+    Novelties are of trials whose session the measure was not fitted on. Raises TooFewTrialsError
+    when there are fewer than `trials_needed` in all.
     """
     compute_threshold(novelty, false_alarm_rate)  # refuses too few
     quantiles = [

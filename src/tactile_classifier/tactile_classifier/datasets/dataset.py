@@ -178,9 +178,8 @@ def table_from_trials(
 ) -> FeatureTable:
     """Return the features of one channel, or of all, of ready-cut trials.
 
-    Their units are those of the trials; newton, where these state none.
-
-    With ``skip_bad`` set, trials that give none are left out: see `usable_table`.
+    Their units are those of the trials; newton, where these state none. With ``skip_bad`` set,
+    trials that give none are left out: see `usable_table`.
 
     Parameters
     ----------

@@ -234,23 +234,10 @@ def write_recalibrated(
 ) -> TactileModel:
     """Write a model with offsets and thresholds for a session; return it as loaded.
 
-    The graph stays as it is. The manifest states the model that it came from, and what the known
-    trials were.
-
-    Parameters
-    ----------
-    path, source : str or Path
-        The file to write, and the trained model.
-    tables : mapping of int to FeatureTable
-        Known trials of the session by samples: 0, the full windows, and each of the model's
-        ``partial_samples``.
-
-    Raises
-    ------
-    ModelFileError
-        When the model cannot be recalibrated, or the trials do not fit it.
-    TooFewTrialsError
-        When there are too few trials.
+    The graph stays as it is. The manifest states the model that it came from, the ``source``, and
+    what the known trials were. Tables of these are by samples: 0, the full windows, and each of
+    the model's ``partial_samples``. Raises ModelFileError when the model cannot be recalibrated,
+    or the trials do not fit it, and TooFewTrialsError when there are too few.
     """
     model = load_model(source)
     manifest = recalibrate(model, tables)

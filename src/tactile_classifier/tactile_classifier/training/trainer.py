@@ -49,16 +49,8 @@ LIBRARIES = ('numpy', 'scikit-learn', 'skl2onnx', 'onnx', 'onnxruntime')
 class FittedStage:
     """The fitted parts that answer windows of one length.
 
-    Attributes
-    ----------
-    sample_count : int
-        Samples in the window; 0: the full window.
-    estimator : sklearn.pipeline.Pipeline
-    values : ndarray of shape (trials, k)
-        The features that it was fitted on.
-    calibration : Calibration or None
-        None: raw scores are given.
-    novelty : NoveltyMeasure or None
+    ``sample_count`` is that of the window; 0: the full window. ``values``, shape (trials, k), are
+    the features that the estimator was fitted on. Without a calibration raw scores are given.
     """
 
     sample_count: int
