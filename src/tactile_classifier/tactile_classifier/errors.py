@@ -3,6 +3,9 @@
 
 """Errors of data, evaluation and model files."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 from tactile_features.errors import ModelFileError as ModelFileError  # features read files, too
 
 
@@ -23,3 +26,12 @@ class TooFewTrialsError(DatasetError, ValueError):
 
 class EvaluationError(ClassifierError):
     """The trials do not allow the split that was asked for."""
+
+
+@contextmanager
+def refuse_damage(what: str) -> Iterator[None]:
+    """Raise `ModelFileError` where an entry of a model file is missing or of another type."""
+    try:
+        yield
+    except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
+        raise ModelFileError(f'{what} damaged: {error!r}') from error

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tactile_classifier.errors import ModelFileError, TooFewTrialsError
+from tactile_classifier.errors import ModelFileError, refuse_damage, TooFewTrialsError
 
 TRIALS = 5
 """Known trials of a new session that are needed, and that training draws for a trial run."""
@@ -80,11 +80,9 @@ class SessionStatistics:
 
         Raises ModelFileError when a number is missing or not finite, or a shape does not fit.
         """
-        try:
+        with refuse_damage('its statistics of sessions are'):
             means, share = (np.array(entry[name], dtype=np.float64) for name in ('means', 'share'))
             rest = [float(entry[name]) for name in ('weight', 'centre', 'log_threshold')]
-        except (KeyError, TypeError, ValueError, OverflowError) as error:
-            raise ModelFileError(f'its statistics of sessions are damaged: {error}') from error
         fits = means.shape == (labels, features) and share.shape == (features,)
         if not fits or not all(np.isfinite(item).all() for item in (means, share, rest)):
             raise ModelFileError('its statistics of sessions do not fit its labels and features')

@@ -10,7 +10,7 @@ import dataclasses
 import math
 from typing import Any, get_origin, get_type_hints, TypeVar
 
-from tactile_classifier.errors import ModelFileError
+from tactile_classifier.errors import ModelFileError, refuse_damage
 from tactile_classifier.records import (
     ALL_CLASSIFIERS,
     CLASSIFIER_TITLES,
@@ -249,15 +249,9 @@ def format_features(spec: FeatureSpec) -> str:
     return f'features: {", ".join([spec.feature_set, *stated])}'
 
 
+@refuse_damage('an entry of its manifest is')
 def list_facts(manifest: Manifest) -> dict[str, str]:
     """Return the facts of the card by name; raise ModelFileError when an entry is damaged."""
-    try:
-        return _list_facts(manifest)
-    except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
-        raise ModelFileError(f'its manifest has a damaged entry: {error!r}') from error
-
-
-def _list_facts(manifest: Manifest) -> dict[str, str]:
     whole, *partial = manifest.stages
     score, calibration, spec = manifest.cross_validation, manifest.calibration, manifest.spec
     more = len(manifest.labels) - MAX_LABELS

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tactile_classifier.confidence.session_statistics import SessionStatistics
-from tactile_classifier.errors import DatasetError, ModelFileError
+from tactile_classifier.errors import DatasetError, ModelFileError, refuse_damage
 from tactile_classifier.model_file.manifest import (
     KNOWN_NOVELTY,
     Manifest,
@@ -581,10 +581,8 @@ def correct(
 def _read_offsets(manifest: Manifest) -> dict[int, npt.NDArray[np.float64]]:
     """Return what a recalibrated model takes off features, by samples; empty: nothing."""
     entry = manifest.calibration.get(RECALIBRATED, {'offsets': []})
-    try:
+    with refuse_damage('its recalibration is'):
         offsets = [np.array(offset, dtype=np.float64) for offset in entry['offsets']]
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise ModelFileError(f'its recalibration is damaged: {error}') from error
     shape = (len(manifest.spec.names),)
     if any(offset.shape != shape or not np.isfinite(offset).all() for offset in offsets):
         raise ModelFileError('its recalibration does not fit its features')
@@ -599,7 +597,7 @@ def _read_known_novelty(manifest: Manifest) -> dict[int, _KnownNovelty] | None:
     entries = manifest.calibration.get(KNOWN_NOVELTY)
     if entries is None or RECALIBRATED in manifest.calibration:
         return None
-    try:
+    with refuse_damage('its novelties of held-out trials are'):
         found = {
             stage.sample_count: _KnownNovelty(
                 int(entry['rank']),
@@ -607,8 +605,6 @@ def _read_known_novelty(manifest: Manifest) -> dict[int, _KnownNovelty] | None:
             )
             for stage, entry in zip(manifest.stages, entries, strict=True)
         }
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise ModelFileError(f'its novelties of held-out trials are damaged: {error}') from error
     for rank, sessions in found.values():
         is_flat = all(each.ndim == 1 and len(each) for each in sessions)
         if not is_flat or not 1 <= rank <= len(sessions):
