@@ -209,8 +209,8 @@ def run_calibration_error(quick: bool) -> Report:
     return Report(
         'expected calibration error that a card states, beside that in groups held out',
         '',
-        'single trials, stated: by folds of these, or of the training; mean and SD over trainings '
-        'that leave one group out; true: in the groups left out, pooled; chance: of labels drawn '
+        'single trials, stated: by folds of these, or of groups; mean and SD over trainings that '
+        'leave one group out; true: in the groups left out, pooled; chance: of labels drawn '
         'with the stated probabilities. In %',
         rows,
     )
@@ -228,7 +228,7 @@ def _measure_calibration(
     for one in np.unique(group):
         train, test = table.take(group != one), table.take(group == one)
         ways = {'single trials': make_group_folds(train, ()).fold}
-        ways |= {'stated': make_group_folds(train).fold}
+        ways |= {'stated': make_group_folds(train, columns).fold}
         for way, fold in ways.items():
             scores, true = hold_out_scores(train, classifier, scaling, fold)
             found = compute_calibration_error(hold_out_probabilities(scores, true, fold), true)
