@@ -73,31 +73,23 @@ def main() -> int:
     ending = _Ending(arguments.linger)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, ending.on_signal)
+    server = None
     try:
         rig = PalpationRig(arguments.seed, catalogue=Catalogue(arguments.description))
         if arguments.mount:
             rig.mount(*arguments.mount)
-    except TactileSimError as error:
-        return _complain(error)
-    try:
         server = PtyServer(rig, arguments.links, arguments.seed)
-    except RigError as error:
-        return _complain(error)
-    try:
         server.start()
         _say(server.ports)
         for line in _read_lines(server, ending):
             _say(_answer(server, line))
     except TactileSimError as error:
-        return _complain(error)
+        sys.stderr.write(f'tactile_sim_rig: {error}\n')
+        return 1
     finally:
-        server.close()
+        if server is not None:
+            server.close()
     return 0
-
-
-def _complain(error: TactileSimError) -> int:
-    sys.stderr.write(f'tactile_sim_rig: {error}\n')
-    return 1
 
 
 class _Ending:

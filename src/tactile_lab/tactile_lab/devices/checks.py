@@ -74,13 +74,20 @@ def check_sensor(
         facts['rate that the device states [Hz]'] = round(health.rate_hz, 3)
     if health.device_status:
         problems.append(Problem(f'the sensor says: {health.device_status}', 'power-cycle it'))
-    if out_of_order := health.duplicates + health.late_samples + health.outliers:
-        problems.append(
-            Problem(
-                f'{out_of_order} readings came twice, too late or at an impossible time',
-                'check time_column and time_unit_s, and the cable',
-            )
-        )
+    out_of_order = health.duplicates + health.late_samples + health.outliers
+    problems += _list_problems(
+        (
+            out_of_order,
+            f'{out_of_order} readings came twice, too late or at an impossible time',
+            'check time_column and time_unit_s, and the cable',
+        ),
+        (
+            blocks and health.rejected_lines,
+            f'{health.rejected_lines} lines were no readings, the last one '
+            f'"{health.last_rejected}": {health.last_reason}',
+            'check ground and shield of the cable, and the columns',
+        ),
+    )
     if not blocks:
         said = health.last_error or (
             f'the last line was "{health.last_rejected}": {health.last_reason}'
@@ -89,14 +96,6 @@ def check_sensor(
         )
         remedy = 'check baud, unit and columns; "tactile devices" says what fits'
         problems = [Problem(f'no reading in {seconds:g} s: {said}', remedy)]
-    elif health.rejected_lines:
-        problems.append(
-            Problem(
-                f'{health.rejected_lines} lines were no readings, the last one '
-                f'"{health.last_rejected}": {health.last_reason}',
-                'check ground and shield of the cable, and the columns',
-            )
-        )
     return CheckReport('sensor', link, facts, tuple(problems))
 
 
@@ -156,27 +155,23 @@ def judge_blocks(
     if status & StrainStatus.SIMULATED:
         facts['simulated'] = 'SIMULATED: no number is a measurement'
     problems = [Problem(*text) for bit, text in _STATUS_REMEDIES.items() if status & bit]
-    if abs(rate_hz - config.rate_hz) > RATE_TOLERANCE * config.rate_hz:
-        problems.append(
-            Problem(
-                f'the rate is {rate_hz:.2f} Hz and rate_hz is {config.rate_hz:g}',
-                f'set rate_hz to {rate_hz:.4g}, or the sensor to {config.rate_hz:g}',
-            )
-        )
-    if lost:
-        problems.append(
-            Problem(
-                f'{lost} of {tension_n.size + lost} samples were lost',
-                'check the cable, a higher baud, and what else this computer does',
-            )
-        )
-    if error_s > MOST_STAMP_ERROR_S:
-        problems.append(
-            Problem(
-                f'the stamps may be wrong by {error_s * 1e3:.1f} ms',
-                "install the udev rule for the adapter's latency timer; free the computer",
-            )
-        )
+    problems += _list_problems(
+        (
+            abs(rate_hz - config.rate_hz) > RATE_TOLERANCE * config.rate_hz,
+            f'the rate is {rate_hz:.2f} Hz and rate_hz is {config.rate_hz:g}',
+            f'set rate_hz to {rate_hz:.4g}, or the sensor to {config.rate_hz:g}',
+        ),
+        (
+            lost,
+            f'{lost} of {tension_n.size + lost} samples were lost',
+            'check the cable, a higher baud, and what else this computer does',
+        ),
+        (
+            error_s > MOST_STAMP_ERROR_S,
+            f'the stamps may be wrong by {error_s * 1e3:.1f} ms',
+            "install the udev rule for the adapter's latency timer; free the computer",
+        ),
+    )
     return facts, problems
 
 
@@ -201,6 +196,11 @@ class Problem:
 
     what: str
     remedy: str = ''
+
+
+def _list_problems(*cases: tuple[object, str, str]) -> list[Problem]:
+    """Return the problems whose condition, which comes first, holds."""
+    return [Problem(what, remedy) for is_so, what, remedy in cases if is_so]
 
 
 @dataclass(frozen=True)
@@ -235,13 +235,13 @@ def check_guide(config: LinearGuideConfig, may_move: bool) -> CheckReport:
         facts['homed since power-up'] = 'no' if is_locked else 'perhaps; trials home it anyway'
         if may_move:
             problems += _exercise_guide(client, config, facts)
-        if client.garbage_lines:
-            problems.append(
-                Problem(
-                    f'{client.garbage_lines} lines were no Grbl',
-                    'check ground and shield of the cable',
-                )
+        problems += _list_problems(
+            (
+                client.garbage_lines,
+                f'{client.garbage_lines} lines were no Grbl',
+                'check ground and shield of the cable',
             )
+        )
     except LinearGuideDriverError as error:
         problems.append(Problem(str(error)))
     finally:
@@ -264,23 +264,19 @@ def _exercise_guide(
     client.move_to(home_m, speed_m_s)
     facts['move of 5 mm took [s]'] = round(took_s, 2)
     facts['error at rest [mm]'] = round((rest_m - target_m) * 1e3, 3)
-    problems = []
-    if abs(rest_m - target_m) > MOVE_TOLERANCE_M:
-        problems.append(
-            Problem(
-                f'the guide rests {(rest_m - target_m) * 1e3:.2f} mm beside its target',
-                'check $100 (steps per mm)',
-            )
-        )
-    least_s = MOVE_M / speed_m_s
-    if not least_s - LATE_S < took_s < least_s + 2 * LATE_S:
-        problems.append(
-            Problem(
-                f'a move of {least_s:.1f} s took {took_s:.1f} s',
-                'check $110 (maximum rate) and $120 (acceleration)',
-            )
-        )
-    return problems
+    off_mm, least_s = (rest_m - target_m) * 1e3, MOVE_M / speed_m_s
+    return _list_problems(
+        (
+            abs(rest_m - target_m) > MOVE_TOLERANCE_M,
+            f'the guide rests {off_mm:.2f} mm beside its target',
+            'check $100 (steps per mm)',
+        ),
+        (
+            not least_s - LATE_S < took_s < least_s + 2 * LATE_S,
+            f'a move of {least_s:.1f} s took {took_s:.1f} s',
+            'check $110 (maximum rate) and $120 (acceleration)',
+        ),
+    )
 
 
 # -- tendon --------------------------------------------------------------------------------
@@ -325,21 +321,18 @@ def _read_servo(bus: DynamixelBus, facts: dict[str, Any]) -> list[Problem]:
         'temperature [C]': temperature_c,
         'hardware errors': words,
     }
-    problems = []
-    if error:
-        problems.append(
-            Problem(
-                f'the servo has shut down: {words}',
-                'remove the cause; the driver restarts the servo when it is configured',
-            )
-        )
-    if temperature_c > MOST_TEMPERATURE_C:
-        problems.append(
-            Problem(
-                f'the servo has {temperature_c} degrees Celsius', 'let it cool; lower its load'
-            )
-        )
-    return problems
+    return _list_problems(
+        (
+            error,
+            f'the servo has shut down: {words}',
+            'remove the cause; the driver restarts the servo when it is configured',
+        ),
+        (
+            temperature_c > MOST_TEMPERATURE_C,
+            f'the servo has {temperature_c} degrees Celsius',
+            'let it cool; lower its load',
+        ),
+    )
 
 
 def _try_watchdog(
@@ -350,14 +343,13 @@ def _try_watchdog(
     facts['watchdog'] = (
         f'stops the servo after {config.watchdog_s:g} s of silence' if works else 'does not trip'
     )
-    if works:
-        return []
-    return [
-        Problem(
+    return _list_problems(
+        (
+            not works,
             f'the servo keeps moving although the bus was silent for {config.watchdog_s:g} s',
             'check that no other device sends on the bus; update the firmware',
         )
-    ]
+    )
 
 
 def _wind(bus: DynamixelBus, config: TendonActuatorConfig, facts: dict[str, Any]) -> list[Problem]:

@@ -18,7 +18,7 @@ import os
 from pathlib import Path
 from statistics import median
 import time
-from typing import Any, IO, Protocol
+from typing import Any, IO
 
 from tactile_bags.errors import BagError
 from tactile_bags.experiment_journal import parse_journal
@@ -37,32 +37,24 @@ RELABELLED, EXCLUDED, INCLUDED = 'relabelled', 'excluded', 'included'
 """Kinds of entries."""
 
 
-class Log(Protocol):
-    """Entries, oldest first: a `Journal`, or `Notes` where nothing is resumed."""
-
-    entries: list[Entry]
-
-    def append(self, kind: str, **values: Any) -> Entry:
-        """Add an entry; return it once it is where it stays."""
-
-
 class Notes:
-    """Entries that end with the program."""
+    """Entries, oldest first, that end with the program."""
 
     def __init__(self) -> None:
         self.entries: list[Entry] = []
 
     def append(self, kind: str, **values: Any) -> Entry:
+        """Add an entry; return it once it is where it stays."""
         self.entries.append({'kind': kind, **values})
         return self.entries[-1]
 
 
-def note(log: Log, kind: str, **values: Any) -> Entry:
+def note(log: Notes, kind: str, **values: Any) -> Entry:
     """Add an entry with the time of day."""
     return log.append(kind, at_s=round(time.time(), 3), **values)
 
 
-class Journal:
+class Journal(Notes):
     """A journal that is open for one program; a context manager.
 
     ``path``: made when it is not there.
@@ -73,6 +65,7 @@ class Journal:
     """
 
     def __init__(self, path: Path) -> None:
+        super().__init__()
         self.path = path
         self._file: IO[bytes] | None = None
         try:

@@ -216,23 +216,18 @@ class LiveRig:
         The windows of a trial come some tenths of a second after its last event, also of one that
         was interrupted.
         """
-        deadline = time.monotonic() + WINDOW_TIMEOUT_S
-        while self.recorder.window_count < count and not self.recorder.has_failed:
-            if time.monotonic() > deadline:
-                return
-            time.sleep(0.02)
+        recorder = self.recorder
+        wait_for(lambda: recorder.window_count >= count or recorder.has_failed, WINDOW_TIMEOUT_S)
 
     def wait_for_audit(self, trial_id: str) -> Audit | None:
         """Wait until a trial's last samples are recorded; return its audit, if it comes."""
-        deadline = time.monotonic() + AUDIT_TIMEOUT_S
-        while True:
+
+        def find() -> Audit | None:
             audits: list[Audit] = list(self.recorder.audits)
-            found = next((audit for audit in audits if audit.trial_id == trial_id), None)
-            if found is not None:
-                return found
-            if time.monotonic() > deadline or self.recorder.has_failed:
-                return None
-            time.sleep(0.02)
+            return next((audit for audit in audits if audit.trial_id == trial_id), None)
+
+        wait_for(lambda: find() is not None or self.recorder.has_failed, AUDIT_TIMEOUT_S)
+        return find()
 
     def read_setup(self) -> dict[str, str]:
         """Return the parameters of the devices that run, and what they say they are.
@@ -362,11 +357,19 @@ def live_rig(setup: LiveSetup, bag: Path, output: Output) -> Iterator[LiveRig]:
 
 def wait_until_matched(recorder: Any) -> None:
     """Wait until every recorded topic has its publisher."""
-    deadline = time.monotonic() + recorder.config.match_timeout_s
-    while missing := recorder.unmatched_topics():
-        if time.monotonic() > deadline:
-            raise TactileError(f'no publisher on {", ".join(missing)}; not recording without it')
+    if not wait_for(lambda: not recorder.unmatched_topics(), recorder.config.match_timeout_s):
+        missing = ', '.join(recorder.unmatched_topics())
+        raise TactileError(f'no publisher on {missing}; not recording without it')
+
+
+def wait_for(condition: Callable[[], bool], timeout_s: float) -> bool:
+    """Wait until a condition holds; return False when the time is over."""
+    deadline_s = time.monotonic() + timeout_s
+    while not condition():
+        if time.monotonic() > deadline_s:
+            return False
         time.sleep(0.02)
+    return True
 
 
 def check_recording(recorder: Any) -> None:

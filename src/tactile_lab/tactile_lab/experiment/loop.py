@@ -30,9 +30,9 @@ from tactile_lab.experiment.journal import (
     GOOD,
     Journal,
     KEPT,
-    Log,
     MOUNTED,
     note,
+    Notes,
     OUTLIER,
     Progress,
     RUN,
@@ -246,7 +246,7 @@ class TrialLoop:
 
     progress: Progress
     operator: Operator
-    journal: Log
+    journal: Notes
     contact: str = ''
 
     def note(self, kind: str, **values: Any) -> None:

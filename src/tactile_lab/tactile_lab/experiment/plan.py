@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 import csv
 from dataclasses import dataclass, fields
 import io
@@ -227,26 +227,20 @@ def parse_order(text: str) -> list[PlannedTrial]:
 
     Raises `ExperimentError` when it is not of that form, or names a trial twice.
     """
-    order = list(_parse_rows(text))
+    order = []
+    rows = csv.reader(io.StringIO(text), strict=True)
+    try:
+        if tuple(next(rows, ())) != _COLUMNS:
+            raise ExperimentError(f'its first line must be {",".join(_COLUMNS)}')
+        for key, session_id, mounting, trial, contact, label in rows:
+            if contact not in CONTACTS:
+                raise ExperimentError(f'line {rows.line_num}: no contact {_show(contact)}')
+            order.append(PlannedTrial(key, session_id, int(mounting), int(trial), contact, label))
+    except (ValueError, csv.Error) as error:
+        raise ExperimentError(f'line {rows.line_num}: {error}') from error
     if len({trial.key for trial in order}) < len(order):
         raise ExperimentError('it names a trial twice; take the change back')
     return order
-
-
-def _parse_rows(text: str) -> Iterator[PlannedTrial]:
-    rows = csv.reader(io.StringIO(text), strict=True)
-    try:
-        for number, row in enumerate(rows):
-            if number == 0:
-                if tuple(row) != _COLUMNS:
-                    raise ExperimentError(f'its first line must be {",".join(_COLUMNS)}')
-                continue
-            key, session_id, mounting, trial, contact, label = row
-            if contact not in CONTACTS:
-                raise ExperimentError(f'line {number + 1}: no contact {_show(contact)}')
-            yield PlannedTrial(key, session_id, int(mounting), int(trial), contact, label)
-    except (ValueError, csv.Error) as error:
-        raise ExperimentError(f'line {rows.line_num}: {error}') from error
 
 
 def _check_count(name: str, value: Any, low: int, high: int) -> None:

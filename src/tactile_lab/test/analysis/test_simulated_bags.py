@@ -3,7 +3,6 @@
 
 import dataclasses
 import json
-import threading
 
 import joblib
 import numpy as np
@@ -115,21 +114,6 @@ def test_bytes_depend_on_the_seed_and_not_on_processes(stiffness_bag, tmp_path):
     assert digest(stiffness_bag) == digest(again) == digest(parallel) != digest(other)
     metadata = (stiffness_bag / 'metadata.yaml').read_bytes()
     assert (parallel / 'metadata.yaml').read_bytes() == metadata
-
-
-def test_another_back_end_takes_over_by_configuration(stiffness_bag, tmp_path, monkeypatch):
-    threads = set()
-    simulate_chunk = simulated_bags.simulate_chunk
-
-    def watch(*arguments):
-        threads.add(threading.get_ident())
-        return simulate_chunk(*arguments)
-
-    monkeypatch.setattr(simulated_bags, 'simulate_chunk', watch)
-    with joblib.parallel_config(backend='threading'):
-        bag = write(tmp_path, SimulationPlan('stiffness', 'flexion', 3, 7), jobs=2).path
-    assert threading.get_ident() not in threads
-    assert digest(bag) == digest(stiffness_bag)
 
 
 def test_trials_come_by_session_then_number_then_label_however_they_are_cut(

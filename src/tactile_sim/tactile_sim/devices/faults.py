@@ -337,7 +337,7 @@ class FaultyLine(Generic[_D]):
                 self._running.pop(kind)[0].end()
         if request.kind == END:
             return
-        fault = self._make_fault(request.kind, request.options, now_s)
+        fault = self._make_fault(request, now_s)
         if fault is not None:
             self._running[request.kind] = fault, now_s + request.lasting_s
 
@@ -354,25 +354,23 @@ class FaultyLine(Generic[_D]):
             data = fault.say(data, now_s)
         return data
 
-    def _make_fault(
-        self, kind: str, options: Mapping[str, float], now_s: float
-    ) -> LineFault | None:
+    def _make_fault(self, wanted: FaultRequest, now_s: float) -> LineFault | None:
         """Make a fault of the line; one of the device itself is for the subclass."""
-        match kind:
+        match wanted.kind:
             case 'mute':
                 return Cut(says=False, hears=True)
             case 'deaf':
                 return Cut(says=True, hears=False)
             case 'burst':
-                return Burst(options['period_s'])
+                return Burst(wanted.options['period_s'])
             case 'garbage':
-                return Garbage(self._split, options['share'], self._chance)
+                return Garbage(self._split, wanted.options['share'], self._chance)
             case 'split':
-                return Split(self._split, options['share'], self._chance)
+                return Split(self._split, wanted.options['share'], self._chance)
             case 'wrong_baud':
-                return WrongBaud(options['ratio'])
+                return WrongBaud(wanted.options['ratio'])
             case 'drop':
-                return Drop(self._split, options['count'], self._can_be_lost)
+                return Drop(self._split, wanted.options['count'], self._can_be_lost)
         return Cut(says=False, hears=False)  # unplugged
 
     def _split(self, data: bytes) -> list[bytes]:
@@ -385,11 +383,9 @@ class FaultyLine(Generic[_D]):
 class SensorLine(FaultyLine[LoadCellDevice]):
     """The load cell, which takes its power from its line."""
 
-    def _make_fault(
-        self, kind: str, options: Mapping[str, float], now_s: float
-    ) -> LineFault | None:
+    def _make_fault(self, wanted: FaultRequest, now_s: float) -> LineFault | None:
         sensor = self._device
-        match kind:
+        match wanted.kind:
             case 'unplug':
                 return Cut(says=False, hears=False, on_end=sensor.restart)
             case 'saturate':
@@ -404,16 +400,14 @@ class SensorLine(FaultyLine[LoadCellDevice]):
             case 'restart':
                 sensor.restart()
                 return None
-        return super()._make_fault(kind, options, now_s)
+        return super()._make_fault(wanted, now_s)
 
 
 class GuideLine(FaultyLine[GrblDevice]):
     """The guide's controller, with a power supply of its own."""
 
-    def _make_fault(
-        self, kind: str, options: Mapping[str, float], now_s: float
-    ) -> LineFault | None:
-        match kind:
+    def _make_fault(self, wanted: FaultRequest, now_s: float) -> LineFault | None:
+        match wanted.kind:
             case 'alarm':
                 self._device.trip_limit(now_s)
                 return None
@@ -423,7 +417,7 @@ class GuideLine(FaultyLine[GrblDevice]):
             case 'stall':
                 self._device.stall(now_s)
                 return None
-        return super()._make_fault(kind, options, now_s)
+        return super()._make_fault(wanted, now_s)
 
     def _can_be_lost(self, record: bytes) -> bool:
         return record.strip() == b'ok'
@@ -432,17 +426,15 @@ class GuideLine(FaultyLine[GrblDevice]):
 class TendonLine(FaultyLine[DynamixelDevice]):
     """The servo, with a power supply of its own."""
 
-    def _make_fault(
-        self, kind: str, options: Mapping[str, float], now_s: float
-    ) -> LineFault | None:
+    def _make_fault(self, wanted: FaultRequest, now_s: float) -> LineFault | None:
         servo = self._device
-        match kind:
+        match wanted.kind:
             case 'corrupt':
-                return Corrupt(self._split, options['share'], self._chance)
+                return Corrupt(self._split, wanted.options['share'], self._chance)
             case 'noise':
                 return Noise(encode_status(1, 0, bytes(8)), self._chance)
             case 'overheat':
-                servo.heat(round(options['temperature_c']))
+                servo.heat(round(wanted.options['temperature_c']))
                 return LineFault(servo.cool)
             case 'overload':
                 servo.fail(OVERLOAD)
@@ -450,7 +442,7 @@ class TendonLine(FaultyLine[DynamixelDevice]):
             case 'restart':
                 servo.restart()
                 return None
-        return super()._make_fault(kind, options, now_s)
+        return super()._make_fault(wanted, now_s)
 
     def _split(self, data: bytes) -> list[bytes]:
         head, *packets = data.split(HEADER)
