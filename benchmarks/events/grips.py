@@ -22,7 +22,6 @@ from tactile_sim.physics.variation import draw_variation, Variation
 
 FloatArray = NDArray[np.float64]
 
-CONTACTS = ('flexion', 'abduction')
 FAST_HZ = 1000.0
 
 
@@ -30,14 +29,8 @@ FAST_HZ = 1000.0
 class Grips:
     """Trials of one object in one session.
 
-    Attributes
-    ----------
-    planned : PlannedTrial
-    motion : SimulatedMotion
-        The truth.
-    tension_n : ndarray of shape (trials, samples)
-        What the sensor reads [N].
-    variation : Variation
+    ``motion``: the truth. ``tension_n`` (ndarray of shape (trials, samples)): what the sensor
+    reads [N].
     """
 
     planned: PlannedTrial

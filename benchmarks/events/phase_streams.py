@@ -32,14 +32,9 @@ TAUT_N = 0.01
 class StatedTrial:
     """One trial of a stream, with what the rig states of it.
 
-    Attributes
-    ----------
-    label : str
-    start_ns, end_ns : int
-        Its first sample, and the first one of the next trial [ns].
-    phases_ns : mapping of str to int
-        When each phase was commanded; ``contact`` and ``done``: when the tendon
-        became taut and slack, which comes after the one and before the other [ns].
+    ``start_ns``, ``end_ns``: its first sample, and the first one of the next trial [ns].
+    ``phases_ns``: when each phase was commanded; ``contact`` and ``done``: when the tendon became
+    taut and slack, which comes after the one and before the other [ns].
     """
 
     label: str
@@ -52,13 +47,7 @@ class StatedTrial:
 class Session:
     """The trials of one session, sample after sample without a break.
 
-    Attributes
-    ----------
-    protocol, contact : str
-    period_ns : int
-    tension_n : ndarray of shape (n,)
-        What the load cell reads [N].
-    trials : tuple of StatedTrial
+    ``tension_n`` (ndarray of shape (n,)): what the load cell reads [N].
     """
 
     protocol: str
@@ -80,16 +69,10 @@ class Session:
 class Disturbance:
     """Disturbance of a stream beyond that of the simulated load cell.
 
-    Attributes
-    ----------
-    noise_n : float
-        Standard deviation of the noise, that of the simulated sensor included [N].
-    drift_n_rt_s : float
-        Random walk of the zero [N per root second].
-    lost : float
-        Share of samples that are lost, each by itself.
-    cut_share : float
-        The sensor ends at this share of the session's largest tension.
+    ``noise_n``: standard deviation of the noise, that of the simulated sensor included [N].
+    ``drift_n_rt_s``: random walk of the zero [N per root second]. ``lost``: share of samples that
+    are lost, each by itself. ``cut_share``: the sensor ends at this share of the session's largest
+    tension.
     """
 
     noise_n: float = 0.004

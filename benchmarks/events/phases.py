@@ -20,14 +20,13 @@ from benchmarks.events.phase_streams import (
 )
 from benchmarks.measuring import Report, Row
 from tactile_classifier.estimators.classifiers import build_estimator, DEFAULT_SCALING
-from tactile_classifier.records import CLASSIFIERS
+from tactile_classifier.records import CLASSIFIERS, CONTACTS
 from tactile_features.config import FeatureConfig
 from tactile_features.extraction.extractor import TrialFeatureExtractor
 from tactile_features.phases import find_phases
 from tactile_features.records import FeatureWindow, Outcome, TrialEvent
 from tactile_ros.strain import StrainBlock
 
-CONTACTS = ('flexion', 'abduction')
 MARK = {'stiffness': 'hold', 'texture': 'glide'}
 """The phase from which a protocol's features are computed."""
 

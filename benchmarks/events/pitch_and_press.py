@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from benchmarks.events.grips import CONTACTS, FAST_HZ, FloatArray, Grips, simulate_grips
+from benchmarks.events.grips import FAST_HZ, FloatArray, Grips, simulate_grips
 from benchmarks.measuring import Report, Row
 from tactile_bringup.trial_protocols import TrialConfig, TrialRequest
+from tactile_classifier.records import CONTACTS
 from tactile_features.errors import UndefinedFeatureError
 from tactile_features.measures import find_ripple, measure_press, measure_relaxation, Press, Value
 from tactile_sim.descriptions.catalogue import default_catalogue

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.events.grips import (
-    CONTACTS,
     FAST_HZ,
     FloatArray,
     Grips,
@@ -19,6 +18,7 @@ from benchmarks.events.grips import (
 )
 from benchmarks.measuring import Report, Row
 from tactile_bringup.trial_protocols import TrialConfig, TrialRequest
+from tactile_classifier.records import CONTACTS
 from tactile_features.slip import SlipConfig, SlipDetector
 
 SEEDS = range(4000, 4005)
