@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from tactile_ros.errors import TactileError
 
@@ -62,6 +61,14 @@ class Output:
     @contextmanager
     def progress(self, title: str) -> Iterator[Callable[..., None]]:
         """Show a bar while the block runs; give what sets how much of how much is done."""
+        from rich.progress import (
+            BarColumn,
+            MofNCompleteColumn,
+            Progress,
+            TextColumn,
+            TimeElapsedColumn,
+        )
+
         bar = Progress(
             TextColumn('{task.description}'),
             BarColumn(),

@@ -5,8 +5,8 @@
 
 A command is one module of `tactile_lab.commands` with a function of its name. The function's
 parameters are the options, its docstring is the help. The module imports at its top what takes no
-time (Typer, `tactile_lab.options`), and what works inside its functions: ``--help`` and refusals
-of the options must not wait for ROS or scikit-learn.
+time (Typer, the options and the output), and what works inside its functions: ``--help`` and
+refusals of the options must not wait for ROS or scikit-learn.
 
 Ubuntu 24.04 has Typer 0.9, which refuses ``X | None`` and does not look into annotations that
 are strings. So modules with options have ``Optional[X]``, and no ``from __future__ import

@@ -18,13 +18,13 @@ from typing import Annotated, Optional, TYPE_CHECKING
 import typer
 
 from tactile_lab import options
+from tactile_lab.output import Output
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from tactile_lab.devices.load_cell import LoadCellFit, Reading
-    from tactile_lab.output import Output
     from tactile_ros.strain import StrainBlock
     from tendon_sensor_driver.records import TendonSensorConfig
 
@@ -73,7 +73,6 @@ def calibrate(
     """
     from tactile_bringup.launch_config.parameter_files import ParameterFile
     from tactile_lab.devices.load_cell import fit_load_cell, set_parameters
-    from tactile_lab.output import Output
     from tactile_sim.pty_server import WeightStand
 
     output = Output(as_json)
@@ -138,7 +137,7 @@ def measure(
     config: 'TendonSensorConfig',
     weights_kg: Sequence[float],
     hang: Callable[[float], None],
-    output: 'Output',
+    output: Output,
     *,
     goes_down: bool,
 ) -> list['Reading']:

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Optional, TYPE_CHECKING
 import typer
 
 from tactile_lab import options
+from tactile_lab.output import Output
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
@@ -62,7 +63,6 @@ def check(
     Each fault comes with its remedy.
     """
     from tactile_bringup.launch_config.graph import Ports
-    from tactile_lab.output import Output
     from tactile_lab.running import open_ports, refuse_two_sensors
 
     output = Output(as_json)

@@ -10,11 +10,12 @@ from typing import Annotated, Any, Optional, TYPE_CHECKING
 import typer
 
 from tactile_lab import options
+from tactile_lab.output import Output
+from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
     from tactile_classifier.evaluation.model_comparison import Answered, Comparison
     from tactile_lab.datasets.model_pairs import Compared
-    from tactile_lab.output import Output
 
 CONFUSIONS = 5
 """Confusions in the terminal; JSON has all."""
@@ -92,8 +93,6 @@ def compare(
         reader_of,
     )
     from tactile_lab.datasets.reading import Reading
-    from tactile_lab.output import Output
-    from tactile_ros.errors import TactileError
 
     output = Output(as_json)
     reading = options.take(Reading, given, task=None)
@@ -117,7 +116,7 @@ def compare(
     output.result({'comparisons': [each.to_dict() for each in found], 'left_out': alone})
 
 
-def _print(compared: 'Compared', output: 'Output') -> None:
+def _print(compared: 'Compared', output: Output) -> None:
     from rich.table import Table
 
     from tactile_lab.datasets.model_pairs import SIDES

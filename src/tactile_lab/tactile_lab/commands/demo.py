@@ -13,6 +13,7 @@ from typing import Annotated, Optional, TYPE_CHECKING
 import typer
 
 from tactile_lab import options
+from tactile_lab.output import make_output_folder, Output
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from tactile_lab.commands.replay import ReplayReport
     from tactile_lab.commands.train import TrainedModel
     from tactile_lab.experiment.live_rig import LiveTrial
-    from tactile_lab.output import Output
 
 PAPER_TRIALS = 60
 """Trials of each plate in the paper (section III.A)."""
@@ -81,7 +81,6 @@ def demo(
     from tactile_lab.datasets.feature_tables import open_features
     from tactile_lab.datasets.reading import Reading
     from tactile_lab.experiment.live_rig import LiveSetup, run_live_trials
-    from tactile_lab.output import Output
     from tactile_lab.simulation.simulated_bags import paper_plans
     from tactile_lab.watch.access import WatchOptions
     from tactile_sim.rig_process import SimulatedRig
@@ -142,8 +141,6 @@ def demo(
 
 def make_folder(folder: Optional[Path]) -> Path:
     """Make the folder for the results, which must not exist yet."""
-    from tactile_lab.output import make_output_folder
-
     folder = folder or Path(time.strftime('tactile-demo-%Y%m%d-%H%M%S'))
     if folder.exists():
         raise TactileError(f'{folder} exists already; name another folder with -o')
@@ -236,7 +233,7 @@ def print_summary(
     folder: Path,
     live: Sequence['LiveTrial'],
     reports: Sequence['ReplayReport'],
-    output: 'Output',
+    output: Output,
 ) -> None:
     """Print the end of the demo."""
     right = sum(trial.is_right for trial in live)

@@ -10,6 +10,7 @@ from typing import Annotated, Optional, TYPE_CHECKING
 import typer
 
 from tactile_lab import options
+from tactile_lab.output import Output
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -72,7 +73,6 @@ def devices(
         probe_net_ft,
         probe_ports,
     )
-    from tactile_lab.output import Output
 
     output = Output(as_json)
     ports, hosts = port or (), net_ft or ()

@@ -9,9 +9,9 @@ from typing import Annotated, Optional, TYPE_CHECKING
 import typer
 
 from tactile_lab import options
+from tactile_lab.output import Output
 
 if TYPE_CHECKING:
-    from tactile_lab.output import Output
     from tactile_lab.report.analysis import SetResult
 
 STATED = (
@@ -104,7 +104,6 @@ def evaluate(
     from tactile_lab.cluster import on_cluster
     from tactile_lab.datasets.feature_tables import open_features
     from tactile_lab.datasets.reading import Reading
-    from tactile_lab.output import Output
     from tactile_lab.report.analysis import analyse
     from tactile_lab.report.recordings import make_sets
 
@@ -156,7 +155,7 @@ def evaluate(
     output.result({'sets': [result.to_dict() for result in results]})
 
 
-def _print(result: 'SetResult', output: 'Output') -> None:
+def _print(result: 'SetResult', output: Output) -> None:
     from tactile_classifier.model_file.manifest import format_features
     from tactile_lab.datasets.tables import accuracy_caption, accuracy_table, format_warnings
     from tactile_lab.report.summary import answer_rows, format_accuracy

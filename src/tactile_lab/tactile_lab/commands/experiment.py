@@ -15,12 +15,12 @@ import typer
 from typer.core import TyperGroup
 
 from tactile_lab import options
+from tactile_lab.output import named_errors, Output, refuse_to_replace, write_atomically
 
 if TYPE_CHECKING:
     from tactile_lab.experiment.folder import ExperimentFolder
     from tactile_lab.experiment.loop import TrialOrder
     from tactile_lab.experiment.plan import ExperimentPlan, PlannedTrial
-    from tactile_lab.output import Output
 
 MOST_FAILURES = 3
 """Failures in a row after which an experiment ends, with ``--yes``."""
@@ -112,7 +112,6 @@ def run(
     from tactile_lab.experiment.live_rig import LiveBench, open_rig
     from tactile_lab.experiment.loop import run_experiment
     from tactile_lab.experiment.plan import ExperimentError, read_plan
-    from tactile_lab.output import Output
 
     output = Output(as_json)
     if yes and not simulated:
@@ -189,7 +188,7 @@ def _numbers_of(plan: 'ExperimentPlan') -> Any:
 
 
 def _draw_block(
-    folder: 'ExperimentFolder', session_id: str, output: 'Output'
+    folder: 'ExperimentFolder', session_id: str, output: Output
 ) -> list['PlannedTrial']:
     """Return the block to append; empty while an earlier one of the session has trials left."""
     if left := folder.appended_left(session_id):
@@ -223,7 +222,6 @@ def new(
     learns the object and not the day. One session says nothing about the accuracy in a new one.
     """
     from tactile_lab.experiment.plan import ExperimentPlan, format_plan, list_order
-    from tactile_lab.output import named_errors, Output, refuse_to_replace, write_atomically
 
     plan = ExperimentPlan(
         name=path.stem,
@@ -276,8 +274,6 @@ def status(folder: FolderArgument, as_json: options.JsonOption = False) -> None:
 
     ``--json`` also has the set-up and every attempt.
     """
-    from tactile_lab.output import Output
-
     _summarise(_find_folder(folder), Output(as_json))
 
 
@@ -352,8 +348,6 @@ def _find_folder(path: Path) -> 'ExperimentFolder':
 def _correct(
     folder: 'ExperimentFolder', trial: str, kind: str, sentence: str, as_json: bool, **values: str
 ) -> None:
-    from tactile_lab.output import Output
-
     attempt = folder.correct(trial, kind, **values)
     output = Output(as_json)
     output.say(f'{attempt.trial_id} {sentence}: {values["why"]}', plain=True)
@@ -361,7 +355,7 @@ def _correct(
 
 
 def _summarise(
-    folder: 'ExperimentFolder', output: 'Output', ended: str = '', is_error: bool = False
+    folder: 'ExperimentFolder', output: Output, ended: str = '', is_error: bool = False
 ) -> None:
     """Print what is recorded, why the command ended (an error prints itself), and what is next."""
     progress = folder.read_progress()
@@ -401,7 +395,7 @@ class Terminal:
 
     has_given_up = False
 
-    def __init__(self, output: 'Output', accepts_setup: bool = False) -> None:
+    def __init__(self, output: Output, accepts_setup: bool = False) -> None:
         self._output = output
         self._accepts_setup = accepts_setup
 

@@ -12,6 +12,14 @@ from typing import Annotated, Any, TYPE_CHECKING
 import typer
 
 from tactile_lab import options
+from tactile_lab.output import (
+    named_errors,
+    Output,
+    refuse_suffix,
+    refuse_to_replace,
+    TABLES,
+    write_table,
+)
 
 if TYPE_CHECKING:
     from tactile_bags import Recording, Trial
@@ -55,14 +63,6 @@ def export(
     """
     given = locals()
     from tactile_bags import Recording, SourceOptions
-    from tactile_lab.output import (
-        named_errors,
-        Output,
-        refuse_suffix,
-        refuse_to_replace,
-        TABLES,
-        write_table,
-    )
 
     output = Output(as_json)
     refuse_suffix('--output', file, TABLES)

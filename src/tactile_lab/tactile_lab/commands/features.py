@@ -10,6 +10,7 @@ from typing import Annotated, Any, Optional, TYPE_CHECKING
 import typer
 
 from tactile_lab import options
+from tactile_lab.output import Output, refuse_suffix, refuse_to_replace, TABLES, write_table
 
 if TYPE_CHECKING:
     from tactile_classifier.datasets.dataset import FeatureTable
@@ -70,7 +71,6 @@ def features(
     from tactile_bags.sources.files import SourceOptions
     from tactile_lab.datasets.feature_tables import open_features
     from tactile_lab.datasets.reading import Reading, select_features
-    from tactile_lab.output import Output, refuse_suffix, refuse_to_replace, TABLES, write_table
 
     output = Output(as_json)
     refuse_suffix('--output', file, TABLES)

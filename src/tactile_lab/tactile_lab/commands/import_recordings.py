@@ -9,6 +9,7 @@ from typing import Annotated, Optional, TYPE_CHECKING
 import typer
 
 from tactile_lab import options
+from tactile_lab.output import named_errors, Output, PICTURES, refuse_suffix, refuse_to_replace
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
@@ -63,7 +64,6 @@ def import_recordings(
 
     from tactile_bags import Recording, SourceOptions
     from tactile_classifier.datasets.archive import save_archive
-    from tactile_lab.output import named_errors, Output, PICTURES, refuse_suffix, refuse_to_replace
 
     output = Output(as_json)
     refuse_suffix('--output', archive, ['.npz'])
@@ -134,7 +134,6 @@ def next_command(archive: Path, trials: 'LabelledTrials') -> str:
 
 
 def _draw(plot: Path, recording: 'Recording', trials: 'LabelledTrials') -> None:
-    from tactile_lab.output import named_errors
     from tactile_lab.plots import plot_signals
 
     usable = [trial for trial in recording.trials if not trial.why_not]

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from tactile_lab import options
+from tactile_lab.output import Output
 
 
 def repair(
@@ -27,7 +28,6 @@ def repair(
     """
     from tactile_bags.audit import audit_bag, summarise_audits
     from tactile_bags.bag_repair import repair_bag
-    from tactile_lab.output import Output
 
     output = Output(as_json)
     repaired = repair_bag(bag, target)

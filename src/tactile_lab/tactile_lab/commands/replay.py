@@ -10,6 +10,7 @@ from typing import Annotated, Any, Optional, TYPE_CHECKING
 import typer
 
 from tactile_lab import options
+from tactile_lab.output import Output
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from tactile_bags.audit import Audit
     from tactile_bags.replay import Comparison, TactileResults
     from tactile_bringup.launch_config.graph import NodeDescription
-    from tactile_lab.output import Output
 
 POLL_S = 0.1
 LINGER_S = 3.0
@@ -78,8 +78,6 @@ def replay(
     there is one. Then says whether samples of the recording are missing, doubled or out of
     order. With ``--watch`` it first plays the recording in real time on a live page.
     """
-    from tactile_lab.output import Output
-
     output = Output(as_json)
     if watch:
         play_and_watch(bag, models, output)
@@ -91,7 +89,7 @@ def replay(
     raise typer.Exit(0 if equal else 1)
 
 
-def play_and_watch(path: Path, models: Optional[Path], output: 'Output') -> None:
+def play_and_watch(path: Path, models: Optional[Path], output: Output) -> None:
     """Play a bag in its own time through fresh nodes, on a domain of their own, on a live page."""
     from contextlib import ExitStack
     import tempfile
@@ -148,7 +146,7 @@ def replay_graph(path: Path, models: Optional[Path], scratch: Path) -> 'list[Nod
     return [*nodes, NodeDescription(PLAYER, player)]
 
 
-def print_report(report: ReplayReport, output: 'Output') -> None:
+def print_report(report: ReplayReport, output: Output) -> None:
     """Print one line for each comparison, and what the audits found."""
     finger = f'{report.namespace}: ' if report.namespace else ''
     times = f', {report.replay_count} times' if report.replay_count > 1 else ''

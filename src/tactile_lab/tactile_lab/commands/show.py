@@ -10,11 +10,11 @@ from typing import Annotated, Any, NamedTuple, Optional, TYPE_CHECKING
 import typer
 
 from tactile_lab import options
+from tactile_lab.output import named_errors, Output, PICTURES, refuse_suffix
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
     from tactile_bags import Recording, Trial
-    from tactile_lab.output import Output
 
 SHOWN = 20
 """Trials in the terminal's table; JSON has all."""
@@ -61,8 +61,6 @@ def show(
     For a recording: its trials with label, session and length. For a model: its inputs,
     training trials, accuracy on held-out trials, calibration error and limits.
     """
-    from tactile_lab.output import Output, PICTURES, refuse_suffix
-
     output = Output(as_json)
     if plot is not None:
         refuse_suffix('--plot', plot, PICTURES)
@@ -202,7 +200,6 @@ def describe_card(path: Path) -> Contents:
 def _draw(plot: Path, path: Path, recording: 'Recording', trial: Optional[int]) -> str:
     """Draw one trial, or all of an experiment; return what was drawn."""
     from tactile_bags.experiment_journal import is_experiment
-    from tactile_lab.output import named_errors
     from tactile_lab.plots import plot_all_trials, plot_signals, plot_strain
 
     trials = [t for t in recording.trials if recording.is_own or not t.why_not]
@@ -226,7 +223,7 @@ def _draw(plot: Path, path: Path, recording: 'Recording', trial: Optional[int]) 
     return f'trial {number}'
 
 
-def _print(path: Path, contents: Contents, output: 'Output') -> None:
+def _print(path: Path, contents: Contents, output: Output) -> None:
     from rich.table import Table
 
     if 'card' in contents.details:

@@ -11,10 +11,10 @@ from typing import Annotated, Optional, TYPE_CHECKING
 import typer
 
 from tactile_lab import options
+from tactile_lab.output import make_output_folder, Output
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
-    from tactile_lab.output import Output
     from tactile_lab.simulation.simulated_bags import SimulatedBag
     from tactile_lab.simulation.simulated_trials import SimulationPlan
     from tactile_sim.descriptions.catalogue import Catalogue
@@ -118,7 +118,6 @@ def simulate(
 
     from tactile_bringup.trial_protocols import TrialConfig
     from tactile_lab.cluster import on_cluster
-    from tactile_lab.output import Output
     from tactile_lab.simulation.simulated_bags import count_trials
     from tactile_lab.simulation.simulated_trials import SimulationPlan
     from tactile_sim.descriptions.catalogue import Catalogue
@@ -174,7 +173,7 @@ def simulate(
 def make_bags(
     folder: Path,
     plans: 'Sequence[SimulationPlan]',
-    output: 'Output',
+    output: Output,
     *,
     catalogue: 'Catalogue | None' = None,
     jobs: int = -1,
@@ -186,7 +185,6 @@ def make_bags(
     from tactile_bags.errors import BagError
     from tactile_bringup.trial_protocols import TrialConfig
     from tactile_features.config import FeatureConfig
-    from tactile_lab.output import make_output_folder
     from tactile_lab.simulation.simulated_bags import count_trials, write_simulated_bag
     from tactile_sim.descriptions.catalogue import Catalogue
 

@@ -12,6 +12,8 @@ from typing import Annotated, Any, Optional, TYPE_CHECKING
 import typer
 
 from tactile_lab import options
+from tactile_lab.output import make_output_folder, Output, refuse_to_replace
+from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
     from tactile_classifier.datasets.dataset import FeatureTable
@@ -19,7 +21,6 @@ if TYPE_CHECKING:
     from tactile_classifier.model_file.manifest import Manifest
     from tactile_classifier.training.feature_choice import FeatureChoice
     from tactile_lab.datasets.feature_tables import FeatureTables, RecordingFeatures
-    from tactile_lab.output import Output
 
 
 @dataclass(frozen=True)
@@ -161,8 +162,6 @@ def train(
     from tactile_lab.datasets.automatic_features import AUTO, choose_automatically
     from tactile_lab.datasets.feature_tables import open_features
     from tactile_lab.datasets.reading import Reading
-    from tactile_lab.output import Output
-    from tactile_ros.errors import TactileError
 
     output = Output(as_json)
     if recalibrate is not None:
@@ -236,7 +235,6 @@ def _check_sets(features: str) -> None:
     from tactile_features.records import PHASE_GLIDE, PHASE_HOLD
     from tactile_lab.datasets.automatic_features import AUTO
     from tactile_lab.datasets.reading import list_sets
-    from tactile_ros.errors import TactileError
 
     if not list_sets(features):
         raise TactileError(
@@ -247,8 +245,6 @@ def _check_sets(features: str) -> None:
 
 def parse_seconds(text: Optional[str]) -> list[float]:
     """Return the numbers of ``--partial`` [s]."""
-    from tactile_ros.errors import TactileError
-
     try:
         return list(map(float, options.split(text)))
     except ValueError:
@@ -258,7 +254,7 @@ def parse_seconds(text: Optional[str]) -> list[float]:
         ) from None
 
 
-def read_with_progress(source: 'RecordingFeatures', output: 'Output') -> 'FeatureTables':
+def read_with_progress(source: 'RecordingFeatures', output: Output) -> 'FeatureTables':
     """Return the feature tables of a recording; say which trials are left out."""
     with output.progress('extracting features'):
         found = source.tables()
@@ -279,7 +275,7 @@ def train_models(
     tables: Mapping[tuple[str, ...], 'FeatureTable'],
     *,
     folder: Path,
-    output: 'Output',
+    output: Output,
     classifier: str = 'knn',
     scaling: Optional[str] = None,
     choice: 'Optional[FeatureChoice]' = None,
@@ -312,7 +308,6 @@ def train_models(
         describe_answers,
         format_warnings,
     )
-    from tactile_lab.output import make_output_folder, refuse_to_replace
 
     paths = {key: model_path(folder, *key) for key in tables}
     refuse_to_replace(paths.values(), force=force)
@@ -358,7 +353,7 @@ def train_models(
 
 
 def run_recalibrate(
-    original: Path, recordings: Sequence[Path], folder: Path, output: 'Output', *, force: bool
+    original: Path, recordings: Sequence[Path], folder: Path, output: Output, *, force: bool
 ) -> None:
     """Write a model for the session of the bags' trials, and print what it was."""
     from tactile_classifier.model_file.model import load_model
@@ -366,8 +361,6 @@ def run_recalibrate(
     from tactile_lab.datasets.feature_tables import open_features
     from tactile_lab.datasets.reading import Reading
     from tactile_lab.datasets.tables import describe_calibration
-    from tactile_lab.output import make_output_folder, refuse_to_replace
-    from tactile_ros.errors import TactileError
 
     model = load_model(original)
     with open_features(recordings, Reading(task=model.task)) as source:

@@ -11,6 +11,7 @@ from typing import Annotated, TYPE_CHECKING
 import typer
 
 from tactile_lab import options
+from tactile_lab.output import Output
 
 if TYPE_CHECKING:
     from tactile_lab.experiment.live_rig import LiveTrial
@@ -64,7 +65,6 @@ def trials(
     from tactile_bringup.launch_config.graph import Ports
     from tactile_bringup.trial_protocols import TrialRequest
     from tactile_lab.experiment.live_rig import open_rig, run_live_trials
-    from tactile_lab.output import Output
 
     output = Output(as_json)
     started = time.strftime('%Y%m%d-%H%M%S')

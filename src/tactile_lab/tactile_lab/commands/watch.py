@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from tactile_lab.output import Output
+
 
 def watch(
     host: Annotated[
@@ -34,7 +36,6 @@ def watch(
     does not replace the emergency stop of your rig.
     """
     from tactile_bringup.nodes.graph_runner import ros_context  # rclpy
-    from tactile_lab.output import Output
     from tactile_lab.running import say_address
     from tactile_lab.watch.access import WatchOptions
     from tactile_lab.watch.watching import watching
