@@ -119,15 +119,9 @@ class ModelInfo:
 
 @dataclasses.dataclass(frozen=True)
 class ModelInfos:
-    """All models that a classifier node answers with.
+    """All models that a classifier node answers with, and one sentence for each refused file.
 
-    Attributes
-    ----------
-    models : tuple of ModelInfo
-    refused : tuple of str
-        One sentence for each model file that cannot be used.
-    stamp_ns : int
-        Time of the configuration (ROS time) [ns].
+    ``stamp_ns`` is the time of the configuration (ROS time) [ns].
     """
 
     models: tuple[ModelInfo, ...]

@@ -143,6 +143,17 @@ def _spread(contains: npt.NDArray[np.bool_]) -> Indices:
     return np.arange(groups)
 
 
+def score_held_out(
+    table: FeatureTable, held_out: npt.NDArray[np.bool_], classifier: str, scaling: str
+) -> tuple[Matrix, Indices]:
+    """Return raw scores of some trials by a model of the others, and the true labels' columns."""
+    train, test = table.take(~held_out), table.take(held_out)
+    estimator = build_estimator(classifier, scaling, table.channels)
+    estimator.fit(train.values, train.labels)
+    true = np.searchsorted(estimator.classes_, test.labels)
+    return compute_raw_scores(estimator, test.values), true
+
+
 def hold_out_scores(
     table: FeatureTable, classifier: str, scaling: str, fold: Indices
 ) -> tuple[Matrix, Indices]:
@@ -153,9 +164,7 @@ def hold_out_scores(
     classes, true = np.unique(table.labels, return_inverse=True)
     scores = np.zeros((len(table), len(classes)))
     for i in np.unique(fold):
-        estimator = build_estimator(classifier, scaling, table.channels)
-        estimator.fit(table.values[fold != i], table.labels[fold != i])
-        scores[fold == i] = compute_raw_scores(estimator, table.values[fold == i])
+        scores[fold == i], _ = score_held_out(table, fold == i, classifier, scaling)
     return scores, true
 
 

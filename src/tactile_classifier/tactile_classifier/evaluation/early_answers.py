@@ -11,16 +11,15 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from tactile_classifier.confidence.calibration import calibrate_stage, make_group_folds
+from tactile_classifier.confidence.calibration import (
+    calibrate_stage,
+    make_group_folds,
+    score_held_out,
+)
 from tactile_classifier.confidence.stopping import find_first_stop, fit_stop_threshold
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError, EvaluationError
-from tactile_classifier.estimators.classifiers import (
-    build_estimator,
-    compute_raw_scores,
-    default_scaling,
-    on_one_thread,
-)
+from tactile_classifier.estimators.classifiers import default_scaling, on_one_thread
 from tactile_classifier.evaluation.intervals import Result
 
 Matrix = npt.NDArray[np.float64]
@@ -117,11 +116,13 @@ def evaluate_stopping(
             ]
             confidence = np.zeros((len(stages), int(test.sum())))
             for j, (stage, calibrated) in enumerate(zip(stages, held_out, strict=True)):
-                scores, wrong[j, test] = _answer(stage, test, classifier, scaling)
+                scores, true = score_held_out(stage, test, classifier, scaling)
+                wrong[j, test] = scores.argmax(axis=1) != true
                 novelty = calibrated.novelty.compute(stage.values[test])
                 confidence[j] = calibrated.calibration.compute(scores).max(axis=1)
                 confidence[j, novelty > calibrated.novelty_threshold] = -1.0
-            wrong[-1, test] = _answer(table, test, classifier, scaling)[1]
+            scores, true = score_held_out(table, test, classifier, scaling)
+            wrong[-1, test] = scores.argmax(axis=1) != true
             for r, rate in enumerate(error_rates):
                 threshold = fit_stop_threshold(
                     np.stack([calibrated.confidence for calibrated in held_out]),
@@ -148,16 +149,6 @@ def evaluate_stopping(
             for r, rate in enumerate(error_rates)
         ),
     )
-
-
-def _answer(
-    table: FeatureTable, test: Flags, classifier: str, scaling: str
-) -> tuple[Matrix, Flags]:
-    """Return scores, and which answers are wrong, of the trials that are held out."""
-    estimator = build_estimator(classifier, scaling, table.channels)
-    estimator.fit(table.values[~test], table.labels[~test])
-    scores = compute_raw_scores(estimator, table.values[test])
-    return scores, estimator.classes_[scores.argmax(axis=1)] != table.labels[test]
 
 
 def _count(

@@ -18,17 +18,12 @@ from tactile_classifier.confidence.calibration import (
     compute_uncalibrated,
     fit_novelty,
     make_group_folds,
+    score_held_out,
 )
 from tactile_classifier.confidence.novelty import compute_auroc
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError, EvaluationError
-from tactile_classifier.estimators.classifiers import (
-    build_estimator,
-    compute_raw_scores,
-    default_scaling,
-    on_one_thread,
-    SCORE_KINDS,
-)
+from tactile_classifier.estimators.classifiers import default_scaling, on_one_thread, SCORE_KINDS
 from tactile_classifier.evaluation.intervals import Result
 
 
@@ -177,13 +172,9 @@ def _evaluate_fold(
     rate: float,
 ) -> _Part:
     train, test = table.take(~held_out), table.take(held_out)
-    classes = np.unique(train.labels)
     inner = make_group_folds(train, columns)
     stage = calibrate_stage(train, classifier, scaling, inner, rate)
-    estimator = build_estimator(classifier, scaling, table.channels)
-    estimator.fit(train.values, train.labels)
-    scores = compute_raw_scores(estimator, test.values)
-    true = np.searchsorted(classes, test.labels)
+    scores, true = score_held_out(table, held_out, classifier, scaling)
     before = compute_uncalibrated(scores, SCORE_KINDS[classifier])
     unknown = {}
     for label in np.unique(test.labels):
