@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.stats import norm
 
 from benchmarks.events.grips import (
     FAST_HZ,
@@ -50,7 +51,7 @@ def run_slip(quick: bool) -> Report:
             config = SlipConfig(threshold=threshold)
             for (label, contact), seeds in scenes.items():
                 judged = [_judge_scenes(label, grips, config, rate_hz) for grips in seeds]
-                more = _summarise(judged)
+                more = _summarise(judged, threshold)
                 case = f'{rate_hz:g} Hz, {threshold:g}: {label}, {contact}'
                 rows.append(Row(case, more=more))
     for rate_hz, (hold_s, count) in HOLDS_S.items():
@@ -87,7 +88,10 @@ def _simulate_scenes(
 
 
 class Judged(NamedTuple):
-    """Slips and alarms of one seed's trials; latencies and errors of onsets [s]."""
+    """Slips and alarms of one seed's trials; latencies and errors of onsets [s].
+
+    ``deviations``: of each slip for the best filter, see `_find_deviation`.
+    """
 
     slips: int
     missed: int
@@ -95,10 +99,11 @@ class Judged(NamedTuple):
     trials: int
     latencies_s: list[float]
     onsets_s: list[float]
+    deviations: list[float]
 
 
 def _judge_scenes(label: str, sessions: list[Grips], config: SlipConfig, rate_hz: float) -> Judged:
-    slips, early, latencies_s, onsets_s = 0, 0, [], []
+    early, latencies_s, onsets_s, deviations = 0, [], [], []
     for grips in sessions:
         detector = SlipDetector(config)
         phases = dict(grips.planned.phases)
@@ -112,19 +117,49 @@ def _judge_scenes(label: str, sessions: list[Grips], config: SlipConfig, rate_hz
             began_s = _find_slip_s(grips, trial, phases) if label in SLIDING else None
             right = [pair for pair in found if began_s and pair[0] >= began_s - EARLY_S]
             early += len(found) - len(right)
-            slips += began_s is not None
+            if began_s:
+                deviations.append(_find_deviation(grips, trial, began_s, rate_hz))
             if right and began_s:
                 latencies_s.append(right[0][0] - began_s)
                 onsets_s.append(right[0][1] - began_s)
     trials = sum(len(grips.tension_n) for grips in sessions)
-    return Judged(slips, slips - len(latencies_s), early, trials, latencies_s, onsets_s)
+    missed = len(deviations) - len(latencies_s)
+    return Judged(len(deviations), missed, early, trials, latencies_s, onsets_s, deviations)
 
 
-def _summarise(seeds: list[Judged]) -> dict[str, Any]:
+def _find_deviation(grips: Grips, trial: int, began_s: float, rate_hz: float) -> float:
+    """Return how far a slip stands out for the filter that knows its shape and time [SD of noise].
+
+    That is the fall without noise below the line through the history, less the line that both
+    could be; the largest over starts near the true one.
+    """
+    clean_n = grips.motion.sensed_n
+    noise_n = np.std(np.diff(grips.tension_n - clean_n, axis=1)) / np.sqrt(2)
+    history, fall = (round(length_s * rate_hz) for length_s in (0.2, 0.05))
+    places = np.arange(history + fall)
+    first, last = (
+        int(np.searchsorted(grips.times_s, began_s + shift_s)) for shift_s in (-0.03, 0.06)
+    )
+    largest = 0.0
+    for start in range(first, last + 1, max(1, round(0.005 * rate_hz))):
+        values = clean_n[trial, start - history : start + fall]
+        line = np.polyfit(places[:history], values[:history], 1)
+        shape = np.where(places < history, 0.0, values - np.polyval(line, places))
+        rest = shape - np.polyval(np.polyfit(places, shape, 1), places)
+        if shape.sum() < 0.0:
+            largest = max(largest, float(np.linalg.norm(rest) / noise_n))
+    return largest
+
+
+def _summarise(seeds: list[Judged], threshold: float) -> dict[str, Any]:
     more: dict[str, Any] = {}
     for name in ('slips', 'missed', 'early', 'trials'):
         counts = [getattr(each, name) for each in seeds]
         more[name] = f'{np.mean(counts):.3g} ({min(counts)} to {max(counts)})'
+    floor = [float(norm.cdf(threshold - np.array(each.deviations)).sum()) for each in seeds]
+    more['missed by the best filter'] = (
+        f'{np.mean(floor):.1f} ({min(floor):.1f} to {max(floor):.1f})'
+    )
     latencies_s = [value for each in seeds for value in each.latencies_s]
     onsets_s = [value for each in seeds for value in each.onsets_s]
     if latencies_s:

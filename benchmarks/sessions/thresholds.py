@@ -1,10 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Unknown objects in sessions that training never saw, over many seeds. SIMULATED.
-
-Features are those of the feature node's defaults.
-"""
+"""Unknown objects in sessions that training never saw, over many seeds. SIMULATED."""
 
 from __future__ import annotations
 
@@ -24,23 +21,32 @@ from tactile_classifier.estimators.classifiers import (
     compute_raw_scores,
     DEFAULT_SCALING,
 )
+from tactile_features.config import FeatureConfig
 from tactile_features.extraction.extractor import features_from_trials
 
 RATE = 0.05
+
+CASES = (
+    ('stiffness', 'stiffness_regression'),
+    ('texture', 'texture_spectrum'),
+    ('stiffness', 'hold_waveform'),
+    ('texture', 'glide_waveform'),
+)
+"""Protocols and sets: the defaults, and the waveforms that random convolutions take."""
 
 
 def run_thresholds(quick: bool) -> Report:
     """Judge the threshold of the model file, and that of a recalibrated model."""
     seeds, tests = count_seeds(quick)
     rows = []
-    for protocol in ('stiffness', 'texture'):
+    for protocol, features in CASES:
         for contact in CONTACTS:
             found: dict[str, list[Array]] = {}
             for seed in seeds:
-                for name, sessions in _judge(protocol, contact, seed, tests).items():
+                for name, sessions in _judge(protocol, features, contact, seed, tests).items():
                     found.setdefault(name, []).append(sessions)
             rows += [
-                Row(f'{protocol}, {contact}: {name}', more=_summarise(runs))
+                Row(f'{features}, {contact}: {name}', more=_summarise(runs))
                 for name, runs in found.items()
             ]
     return Report(
@@ -53,10 +59,11 @@ def run_thresholds(quick: bool) -> Report:
     )
 
 
-def _judge(protocol: str, contact: str, seed: int, tests: int) -> dict[str, Array]:
+def _judge(protocol: str, features: str, contact: str, seed: int, tests: int) -> dict[str, Array]:
     """Return false rejections, misses and accuracy of each test session, by the threshold."""
     windows, labels, sessions, rate_hz = simulate_windows(protocol, contact, seed, tests)
-    values, spec = features_from_trials(protocol, windows, rate_hz)
+    config = FeatureConfig(**{f'{protocol}_features': features})
+    values, spec = features_from_trials(protocol, windows, rate_hz, config=config)
     table = FeatureTable(values, labels, spec, {'session_id': sessions})
     train, test = table.take(sessions < TRAIN), table.take(sessions >= TRAIN)
     folds, scaling = make_group_folds(train), DEFAULT_SCALING[table.task]
