@@ -3,8 +3,10 @@
 
 """The node over DDS: what it publishes is what the core computes."""
 
+import dataclasses
 from functools import partial
 import gc
+import json
 import weakref
 
 from builtin_interfaces.msg import Time
@@ -19,15 +21,22 @@ from rclpy.parameter import Parameter
 from rclpy.qos import ReliabilityPolicy
 from std_msgs.msg import Header
 
-from tactile_features import FeatureConfig, Outcome, TrialFeatureExtractor
+from tactile_features import (
+    FeatureConfig,
+    Outcome,
+    spec_for,
+    TrialFeatureExtractor,
+    WantedFeatures,
+)
 from tactile_features.conversions import (
     event_from_msg,
     feature_window_from_msg,
+    specifications_from_msg,
     strain_block_from_msg,
 )
 from tactile_features.tactile_features_node import TactileFeaturesNode
-from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
-from tactile_ros.qos import EVENTS, RESULTS, STREAM
+from tactile_msgs.msg import FeatureSpecifications, StrainBlock, TactileFeatures, TrialEvent
+from tactile_ros.qos import EVENTS, LATEST, RESULTS, STREAM
 from tactile_testing.waiting import wait_until
 
 PERIOD_NS = 16_666_667
@@ -59,6 +68,8 @@ def event(time_s, phase, trial_id='t1'):
     )
 
 
+FULL = WantedFeatures(spec_for('texture', FeatureConfig()), (60, 120))
+SHORT = WantedFeatures(spec_for('texture', FeatureConfig(texture_samples=90)))
 TRIAL = [event(1.0, 'approach'), event(2.0, 'glide'), event(7.0, 'hold'), event(11.0, 'done')]
 
 
@@ -309,3 +320,62 @@ def test_parameters_that_cannot_work_are_refused(make_bench):
         make_bench(rate_hz=0.0)
     bench = make_bench(buffer_s=2.0)
     assert not bench.node.bring_up()
+
+
+def listen(bench):
+    """Return what a node says after it was configured: its specifications and its health."""
+    announced, health = [], []
+    bench.peer.create_subscription(
+        FeatureSpecifications, 'tactile_features/specifications', announced.append, LATEST
+    )
+    bench.peer.create_subscription(
+        DiagnosticArray, '/diagnostics', lambda message: health.append(message.status[0]), 10
+    )
+    bench.spin_until(lambda: announced and health)
+    return specifications_from_msg(announced[-1]), health[-1]
+
+
+def test_the_specifications_are_there_for_who_comes_late_to_an_inactive_node(make_bench):
+    bench = make_bench(texture_samples=120, partial_samples=[60])
+    bench.node.trigger_configure()
+    announced, _ = listen(bench)
+    config = FeatureConfig(texture_samples=120, partial_samples=(60,))
+    assert announced.wanted == TrialFeatureExtractor(config).wanted
+    assert FeatureConfig(**announced.config) == config
+    assert announced.stamp_ns > 0
+
+
+def test_the_models_decide_and_a_broken_file_is_named(
+    make_bench, make_model_file, tmp_path, capfd
+):
+    make_model_file(tmp_path / 'a.onnx', FULL)
+    make_model_file(tmp_path / 'b.onnx', SHORT)
+    make_model_file(tmp_path / 'c.onnx', SHORT, 'abduction')
+    (tmp_path / 'broken.onnx').write_bytes(b'hello')
+    bench = make_bench(
+        models=str(tmp_path), contact='flexion', texture_samples=240, samples_timeout_s=2.0
+    )
+    assert bench.node.bring_up()
+    announced, health = listen(bench)
+    hold = WantedFeatures(spec_for('stiffness', FeatureConfig()))
+    assert announced.wanted == (FULL, SHORT, hold)
+    # A replay takes what was announced, and nothing else.
+    config = FeatureConfig(**json.loads(json.dumps(announced.config)))
+    again = TrialFeatureExtractor(config, announced.wanted)
+    assert (again.config, again.wanted) == (bench.node.extractor.config, announced.wanted)
+    assert config.samples_timeout_s == 2.0
+    assert dataclasses.replace(config, texture_samples=180, samples_timeout_s=5.0) == (
+        FeatureConfig()
+    )
+    log = capfd.readouterr().err
+    assert f'model {tmp_path / "broken.onnx"} is refused' in log
+    assert 'the models decide: texture_samples 180 and 90 (not 240)' in log
+    assert health.level == DiagnosticStatus.WARN
+    assert str(tmp_path / 'broken.onnx') in health.message
+    values = {pair.key: pair.value for pair in health.values}
+    assert (values['refused model files'], values['specifications']) == ('1', '3')
+
+
+def test_without_a_usable_model_it_is_not_configured_and_says_why(make_bench, tmp_path, capfd):
+    assert not make_bench(models=str(tmp_path)).node.bring_up()
+    assert f'there are no model files (*.onnx) in {tmp_path}' in capfd.readouterr().err
