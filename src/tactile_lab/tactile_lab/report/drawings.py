@@ -268,7 +268,7 @@ def draw_accuracies(results: Sequence[SetResult]) -> Drawing:
         panels = figure.subplots(len(SCALINGS), 1, sharex=True)
         for axes, scaling in zip(panels, reversed(SCALINGS), strict=True):
             _draw_bars(axes, results, scaling)
-        legend_below(figure, panels[0], 3)
+        legend_below(figure, panels[0])
 
     marks = '; '.join(
         f'{mark}: {name}' for mark, name in zip('◆●▼■', _split_names(results), strict=False)
@@ -390,7 +390,7 @@ def draw_scaling_cause(results: Sequence[SetResult]) -> Drawing:
         left.axhline(100 / len(names), ls='--', lw=1, color=INK, label='each, scaled')
         left.set_xticks(range(len(names)), names)
         left.set(ylim=(0, 104), ylabel='share of squared distance [%]', title='unscaled')
-        legend_below(figure, left, 3)
+        legend_below(figure, left)
         right.set(
             ylim=(0, 104),
             ylabel='accuracy [%]',

@@ -106,10 +106,10 @@ def render(
     return Drawing(svg, prefix + caption, round(_LEAST_SCALE * width_px))
 
 
-def legend_below(figure: Figure, axes: Axes, columns: int) -> None:
-    """Put the legend of some axes below the whole figure."""
+def legend_below(figure: Figure, axes: Axes) -> None:
+    """Put the legend of some axes below the whole figure, in three columns."""
     handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc='outside lower center', ncols=columns, fontsize=8)
+    figure.legend(handles, labels, loc='outside lower center', ncols=3, fontsize=8)
 
 
 def _clean(svg: str) -> str:

@@ -216,14 +216,11 @@ class Frames:
                 frame['state'] = state.describe()
             live = {}
             for finger in state.fingers:
-                epoch, count = self._known.get(finger.name, (-1, 0))
-                if finger.epoch != epoch:
-                    count = 0
-                is_new = finger.epoch != epoch or finger.point_count != count
-                self._known[finger.name] = (finger.epoch, finger.point_count)
-                if not is_new:
+                epoch, count = known = self._known.get(finger.name, (-1, 0))
+                if known == (finger.epoch, finger.point_count):
                     continue
-                times_s, tensions_n = finger.points_since(count)
+                self._known[finger.name] = (finger.epoch, finger.point_count)
+                times_s, tensions_n = finger.points_since(count if epoch == finger.epoch else 0)
                 live[finger.name] = {'epoch': finger.epoch, 'x': times_s, 'y': tensions_n}
                 if now_s - self._spectra_s.get(finger.name, -1.0) >= SPECTRUM_PERIOD_S:
                     self._spectra_s[finger.name] = now_s
