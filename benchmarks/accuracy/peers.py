@@ -29,13 +29,14 @@ from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from benchmarks.accuracy.speeds import FINEST_M, Glides, over_distance
+from benchmarks.accuracy.speeds import FINEST_M, LENGTH_M
 from benchmarks.measuring import Report, Row
 from benchmarks.recordings import FABRIC_SLIDE, find_recording, PHAC_HOLD, say_missing
 from tactile_classifier import load_archive
+from tactile_classifier.datasets.archive import LabelledTrials
 from tactile_classifier.estimators.classifiers import build_estimator
 from tactile_classifier.records import ROCKET
-from tactile_features import compute_spectrum, features_from_trials
+from tactile_features import compute_spectrum, FeatureConfig, features_from_trials
 from tactile_features.feature_sets.waveforms import average_parts, HOLD_PARTS
 
 Array = NDArray[Any]
@@ -238,6 +239,21 @@ def run_peers(quick: bool) -> Report:
     )
 
 
+def compute_by_speed(trials: LabelledTrials, x: Array, name: str, rows: Array) -> Array:
+    """Return a set of features of some rows of the signals ``x``, each with its speed.
+
+    The peers know no speed, so each row is looked up.
+    """
+    place = {row.tobytes(): i for i, row in enumerate(x)}
+    config = FeatureConfig(
+        texture_features=name, spatial_length_m=LENGTH_M, spatial_finest_m=FINEST_M
+    )
+    speeds = trials.columns['speed_mm_s'][[place[row.tobytes()] for row in rows]] / 1e3
+    return features_from_trials('texture', rows, trials.rate_hz, config=config, speeds_m_s=speeds)[
+        0
+    ]
+
+
 def _fabrics(path: Path, seeds: int) -> list[Row]:
     trials = load_archive(path).where('balanced')
     x, label = trials.signal(0), trials.label
@@ -247,22 +263,13 @@ def _fabrics(path: Path, seeds: int) -> list[Row]:
         'one speed held out': partial(held_out, speed),
         'one speed and force held out': partial(held_out, 1000 * speed + force),
     }
-    # The peers know no speed; these take each row with its speed, by looking it up.
-    place = {row.tobytes(): i for i, row in enumerate(x)}
-
-    def by_speed(view: Callable[[Glides], Array]) -> Transform:
-        def compute(rows: Array) -> Array:
-            at = [place[row.tobytes()] for row in rows]
-            return view(Glides(rows, label[at], speed[at] / 1e3, trials.rate_hz))
-
-        return compute
-
+    by_speed = partial(compute_by_speed, trials, x)
     spatial = Method(
         f'texture_spatial {1e3 * FINEST_M:g} mm, linear SVM',
-        fixed(by_speed(over_distance)),
+        fixed(partial(by_speed, 'texture_spatial')),
         lambda _: build_estimator('svm_linear', 'none'),
     )
-    resampled = by_speed(partial(over_distance, features='spatial_waveform'))
+    resampled = partial(by_speed, 'spatial_waveform')
 
     def fit_over_mm(name: str, rows: Array, seed: int) -> Transform:
         transform = fit_aeon(name, resampled(rows), seed)

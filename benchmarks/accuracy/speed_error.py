@@ -27,6 +27,7 @@ import numpy as np
 from benchmarks.accuracy.peers import (
     Array,
     Candidate,
+    compute_by_speed,
     fit_aeon,
     fixed,
     held_out,
@@ -35,7 +36,6 @@ from benchmarks.accuracy.peers import (
     ROCKETS,
     Transform,
 )
-from benchmarks.accuracy.speeds import FINEST_M, LENGTH_M
 from benchmarks.recordings import FABRIC_SLIDE, find_recording, PHAC_HOLD, say_missing
 from tactile_classifier import load_archive
 from tactile_classifier.estimators.classifiers import build_estimator
@@ -76,20 +76,9 @@ def measure(seeds: int) -> Iterator[Point]:
     """Yield a point for each method on each recording that is there."""
     if path := find_recording(FABRIC_SLIDE):
         trials = load_archive(path).where('balanced')
-        x, speed_m_s = trials.signal(0), trials.columns['speed_mm_s'] / 1e3
-        place = {row.tobytes(): i for i, row in enumerate(x)}
-
-        def by_speed(name: str, rows: Array) -> Array:
-            config = FeatureConfig(
-                texture_features=name, spatial_length_m=LENGTH_M, spatial_finest_m=FINEST_M
-            )
-            speeds = speed_m_s[[place[row.tobytes()] for row in rows]]
-            return features_from_trials(
-                'texture', rows, trials.rate_hz, config=config, speeds_m_s=speeds
-            )[0]
-
+        x = trials.signal(0)
         sets = ('texture_spectrum', 'texture_spatial', 'glide_waveform', 'spatial_waveform')
-        views = {name: partial(by_speed, name) for name in sets}
+        views = {name: partial(compute_by_speed, trials, x, name) for name in sets}
         split = partial(held_out, trials.columns['speed_mm_s'])
         yield from _measure_all('fabrics', views, 'glide_waveform', x, trials.label, split, seeds)
     if path := find_recording(PHAC_HOLD):
