@@ -42,10 +42,7 @@ class DynamixelBus:
     Its calls raise `SilentServoError` without a valid answer, `DeviceRefusedError` when the servo
     refuses, and `DeviceConnectionError` when the port cannot be opened or is lost.
 
-    Attributes
-    ----------
-    lock : threading.RLock
-        Held during each call; hold it to keep several calls together.
+    ``lock`` is held during each call; hold it to keep several calls together.
     """
 
     def __init__(self, port: str, baud: int, device_id: int) -> None:

@@ -215,25 +215,18 @@ def sensor_parameters(
 ) -> dict[str, Any] | None:
     """Return what arguments set of a sensor node; None: there is no such node.
 
+    ``stated`` has the other parameters of the finger's nodes, by name. A sensor on a topic has the
+    rate of the models, without models that of the feature node. Where neither says one, the sensor
+    measures it. A simulated sensor marks its samples, and nobody else needs to know. Raises
+    `TactileError` when there are a port and a topic.
+
     Parameters
     ----------
-    stated : mapping
-        Other parameters of the finger's nodes, by name.
-    models : ModelChoice, optional
-        A sensor on a topic has their rate, without models that of the feature node. Where
-        neither says one, the sensor measures it.
     port : str
         Serial port of the load cell; empty: that of the parameters; ``none``, also there: another
         node publishes the strain, unless the parameters name a sensor with an address or a topic.
     topic : str
         ``TOPIC``, ``TOPIC:AXIS`` or ``TOPIC:JOINT``; empty: that of the parameters.
-    simulated : bool
-        The sensor is simulated: it marks its samples, and nobody else needs to know.
-
-    Raises
-    ------
-    TactileError
-        When there are a port and a topic.
     """
     if topic and port:
         raise TactileError('there are a sensor_port and a sensor_topic; give one')

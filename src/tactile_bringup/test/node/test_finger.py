@@ -7,6 +7,7 @@ from collections import Counter
 from dataclasses import replace
 import itertools
 import os
+import termios
 import threading
 import time
 import tty
@@ -63,6 +64,8 @@ class Board:
         self._thread.join(DEADLINE_S)
 
     def close(self):
+        self._end.set()
+        termios.tcflush(self._slave, termios.TCIOFLUSH)  # ends a write that nobody reads
         self.stop()
         os.close(self._master)
         os.close(self._slave)
