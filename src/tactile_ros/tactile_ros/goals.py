@@ -148,8 +148,6 @@ class GoalRunner:
         ``work(goal: Goal) -> result message``; runs on a thread of its own.
     accepting : callable
         Returns an empty string, or why no goal can be taken now.
-    on_cancel : callable
-        Called on the executor's thread as soon as a cancel request arrives.
     preempts : callable
         Whether a request ends every running goal of the node instead of being refused.
     """
@@ -162,14 +160,12 @@ class GoalRunner:
         work: Callable[[Goal], Any],
         *,
         accepting: Callable[[], str] = lambda: '',
-        on_cancel: Callable[[], None] = lambda: None,
         preempts: Callable[[Any], bool] = lambda _: False,
     ) -> None:
         self._node = node
         self._type = action_type
         self._work = work
         self._accepting = accepting
-        self._on_cancel = on_cancel
         self._preempts = preempts
         self._lock = threading.Lock()
         self._goal: Goal | None = None
@@ -213,7 +209,6 @@ class GoalRunner:
 
     def _cancel(self, _: ServerGoalHandle) -> CancelResponse:
         self.end_goal()
-        self._on_cancel()
         return CancelResponse.ACCEPT
 
     async def _execute(self, handle: ServerGoalHandle) -> Any:

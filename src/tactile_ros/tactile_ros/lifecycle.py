@@ -22,6 +22,7 @@ from rcl_interfaces.msg import (
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from tactile_ros.configs import find_objection
@@ -308,7 +309,9 @@ class TactileNode(LifecycleNode):
         options.setdefault('event_callbacks', publisher_warnings(self, topic))
         return super().create_lifecycle_publisher(message_type, topic, *args, **options)
 
-    def create_stream_publisher(self, message_type: type, topic: str) -> Any:
+    def create_stream_publisher(
+        self, message_type: Any, topic: str, profile: QoSProfile = STREAM
+    ) -> Any:
         """Make a lifecycle publisher of samples, whose quality of service can be overridden.
 
         By parameters, as ``qos_overrides./tendon_sensor/strain.publisher.reliability``.
@@ -316,7 +319,7 @@ class TactileNode(LifecycleNode):
         return self.create_lifecycle_publisher(
             message_type,
             topic,
-            copy.copy(STREAM),  # rclpy writes the overrides into it
+            copy.copy(profile),  # rclpy writes the overrides into it
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
 

@@ -173,17 +173,13 @@ class PollingNode(TactileNode):
         topic: str,
         take: Take,
         profile: QoSProfile,
-        *,
-        raw: bool = False,
-        overridable: bool = False,
-        together: bool = False,
+        **options: bool,
     ) -> PolledSubscription:
         """Subscribe to what comes often; ``take(message, info)`` runs on the polling thread.
 
         And on that of `poll_now`. The options are those of `PolledSubscription`.
         """
         guarded = self.message_guard.wrap(topic, take)
-        options = {'raw': raw, 'overridable': overridable, 'together': together}
         subscription = PolledSubscription(self, message_type, topic, guarded, profile, **options)
         with self.lock:
             self._polled = (*self._polled, subscription)

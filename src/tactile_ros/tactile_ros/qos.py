@@ -7,6 +7,7 @@ Publishers are reliable, which best-effort subscribers (REP-2003 sensor data)
 can read too: a lost sample is a gap in a window, so nobody loses one by default.
 """
 
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -59,29 +60,21 @@ _OF_PUBLISHERS = {
 
 def publisher_warnings(node: Any, topic: str) -> PublisherEventCallbacks:
     """Return callbacks that warn, with the cure, of subscribers that get nothing."""
-
-    def warn(event: Any) -> None:
-        node.get_logger().warning(
-            f'a subscriber of {node.resolve_topic_name(topic)} gets nothing: '
-            + _format_cure(event, _OF_SUBSCRIBERS, node.resolve_topic_name(topic))
-        )
-
+    warn = _warner(node, topic, 'a subscriber of {} gets nothing: {}', _OF_SUBSCRIBERS)
     return PublisherEventCallbacks(incompatible_qos=warn)
 
 
 def subscription_warnings(node: Any, topic: str) -> SubscriptionEventCallbacks:
     """Return callbacks that warn, with the cure, of publishers that are not heard."""
-
-    def warn(event: Any) -> None:
-        node.get_logger().warning(
-            f'a publisher of {node.resolve_topic_name(topic)} is not heard: '
-            + _format_cure(event, _OF_PUBLISHERS, node.resolve_topic_name(topic))
-        )
-
+    warn = _warner(node, topic, 'a publisher of {} is not heard: {}', _OF_PUBLISHERS)
     return SubscriptionEventCallbacks(incompatible_qos=warn)
 
 
-def _format_cure(event: Any, cures: dict[str, str], topic: str) -> str:
-    policy = qos_policy_name_from_kind(event.last_policy_kind)
-    other = f'the two differ in {policy}: `ros2 topic info --verbose {topic}` shows both'
-    return cures.get(policy, other)
+def _warner(node: Any, topic: str, sentence: str, cures: dict[str, str]) -> Callable[[Any], None]:
+    def warn(event: Any) -> None:
+        policy = qos_policy_name_from_kind(event.last_policy_kind)
+        name = node.resolve_topic_name(topic)
+        other = f'the two differ in {policy}: `ros2 topic info --verbose {name}` shows both'
+        node.get_logger().warning(sentence.format(name, cures.get(policy, other)))
+
+    return warn

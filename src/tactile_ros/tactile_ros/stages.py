@@ -6,14 +6,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-import copy
 from typing import Any
 
-from rclpy.lifecycle import LifecycleNode
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from tactile_ros.errors import MessageError
+from tactile_ros.lifecycle import TactileNode
 from tactile_ros.polling import PollingNode
 
 
@@ -22,7 +20,7 @@ class RecordPublisher:
 
     Parameters
     ----------
-    node : rclpy.lifecycle.LifecycleNode
+    node : TactileNode
     message_type : type
     topic : str
     to_message : callable
@@ -34,7 +32,7 @@ class RecordPublisher:
 
     def __init__(
         self,
-        node: LifecycleNode,
+        node: TactileNode,
         message_type: Any,
         topic: str,
         to_message: Callable[[Any], Any],
@@ -43,12 +41,7 @@ class RecordPublisher:
         assert profile.durability == DurabilityPolicy.VOLATILE
         self._node = node
         self._to_message = to_message
-        self._publisher = node.create_lifecycle_publisher(
-            message_type,
-            topic,
-            copy.copy(profile),  # rclpy writes the overrides into it
-            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-        )
+        self._publisher = node.create_stream_publisher(message_type, topic, profile)
         self._handle = self._publisher.handle
 
     def publish(self, record: Any) -> None:

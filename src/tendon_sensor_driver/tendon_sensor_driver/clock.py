@@ -216,85 +216,43 @@ class ArrivalClock:
 
 
 class Instant(NamedTuple):
-    """When one sample was taken.
+    """When one sample was taken."""
 
-    Attributes
-    ----------
-    device_ns
-        Device time without wraps [ns]; None when the device has no clock.
-    stamp_ns
-        ROS time [ns]; strictly increasing.
-    stamp_error_s
-        Bound on the error of the stamp [s]; negative when not known.
-    is_restart
-        Whether the device's clock started anew: ``device_ns`` does not continue.
-    is_step
-        Whether the stamp leaps because the host's clock was set.
-    is_leap
-        Whether the stamp leaps though the host's clock was not set, as far as the monotonic
-        clock tells: the device or the line stood still.
-    """
-
-    device_ns: int | None
-    stamp_ns: int
-    stamp_error_s: float
-    is_restart: bool = False
-    is_step: bool = False
+    device_ns: int | None  # device time without wraps [ns]; None when the device has no clock
+    stamp_ns: int  # ROS time [ns]; strictly increasing
+    stamp_error_s: float  # bound on the error of the stamp [s]; negative when not known
+    is_restart: bool = False  # the device's clock started anew: `device_ns` does not continue
+    is_step: bool = False  # the stamp leaps because the host's clock was set
+    # The stamp leaps though the host's clock was not set, as far as the monotonic clock tells:
+    # the device or the line stood still.
     is_leap: bool = False
 
 
 class Batch(NamedTuple):
-    """Samples that were read together, in the order of their arrival.
+    """Samples that were read together, in the order of their arrival."""
 
-    Attributes
-    ----------
-    received_at_ns : int
-        Host time of the arrival of the sample ``timed`` [ns]; the others came at about that time.
-    tension_n : ndarray
-        Tension [N], float64, shape (samples,).
-    ticks : ndarray or sequence of int, or None
-        Device time or counter of each sample; None for a device without a clock.
-    wrench : ndarray or None
-        Fx, Fy, Fz [N], Tx, Ty, Tz [N m], float64, shape (samples, 6).
-    status : ndarray or None
-        Bits of `StrainStatus` by the device, uint32, shape (samples,).
-    timed : int
-        Index of the sample whose arrival is known.
-    records : ndarray or None
-        Numbers of the records in this session of the link, uint32, shape (samples,).
-    """
-
+    # Host time of the arrival of the sample ``timed`` [ns]; the others came at about that time.
     received_at_ns: int
-    tension_n: NDArray[np.float64]
+    tension_n: NDArray[np.float64]  # tension [N], float64, shape (samples,)
+    # Device time or counter of each sample; None for a device without a clock.
     ticks: NDArray[np.uint32] | Sequence[int] | None = None
+    # Fx, Fy, Fz [N], Tx, Ty, Tz [N m], float64, shape (samples, 6)
     wrench: NDArray[np.float64] | None = None
+    # Bits of `StrainStatus` by the device, uint32, shape (samples,)
     status: NDArray[np.uint32] | None = None
-    timed: int = 0
+    timed: int = 0  # index of the sample whose arrival is known
+    # Numbers of the records in this session of the link, uint32, shape (samples,)
     records: NDArray[np.uint32] | None = None
 
 
 class Run(NamedTuple):
-    """Consecutive samples of a batch, nothing missing between them.
+    """Consecutive samples of a batch, nothing missing between them."""
 
-    Attributes
-    ----------
-    samples : slice or ndarray
-        Which samples of the batch, oldest first.
-    stamp_ns : int
-        ROS time of the first [ns]; the others follow by the clock's period.
-    stamp_error_s : float
-        Bound on the error of the stamps [s]; negative when not known.
-    lost : int
-        Samples missing before the first.
-    event : int
-        Bits of `StrainStatus`: restart, clock step or leap before the first.
-    """
-
-    samples: slice | NDArray[np.intp]
-    stamp_ns: int
-    stamp_error_s: float
-    lost: int = 0
-    event: int = 0
+    samples: slice | NDArray[np.intp]  # which samples of the batch, oldest first
+    stamp_ns: int  # ROS time of the first [ns]; the others follow by the clock's period
+    stamp_error_s: float  # bound on the error of the stamps [s]; negative when not known
+    lost: int = 0  # samples missing before the first
+    event: int = 0  # bits of `StrainStatus`: restart, clock step or leap before the first
 
 
 class SampleClock:

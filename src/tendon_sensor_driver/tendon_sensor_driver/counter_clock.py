@@ -26,29 +26,16 @@ class CounterRestartError(LinkError):
 
 
 class Order(NamedTuple):
-    """The new samples of a batch.
+    """The new samples of a batch."""
 
-    Attributes
-    ----------
-    indices : ndarray
-        Of the new samples, oldest first, shape (new,).
-    steps : ndarray
-        Whole samples from the one before to each, 1 when nothing is missing, int64,
-        shape (new,).
-    ahead_ticks : ndarray
-        Ticks of each sample of the batch after the newest one of the batch before, int64,
-        shape (samples,).
-    ticks : ndarray
-        The counter at each sample of the batch, uint32, shape (samples,).
-    is_restart : bool
-        Whether the counter began anew, so that nothing is known of what is missing.
-    """
-
-    indices: NDArray[np.intp]
+    indices: NDArray[np.intp]  # of the new samples, oldest first, shape (new,)
+    # Whole samples from the one before to each, 1 when nothing is missing, int64, shape (new,)
     steps: NDArray[np.int64]
+    # Ticks of each sample of the batch after the newest one of the batch before, int64, shape
+    # (samples,)
     ahead_ticks: NDArray[np.int64]
-    ticks: NDArray[np.uint32]
-    is_restart: bool
+    ticks: NDArray[np.uint32]  # the counter at each sample of the batch, uint32, shape (samples,)
+    is_restart: bool  # the counter began anew: nothing is known of what is missing
 
 
 class CounterClock(SampleClock):
@@ -83,15 +70,7 @@ class CounterClock(SampleClock):
         return self._tick_rate_hz / self.ticks_per_sample
 
     def begin_session(self, tick_rate_hz: float, ticks_per_sample: int) -> None:
-        """Expect record numbers from 1, and perhaps a counter that began anew.
-
-        Parameters
-        ----------
-        tick_rate_hz : float
-            Rate of the counter [Hz].
-        ticks_per_sample : int
-            Expected ticks from one sample to the next.
-        """
+        """Expect record numbers from 1, and perhaps a counter that began anew."""
         if self._clock is None or tick_rate_hz != self._tick_rate_hz:
             self._tick_rate_hz = tick_rate_hz
             self._clock = DeviceClock(float(1 / Fraction(tick_rate_hz)), self.period_ns)
@@ -110,13 +89,7 @@ class CounterClock(SampleClock):
             self._end_ns += step_ns
 
     def place_batch(self, batch: Batch) -> list[Run]:
-        """Return the new samples of a batch as runs.
-
-        Raises
-        ------
-        CounterRestartError
-            When the counter jumps within a session; begin another one.
-        """
+        """Return new samples as runs; CounterRestartError: begin another session first."""
         assert self._clock is not None, 'begin_session comes first'
         order = self._sort(batch)
         if order.is_restart:
@@ -141,12 +114,7 @@ class CounterClock(SampleClock):
     def _make_runs(self, order: Order, ticks: NDArray[np.int64], instant: Instant) -> list[Run]:
         """Return runs of new samples; later than any before.
 
-        Parameters
-        ----------
-        order : Order
-        ticks : ndarray
-            Of each new sample, from the one that ``instant`` belongs to, int64, shape (new,).
-        instant : Instant
+        ``ticks`` are those from the sample of ``instant`` to each new one, int64, shape (new,).
         """
         offsets_ns = np.rint(ticks * (_SECOND_NS / self._tick_rate_hz)).astype(np.int64)
         stamps_ns = instant.stamp_ns + offsets_ns

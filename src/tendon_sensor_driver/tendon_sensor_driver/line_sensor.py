@@ -162,11 +162,6 @@ class LineDecoder:
         self.last_byte = b''
         self.reset()
 
-    @property
-    def unfinished(self) -> bytes:
-        """The line that has not ended yet; at most `MAX_LINE_BYTES`."""
-        return self._rest
-
     def reset(self) -> None:
         """Forget the unfinished line: the bytes that follow do not continue it."""
         self._rest = b''

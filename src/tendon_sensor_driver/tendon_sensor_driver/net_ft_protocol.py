@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_ros.strain import StrainStatus
-from tendon_sensor_driver.errors import LinkError, TendonSensorError
+from tendon_sensor_driver.errors import LinkError
 from tendon_sensor_driver.records import LOW_PASS_CODES, NEWTONS
 
 _POUND_N, _KILOGRAM_N = NEWTONS['lbf'], NEWTONS['kg']
@@ -45,13 +45,7 @@ _UNITS = {
 
 
 def unit_of_code(kind: str, code: int) -> str:
-    """Return the name of a unit of ``force`` or ``torque`` by ATI's code.
-
-    Raises
-    ------
-    LinkError
-        When there is no such code.
-    """
+    """Return the name of a unit of ``force`` or ``torque`` by ATI's code; LinkError: no such."""
     names = tuple(_UNITS[kind])
     if not 1 <= code <= len(names):
         raise LinkError(f'the sensor names {kind} unit {code}; known are 1 to {len(names)}')
@@ -61,24 +55,10 @@ def unit_of_code(kind: str, code: int) -> str:
 def compute_si_per_count(
     force_unit: str, torque_unit: str, counts_per_force: float, counts_per_torque: float
 ) -> NDArray[np.float64]:
-    """Return what one count of each component is worth.
+    """Return one count of each component [N, N, N, N m, N m, N m], float64, shape (6,).
 
-    Parameters
-    ----------
-    force_unit, torque_unit : str
-        As the sensor spells them; ``Nm`` and ``N-m`` are the same.
-    counts_per_force, counts_per_torque : float
-        Counts per unit.
-
-    Returns
-    -------
-    ndarray
-        float64, shape (6,) [N, N, N, N m, N m, N m].
-
-    Raises
-    ------
-    LinkError
-        When a unit is not known, or a number of counts is not positive.
+    The units are as the sensor spells them; ``Nm`` and ``N-m`` are the same. LinkError when one is
+    not known, or a number of counts per unit is not positive.
     """
     for name, counts in (('force', counts_per_force), ('torque', counts_per_torque)):
         if not 0 < counts < float('inf'):
@@ -163,10 +143,6 @@ _AXIA_BITS = {
 _AXIA_SATURATED = 1 << 27 | 1 << 30
 
 
-class RdtError(TendonSensorError):
-    """A datagram is no whole number of records."""
-
-
 class Command(IntEnum):
     """Command code of an RDT request."""
 
@@ -181,20 +157,7 @@ def encode_request(command: Command) -> bytes:
 
 
 def decode_records(datagram: bytes) -> NDArray[np.void]:
-    """Return the records of a datagram, or of several good ones joined.
-
-    Returns
-    -------
-    ndarray
-        Of `RECORD`, shape (records,); a view of the bytes.
-
-    Raises
-    ------
-    RdtError
-        When the length is no positive multiple of 36 bytes.
-    """
-    if not datagram or len(datagram) % RECORD_BYTES:
-        raise RdtError(f'{len(datagram)} bytes are no whole RDT records of {RECORD_BYTES}')
+    """Return whole records, of `RECORD`, shape (records,); a view of the bytes."""
     return np.frombuffer(datagram, dtype=RECORD)
 
 
@@ -202,14 +165,8 @@ def classify_status(words: NDArray[np.uint32], *, is_axia: bool) -> NDArray[np.u
     """Return the bits of `StrainStatus` for each status word.
 
     The latch of a monitor condition is no error: it says that a threshold of the user's was
-    passed. Saturation alone is not called a device error.
-
-    Parameters
-    ----------
-    words : ndarray
-        uint32, shape (samples,).
-    is_axia : bool
-        Whether the words are those of an Ethernet Axia, whose bits differ.
+    passed. Saturation alone is not called a device error. Both are uint32, shape (samples,). The
+    bits of an Ethernet Axia differ.
     """
     if not words.any():
         return np.zeros(len(words), dtype=np.uint32)
@@ -245,37 +202,18 @@ _MOST_BYTES = 1 << 20
 
 @dataclass(frozen=True, eq=False)
 class BoxConfiguration:
-    """Configuration that a Net F/T reports on its web interface.
-
-    Attributes
-    ----------
-    product, serial : str
-        Name of the product; serial number of the calibration, empty: not reported.
-    si_per_count : ndarray
-        Newtons and newton metres of one count of each component, float64, shape (6,).
-    internal_rate_hz : float
-        Rate of the sample counter [Hz].
-    rdt_rate_hz : float
-        Rate of the RDT records as the box rounds it [Hz]; 0: not reported.
-    low_pass_hz : int
-        Cut-off frequency of its low-pass filter [Hz]; 0: off; -1: not reported.
-    records_per_datagram : int
-        Records per datagram in buffered mode; 0: not reported.
-    status : int
-        Status word.
-    is_rdt_enabled : bool
-        RDT is switched on, so the box sends records.
-    """
+    """Configuration that a Net F/T reports on its web interface."""
 
     product: str
-    serial: str
+    serial: str  # of the calibration; empty: not reported
+    # Newtons and newton metres of one count of each component, float64, shape (6,)
     si_per_count: NDArray[np.float64]
-    internal_rate_hz: float
-    rdt_rate_hz: float
-    low_pass_hz: int
-    records_per_datagram: int
+    internal_rate_hz: float  # rate of the sample counter [Hz]
+    rdt_rate_hz: float  # rate of the RDT records as the box rounds it [Hz]; 0: not reported
+    low_pass_hz: int  # cut-off frequency of its low-pass filter [Hz]; 0: off; -1: not reported
+    records_per_datagram: int  # records per datagram in buffered mode; 0: not reported
     status: int
-    is_rdt_enabled: bool
+    is_rdt_enabled: bool  # RDT is switched on, so the box sends records
 
     @property
     def is_axia(self) -> bool:
@@ -284,13 +222,7 @@ class BoxConfiguration:
 
 
 def parse_configuration(page: bytes) -> BoxConfiguration:
-    """Return the configuration from a ``netftapi2.xml`` page.
-
-    Raises
-    ------
-    LinkError
-        When it is no such page, or lacks the calibration.
-    """
+    """Return the configuration from a ``netftapi2.xml`` page; LinkError: it is none."""
     if b'<!' in page:  # entities and the like; a box sends none
         raise LinkError('the configuration page of the Net F/T is no plain XML')
     try:
@@ -341,10 +273,7 @@ def _status(tags: Mapping[str, str]) -> int:
 class BoxWeb:
     """The web server of one box; each call is a connection of its own.
 
-    Parameters
-    ----------
-    host, port
-        Where it is.
+    Its methods raise LinkError when the box does not answer, or refuses.
     """
 
     def __init__(self, host: str, port: int) -> None:
@@ -352,13 +281,7 @@ class BoxWeb:
         self._port = port
 
     def read_configuration(self) -> BoxConfiguration:
-        """Return the active configuration.
-
-        Raises
-        ------
-        LinkError
-            When the box does not answer, or not with a configuration.
-        """
+        """Return the active configuration."""
         return parse_configuration(self._get(CONFIGURATION_PAGE))
 
     def write_settings(self, rate_hz: float, low_pass_hz: int, records: int) -> None:
@@ -372,11 +295,6 @@ class BoxWeb:
             Cut-off [Hz], a key of `LOW_PASS_CODES`.
         records : int
             Per datagram in buffered mode, 1 to 40.
-
-        Raises
-        ------
-        LinkError
-            When the box does not answer, or refuses.
         """
         self._set('setting.cgi', setuserfilter=LOW_PASS_CODES[low_pass_hz])
         self._set(

@@ -12,15 +12,7 @@ from tendon_sensor_driver.records import TendonSensorConfig
 
 
 def make_sensor(config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) -> SensorClient:
-    """Return the client for ``config.sensor``, not opened yet.
-
-    Parameters
-    ----------
-    config : TendonSensorConfig
-    on_block : callable
-        ``on_block(block)``; called on a thread of the client.
-    now_ns : callable
-        The present ROS time [ns].
+    """Return the client for ``config.sensor``, not opened yet; see `SensorClient`.
 
     Raises
     ------

@@ -36,31 +36,18 @@ LARGEST_DELAY_S = 0.02
 
 
 class Publisher(NamedTuple):
-    """One publisher of a topic, as the graph shows it.
+    """One publisher of a topic, as the graph shows it."""
 
-    Attributes
-    ----------
-    node
-        Its name, with namespace.
-    type_name
-        Such as ``std_msgs/msg/Float64``.
-    objection
-        Why it cannot reach the subscription, by quality of service; empty: it can.
-    """
-
-    node: str
-    type_name: str
+    node: str  # its name, with namespace
+    type_name: str  # such as ``std_msgs/msg/Float64``
+    # Why it cannot reach the subscription, by quality of service; empty: it can
     objection: str = ''
 
 
 def choose_type(publishers: Sequence[Publisher], present: str = '') -> str:
     """Return the type to subscribe to; empty when no publisher has one that is known.
 
-    Parameters
-    ----------
-    publishers : sequence of Publisher
-    present : str
-        Type of the present subscription, which stays while somebody publishes it.
+    The type of the present subscription stays while somebody publishes it.
     """
     types = [publisher.type_name for publisher in publishers if publisher.type_name in READERS]
     return present if present in types else next(iter(types), '')
@@ -69,12 +56,7 @@ def choose_type(publishers: Sequence[Publisher], present: str = '') -> str:
 def format_publishers(topic: str, publishers: Sequence[Publisher], type_name: str) -> str:
     """Return why nothing can come from the publishers of a topic; empty when something can.
 
-    Parameters
-    ----------
-    topic : str
-    publishers : sequence of Publisher
-    type_name : str
-        Type of the subscription; empty: there is none yet.
+    ``type_name`` is that of the subscription; empty: there is none yet.
     """
     if not publishers:
         return (
@@ -107,15 +89,8 @@ def format_stream(
 ) -> str:
     """Return what is wrong with what comes, with the remedy; empty when nothing is.
 
-    Parameters
-    ----------
-    topic : str
-    stream : TopicStream
-    publishers : sequence of Publisher
-    is_silent : bool
-        Whether nothing has come for some time.
-    new_duplicates, new_samples : int
-        Of the last while: readings with the stamp of the one before, readings that count.
+    Of the last while are ``new_duplicates``, readings with the stamp of the one before, and
+    ``new_samples``, readings that count.
     """
     nodes = ', '.join(sorted({publisher.node for publisher in publishers}))
     if is_silent:
@@ -165,15 +140,6 @@ class TopicClient(SensorClient):
     The publisher may come later, go and come back: ten times a second the graph is looked at,
     and the subscription made that fits the publisher's type. Messages come on the thread that
     polls the node's subscriptions, under the node's lock.
-
-    Parameters
-    ----------
-    node : StageNode
-    config : TendonSensorConfig
-    on_block : callable
-        ``on_block(block)``.
-    now_ns : callable
-        The present ROS time [ns].
     """
 
     def __init__(
@@ -198,13 +164,7 @@ class TopicClient(SensorClient):
         self._past: deque[tuple[int, int]] = deque(maxlen=_LOOKS)  # duplicates, samples
 
     def open(self) -> None:
-        """Look for the publisher from now on.
-
-        Raises
-        ------
-        TendonSensorError
-            When the topic is one that this node publishes.
-        """
+        """Look for the publisher from now on; TendonSensorError: it is this node itself."""
         self._check_is_new(self._looks is not None)
         own = [self._node.resolve_topic_name(name) for name in ('~/wrench', '~/strain')]
         if self.identity in own:

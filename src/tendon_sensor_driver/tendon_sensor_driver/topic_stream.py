@@ -26,21 +26,13 @@ class ReadingError(TendonSensorError):
 
 
 class TopicReading(NamedTuple):
-    """One message.
+    """One message."""
 
-    Attributes
-    ----------
-    stamp_ns
-        Stamp of its header [ns]; None when it has no header, or a stamp of zero.
-    tension_n
-        Tension, scaled [N]; not finite when the message says so.
-    wrench
-        Fx, Fy, Fz [N], Tx, Ty, Tz [N m] in the axes of the message; None for a message of one
-        value, and where the tension is the length of the force.
-    """
-
+    # Stamp of its header [ns]; None when it has no header, or a stamp of zero
     stamp_ns: int | None
-    tension_n: float
+    tension_n: float  # tension, scaled [N]; not finite when the message says so
+    # Fx, Fy, Fz [N], Tx, Ty, Tz [N m] in the axes of the message; None for a message of one
+    # value, and where the tension is the length of the force
     wrench: list[float] | None = None
 
 

@@ -10,7 +10,6 @@ import pytest
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import Int32
 
@@ -22,7 +21,6 @@ from tactile_ros.stages import RecordPublisher, Stage, StageNode
 from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 10.0
-OVERRIDE = 'qos_overrides./numbers.publisher.reliability'
 
 
 @dataclass(frozen=True)
@@ -280,18 +278,3 @@ def test_one_stage_after_the_other_by_calls_and_by_topics(context, spun, by_call
     assert results == [4, 8, 12]
     assert first.trigger_configure().name == 'SUCCESS'
     assert first.stage is not stage
-
-
-def test_quality_of_service_of_records_is_overridden(context, spun):
-    node = DoublingNode(
-        'node',
-        context=context,
-        parameter_overrides=[
-            Parameter('qos_overrides./node/doubled.publisher.reliability', value='best_effort')
-        ],
-    )
-    assert node.bring_up()
-    spun(node)
-    wait_until(lambda: node.get_publishers_info_by_topic('/node/doubled'))
-    info = node.get_publishers_info_by_topic('/node/doubled')[0]
-    assert info.qos_profile.reliability.name == 'BEST_EFFORT'

@@ -107,25 +107,21 @@ def test_any_loss_duplication_order_and_cutting_gives_true_samples_once(
     assert stream.lost_samples == (expected[-1] - expected[0]) // 7 + 1 - len(expected)
 
 
-def test_late_samples_are_dropped_and_counted():
+@pytest.mark.parametrize(
+    ('batches', 'taken', 'duplicates', 'late', 'lost'),
+    [
+        ([[7, 14, 28], [21, 35]], [7, 14, 28, 35], 0, 1, 1),
+        ([[7, 14, 14, 21]], [7, 14, 21], 1, 0, 0),
+        ([[7, 14], [14, 7]], [7, 14], 1, 1, 0),
+    ],
+)
+def test_samples_that_come_late_or_twice_are_dropped_and_counted(
+    batches, taken, duplicates, late, lost
+):
     stream = start()
-    blocks = run(stream, [batch_of([7, 14, 28]), batch_of([21, 35])])
-    check(blocks, np.array([7, 14, 28, 35]))
-    assert stream.clock.late_samples == 1
-    assert stream.lost_samples == 1
-
-
-def test_a_sample_that_comes_twice_in_a_row_is_given_once():
-    stream = start()
-    check(run(stream, [batch_of([7, 14, 14, 21])]), np.array([7, 14, 21]))
-    assert stream.clock.duplicates == 1
-
-
-def test_a_batch_of_nothing_new_gives_nothing():
-    stream = start()
-    assert run(stream, [batch_of([7, 14])])
-    assert stream.add(batch_of([14, 7])) == []
-    assert (stream.clock.duplicates, stream.clock.late_samples) == (1, 1)
+    check(run(stream, map(batch_of, batches)), np.array(taken))
+    counts = stream.clock.duplicates, stream.clock.late_samples, stream.lost_samples
+    assert counts == (duplicates, late, lost)
 
 
 def test_the_period_follows_the_records_and_not_the_expectation():
@@ -207,13 +203,6 @@ def test_equal_values_are_stuck_after_their_time_and_not_before(cut):
         blocks += stream.add(batch_of(ticks, values=values[i : i + cut]))
     stuck = [StrainStatus.STUCK in block.status for block in blocks]
     assert stuck == [False] * 35 + [True] * 5 + [False] * 10
-
-
-def test_dropped_datagrams_are_marked_once():
-    stream = start(samples_per_block=1)
-    stream.note_dropped_bytes()
-    blocks = run(stream, [batch_of([7, 14])])
-    assert [block.status for block in blocks] == [StrainStatus.RESYNCHRONISED, StrainStatus.OK]
 
 
 def test_late_batches_do_not_spoil_the_stamps():
