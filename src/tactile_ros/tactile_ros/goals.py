@@ -24,17 +24,8 @@ def send(node: Node, request: Callable[[], Future]) -> concurrent.futures.Future
     An action client of rclpy notes a request only after it is sent: were it sent from
     another thread, the executor could take in the answer before that, and drop it.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        Must be spun by an executor on another thread.
-    request : callable
-        Sends, and returns rclpy's future, as ``lambda: client.send_goal_async(goal)``.
-
-    Raises
-    ------
-    RuntimeError
-        When no executor spins the node any more.
+    ``request`` sends and returns rclpy's future, as ``lambda: client.send_goal_async(goal)``. An
+    executor on another thread must spin the node; RuntimeError when none does any more.
     """
     answer: concurrent.futures.Future[Any] = concurrent.futures.Future()
     answer.set_running_or_notify_cancel()
@@ -68,15 +59,7 @@ def wait_for(future: Future, timeout_s: float) -> Any:
 
 
 class GoalEnd(Exception):  # noqa: N818 - an outcome of a goal, not a fault of the program
-    """Ends a goal early.
-
-    Parameters
-    ----------
-    message : str
-        One sentence for the result.
-    **fields
-        Other fields of the result, such as where the device came to rest.
-    """
+    """Ends a goal early, with a sentence and perhaps other fields of its result."""
 
     def __init__(self, message: str, **fields: Any) -> None:
         super().__init__(message)
@@ -92,13 +75,7 @@ class GoalCanceled(GoalEnd):
 
 
 class Goal:
-    """One goal, as its worker sees it.
-
-    Attributes
-    ----------
-    request
-        The goal message.
-    """
+    """One goal, as its worker sees it; ``request`` is the goal message."""
 
     def __init__(self, handle: ServerGoalHandle, feedback_type: type) -> None:
         self.request = handle.request
@@ -140,10 +117,6 @@ class GoalRunner:
 
     Parameters
     ----------
-    node : TactileNode
-    action_type : type
-    name : str
-        Name of the action, usually ``~/verb``.
     work : callable
         ``work(goal: Goal) -> result message``; runs on a thread of its own.
     accepting : callable

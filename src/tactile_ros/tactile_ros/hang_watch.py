@@ -31,10 +31,7 @@ child got no core, the parent may have got none either."""
 class HangWatch:
     """Starts the child, and tells it that the worker turns.
 
-    Parameters
-    ----------
-    timeout_s : float
-        Time without `turn` after which the process is killed [s]. It counts from the first.
+    After ``timeout_s`` without `turn` the process is killed [s]. It counts from the first.
     """
 
     def __init__(self, timeout_s: float) -> None:

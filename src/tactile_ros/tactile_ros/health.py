@@ -51,13 +51,8 @@ class Diagnostics:
     The rejections of the node's `MessageGuard` are added; the level is a warning for a while
     after a message was refused.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        A `TactileNode` asks on the thread of periodic calls, any other on its executor.
-    hardware_id : callable
-    provider : callable
-        Returns a `Health`. It must not take the lock of a stage, which may wait for `close`.
+    A `TactileNode` asks ``provider`` on the thread of periodic calls, any other on its executor.
+    It must not take the lock of a stage, which may wait for `close`.
     """
 
     def __init__(
@@ -128,12 +123,8 @@ READY_PERIOD_S = 0.1
 class ReadinessPublisher:
     """Publishes ``~/ready`` once at the start and then at each change.
 
-    Parameters
-    ----------
-    node : TactileNode
-    find_missing : callable
-        Returns a sentence for each thing that is missing; asked ten times a second on the
-        thread of periodic calls, and by `update`. Not asked any more when `close` has returned.
+    ``find_missing`` returns a sentence for each thing that is missing. It is asked ten times a
+    second on the thread of periodic calls, and by `update`, but not after `close` has returned.
 
     Attributes
     ----------
@@ -194,14 +185,7 @@ def heartbeat_qos(lease_s: float = LEASE_S, extra_ns: int = 0) -> QoSProfile:
 
 
 class Heartbeat:
-    """Publisher of ``~/heartbeat``.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    is_well : callable
-        Asked before each beat, on the thread of `beat`.
-    """
+    """Publisher of ``~/heartbeat``; before each beat it asks ``is_well()``."""
 
     def __init__(self, node: Node, is_well: Callable[[], bool]) -> None:
         self._node, self._is_well = node, is_well
@@ -240,8 +224,6 @@ class HeartbeatWatch:
 
     Parameters
     ----------
-    node : rclpy.node.Node
-    topic : str
     timeout_s : float
         Lease [s]: a publisher that is silent for longer is not alive. At least `LEASE_S`.
     is_own : bool

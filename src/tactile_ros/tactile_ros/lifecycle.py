@@ -49,11 +49,6 @@ class MessageGuard:
     A callback that raises `MessageError` ends with that message. Every other exception is a
     fault of the program and ends the node.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        Its logger is used.
-
     Attributes
     ----------
     refused_count : int

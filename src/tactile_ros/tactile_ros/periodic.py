@@ -45,12 +45,7 @@ class Periodic:
 class Ticker:
     """Calls at fixed periods of the monotonic clock, on one thread.
 
-    A callback must not raise: the exception would end the thread.
-
-    Parameters
-    ----------
-    name : str
-        Name of the thread.
+    A callback must not raise: the exception would end the thread, which has the ticker's name.
     """
 
     def __init__(self, name: str) -> None:

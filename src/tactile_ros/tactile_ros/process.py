@@ -261,12 +261,7 @@ LOOPBACK = Path(__file__).parent / 'loopback.xml'
 def choose_transports(environment: Mapping[str, str], default_range: str) -> dict[str, str]:
     """Return the variables to set before ROS starts; what the user has chosen stays.
 
-    Parameters
-    ----------
-    environment : mapping of str to str
-        Variables of the process.
-    default_range : str
-        ``ROS_AUTOMATIC_DISCOVERY_RANGE`` where the environment does not set it.
+    ``default_range`` stands for ``ROS_AUTOMATIC_DISCOVERY_RANGE`` where it is not set.
     """
     if any(environment.get(name) for name in PROFILES):
         return {}  # a profile chooses transports and reach

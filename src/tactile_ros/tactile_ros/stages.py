@@ -18,16 +18,8 @@ from tactile_ros.polling import PollingNode
 class RecordPublisher:
     """Publishes records as messages, while its node is active and somebody subscribes.
 
-    Parameters
-    ----------
-    node : TactileNode
-    message_type : type
-    topic : str
-    to_message : callable
-        Returns the message of a record.
-    profile : QoSProfile
-        Can be overridden by parameters. Volatile: a late subscriber of a latched topic would miss
-        what was not built.
+    ``to_message`` returns the message of a record. The profile can be overridden by parameters. It
+    is volatile: a late subscriber of a latched topic would miss what was not built.
     """
 
     def __init__(

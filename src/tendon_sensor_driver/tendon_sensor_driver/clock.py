@@ -291,10 +291,7 @@ class SampleClock:
             self._outlier = (self._outlier[0], self._outlier[1] + step_ns)
 
     def note_newest(self, ticks: int | None, received_at_ns: int) -> None:
-        """Note the newest of several samples that arrive as one, before the first.
-
-        Parameters as those of `place`.
-        """
+        """Note the newest of several samples that arrive as one, before the first; see `place`."""
 
     def place_batch(self, batch: Batch) -> list[Run]:
         """Return the samples that have a place in time, as runs."""
@@ -316,12 +313,7 @@ class SampleClock:
     def place(self, ticks: int | None, received_at_ns: int) -> Instant | None:
         """Return when a sample was taken, or None when its time fits nowhere.
 
-        Parameters
-        ----------
-        ticks : int or None
-            Device time of the sample; None for a device without a clock.
-        received_at_ns : int
-            Host time of its arrival [ns].
+        ``ticks`` is its device time, None without a clock; it arrived at ``received_at_ns`` [ns].
         """
         raise NotImplementedError
 

@@ -64,16 +64,8 @@ def turn_wrench(wrench: NDArray[np.float64], axis: str, scale: float) -> NDArray
     """Return a wrench in the frame whose +x is ``axis``, or its opposite for a negative scale.
 
     The other two axes follow in their cyclic order; for the opposite the frame is turned half
-    a turn about its second axis, so that it stays right-handed.
-
-    Parameters
-    ----------
-    wrench : array, shape (6,)
-        In the sensor's own axes [N, N m].
-    axis : str
-        fx, fy, fz, tx, ty or tz.
-    scale : float
-        Its sign counts.
+    a turn about its second axis, so that it stays right-handed. The wrench has shape (6,), in the
+    sensor's own axes [N, N m].
     """
     first = AXES.index(axis) % 3
     order = [(first + i) % 3 for i in range(3)]
@@ -102,13 +94,8 @@ def assess_health(
 ) -> tuple[int, str]:
     """Return a level and a sentence that say how the link does.
 
-    Parameters
-    ----------
-    health, before : Health
-        Now, and some time ago: what has been counted since is news.
-    config : TendonSensorConfig
-    now_ns : int
-        The present time, on the clock of the client [ns].
+    What has been counted since ``before``, some time ago, is news. ``now_ns`` is on the clock of
+    the client [ns].
     """
     if not health.is_connected:
         what = 'no samples' if config.sensor == 'topic' else 'link down, reconnecting'

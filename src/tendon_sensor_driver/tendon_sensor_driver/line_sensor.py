@@ -170,15 +170,7 @@ class LineDecoder:
         self.last_byte = b''
 
     def feed(self, data: bytes, received_at_ns: int) -> list[Reading]:
-        """Return the readings that ``data`` completes.
-
-        Parameters
-        ----------
-        data : bytes
-            The next bytes of the stream, any number of them.
-        received_at_ns : int
-            When they were received [ns].
-        """
+        """Return the readings that the next bytes of the stream complete, received then [ns]."""
         self.bytes += len(data)
         self.last_byte = data[-1:] or self.last_byte
         *lines, rest = (self._rest + data).replace(b'\r', b'\n').split(b'\n')

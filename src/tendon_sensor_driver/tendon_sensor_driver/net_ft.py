@@ -62,20 +62,8 @@ class NetFtLink:
     In buffered mode a datagram holds up to 40 records: then the kernel keeps some hundred
     milliseconds at 7000 Hz for a host that is busy elsewhere, and loses nothing.
 
-    Parameters
-    ----------
-    config : TendonSensorConfig
-    box : BoxConfiguration
-        What the box says of itself.
-    rate_hz : float
-        Rate at which it sends [Hz].
-    now_ns : callable
-        The present host time [ns].
-
-    Raises
-    ------
-    LinkError
-        When there is no such host.
+    The box sends at ``rate_hz`` [Hz]; ``now_ns()`` is the host's time [ns]. LinkError: there is no
+    such host.
     """
 
     def __init__(
@@ -127,10 +115,7 @@ class NetFtLink:
     def read(self) -> Batch | None:
         """Return what has arrived, or None after a quarter of a second without any.
 
-        Raises
-        ------
-        LinkError
-            When no records come any more.
+        LinkError: no records come any more.
         """
         try:
             if not select.select([self._socket], [], [], self._wait_s)[0]:
@@ -188,13 +173,7 @@ class NetFtLink:
         )
 
     def _check_silence(self) -> bool:
-        """Return whether to request the stream again.
-
-        Raises
-        ------
-        LinkError
-            When no records have come despite repeated requests.
-        """
+        """Return whether to request the stream again; LinkError: nothing came all the same."""
         now_s = time.monotonic()
         if now_s - self._heard_s > self._dead_s:
             raise LinkError(

@@ -43,18 +43,9 @@ _NEWS_PERIODS = 5  # what was counted in the last second is news
 class SensorStage(Stage):
     """One sensor from its link to blocks of tension: ``~/strain``, ``~/wrench``, ``~/tare``.
 
-    Parameters
-    ----------
-    node : TendonSensorNode
-        Hosts the topics and services.
-    config : TendonSensorConfig
-    emit : callable
-        Given each block while the node is active, on the thread of the sensor.
-
-    Raises
-    ------
-    TendonSensorError
-        When there is no such sensor, or it refuses its settings.
+    The node hosts the topics and services. While it is active, ``emit`` is given each block on
+    the thread of the sensor. TendonSensorError: there is no such sensor, or it refuses its
+    settings.
     """
 
     def __init__(

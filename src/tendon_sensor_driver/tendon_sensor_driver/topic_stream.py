@@ -115,14 +115,7 @@ class StampGrid:
 
     The grid is the line fitted to some 64 of the stamps by an alpha-beta filter. Its period
     stays within 5 % of the nominal one. A stamp may be off the grid by somewhat less than half
-    a period.
-
-    Parameters
-    ----------
-    period_ns : float
-        Nominal time between two samples [ns].
-    stamp_ns : int
-        The first stamp [ns].
+    a period. It begins with the nominal period and the first stamp [ns].
     """
 
     def __init__(self, period_ns: float, stamp_ns: int) -> None:
@@ -380,15 +373,9 @@ class TopicStream:
     def add(
         self, reading: TopicReading, received_at_ns: int, number: int | None = None
     ) -> list[StrainBlock]:
-        """Take one reading; return the blocks that it completes.
+        """Take one reading that arrived then [ns]; return the blocks that it completes.
 
-        Parameters
-        ----------
-        reading : TopicReading
-        received_at_ns : int
-            Time of its arrival [ns].
-        number : int, optional
-            The middleware's number of the message, consecutive for one publisher.
+        ``number`` is the middleware's of the message, consecutive for one publisher.
         """
         self.readings += 1
         stamp_ns = reading.stamp_ns if self._config.topic_stamps == 'header' else None
