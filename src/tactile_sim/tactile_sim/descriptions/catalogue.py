@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+import copy
 import dataclasses
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -250,6 +251,12 @@ class Catalogue:
     def rig(self) -> Rig:
         """The rig around the finger."""
         return self._rig
+
+    def with_rig(self, rig: Rig) -> Catalogue:
+        """Return the same fingers, plates and objects on another rig."""
+        other = copy.copy(self)
+        object.__setattr__(other, '_rig', rig)
+        return other
 
     def plate(self, label: str) -> Plate:
         """The texture plate of this label; DescriptionError if there is none."""
