@@ -148,6 +148,8 @@ class TactileClassifierNode(StageNode):
     answers, not the files.
     """
 
+    poll_s = 0.02  # windows come a few times a trial
+
     def __init__(self, node_name: str = 'tactile_classifier', **node_options: Any) -> None:
         super().__init__(node_name, ClassifierConfig, **node_options)
 

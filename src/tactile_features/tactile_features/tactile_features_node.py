@@ -192,6 +192,8 @@ class TactileFeaturesNode(StageNode):
         is configured.
     """
 
+    poll_s = 0.01  # a window lasts seconds; each wake-up costs more than a sample
+
     def __init__(self, node_name: str = 'tactile_features', **node_options: Any) -> None:
         self.emit: Callable[[FeatureWindow], object] = ignore
         self.emit_event: Callable[[TrialEvent], object] = ignore
