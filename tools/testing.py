@@ -177,8 +177,10 @@ def read_results(paths: list[Path]) -> list[Outcome]:
             outcome.remarks.append(f'FAILED {name}\n{fault.text or fault.get("message")}')
         elif skip is not None:
             outcome.skipped += 1
-            reason = (skip.get('message') or skip.text or '').strip().splitlines()
-            skips[f'skipped {place}', ' '.join(reason[-1:])] += 1
+            reason = (skip.get('message') or '').strip()
+            if reason == 'collection skipped':  # the reason is in a tuple's text
+                reason = (skip.text or '').rpartition('Skipped: ')[2].rstrip('\'")')
+            skips[f'skipped {place}', reason.rpartition('\n')[2]] += 1
         else:
             outcome.passed += 1
     for (place, reason), count in skips.items():

@@ -54,7 +54,9 @@ def blocks():
 
 
 @pytest.fixture
-def client(sensor, blocks, clock):
+def client(sensor, blocks, clock, monkeypatch):
+    # A busy computer is no slow consumer, whose input is dropped.
+    monkeypatch.setattr('tendon_sensor_driver.line_sensor.LONGEST_DELIVERY_NS', 10**18)
     config = TendonSensorConfig(port=sensor.port, rate_hz=100.0)
     with TendonSensorClient(config, blocks.append, clock.now_ns) as client:
         sensor.write(b'\n')
