@@ -130,7 +130,7 @@ class Arguments:
 
     @property
     def process(self) -> dict[str, Any]:
-        """What every process has: output, log level, its end, and its next start."""
+        """Arguments of every process: output, log level, its end, and its next start."""
         return {
             'output': 'screen',
             'ros_arguments': ['--log-level', self['log_level']],

@@ -140,10 +140,15 @@ class TrialDevice:
             return [loss]
         if self._is_left_busy():
             return [f'The {self._words} still carries out its last goal.']
-        if self._readiness is not None:
-            return list(self._readiness.missing)
-        if self._node.count_publishers(f'{self.name}/ready'):
+        if self._readiness is None and self._node.count_publishers(f'{self.name}/ready'):
             return [f'The {self._words} has not said yet whether it is ready; see its log.']
+        if missing := self._reasons():
+            return missing
+        if self._position_m is None:
+            return [
+                f'No position has come on {self.name}/joint_states yet; see the diagnostics of '
+                f'the {self._words}.'
+            ]
         return []
 
     def format_loss(self) -> str:
@@ -178,22 +183,13 @@ class TrialDevice:
 
     # -- motion --------------------------------------------------------------------------------
 
-    @property
-    def is_located(self) -> bool:
-        """True once a joint state has told its position."""
-        return self._position_m is not None
-
     def track(self, target_m: float, speed_m_s: float) -> MotionTrack:
         """Return the track of the motion that is about to be commanded.
 
         It takes joint states until `TRACK_S` after the `call` that must follow at once. They come
-        slowly until the motion begins. Raises `GoalAborted` when its position is not known.
+        slowly until the motion begins. Its position is known: `find_missing` was empty.
         """
-        if self._position_m is None:
-            raise GoalAborted(
-                f'no position was heard on {self.name}/joint_states, so nobody can tell when '
-                f'the motion begins; home the {self._words}'
-            )
+        assert self._position_m is not None
         now_s = time.monotonic()
         self._reported_s = max(self._reported_s, now_s + REST_REPORT_S)
         self._track_end_s = now_s + TRACK_S  # first, so that it holds for the new one

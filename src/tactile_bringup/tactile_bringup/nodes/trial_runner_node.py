@@ -261,7 +261,7 @@ class TrialRunnerNode(PollingNode):
             trial.has_moved = True
             self._guide.call(move, lambda: self._check(trial))
             return
-        track = self._track(self._guide, step.position_m, step.speed_m_s, trial)
+        track = self._guide.track(step.position_m, step.speed_m_s)
         result = self._move(self._guide, move, track, trial, is_new)
         if step.phase == TrialEvent.PHASE_GLIDE:
             summary = track.summarise(result.lag_s)
@@ -274,7 +274,7 @@ class TrialRunnerNode(PollingNode):
     def _carry_out_tendon(self, step: TendonStep, trial: RunningTrial, is_new: bool) -> None:
         assert self._tendon is not None
         pull = self._pull(step, trial.request)
-        track = self._track(self._tendon, step.displacement_m, step.speed_m_s, trial)
+        track = self._tendon.track(step.displacement_m, step.speed_m_s)
         if step.displacement_m > 0:
             self._contact.begin(step.displacement_m, self.config.displacement_tolerance_m)
             trial.needs_strain = True
@@ -291,13 +291,6 @@ class TrialRunnerNode(PollingNode):
                 self._begin(trial, trial.glide_end_ns)
                 is_new = False
             self._move(self._tendon, pull, track, trial, is_new)
-
-    def _track(
-        self, device: TrialDevice, target_m: float, speed_m_s: float, trial: RunningTrial
-    ) -> MotionTrack:
-        """Return the track of the motion that follows, once the position before it is known."""
-        self._wait_until(lambda: device.is_located, trial, REPORT_S)
-        return device.track(target_m, speed_m_s)
 
     def _move(
         self,

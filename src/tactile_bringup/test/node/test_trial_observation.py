@@ -80,7 +80,7 @@ def test_a_tendon_that_reports_slowly_until_it_moves_does_for_a_trial(
     bench, monkeypatch, protocol
 ):
     monkeypatch.setattr(trial_devices, 'REST_REPORT_S', 1.0)
-    wait_until(lambda: bench.runner._tendon.is_located)
+    wait_until(lambda: not bench.runner._tendon.find_missing())
     bench.tendon.rest_period_s = 1e3
     bench.tendon.delays = {1: 0.8}  # twice the silence that ends a hold
     assert 'done' in bench.end(bench.start(protocol, hold_s=0.5)).message
@@ -96,8 +96,11 @@ def test_a_trial_waits_for_the_first_position(request, monkeypatch):
     monkeypatch.setattr(Device, 'publish', publish_later)
     bench = request.getfixturevalue('bench')
     handle = bench.start('stiffness', hold_s=0.5)
-    wait_until(lambda: bench.guide.goals and not bench.guide.goal_runners[0].is_busy)
-    threading.Timer(0.2, speaks.set).start()  # less than REPORT_S
+    wait_until(lambda: 'approach' in bench.phases)
+    sentence = 'No position has come on tendon_actuator/joint_states yet'
+    wait_until(lambda: any(sentence in each for each in bench.runner._tendon.find_missing()))
+    assert not bench.guide.goals
+    speaks.set()
     assert 'done' in bench.end(handle).message
 
 
