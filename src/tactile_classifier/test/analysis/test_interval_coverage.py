@@ -3,7 +3,7 @@
 
 """Coverage of the intervals: by enumeration for paired trials, by simulation for sessions.
 
-`docs/evaluation.md` states these numbers.
+`docs/evaluation.md` states most of these numbers.
 """
 
 import numpy as np

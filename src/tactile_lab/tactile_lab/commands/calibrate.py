@@ -110,8 +110,8 @@ def calibrate(
     if params is not None:
         set_parameters(params, NODE, {'scale': fit.scale, 'offset_n': fit.offset_n})
         output.say(f'{params}: scale and offset_n of {NODE} are set')
-    stated = {'simulated': simulated, 'gravity_m_s2': gravity_m_s2, 'params': str(params or '')}
-    output.result({**stated, **asdict(fit)})
+    asked = {'simulated': simulated, 'gravity_m_s2': gravity_m_s2, 'params': str(params or '')}
+    output.result({**asked, **asdict(fit)})
 
 
 def parse_weights(text: str) -> tuple[float, ...]:
