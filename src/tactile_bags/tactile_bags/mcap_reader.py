@@ -237,11 +237,12 @@ class McapFile:
     def _is_partial(self, position: int, end: int) -> bool:
         """Return whether a chunk that is not packed came to the disk in part.
 
-        Its end is missing, or consists of the zeros that a file system gives in its place.
+        Its end is missing, or consists of the zeros that a file system gives in its place, with
+        nothing else behind it. Any other chunk whose checksum is wrong was changed.
         """
         if self._claims_end or self._read(position + _PACKING_OFFSET, 4) != bytes(4):
             return False
-        self._is_in_partial_chunk = end > self._size or self._read(end - 1, 1) == b'\0'
+        self._is_in_partial_chunk = end > self._size or not any(self._read(end - 1, RUN_BYTES))
         return self._is_in_partial_chunk
 
     def _take(self, opcode: int, offset: int, length: int) -> None:

@@ -196,7 +196,10 @@ def test_any_bytes_are_a_message_or_refused(type_name, data):
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_a_changed_bag_is_refused_or_holds_the_same(small_bag, data):
-    """Bytes flipped, taken out, put in or cut off: a sentence, or the messages that it had."""
+    """Bytes flipped, taken out, put in or cut off: a sentence, or the messages that it had.
+
+    Or it counts as never closed, which is said, too.
+    """
     (path,) = small_bag.glob('*.mcap')
     packing = data.draw(st.sampled_from([None, *CompressionType]))
     original = path.read_bytes() if packing is None else chunked(packing)
@@ -211,10 +214,23 @@ def test_a_changed_bag_is_refused_or_holds_the_same(small_bag, data):
         path.write_bytes(changed)
         with suppress(BagError), TactileBag(small_bag) as bag:
             found = [(message.received_at_ns, message.data) for message in bag.messages()]
-            assert found == messages[: len(found)]
-            assert bag.recovered or found == messages
+            if bag.recovered:  # where nothing tells of a changed message outside of whole chunks
+                assert len(found) <= len(messages)
+            else:
+                assert found == messages
     finally:
         path.write_bytes(kept)
+
+
+def test_a_chunk_that_was_changed_is_not_read_as_one_that_is_cut(small_bag):
+    (path,) = small_bag.glob('*.mcap')
+    changed = bytearray(chunked(CompressionType.NONE)[:-9])  # never closed
+    at = changed.index(strain_bytes(0))
+    changed[at:at] = bytes(6)  # the chunk still ends in a zero
+    path.write_bytes(changed)
+    with TactileBag(small_bag) as bag:
+        assert bag.recovered
+        assert not list(bag.messages())
 
 
 EXTREME = st.sampled_from([0, 1, 2, 59, 2**31, 2**63 - 1])
