@@ -146,7 +146,10 @@ def test_of_two_guides_a_moving_one_stops_and_none_moves(bench, grbl, twins):
     end = send(bench.peer, handle.get_result_async)
     second_grbl = ScriptedGrbl()
     try:
-        with twins(LinearGuideNode, port=second_grbl.port):
+        with twins(LinearGuideNode, port=second_grbl.port) as second:
+            # Each has to hear the other: either of the two may answer the next goal.
+            for node in (bench.node, second):
+                wait_until(lambda node=node: 'two rigs share' in ' '.join(node._find_missing()))
             wait_until(end.done)
             reply = end.result()
             assert reply.status == GoalStatus.STATUS_ABORTED
