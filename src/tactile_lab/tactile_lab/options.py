@@ -3,23 +3,43 @@
 
 """Options that several commands share."""
 
-from collections.abc import Mapping
+from collections.abc import Callable
 import dataclasses
+import functools
+import inspect
 from pathlib import Path
-from typing import Annotated, Any, Optional, TypeVar
+from typing import Annotated, Any, Optional
 
 import typer
 
-_Kind = TypeVar('_Kind')
 
+def expand(command: Callable[..., None]) -> Callable[..., None]:
+    """Return a command that has options instead of its parameters whose default is a dataclass.
 
-def take(kind: type[_Kind], arguments: Mapping[str, Any], **others: Any) -> _Kind:
-    """Return a dataclass of those arguments of a command (`locals()`) that are its fields.
-
-    ``others`` are fields that differ from the arguments.
+    Each field of the dataclass is one option, in its place. The command gets the dataclass.
     """
-    names = {field.name for field in dataclasses.fields(kind)} & arguments.keys()  # type: ignore[arg-type]
-    return kind(**{**{name: arguments[name] for name in names}, **others})
+    groups: dict[str, Any] = {}
+    shown = []
+    for parameter in inspect.signature(command).parameters.values():
+        if dataclasses.is_dataclass(parameter.default):
+            groups[parameter.name] = parameter.default
+            shown += [
+                parameter.replace(name=field.name, default=field.default, annotation=field.type)
+                for field in dataclasses.fields(parameter.default)
+            ]
+        else:
+            shown.append(parameter)
+
+    @functools.wraps(command)
+    def run(**given: Any) -> None:
+        for name, group in groups.items():
+            stated = {each: given.pop(each) for each in vars(group)}
+            given[name] = dataclasses.replace(group, **stated)
+        command(**given)
+
+    run.__signature__ = inspect.Signature(shown)  # type: ignore[attr-defined]
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in shown}
+    return run
 
 
 def split(text: Optional[str]) -> tuple[str, ...]:
@@ -69,32 +89,6 @@ TaskOption = Annotated[
         help='Which features to compute. Bags with trial events say it themselves.',
     ),
 ]
-ChannelOption = Annotated[
-    Optional[str],
-    typer.Option(help='Channel of the recordings, "mean" of all, or "all"; default: 0.'),
-]
-WhereOption = Annotated[
-    Optional[str],
-    typer.Option(
-        help='Only trials of which a column of the archive is true, as in --where balanced, '
-        'or has a value, as in --where direction=1.'
-    ),
-]
-CropOption = Annotated[
-    Optional[str],
-    typer.Option(
-        '--crop',
-        '--static-phase',
-        help='Part of each trial of an archive that counts, in seconds, as in --crop 1:5. '
-        'Default: all of it.',
-    ),
-]
-ResampleOption = Annotated[
-    Optional[float],
-    typer.Option(
-        help='Resample the archive to this rate first, with a low-pass against aliasing.'
-    ),
-]
 SkipBadOption = Annotated[
     bool,
     typer.Option(
@@ -103,13 +97,49 @@ SkipBadOption = Annotated[
         'that are not finite, too short, no features.',
     ),
 ]
-SpeedColumnOption = Annotated[
-    Optional[str],
-    typer.Option(
-        help='Column of the archive with the sliding speeds, for --over; its name ends in '
-        'the unit, _mm_s or _m_s. A bag states them itself.'
-    ),
-]
+
+
+@dataclasses.dataclass(frozen=True)
+class ArchiveOptions:
+    """Options on the trials of an archive, which are fields of `Reading`."""
+
+    channel: Annotated[
+        Optional[str],
+        typer.Option(help='Channel of the recordings, "mean" of all, or "all"; default: 0.'),
+    ] = None
+    where: Annotated[
+        Optional[str],
+        typer.Option(
+            help='Only trials of which a column of the archive is true, as in --where balanced, '
+            'or has a value, as in --where direction=1.'
+        ),
+    ] = None
+    crop: Annotated[
+        Optional[str],
+        typer.Option(
+            '--crop',
+            '--static-phase',
+            help='Part of each trial of an archive that counts, in seconds, as in --crop 1:5. '
+            'Default: all of it.',
+        ),
+    ] = None
+    resample_hz: Annotated[
+        Optional[float],
+        typer.Option(
+            help='Resample the archive to this rate first, with a low-pass against aliasing.'
+        ),
+    ] = None
+    skip_bad: SkipBadOption = False
+    speed_column: Annotated[
+        Optional[str],
+        typer.Option(
+            help='Column of the archive with the sliding speeds, for --over; its name ends in '
+            'the unit, _mm_s or _m_s. A bag states them itself.'
+        ),
+    ] = None
+
+
+ARCHIVES = ArchiveOptions()
 OverOption = Annotated[
     Optional[str],
     typer.Option(
@@ -142,77 +172,86 @@ def _of_others(*names: str, **more: Any) -> Any:
     return typer.Option(*names, rich_help_panel='Recordings of others', **more)
 
 
-ColumnOption = Annotated[
-    Optional[list[str]],
-    _of_others(
-        '--column',
-        metavar='ROLE=NAME',
-        help='What a column of a table is: time, trial, label or value, as in --column '
-        'value=force_n or --column time=t:ms. May be given several times; several names with '
-        'commas.',
-    ),
-]
-RateOption = Annotated[
-    Optional[float],
-    _of_others(
-        min=0.001,
-        max=1e7,
-        help='Sample rate in Hz of recordings without times. With times it must fit them.',
-    ),
-]
-UnitOption = Annotated[
-    str, _of_others(help='Unit of the signal where no heading says it, as in --unit mN.')
-]
-LabelOption = Annotated[str, _of_others(help='The label of all these trials.')]
-LabelFromOption = Annotated[
-    str,
-    _of_others(
-        help='Where the label of a file or bag is: "folder", the one that it lies in; "file", '
-        'its name without the number at the end; or a regular expression for its path with '
-        'the label in brackets. Named groups become columns.'
-    ),
-]
-LabelsOption = Annotated[
-    Optional[Path],
-    _of_others(
-        help='File with one label a trial, for a .npy file: .npy, .txt or .csv. Default: '
-        'NAME_labels or labels beside it.'
-    ),
-]
-TopicOption = Annotated[
-    str,
-    _of_others(
-        help='Topic of a bag with the force: WrenchStamped, Float64, Float32, JointState, or '
-        'our strain. A bag is a trial.'
-    ),
-]
-FieldOption = Annotated[
-    str,
-    _of_others(
-        help='Field of its messages, as in --field force.z, force.norm or effort.JOINT; '
-        'several with commas are several channels.'
-    ),
-]
-SeparatorOption = Annotated[
-    str,
-    _of_others(
-        help='What stands between the columns of a text table: comma, semicolon, tab, space, '
-        'or the character. Default: comma; in .tsv a tab. LabVIEW files (.lvm) state it.'
-    ),
-]
-DecimalOption = Annotated[
-    str,
-    _of_others(help='Decimal mark of a text table, . or , as in --decimal , . Default: a point.'),
-]
-HeaderRowsOption = Annotated[
-    Optional[int],
-    _of_others(
-        min=0,
-        max=1000,
-        help='Lines of a text table above its numbers. The last one names the columns; one '
-        'with their units may follow. Default: 1.',
-    ),
-]
+@dataclasses.dataclass(frozen=True)
+class Statements:
+    """Options on recordings of others, which are the fields of `SourceOptions`."""
+
+    column: Annotated[
+        Optional[list[str]],
+        _of_others(
+            '--column',
+            metavar='ROLE=NAME',
+            help='What a column of a table is: time, trial, label or value, as in --column '
+            'value=force_n or --column time=t:ms. May be given several times; several names with '
+            'commas.',
+        ),
+    ] = None
+    rate_hz: Annotated[
+        Optional[float],
+        _of_others(
+            min=0.001,
+            max=1e7,
+            help='Sample rate in Hz of recordings without times. With times it must fit them.',
+        ),
+    ] = None
+    unit: Annotated[
+        str, _of_others(help='Unit of the signal where no heading says it, as in --unit mN.')
+    ] = ''
+    label: Annotated[str, _of_others(help='The label of all these trials.')] = ''
+    label_from: Annotated[
+        str,
+        _of_others(
+            help='Where the label of a file or bag is: "folder", the one that it lies in; "file", '
+            'its name without the number at the end; or a regular expression for its path with '
+            'the label in brackets. Named groups become columns.'
+        ),
+    ] = ''
+    labels: Annotated[
+        Optional[Path],
+        _of_others(
+            help='File with one label a trial, for a .npy file: .npy, .txt or .csv. Default: '
+            'NAME_labels or labels beside it.'
+        ),
+    ] = None
+    topic: Annotated[
+        str,
+        _of_others(
+            help='Topic of a bag with the force: WrenchStamped, Float64, Float32, JointState, or '
+            'our strain. A bag is a trial.'
+        ),
+    ] = ''
+    field: Annotated[
+        str,
+        _of_others(
+            help='Field of its messages, as in --field force.z, force.norm or effort.JOINT; '
+            'several with commas are several channels.'
+        ),
+    ] = ''
+    separator: Annotated[
+        str,
+        _of_others(
+            help='What stands between the columns of a text table: comma, semicolon, tab, space, '
+            'or the character. Default: comma; in .tsv a tab. LabVIEW files (.lvm) state it.'
+        ),
+    ] = ''
+    decimal: Annotated[
+        str,
+        _of_others(
+            help='Decimal mark of a text table, . or , as in --decimal , . Default: a point.'
+        ),
+    ] = ''
+    header_rows: Annotated[
+        Optional[int],
+        _of_others(
+            min=0,
+            max=1000,
+            help='Lines of a text table above its numbers. The last one names the columns; one '
+            'with their units may follow. Default: 1.',
+        ),
+    ] = None
+
+
+STATEMENTS = Statements()
 ClusterOption = Annotated[
     str,
     typer.Option(

@@ -4,9 +4,10 @@
 """The ``tactile`` command: the table of its commands, each loaded when it is called.
 
 A command is one module of `tactile_lab.commands` with a function of its name. The function's
-parameters are the options, its docstring is the help. The module imports at its top what takes no
-time (Typer, the options and the output), and what works inside its functions: ``--help`` and
-refusals of the options must not wait for ROS or scikit-learn.
+parameters are the options, its docstring is the help. A parameter whose default is a dataclass
+stands for its fields (`expand`). The module imports at its top what takes no time (Typer, the
+options and the output), and what works inside its functions: ``--help`` and refusals of the
+options must not wait for ROS or scikit-learn.
 
 Ubuntu 24.04 has Typer 0.9, which refuses ``X | None`` and does not look into annotations that
 are strings. So modules with options have ``Optional[X]``, and no ``from __future__ import
@@ -140,8 +141,10 @@ def load_command(name: str) -> Any:
             command.callback = _guard(command.callback, name)
             command.cls = StrictCommand
     else:
+        from tactile_lab.options import expand
+
         app = typer.Typer(rich_markup_mode='markdown', add_completion=False)
-        app.command(name, cls=StrictCommand)(_guard(function, name))
+        app.command(name, cls=StrictCommand)(_guard(expand(function), name))
     return typer.main.get_command(app)
 
 

@@ -3,6 +3,7 @@
 
 """A small recording, made once a test run."""
 
+import builtins
 from pathlib import Path
 import sys
 
@@ -52,6 +53,28 @@ def simulate_bag(tmp_path_factory):
 def stiffness_bag(simulate_bag):
     """Return a bag of simulated stiffness trials: 3 on each of the 5 objects."""
     return simulate_bag('stiffness', 'flexion', 3, seed=7)
+
+
+@pytest.fixture(scope='session')
+def texture_bag(simulate_bag):
+    """Return a bag of simulated texture trials: 2 on each of 8 plates in each of 2 sessions."""
+    return simulate_bag('texture', 'flexion', 2, seed=5, sessions=2)
+
+
+@pytest.fixture
+def opened(monkeypatch):
+    """Return the names of the data files that are opened, in their order."""
+    found = []
+    for place, name in ((builtins, 'open'), (Path, 'open')):
+        original = getattr(place, name)
+
+        def spy(path, *arguments, original=original, **options):
+            if str(path).endswith(('.mcap', '.db3')):
+                found.append(str(path))
+            return original(path, *arguments, **options)
+
+        monkeypatch.setattr(place, name, spy)
+    return found
 
 
 @pytest.fixture(scope='session')

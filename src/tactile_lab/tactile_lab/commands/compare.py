@@ -49,23 +49,8 @@ def compare(
         bool,
         typer.Option('--unseen', help='Leave out trials that one of the models was trained on.'),
     ] = False,
-    channel: options.ChannelOption = None,
-    where: options.WhereOption = None,
-    crop: options.CropOption = None,
-    resample_hz: options.ResampleOption = None,
-    skip_bad: options.SkipBadOption = False,
-    speed_column: options.SpeedColumnOption = None,
-    column: options.ColumnOption = None,
-    rate_hz: options.RateOption = None,
-    unit: options.UnitOption = '',
-    label: options.LabelOption = '',
-    label_from: options.LabelFromOption = '',
-    labels: options.LabelsOption = None,
-    topic: options.TopicOption = '',
-    field: options.FieldOption = '',
-    separator: options.SeparatorOption = '',
-    decimal: options.DecimalOption = '',
-    header_rows: options.HeaderRowsOption = None,
+    archives: options.ArchiveOptions = options.ARCHIVES,
+    statements: options.Statements = options.STATEMENTS,
     as_json: options.JsonOption = False,
 ) -> None:
     """Say which of two models is better, and whether the difference is more than chance.
@@ -82,7 +67,6 @@ def compare(
     state which trials they were trained on. Two folders of models are compared file by file, for
     each task and contact.
     """
-    given = locals()
     from tactile_bags.sources.files import SourceOptions
     from tactile_lab.datasets.feature_tables import load_recording
     from tactile_lab.datasets.model_pairs import (
@@ -95,12 +79,14 @@ def compare(
     from tactile_lab.datasets.reading import Reading
 
     output = Output(as_json)
-    reading = options.take(Reading, given, task=None)
-    statements = options.take(SourceOptions, given)
+    reading = Reading(**vars(archives))
     models = [load_models(path, task, contact) for path in (model_a, model_b)]
     pairs, alone = pair_models(*models)
     found = []
-    with load_recording(recordings, statements) as recording, output.progress('comparing') as show:
+    with (
+        load_recording(recordings, SourceOptions(**vars(statements))) as recording,
+        output.progress('comparing') as show,
+    ):
         read = reader_of(recording, reading, pairs)
         for number, pair in enumerate(pairs, 1):
             compared = compare_pair(read, pair, options.split(group), unseen=unseen)

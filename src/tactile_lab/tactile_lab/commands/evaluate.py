@@ -72,23 +72,8 @@ def evaluate(
         ),
     ] = False,
     seed: options.SeedOption = 0,
-    channel: options.ChannelOption = None,
-    where: options.WhereOption = None,
-    crop: options.CropOption = None,
-    resample_hz: options.ResampleOption = None,
-    skip_bad: options.SkipBadOption = False,
-    speed_column: options.SpeedColumnOption = None,
-    column: options.ColumnOption = None,
-    rate_hz: options.RateOption = None,
-    unit: options.UnitOption = '',
-    label: options.LabelOption = '',
-    label_from: options.LabelFromOption = '',
-    labels: options.LabelsOption = None,
-    topic: options.TopicOption = '',
-    field: options.FieldOption = '',
-    separator: options.SeparatorOption = '',
-    decimal: options.DecimalOption = '',
-    header_rows: options.HeaderRowsOption = None,
+    archives: options.ArchiveOptions = options.ARCHIVES,
+    statements: options.Statements = options.STATEMENTS,
     cluster: options.ClusterOption = '',
     as_json: options.JsonOption = False,
 ) -> None:
@@ -99,7 +84,7 @@ def evaluate(
     or other groups, and states the split beside each number. ``--report`` and ``--json`` add
     feature selection, and take longer. The report has the paper's figures, made of your trials.
     """
-    given = locals()
+    given = {**locals(), **vars(archives)}
     from tactile_bags.sources.files import SourceOptions
     from tactile_lab.cluster import on_cluster
     from tactile_lab.datasets.feature_tables import open_features
@@ -109,8 +94,15 @@ def evaluate(
 
     output = Output(as_json)
     automatic = features == 'auto'
-    reading = options.take(Reading, given, features=None if automatic else features)
-    statements = options.take(SourceOptions, given)
+    reading = Reading(
+        task=task,
+        over=over,
+        detrend=detrend,
+        features=None if automatic else features,
+        train_where=train_where,
+        test_where=test_where,
+        **vars(archives),
+    )
     hold_out = [options.split(names) for names in group or ()]
     file = None
     if report is not None:
@@ -121,7 +113,9 @@ def evaluate(
     with on_cluster(cluster):
         with (
             output.progress('reading'),
-            open_features(recordings, reading, statements, folds=folds) as source,
+            open_features(
+                recordings, reading, SourceOptions(**vars(statements)), folds=folds
+            ) as source,
         ):
             chosen = None
             if automatic:

@@ -41,17 +41,7 @@ def export(
         typer.Option('--output', '-o', help='Table to write, ending in .parquet or .csv.'),
     ],
     force: Annotated[bool, typer.Option('--force', help='Replace the files.')] = False,
-    column: options.ColumnOption = None,
-    rate_hz: options.RateOption = None,
-    unit: options.UnitOption = '',
-    label: options.LabelOption = '',
-    label_from: options.LabelFromOption = '',
-    labels: options.LabelsOption = None,
-    topic: options.TopicOption = '',
-    field: options.FieldOption = '',
-    separator: options.SeparatorOption = '',
-    decimal: options.DecimalOption = '',
-    header_rows: options.HeaderRowsOption = None,
+    statements: options.Statements = options.STATEMENTS,
     as_json: options.JsonOption = False,
 ) -> None:
     """Write the trials of recordings as one long table, with a dataset card beside it.
@@ -61,15 +51,13 @@ def export(
     with the fields that hubs read; its licence is to be filled in. `tactile import` reads the
     table back. Trials that do not count are left out.
     """
-    given = locals()
     from tactile_bags import Recording, SourceOptions
 
     output = Output(as_json)
     refuse_suffix('--output', file, TABLES)
     card = file.with_suffix('.md')
     refuse_to_replace([file, card], force=force)
-    statements = options.take(SourceOptions, given)
-    with Recording.load(recordings, statements) as recording:
+    with Recording.load(recordings, SourceOptions(**vars(statements))) as recording:
         table = recording.to_table()
         counting = [trial for trial in recording.trials if not trial.why_not]
         left_out = [f'{t.name}: {t.why_not}' for t in recording.trials if t.why_not]

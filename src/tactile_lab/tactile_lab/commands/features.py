@@ -39,24 +39,9 @@ def features(
     ] = None,
     over: options.OverOption = None,
     detrend: options.DetrendOption = None,
-    channel: options.ChannelOption = None,
-    where: options.WhereOption = None,
-    crop: options.CropOption = None,
-    resample_hz: options.ResampleOption = None,
-    skip_bad: options.SkipBadOption = False,
-    speed_column: options.SpeedColumnOption = None,
+    archives: options.ArchiveOptions = options.ARCHIVES,
     force: Annotated[bool, typer.Option('--force', help='Replace the file.')] = False,
-    column: options.ColumnOption = None,
-    rate_hz: options.RateOption = None,
-    unit: options.UnitOption = '',
-    label: options.LabelOption = '',
-    label_from: options.LabelFromOption = '',
-    labels: options.LabelsOption = None,
-    topic: options.TopicOption = '',
-    field: options.FieldOption = '',
-    separator: options.SeparatorOption = '',
-    decimal: options.DecimalOption = '',
-    header_rows: options.HeaderRowsOption = None,
+    statements: options.Statements = options.STATEMENTS,
     as_json: options.JsonOption = False,
 ) -> None:
     """Write the features of recordings as a table, for notebooks and other programs.
@@ -65,7 +50,6 @@ def features(
     The units are in the metadata of each Parquet column, and in the names of CSV columns. With
     several tasks or contacts, each has its own file, with its name at the end.
     """
-    given = locals()
     import numpy as np
 
     from tactile_bags.sources.files import SourceOptions
@@ -74,11 +58,10 @@ def features(
 
     output = Output(as_json)
     refuse_suffix('--output', file, TABLES)
-    reading = options.take(Reading, given)
-    statements = options.take(SourceOptions, given)
+    reading = Reading(task=task, over=over, detrend=detrend, features=features, **vars(archives))
     with (
         output.progress('computing features'),
-        open_features(recordings, reading, statements) as source,
+        open_features(recordings, reading, SourceOptions(**vars(statements))) as source,
     ):
         found = source.tables()
         paths = source.recording.paths

@@ -40,17 +40,7 @@ def import_recordings(
     ] = None,
     skip_bad: options.SkipBadOption = False,
     force: Annotated[bool, typer.Option('--force', help='Replace the files.')] = False,
-    column: options.ColumnOption = None,
-    rate_hz: options.RateOption = None,
-    unit: options.UnitOption = '',
-    label: options.LabelOption = '',
-    label_from: options.LabelFromOption = '',
-    labels: options.LabelsOption = None,
-    topic: options.TopicOption = '',
-    field: options.FieldOption = '',
-    separator: options.SeparatorOption = '',
-    decimal: options.DecimalOption = '',
-    header_rows: options.HeaderRowsOption = None,
+    statements: options.Statements = options.STATEMENTS,
     as_json: options.JsonOption = False,
 ) -> None:
     """Make one archive of recordings that other programs made.
@@ -59,7 +49,6 @@ def import_recordings(
     one how to evaluate the archive. Nothing is guessed: where a recording does not say something,
     the command names the option that does.
     """
-    given = locals()
     import numpy as np
 
     from tactile_bags import Recording, SourceOptions
@@ -70,8 +59,7 @@ def import_recordings(
     if plot is not None:
         refuse_suffix('--plot', plot, PICTURES)
     refuse_to_replace([archive, *([plot] if plot else [])], force=force)
-    statements = options.take(SourceOptions, given)
-    with Recording.load(recordings, statements) as recording:
+    with Recording.load(recordings, SourceOptions(**vars(statements))) as recording:
         if recording.is_own:
             raise TactileError(
                 f'{recording.paths[0]} is a bag with trial events: train, evaluate and features '

@@ -128,23 +128,8 @@ def train(
     folds: options.FoldsOption = 6,
     repetitions: options.RepetitionsOption = None,
     seed: options.SeedOption = 0,
-    channel: options.ChannelOption = None,
-    where: options.WhereOption = None,
-    crop: options.CropOption = None,
-    resample_hz: options.ResampleOption = None,
-    skip_bad: options.SkipBadOption = False,
-    speed_column: options.SpeedColumnOption = None,
-    column: options.ColumnOption = None,
-    rate_hz: options.RateOption = None,
-    unit: options.UnitOption = '',
-    label: options.LabelOption = '',
-    label_from: options.LabelFromOption = '',
-    labels: options.LabelsOption = None,
-    topic: options.TopicOption = '',
-    field: options.FieldOption = '',
-    separator: options.SeparatorOption = '',
-    decimal: options.DecimalOption = '',
-    header_rows: options.HeaderRowsOption = None,
+    archives: options.ArchiveOptions = options.ARCHIVES,
+    statements: options.Statements = options.STATEMENTS,
     cluster: options.ClusterOption = '',
     as_json: options.JsonOption = False,
 ) -> None:
@@ -156,7 +141,6 @@ def train(
     classifies windows that differ from all training trials as *unknown*. Existing model files
     are only replaced with --force.
     """
-    given = locals()
     from tactile_bags.sources.files import SourceOptions
     from tactile_lab.cluster import on_cluster
     from tactile_lab.datasets.automatic_features import AUTO, choose_automatically
@@ -181,12 +165,19 @@ def train(
     automatic = features == AUTO or not (features or stated)
     if features and not automatic:
         _check_sets(features)
-    reading = options.take(Reading, given, features=None if automatic else features)
-    statements = options.take(SourceOptions, given)
+    reading = Reading(
+        task=task,
+        over=over,
+        detrend=detrend,
+        features=None if automatic else features,
+        **vars(archives),
+    )
     reading.choose_fields()  # refuses options that do not go together, before the work
     with (
         on_cluster(cluster),
-        open_features(recordings, reading, statements, folds=folds) as source,
+        open_features(
+            recordings, reading, SourceOptions(**vars(statements)), folds=folds
+        ) as source,
     ):
         write = functools.partial(
             train_models,

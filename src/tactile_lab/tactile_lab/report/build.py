@@ -55,22 +55,10 @@ def build_page(
     settings: Mapping[str, str],
     versions: Mapping[str, str] | None = None,
 ) -> str:
-    """Return the report as HTML; the numbers depend on settings and versions of libraries."""
-    return fill_template(
-        'report.html',
-        title=TITLE,
-        simulated=any(result.recordings.simulated for result in results),
-        results=results,
-        sources=sources,
-        settings=settings,
-        versions=find_versions() if versions is None else versions,
-    )
+    """Return the report as HTML; the numbers depend on settings and versions of libraries.
 
-
-def fill_template(name: str, **values: Any) -> str:
-    """Return a page from a template of the folder ``templates``, which escapes all text.
-
-    Templates call the functions of this package that make texts and figures of results.
+    The templates escape all text. They call the functions of this package that make texts and
+    figures of results.
     """
     environment = Environment(
         loader=PackageLoader('tactile_lab.report'),
@@ -89,7 +77,15 @@ def fill_template(name: str, **values: Any) -> str:
     environment.filters |= filters
     environment.globals |= {each.__name__: each for each in _FUNCTIONS}
     environment.tests['of_the_papers_labels'] = is_the_papers
-    return environment.get_template(name).render(values, contents=[])
+    return environment.get_template('report.html').render(
+        title=TITLE,
+        simulated=any(result.recordings.simulated for result in results),
+        results=results,
+        sources=sources,
+        settings=settings,
+        versions=find_versions() if versions is None else versions,
+        contents=[],
+    )
 
 
 def format_split(result: SetResult, each: OpenSetEvaluation | StoppingEvaluation) -> str:

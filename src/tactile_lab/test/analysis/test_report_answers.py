@@ -19,7 +19,7 @@ from tactile_classifier.evaluation.plans import run_plans
 from tactile_features.config import FeatureConfig
 from tactile_features.records import Measure
 from tactile_features.spec import spec_for
-from tactile_lab.datasets.feature_tables import open_features, read_tables
+from tactile_lab.datasets.feature_tables import open_features
 from tactile_lab.datasets.reading import select_features
 from tactile_lab.report.analysis import analyse
 from tactile_lab.report.answers import (
@@ -56,14 +56,9 @@ def answer(table, hold_out=('session_id',)):
 
 
 @pytest.fixture(scope='module')
-def texture_bag(simulate_bag):
-    return simulate_bag('texture', 'flexion', 4, seed=11)
-
-
-@pytest.fixture(scope='module')
-def answered(texture_bag):
-    """Return the texture bag's results, and the page made of them."""
-    with open_features([texture_bag]) as features:
+def answered(simulate_bag):
+    """Return the results of simulated textures, and the page made of them."""
+    with open_features([simulate_bag('texture', 'flexion', 4, seed=11)]) as features:
         sets = make_sets(features, answers=True)
     options = {'folds': 2, 'repetitions': 1, 'details': False}
     results = analyse(sets, **options, random_state=0, jobs=1)
@@ -140,28 +135,18 @@ def test_summary_counts_what_has_no_value_and_leaves_it_out():
     ]
 
 
-def test_partial_answers_of_chosen_features_are_not_compared_with_the_whole(texture_bag):
+def test_chosen_features_have_no_early_predictions_and_whole_names(texture_bag):
     with open_features([texture_bag]) as features:
         (table,) = features.tables().tables.values()
         few = select_features(table, ','.join(table.spec.names[3:6]))
         extras = read_extras(features, few)
-    (answers,) = run_plans([AnswersPlan(few, ('trial_block',), extras)])
-    assert answers.stopping is None
-    assert answers.not_done == (
-        'early predictions: some of the features alone have no early predictions',
-    )
-    assert len(answers.measures) == 8
-
-
-def test_a_short_name_of_several_features_is_refused_with_all_of_them(texture_bag):
-    (table,) = read_tables([texture_bag]).tables.values()
+    assert extras.partial == 'some of the features alone have no early predictions'
+    assert len(extras.measures) == len(table)
     names = ('one__size', 'other__size', *table.spec.names[2:])
-    table = FeatureTable(
-        table.values, table.labels, dataclasses.replace(table.spec, names=names), table.columns
-    )
-    assert select_features(table, 'other__size').spec.names == ('other__size',)
+    twins = dataclasses.replace(table, spec=dataclasses.replace(table.spec, names=names))
+    assert select_features(twins, 'other__size').spec.names == ('other__size',)
     with pytest.raises(TactileError, match=r'write one of one__size, other__size$'):
-        select_features(table, 'size')
+        select_features(twins, 'size')
 
 
 def test_sections_stand_in_page_and_json_with_split_and_mark(answered):

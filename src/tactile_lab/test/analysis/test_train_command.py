@@ -25,29 +25,26 @@ from tactile_lab.output import Output
 from tactile_ros.errors import TactileError
 
 
-@pytest.fixture(scope='module')
-def bag(simulate_bag):
-    return simulate_bag('texture', 'flexion', 3, seed=5)
-
-
 def train_on(bag, folder, **training):
     """Train on a bag as the command does; return the models."""
-    given = {'folds': 3, 'repetitions': 1, 'output': Output(as_json=True), **training}
+    given = {'folds': 2, 'repetitions': 1, 'output': Output(as_json=True), **training}
     with open_features([bag]) as features:
         return train_models(features, features.tables().tables, folder=folder, **given)
 
 
 @pytest.mark.parametrize('seconds', [[0.1], [1.0, 0.5], [3.0]])
-def test_seconds_that_do_not_fit_are_refused(bag, seconds):
-    with open_features([bag]) as features:
+def test_seconds_that_do_not_fit_are_refused(texture_bag, seconds):
+    with pytest.raises(TactileError, match='--partial is "1;2"'):
+        parse_seconds('1;2')
+    with open_features([texture_bag]) as features:
         (table,) = features.tables().tables.values()
         with pytest.raises(BagError, match='no early predictions after'):
             features.partial_tables(table, seconds)
 
 
-def test_model_answers_partial_windows_and_no_file_is_replaced_unasked(bag, tmp_path):
+def test_model_answers_partial_windows_and_no_file_is_replaced_unasked(texture_bag, tmp_path):
     training = {'false_alarm_rate': 0.1, 'partial_seconds': [0.5, 1.5], 'stop_error_rate': 0.2}
-    (trained,) = train_on(bag, tmp_path / 'models', **training)
+    (trained,) = train_on(texture_bag, tmp_path / 'models', **training)
     model = load_model(trained.path)
     assert model.partial_samples == (30, 90)
     assert model.manifest.false_alarm_rate == 0.1
@@ -58,17 +55,17 @@ def test_model_answers_partial_windows_and_no_file_is_replaced_unasked(bag, tmp_
     assert trained.to_dict()['parts'][2]['sample_count'] == 90
     before = trained.path.read_bytes()
     with pytest.raises(TactileError, match='would be replaced'):
-        train_on(bag, tmp_path / 'models', **training)
+        train_on(texture_bag, tmp_path / 'models', **training)
     assert trained.path.read_bytes() == before
 
 
 @pytest.mark.parametrize('detrend', ['none', 'mean', 'linear'])
-def test_a_model_states_how_its_spectra_were_detrended(bag, tmp_path, detrend):
-    quick = ('--folds', 3, '--repetitions', 1, '--partial', 1, '--classifier', 'knn')
-    said = hear_tactile('train', bag, '-o', tmp_path, '--detrend', detrend, *quick)
+def test_a_model_states_how_its_spectra_were_detrended(texture_bag, tmp_path, detrend):
+    quick = ('--folds', 2, '--repetitions', 1, '--partial', 1, '--classifier', 'knn')
+    said = hear_tactile('train', texture_bag, '-o', tmp_path, '--detrend', detrend, *quick)
     assert f'spectrum_detrend {detrend}' in said
     model = load_model(tmp_path / 'texture_flexion.onnx')
-    with TactileBag(bag) as opened:
+    with TactileBag(texture_bag) as opened:
         config = dataclasses.replace(
             recorded_features(opened).config, spectrum_detrend=detrend, partial_samples=(30, 60)
         )
@@ -81,7 +78,7 @@ def test_a_model_states_how_its_spectra_were_detrended(bag, tmp_path, detrend):
         with pytest.raises(ModelFileError, match='spectrum_detrend'):
             model.check_fits(spec_for('texture', changed))
     # Tables of whole and partial windows are what the live extractor gives.
-    with open_features([bag], Reading(detrend=detrend)) as features:
+    with open_features([texture_bag], Reading(detrend=detrend)) as features:
         (table,) = features.tables().tables.values()
         tables = {**features.partial_tables(table, [0.5, 1.0]), table.spec.sample_count: table}
     assert list(tables) == [30, 60, 180]
@@ -92,24 +89,19 @@ def test_a_model_states_how_its_spectra_were_detrended(bag, tmp_path, detrend):
         assert tables[window.sample_count].values[row].tobytes() == window.values.tobytes()
 
 
-def test_detrending_is_for_the_spectrum_over_time(bag, tmp_path):
+def test_detrending_is_for_the_spectrum_over_time(texture_bag, tmp_path):
     over = ('--over', '45:0.5', '--detrend', 'linear')
-    said = hear_tactile('train', bag, '-o', tmp_path, *over, code=2)
+    said = hear_tactile('train', texture_bag, '-o', tmp_path, *over, code=2)
     assert '--detrend is for the spectrum over time' in said
 
 
-def test_text_that_is_no_seconds_is_refused():
-    with pytest.raises(TactileError, match='--partial is "1;2"'):
-        parse_seconds('1;2')
-
-
 def test_recalibration_reads_bags_of_the_session_and_replaces_nothing_unasked(
-    bag, simulate_bag, tmp_path
+    texture_bag, simulate_bag, tmp_path
 ):
-    path = simulate_bag('texture', 'flexion', 3, seed=6, sessions=2)
-    (trained,) = train_on(path, tmp_path / 'models', partial_seconds=[1.0])
+    (trained,) = train_on(texture_bag, tmp_path / 'models', partial_seconds=[1.0])
     today = tmp_path / 'today'
-    command = ('train', bag, '--recalibrate', trained.path, '-o', today)
+    of_today = simulate_bag('texture', 'flexion', 1, seed=6)
+    command = ('train', of_today, '--recalibrate', trained.path, '-o', today)
     assert 'for the session of' in hear_tactile(*command)
     (written,) = today.iterdir()
     model = load_model(written)

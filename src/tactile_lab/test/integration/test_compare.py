@@ -10,7 +10,6 @@ from tactile_command import ask_tactile, hear_tactile
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
-from tactile_bringup.trial_protocols import TrialConfig
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.model_file.model import load_model
 from tactile_classifier.records import NO_ANSWER
@@ -20,8 +19,6 @@ from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 from tactile_lab.datasets.feature_tables import FeatureTables, read_tables
 from tactile_lab.datasets.model_pairs import pair_tables
-from tactile_lab.simulation.simulated_bags import write_simulated_bag
-from tactile_lab.simulation.simulated_trials import SimulationPlan
 
 
 def compare(*arguments):
@@ -34,22 +31,22 @@ def hear(*arguments, **options):
 
 
 @pytest.fixture(scope='module')
-def bags(tmp_path_factory):
+def bags(simulate_bag):
     """Return bags of two seeds, of five sessions each: to train on and to compare on."""
-    folder = tmp_path_factory.mktemp('bags')
-    config = TrialConfig(simulated=True)
-    found = []
-    for name, seed in (('training', 3), ('new', 4)):
-        plan = SimulationPlan('texture', 'flexion', 3, seed=seed, sessions=5)
-        found.append(write_simulated_bag(folder / name, plan, config, FeatureConfig()).path)
-    return found
+    return [simulate_bag('texture', 'flexion', 2, seed=seed, sessions=5) for seed in (3, 4)]
 
 
 @pytest.fixture(scope='module')
-def models(bags, tmp_path_factory):
+def tables(bags):
+    """Return the features of each bag."""
+    return [table for bag in bags for table in read_tables([bag]).tables.values()]
+
+
+@pytest.fixture(scope='module')
+def models(tables, tmp_path_factory):
     """Return a good model and a worse one: half of its labels were shuffled in training."""
     folder = tmp_path_factory.mktemp('models')
-    (table,) = read_tables(bags[:1]).tables.values()
+    table = tables[0]
     write_model(folder / 'good.onnx', train(table, 'knn'))
     labels = table.labels.copy()
     mixed = np.random.default_rng(1).permutation(len(labels))[: len(labels) // 2]
@@ -59,10 +56,9 @@ def models(bags, tmp_path_factory):
     return folder / 'good.onnx', folder / 'worse.onnx'
 
 
-def test_the_worse_model_is_found_on_new_sessions(bags, models):
+def test_the_worse_model_is_found_on_new_sessions(bags, tables, models):
     found = compare(*models, bags[1])
-    (table,) = read_tables(bags[1:]).tables.values()
-    assert found['trials'] == len(table)
+    assert found['trials'] == len(tables[1])
     assert (found['groups'], found['parts_are']) == (5, 'sessions')
     assert found['better'] == 'A'
     assert found['interval']['low'] < found['difference'] < found['interval']['high'] < 0.0
@@ -86,12 +82,12 @@ def test_a_model_is_not_told_apart_from_itself(bags, models):
     )
 
 
-def test_trials_of_the_training_are_counted_and_left_out(bags, models):
+def test_trials_of_the_training_are_counted_and_left_out(bags, tables, models):
     found = compare(*models, *bags)
-    (table,) = read_tables(bags[:1]).tables.values()
+    count = len(tables[0])
     for side in 'ab':
-        assert found['models'][side]['training_trials_among_these'] == len(table)
-    assert f'{len(table)} of these {2 * len(table)} trials' in found['warnings'][0]
+        assert found['models'][side]['training_trials_among_these'] == count
+    assert f'{count} of these {2 * count} trials' in found['warnings'][0]
     assert 'on trials that A and B were trained on' in found['verdict']
     assert found['groups'] == 10
     unseen = compare(*models, *bags, '--unseen')
@@ -102,8 +98,8 @@ def test_trials_of_the_training_are_counted_and_left_out(bags, models):
     assert 'a model was trained on each of these trials, so none is left' in said
 
 
-def test_new_trials_of_a_session_of_the_training_are_pointed_out(bags, tmp_path):
-    (table,) = read_tables(bags[:1]).tables.values()
+def test_new_trials_of_a_session_of_the_training_are_pointed_out(bags, tables, tmp_path):
+    table = tables[0]
     half = np.arange(len(table)) // 8 % 2 == 0
     model = tmp_path / 'half.onnx'
     write_model(model, train(table.take(half), 'knn'))
@@ -113,8 +109,8 @@ def test_new_trials_of_a_session_of_the_training_are_pointed_out(bags, tmp_path)
     assert f'{count} of these trials share one of the sessions' in found['warnings'][0]
 
 
-def test_a_model_that_does_not_tell_its_trials_is_said(bags, models, tmp_path):
-    (table,) = read_tables(bags[:1]).tables.values()
+def test_a_model_that_does_not_tell_its_trials_is_said(bags, tables, models, tmp_path):
+    table = tables[0]
     few = np.concatenate([np.flatnonzero(table.labels == x)[:2] for x in np.unique(table.labels)])
     silent = tmp_path / 'few.onnx'
     write_model(silent, train(table.take(few), 'knn'))
@@ -125,9 +121,9 @@ def test_a_model_that_does_not_tell_its_trials_is_said(bags, models, tmp_path):
     assert 'does not tell which trials it was trained on' in said
 
 
-def test_a_trial_without_features_for_one_model_is_no_answer_of_it(bags, models):
+def test_a_trial_without_features_for_one_model_is_no_answer_of_it(tables, models):
     loaded = tuple(load_model(path) for path in (models[0], models[0]))
-    ((key, table),) = read_tables(bags[1:]).tables.items()
+    key, table = ('texture', 'flexion'), tables[1]
     parts = [table.take(np.arange(5, len(table))), table.take(np.arange(len(table))[::-1])]
     parts[1] = parts[1].take(np.arange(3, len(table)))
     answers = iter(parts)
@@ -155,7 +151,7 @@ def test_each_model_has_features_of_its_own(bags, models, tmp_path):
 def test_one_session_is_said_and_groups_may_be_others(bags, models):
     said = hear(*models, bags[1], '--group', 'bag')
     assert 'of one session, or it is not stated' in said
-    assert 'Tango score interval over 120 paired trials; p ' in said
+    assert 'Tango score interval over 80 paired trials; p ' in said
     assert 'SIMULATED' in said
     found = compare(*models, bags[1], '--group', 'session_id,mounting_id')
     assert found['parts_are'] == 'groups of session_id and mounting_id'
@@ -165,20 +161,19 @@ def test_one_session_is_said_and_groups_may_be_others(bags, models):
 
 def test_an_archive_with_sessions_and_a_new_label(tmp_path):
     generator = np.random.default_rng(5)
-    time_s = np.arange(200) / 100.0
-    label = np.tile(['a', 'b', 'c'], 60)
-    hz = np.array([3.0, 9.0, 21.0])[np.tile(np.arange(3), 60)]
-    x = np.sin(2 * np.pi * hz[:, None] * time_s) + generator.normal(0.0, 0.8, (180, 200))
-    day = np.repeat(['mo', 'tu', 'we', 'th'], 45)
+    time_s = np.arange(100) / 100.0
+    label = np.tile(['a', 'b', 'c'], 40)
+    hz = np.tile([3.0, 9.0, 21.0], 40)
+    x = np.sin(2 * np.pi * hz[:, None] * time_s) + generator.normal(0.0, 0.8, (120, 100))
+    day = np.repeat(['mo', 'tu', 'we', 'th'], 30)
     known = label != 'c'
     first, paths = day < 'n', []
     for name, keep in (('train', first & known), ('new', ~first)):
         paths.append(tmp_path / f'{name}.npz')
         np.savez(paths[-1], x=x[keep, None], label=label[keep], rate_hz=100.0, session=day[keep])
     for folder, classifier in (('m1', 'knn'), ('m2', 'svm_linear')):
-        options = ['--task', 'texture', '--classifier', classifier, '--repetitions', '1']
-        command = ['train', paths[0], '-o', tmp_path / folder, *options]
-        hear_tactile(*command)
+        options = ('--task', 'texture', '--classifier', classifier, '--repetitions', 1)
+        hear_tactile('train', paths[0], '-o', tmp_path / folder, *options)
     found = compare(tmp_path / 'm1', tmp_path / 'm2', paths[1])
     assert (found['trials'], found['groups']) == (int((~first & known).sum()), 2 + 1)
     assert found['new_labels']['labels'] == ['c']
@@ -186,7 +181,9 @@ def test_an_archive_with_sessions_and_a_new_label(tmp_path):
     assert found['a']['accuracy'] > 0.8
 
 
-def test_what_cannot_be_compared_is_one_sentence(bags, models, stiffness_bag, trained, tmp_path):
+def test_what_cannot_be_compared_is_one_sentence(
+    bags, tables, models, stiffness_bag, trained, tmp_path
+):
     assert 'does not exist' in hear(models[0], tmp_path / 'no.onnx', bags[1], code=2)
     bad = tmp_path / 'bad.onnx'
     bad.write_bytes(b'no model')
@@ -195,8 +192,7 @@ def test_what_cannot_be_compared_is_one_sentence(bags, models, stiffness_bag, tr
     assert 'A answers texture, flexion and B stiffness, flexion' in said
     said = hear(*models, stiffness_bag, code=2)
     assert 'no labelled trials of texture, flexion in these recordings' in said
-    (table,) = read_tables(bags[:1]).tables.values()
-    fewer = tmp_path / 'fewer.onnx'
+    table, fewer = tables[0], tmp_path / 'fewer.onnx'
     write_model(fewer, train(table.take(table.labels != 'F'), 'knn'))
     said = hear(models[0], fewer, bags[1], code=2)
     assert 'know different labels: only A knows F, only B none' in said
@@ -211,14 +207,10 @@ def test_what_cannot_be_compared_is_one_sentence(bags, models, stiffness_bag, tr
 
 
 def test_trials_of_other_labels_alone_are_refused(tmp_path, bags):
-    generator = np.random.default_rng(0)
     spec = spec_for('texture', FeatureConfig())
-    values = generator.normal(size=(40, len(spec.names)))
-    paths = []
-    for name in ('one', 'two'):
-        table = FeatureTable(values, np.repeat(['felt', 'silk'], 20), spec)
-        paths.append(tmp_path / f'{name}.onnx')
-        write_model(paths[-1], train(table, 'knn'))
-    said = hear(*paths, bags[1], code=2)
+    values = np.random.default_rng(0).normal(size=(40, len(spec.names)))
+    table = FeatureTable(values, np.repeat(['felt', 'silk'], 20), spec)
+    write_model(tmp_path / 'one.onnx', train(table, 'knn'))
+    said = hear(tmp_path / 'one.onnx', tmp_path / 'one.onnx', bags[1], code=2)
     assert 'no trial has a label that the models know: the trials have' in said
     assert 'the models know felt, silk' in said

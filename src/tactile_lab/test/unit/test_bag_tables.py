@@ -53,28 +53,23 @@ def test_table_has_one_row_a_trial_with_its_label_and_place(usual, stiffness_bag
     assert (np.diff(np.sort(table.column('window_start_ns'))) > 4e9).all()
 
 
-def test_lost_samples_leave_their_trial_out_and_say_so(rewrite, stiffness_bag, tmp_path):
-    def lose_one_block(type_name, message):
+def test_trials_with_lost_samples_or_without_a_label_are_left_out_and_told(
+    rewrite, stiffness_bag, tmp_path
+):
+    def lose(type_name, message):
         # Inside the hold of the first trial: it lasts from about 1 s to 5 s.
-        lost = type_name == STRAIN and message.sequence == 2 * SAMPLES_PER_BLOCK
-        return None if lost else message
+        if type_name == STRAIN and message.sequence == 2 * SAMPLES_PER_BLOCK:
+            return None
+        if type_name == EVENT and message.object_label == 'sponge':
+            message.object_label = ''
+        return message
 
-    found = read_tables([rewrite(stiffness_bag, tmp_path / 'lossy', lose_one_block)])
+    found = read_tables([rewrite(stiffness_bag, tmp_path / 'lossy', lose)])
     (table,) = found.tables.values()
-    assert len(table) == 14
-    assert len(found.left_out) == 1
-    assert f'{SAMPLES_PER_BLOCK} samples are missing' in found.left_out[0]
-
-
-def test_trials_without_a_label_are_left_out(rewritten):
-    def forget(event):
-        if event.object_label == 'pla':
-            event.object_label = ''
-
-    found = rewritten(forget)
-    (table,) = found.tables.values()
-    assert len(table) == 12
-    assert all('no label' in sentence for sentence in found.left_out)
+    assert len(table) == 15 - 1 - 3
+    lost = [each for each in found.left_out if f'{SAMPLES_PER_BLOCK} samples are missing' in each]
+    assert len(lost) == 1
+    assert sum('no label' in each for each in found.left_out) == 3
 
 
 def rename_protocols(event):

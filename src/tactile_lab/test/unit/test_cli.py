@@ -15,7 +15,8 @@ import typer
 from typer.testing import CliRunner
 
 from tactile_bags.sources.files import SourceOptions
-from tactile_lab import commands, program
+from tactile_lab import commands, options, program
+from tactile_lab.datasets.reading import Reading
 from tactile_ros.process import PROFILES, TRANSPORTS
 
 
@@ -70,11 +71,12 @@ def functions_of(name):
     return [found]
 
 
-@pytest.mark.parametrize('name', ['evaluate', 'train', 'compare', 'features', 'import', 'export'])
-def test_a_command_on_recordings_has_an_option_for_each_statement_about_them(name):
-    parameters = inspect.signature(program.load_function(name)).parameters
-    defaults = {f.name: f.default for f in dataclasses.fields(SourceOptions)}
-    assert defaults == {each: parameters[each].default for each in defaults}
+def test_options_on_recordings_are_fields_of_what_reads_them():
+    def fields(kind):
+        return {field.name: field.default for field in dataclasses.fields(kind)}
+
+    assert fields(options.Statements) == fields(SourceOptions)
+    assert fields(options.ArchiveOptions).items() <= fields(Reading).items()
 
 
 def test_each_module_of_commands_is_in_the_table():
@@ -93,6 +95,6 @@ def test_the_table_has_the_first_line_of_the_help(name):
 def test_options_are_declared_as_typer_0_9_reads_them(name):
     """Ubuntu 24.04 has Typer 0.9: no ``X | None``, no annotations that are strings."""
     for function in functions_of(name):
-        for parameter in inspect.signature(function).parameters.values():
+        for parameter in inspect.signature(options.expand(function)).parameters.values():
             stated, *_ = get_args(parameter.annotation) or (parameter.annotation,)
             assert not isinstance(stated, str | UnionType), parameter

@@ -14,7 +14,7 @@ from tactile_lab.experiment import journal as journal_module
 from tactile_lab.experiment.folder import ExperimentFolder
 from tactile_lab.experiment.journal import Progress, read_journal
 from tactile_lab.experiment.loop import format_seconds, list_changes, run_experiment, TrialResult
-from tactile_lab.experiment.plan import ExperimentError, ExperimentPlan
+from tactile_lab.experiment.plan import ExperimentError, ExperimentPlan, list_order
 from tactile_ros.errors import TactileError
 
 PLAN = ExperimentPlan('x', 'stiffness', ('pla', 'sponge'), sessions=2, mountings=2, trials=2)
@@ -36,6 +36,11 @@ class World:
     def may_cut(self):
         if next(self.cuts, False):
             raise PowerCut
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return ExperimentFolder(tmp_path / 'experiment')
 
 
 class Bench:
@@ -107,9 +112,9 @@ def check_complete(folder, world):
     assert len(set(world.recorded)) == len(world.recorded)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40)
 @given(
-    cuts=st.lists(st.sampled_from([False] * 6 + [True]), max_size=150),
+    cuts=st.lists(st.sampled_from([False] * 6 + [True]), max_size=100),
     torn=st.lists(st.integers(0, 300), max_size=6),
     outcomes=st.lists(
         st.sampled_from(['good', 'good', 'failed', 'unusable', 'outlier']), max_size=30
@@ -133,7 +138,7 @@ def test_no_trial_is_lost_or_counts_twice_whatever_interrupts(
     check_complete(folder, world)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15)
 @given(st.lists(st.sampled_from([False, False, False, True]), max_size=60))
 def test_a_repeated_call_goes_on_with_the_block_that_was_appended(tmp_path_factory, cuts):
     folder = ExperimentFolder(tmp_path_factory.mktemp('x') / 'experiment')
@@ -154,7 +159,7 @@ def test_a_repeated_call_goes_on_with_the_block_that_was_appended(tmp_path_facto
     assert not folder.read_progress().left()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=20)
 @given(st.lists(st.integers(1, 25), max_size=12), st.booleans())
 def test_a_program_killed_between_any_two_writes_goes_on(tmp_path_factory, kills, after):
     """The cut comes before or after the disk has confirmed an entry."""
@@ -183,8 +188,7 @@ def test_a_program_killed_between_any_two_writes_goes_on(tmp_path_factory, kills
     check_complete(folder, world)
 
 
-def test_failed_and_outlying_trials_are_offered_again_at_once(tmp_path):
-    folder = ExperimentFolder(tmp_path / 'experiment')
+def test_failed_and_outlying_trials_are_offered_again_at_once(folder):
     plan = ExperimentPlan('x', 'stiffness', ('pla',), sessions=1, mountings=1, trials=5)
     world = World(outcomes=['good', 'failed', 'unusable', 'good', 'good', 'outlier', 'outlier'])
     person = Person(world, ['again', 'again', 'again', 'keep'])
@@ -205,31 +209,25 @@ def test_failed_and_outlying_trials_are_offered_again_at_once(tmp_path):
     assert (found['done'], found['failed'], found['attempts']) == (5, 2, 8)
 
 
-def test_an_operator_may_stop_and_go_on(tmp_path):
-    folder = ExperimentFolder(tmp_path / 'experiment')
+def test_an_operator_may_stop_and_what_is_put_there_again_has_a_mounting_of_its_own(folder):
     world = World(outcomes=['good', 'failed'])
-    progress = run(folder, world, Person(world, ['stop']))
-    assert progress.done_count == 1
-    run(folder, world)
+    folder.set_up(PLAN)
+    with folder.open_journal() as journal:
+        stopped = run_experiment(folder, Bench(world), Person(world, ['stop']), journal)
+        progress, ended = run_experiment(folder, Bench(world), Person(world), journal)
+    assert stopped[1] == 'stopped after trial x-s01-m01-t02'
+    assert ended == ''
     check_complete(folder, world)
-
-
-def test_an_object_put_there_again_has_a_mounting_of_its_own(tmp_path):
-    folder = ExperimentFolder(tmp_path / 'experiment')
-    world = World(outcomes=['good', 'failed'])
-    run(folder, world, Person(world, ['stop']))
-    progress = run(folder, world)
     first, *_, second = (progress.kept(f'x-s01-m01-t{i:02d}').mounting_id for i in (1, 2))
     assert (first, second) == ('x-s01-m01', 'x-s01-m01-2')
     mountings = [attempt.mounting_id for attempt in progress.attempts.values()]
     assert len(set(mountings)) == len(progress.mounting_ids) == 9
 
 
-def test_a_recording_that_cannot_go_on_ends_the_experiment(tmp_path, monkeypatch):
+def test_a_recording_that_cannot_go_on_ends_the_experiment(folder, monkeypatch):
     def fail(self, order):
         raise ExperimentError('the disk is full')
 
-    folder = ExperimentFolder(tmp_path / 'experiment')
     world = World()
     with monkeypatch.context() as patch:
         patch.setattr(Bench, 'run', fail)
@@ -241,7 +239,7 @@ def test_a_recording_that_cannot_go_on_ends_the_experiment(tmp_path, monkeypatch
 
 
 def test_the_time_that_is_left_is_measured_once_trials_have_run():
-    order = [each for name in PLAN.session_ids for each in list_of(name)]
+    order = [each for name in PLAN.session_ids for each in list_order(PLAN, name)]
     progress = Progress(order, [])
     progress.take({'kind': 'mounted', 'mounting_id': 'm', 'seconds': 50.0})
     first = order[0].key
@@ -251,12 +249,6 @@ def test_the_time_that_is_left_is_measured_once_trials_have_run():
     assert progress.estimate_left_s() == 15 * 12.0 + 8 * 50.0
 
 
-def list_of(session_id):
-    from tactile_lab.experiment.plan import list_order
-
-    return list_order(PLAN, session_id)
-
-
 @pytest.mark.parametrize(
     ('seconds', 'text'), [(0, '0 s'), (89, '89 s'), (90, '2 min'), (5399, '1 h 30 min')]
 )
@@ -264,8 +256,7 @@ def test_durations_are_for_people(seconds, text):
     assert format_seconds(seconds) == text
 
 
-def test_another_setup_goes_on_only_when_it_is_accepted(tmp_path):
-    folder = ExperimentFolder(tmp_path / 'experiment')
+def test_another_setup_goes_on_only_when_it_is_accepted(folder):
     world = World(outcomes=['good', 'failed'])
     run(folder, world, Person(world, ['stop']))
     assert folder.read_progress().setup == world.setup
@@ -286,14 +277,3 @@ def test_another_setup_goes_on_only_when_it_is_accepted(tmp_path):
     entries = [e for e in read_journal(folder.journal) if e['kind'] == 'setup']
     assert [bool(entry['accepted_changes']) for entry in entries] == [False, True, False]
     assert list_changes(world.setup, world.setup) == []
-
-
-def test_an_end_says_why(tmp_path):
-    folder = ExperimentFolder(tmp_path / 'experiment')
-    world = World(outcomes=['good', 'failed'])
-    folder.set_up(PLAN)
-    with folder.open_journal() as journal:
-        _, ended = run_experiment(folder, Bench(world), Person(world, ['stop']), journal)
-        assert ended == 'stopped after trial x-s01-m01-t02'
-        _, ended = run_experiment(folder, Bench(world), Person(world), journal)
-        assert ended == ''

@@ -3,9 +3,7 @@
 
 """Our own bags as a recording: read once, and corrected by the journal of their experiment."""
 
-import builtins
 import json
-from pathlib import Path
 import shutil
 
 import numpy as np
@@ -18,22 +16,6 @@ from tactile_bags.recorded_setup import recorded_features
 from tactile_bags.replay import replay_windows
 from tactile_bags.sources.files import SourceError
 from tactile_lab.report.summary import describe_sources
-
-
-@pytest.fixture
-def opened(monkeypatch):
-    """Return the names of the data files that are opened, in their order."""
-    found = []
-    for place, name in ((builtins, 'open'), (Path, 'open')):
-        original = getattr(place, name)
-
-        def spy(path, *arguments, original=original, **options):
-            if str(path).endswith(('.mcap', '.db3')):
-                found.append(str(path))
-            return original(path, *arguments, **options)
-
-        monkeypatch.setattr(place, name, spy)
-    return found
 
 
 def test_trials_have_labels_events_and_signals(stiffness_bag):

@@ -47,6 +47,8 @@ def test_usual_conditions_are_the_simulators_bit_for_bit(study, trials, catalogu
         'stiffness', 'pla', 'flexion', trials.planned.timeline, 3, 7, catalogue=catalogue
     )
     np.testing.assert_array_equal(trials.sense(), expected.tension_n)
+    noise_n = trials.sense(noise_n=0.1) - trials.sense()
+    assert np.std(noise_n) == pytest.approx(0.1, rel=0.1)
 
 
 def test_features_are_those_of_a_bag(study, trials, stiffness_bag):
@@ -55,10 +57,6 @@ def test_features_are_those_of_a_bag(study, trials, stiffness_bag):
     rows = trials.extract(study.USUAL)
     # Stamps count from another beginning, in whole nanoseconds.
     np.testing.assert_allclose(np.array(rows), of_pla, rtol=1e-7)
-
-
-def test_noise_is_what_it_says(trials):
-    assert np.std(trials.sense(noise_n=0.1) - trials.sense()) == pytest.approx(0.1, rel=0.1)
 
 
 def test_losses_differ_from_label_to_label(study, catalogue, trials):

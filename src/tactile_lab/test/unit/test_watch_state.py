@@ -3,7 +3,6 @@
 
 """The live page's state, from records alone."""
 
-import dataclasses
 import json
 
 from hypothesis import given, settings
@@ -52,47 +51,29 @@ def event(number, phase, label='R1', trial='t1'):
 
 
 def answer(label='R1', outcome=Answered.LABEL, trial='t1', model='m', **fields):
+    is_label = outcome == Answered.LABEL
+    reason = '' if is_label else 'unlike all that the model was trained on'
     return ClassificationResult(
-        task='texture',
-        trial_id=trial,
-        contact='flexion',
-        model_id=model,
-        simulated=True,
-        outcome=outcome,
-        label=label if outcome == Answered.LABEL else '',
-        reason='' if outcome == Answered.LABEL else 'unlike all that the model was trained on',
-        labels=('C1', 'R1'),
-        scores=(0.1, 0.9),
-        score_kind='probability',
-        novelty=-1.0,
-        novelty_threshold=-1.0,
-        window_start_ns=START_NS,
-        window_end_ns=START_NS + 1,
-        frame_id='',
-        **fields,
-    )
+        'texture', trial, 'flexion', model, True, outcome, label if is_label else '', reason,
+        ('C1', 'R1'), (0.1, 0.9), 'probability', -1.0, -1.0, START_NS, START_NS + 1, '', **fields,
+    )  # fmt: skip
 
 
-def window(values, feature_set='texture_spectrum', partial=False):
+def window(values, feature_set='texture_spectrum', **fields):
     return FeatureWindow(
-        feature_set=feature_set,
-        feature_set_version=2,
-        trial_id='t1',
-        contact='flexion',
-        simulated=True,
-        outcome=Outcome.OK,
-        reason='',
-        values=np.array(values),
-        window_start_ns=START_NS,
-        window_end_ns=START_NS + 10**9,
-        first_sequence=0,
-        rate_hz=60.0,
-        sample_count=180,
-        interpolated_count=0,
-        status=0,
-        frame_id='',
-        partial=partial,
-    )
+        feature_set, 2, 't1', 'flexion', True, Outcome.OK, '', np.array(values), START_NS,
+        START_NS + 10**9, 0, 60.0, 180, 0, 0, '', **fields,
+    )  # fmt: skip
+
+
+def take_blocks(state, *blocks, finger=''):
+    for each in blocks:
+        state.update(finger, Finger.take_block, each)
+
+
+def take_events(state, *events):
+    for each in events:
+        state.update('', Finger.take_event, each)
 
 
 def test_frames_hold_each_point_once_and_the_state_when_it_changes(state, clock):
@@ -100,12 +81,11 @@ def test_frames_hold_each_point_once_and_the_state_when_it_changes(state, clock)
     first = frames.next()
     assert first['state']['fingers'] == []
     assert frames.next() is None
-    for number in range(5):
-        state.update('index', Finger.take_block, block(number))
+    take_blocks(state, *map(block, range(5)), finger='index')
     frame = frames.next()
     assert [f['name'] for f in frame['state']['fingers']] == ['index']
     assert frame['live']['index']['y'] == [1.0] * 5
-    state.update('index', Finger.take_block, block(5, (2.0,)))
+    take_blocks(state, block(5, (2.0,)), finger='index')
     frame = frames.next()
     assert 'state' not in frame
     assert frame['live']['index']['y'] == [2.0]
@@ -122,11 +102,7 @@ def test_pages_that_follow_and_pages_that_come_late_see_the_same(steps):
     frames, seen, number = Frames(state), [], 0
     for kind, count in steps:
         if kind:
-            state.update(
-                '',
-                Finger.take_block,
-                block(number, np.arange(number, number + count, dtype=float)),
-            )
+            take_blocks(state, block(number, np.arange(number, number + count, dtype=float)))
             number += count
         else:
             frame = frames.next()
@@ -140,9 +116,8 @@ def test_pages_that_follow_and_pages_that_come_late_see_the_same(steps):
 
 
 def test_a_trial_is_followed_from_contact_to_label(state):
-    state.update('', Finger.take_block, block(0, np.zeros(600)))
-    for number, phase in ((60, 'approach'), (120, 'contact'), (180, 'glide')):
-        state.update('', Finger.take_event, event(number, phase))
+    take_blocks(state, block(0, np.zeros(600)))
+    take_events(state, event(60, 'approach'), event(120, 'contact'), event(180, 'glide'))
     (finger,) = state.describe()['fingers']
     assert finger['trial']['phase'] == 'glide'
     assert finger['trial']['runs']
@@ -151,9 +126,9 @@ def test_a_trial_is_followed_from_contact_to_label(state):
         ('contact', 2.0, 3.0),
         ('glide', 3.0, None),
     ]
-    state.update('', Finger.take_event, event(420, 'release'))
+    take_events(state, event(420, 'release'))
     state.take_answer('', answer())
-    state.update('', Finger.take_event, event(480, 'done'))
+    take_events(state, event(480, 'done'))
     (finger,) = state.describe()['fingers']
     assert not finger['trial']['runs']
     assert finger['spans'][-1] == {'phase': 'release', 'from': 7.0, 'to': 8.0}
@@ -177,7 +152,7 @@ def test_a_trial_is_followed_from_contact_to_label(state):
 def test_an_answer_is_judged_only_where_the_trial_states_a_label(state, result, right, line):
     lines = []
     state.on_answer = lambda *what: lines.append(what)
-    state.update('', Finger.take_event, event(0, 'glide'))
+    take_events(state, event(0, 'glide'))
     state.take_answer('', result)
     (said,) = state.describe()['fingers'][0]['answers']
     assert said['right'] is right
@@ -191,14 +166,6 @@ def test_an_answer_is_judged_only_where_the_trial_states_a_label(state, result, 
         assert len(lines) == 1
 
 
-def test_the_newest_answer_comes_last(state):
-    state.take_answer('', answer('C1', model='a'))
-    state.take_answer('', answer('R1', model='b'))
-    state.take_answer('', answer('R1', model='a'))
-    (finger,) = state.describe()['fingers']
-    assert [a['model'] for a in finger['answers']] == ['b', 'a']
-
-
 def test_a_line_names_its_model_where_several_answer_the_same_question(state):
     def model(name, task, contact):
         return ModelInfo(name, '', '', task, contact, (), '', 0, True)
@@ -210,17 +177,9 @@ def test_a_line_names_its_model_where_several_answer_the_same_question(state):
         state.update('', Finger.take_models, [*models, *more])
         state.take_answer('', answer(model='a'))
     assert ['  a  ' in line for line in lines] == [False, False, True]
-
-
-def test_each_specification_of_a_trial_keeps_its_window(state):
-    state.update('', Finger.take_event, event(0, 'glide'))
-    for digest, name in (('1', 'texture_spectrum'), ('2', 'texture_spatial')):
-        values = np.ones(91)
-        made = dataclasses.replace(window(values, name), specification_digest=digest)
-        state.update('', Finger.take_window, made)
-    (finger,) = state.fingers
-    assert finger.describe()['window']['set'] == 'texture_spatial'
-    assert finger.spectrum()['part'] == 'window of the trial'
+    for name in 'ba':  # the newest comes last
+        state.take_answer('', answer(model=name))
+    assert [a['model'] for a in state.describe()['fingers'][0]['answers']] == ['b', 'a']
 
 
 def test_the_spectrum_is_that_of_the_last_seconds_then_of_the_phase_then_of_the_window():
@@ -234,6 +193,7 @@ def test_the_spectrum_is_that_of_the_last_seconds_then_of_the_phase_then_of_the_
     assert spectrum['values'] == pytest.approx(expected, rel=1e-3, abs=1e-4)
     assert np.argmax(spectrum['values']) * spectrum['step_hz'] == pytest.approx(10.0, rel=1e-6)
     finger.take_event(event(540, 'glide'))
+    finger.take_window(window([1.0, 2.0, 3.0], 'stiffness_regression', specification_digest='1'))
     spectrum = finger.spectrum()
     assert spectrum['part'] == 'glide so far'
     assert len(spectrum['values']) == 59 // 2 + 1
@@ -242,14 +202,10 @@ def test_the_spectrum_is_that_of_the_last_seconds_then_of_the_phase_then_of_the_
     assert spectrum['part'] == 'window of the trial'
     assert spectrum['step_hz'] == pytest.approx(1 / 3)
     assert spectrum['values'][-1] == 0.9
+    finger.take_window(window(np.ones(91), 'texture_spatial', specification_digest='2'))
+    assert finger.describe()['window']['set'] == 'texture_spatial'
+    assert finger.spectrum() == spectrum  # each specification keeps its window
     finger.take_event(event(700, 'approach', trial='t2'))
-    assert finger.spectrum()['part'] == 'last 3 s'
-
-
-def test_other_feature_sets_leave_the_spectrum_of_the_samples():
-    finger = Finger('')
-    finger.take_block(block(0, np.zeros(600)))
-    finger.take_window(window([1.0, 2.0, 3.0], 'stiffness_regression'))
     assert finger.spectrum()['part'] == 'last 3 s'
 
 
@@ -267,7 +223,7 @@ def test_spectra_come_five_times_a_second(state, clock):
     frames, count = Frames(state), 0
     for number in range(60):
         clock.now_s += 1 / 60
-        state.update('', Finger.take_block, block(number))
+        take_blocks(state, block(number))
         frame = frames.next()
         count += 'spectrum' in frame['live']['']
     assert count <= 1 / SPECTRUM_PERIOD_S + 1
@@ -289,12 +245,11 @@ def test_a_fast_sensor_fills_its_buffers_again_and_again():
 
 def test_a_step_of_the_clock_begins_anew_and_a_repeated_block_does_not(state):
     frames = Frames(state)
-    for number in range(600, 610):
-        state.update('', Finger.take_block, block(number))
+    take_blocks(state, *map(block, range(600, 610)))
     epoch = frames.next()['live']['']['epoch']
-    state.update('', Finger.take_block, block(605))
+    take_blocks(state, block(605))
     assert frames.next() is None
-    state.update('', Finger.take_block, block(0, (5.0,), status=StrainStatus.CLOCK_STEP))
+    take_blocks(state, block(0, (5.0,), status=StrainStatus.CLOCK_STEP))
     live = frames.next()['live']['']
     assert live['epoch'] == epoch + 1
     assert live['y'] == [5.0]
@@ -302,7 +257,7 @@ def test_a_step_of_the_clock_begins_anew_and_a_repeated_block_does_not(state):
 
 
 def test_silent_sensors_and_devices_are_told(state, clock):
-    state.update('', Finger.take_block, block(0, status=StrainStatus.SATURATED))
+    take_blocks(state, block(0, status=StrainStatus.SATURATED))
     state.take_health('tendon_sensor', 0, 'samples arrive', {})
     state.take_readiness('linear_guide', ['Home the guide.'])
     state.take_health('linear_guide', 1, 'not homed; home the guide', {})
@@ -316,9 +271,6 @@ def test_silent_sensors_and_devices_are_told(state, clock):
     assert sensor['level'] == 'stale'
     assert 'start its node again' in sensor['message']
     assert frames.next() is None
-
-
-def test_progress_comes_from_the_operator(state):
     state.take_health('operator', 0, 'trial 3 of 10', {'trial': '3', 'trials': '10'})
     assert state.describe()['progress'] == {'trial': '3', 'trials': '10', 'text': 'trial 3 of 10'}
 
@@ -340,7 +292,7 @@ def test_untrusted_messages_cannot_fill_the_memory(state):
 def test_a_sample_that_is_no_number_breaks_the_line_and_keeps_the_spectrum_away(state):
     for number in range(200):
         value = np.nan if number == 100 else 1.0 + 0.1 * (number % 5)
-        state.update('', Finger.take_block, block(number, (value,)))
+        take_blocks(state, block(number, (value,)))
         if number in (100, 103):
             assert state.finger('').spectrum() is None
     frame = json.loads(json.dumps(Frames(state).next(), allow_nan=False))

@@ -1,0 +1,240 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""`tactile evaluate` on archives and experiments: splits, bad trials and what is said of them."""
+
+import numpy as np
+import pytest
+from tactile_command import ask_and_hear_tactile, ask_tactile, hear_tactile
+
+from tactile_bags import EVENT
+from tactile_classifier.datasets.archive import load_archive
+from tactile_classifier.datasets.dataset import table_from_trials
+from tactile_lab.datasets.reading import select_trials
+from tactile_lab.experiment.folder import ExperimentFolder
+from tactile_lab.experiment.plan import ExperimentPlan
+from tactile_ros.errors import TactileError
+
+RATE_HZ = 100.0
+ONCE = ('--repetitions', 1)
+HOLDS = ('--task', 'stiffness', '--folds', 3, *ONCE)
+
+
+@pytest.fixture
+def save(tmp_path):
+    """Save holds on two materials in two sessions; the second session is weaker and noisier."""
+
+    def save(**changes):
+        rng = np.random.default_rng(5)
+        label = np.tile([b'rubber', b'pla'], 24)
+        day = np.repeat([1, 2], 24)
+        time_s = np.arange(200) / RATE_HZ
+        slope = np.where(label == b'rubber', -0.9, -0.5) * np.where(day == 1, 1.0, 0.7)
+        x = 5.0 + slope[:, None] * time_s + rng.normal(0.0, 0.2, (48, 200))
+        arrays = {'x': x[:, None], 'label': label, 'rate_hz': RATE_HZ, 'day': day, **changes}
+        path = tmp_path / 'strange.npz'
+        np.savez(path, **arrays)
+        return path, arrays['x']
+
+    return save
+
+
+def test_training_on_one_day_and_testing_on_the_other_equals_a_fit_by_hand(save):
+    path, _ = save()
+    said = hear_tactile('evaluate', path, *HOLDS, '--train-where', 'day=1', code=2)
+    assert 'give both' in said
+    stated = ('--train-where', 'day=2', '--test-where', 'day=1')
+    (found,) = ask_tactile('evaluate', path, *HOLDS, *stated)['sets']
+    plain, held_out, stated = found['evaluations']
+    assert held_out['split'] == 'one day held out'
+    assert stated['split'] == 'trained on day=2 (24 trials), tested on day=1'
+    assert (plain['trials'], stated['trials']) == (48, 24)
+    assert len(stated['scores']) == 8
+    for score in stated['scores']:
+        # The counts of the confusion are those of the tests, and the interval is over them.
+        confusion = np.array(score['confusion'])
+        assert confusion.sum() == 24
+        assert score['mean'] == pytest.approx(np.trace(confusion) / 24)
+        assert score['interval']['low'] <= score['mean'] <= score['interval']['high']
+        assert score['interval']['method'].endswith('over 24 trials')
+    scores = {(s['classifier'], s['scaling']): s['mean'] for s in stated['scores']}
+    table = table_from_trials('stiffness', load_archive(path))
+    train = table.column('day') == 2
+    values = (table.values - table.values[train].mean(axis=0)) / table.values[train].std(axis=0)
+    squared = np.sum((values[~train][:, None] - values[train][None]) ** 2, axis=2)
+    nearest = table.labels[train][np.argsort(squared, axis=1)[:, :3]]
+    rubber = np.sum(nearest == 'rubber', axis=1) > 1
+    expected = np.mean(rubber == (table.labels[~train] == 'rubber'))
+    assert 0.5 < expected < 1.0
+    assert scores['knn', 'standard'] == pytest.approx(expected)
+
+
+def test_bad_trials_are_skipped_and_listed_everywhere(save, tmp_path):
+    _, x = save()
+    x = x.copy()
+    x[3] = 5.0
+    x[40, 0, 17] = np.nan
+    path, _ = save(x=x)
+    said = hear_tactile('evaluate', path, *HOLDS, code=2)
+    assert '1 of 48 trials' in said
+    assert 'row 40' in said
+    report = tmp_path / 'report.html'
+    options = ('--skip-bad', '--where', 'day=1,2', '--report', report)
+    document, said = ask_and_hear_tactile('evaluate', path, *HOLDS, *options)
+    (found,) = document['sets']
+    for shown in (said, report.read_text()):
+        assert 'skipped 2 trials' in shown
+        assert 'row 3: the tension is constant' in shown
+        assert 'row 40: x in strange.npz is not finite at 1 of 200 samples' in shown
+    assert [each['row'] for each in found['skipped']] == [40, 3]
+    assert found['trials'] == 46
+
+
+def test_resampling_and_crop_are_stated(save):
+    path, _ = save(length=np.where(np.arange(48) < 2, 190, 200))
+    said = hear_tactile('evaluate', path, *HOLDS, '--resample-hz', '60', '--crop', '0.5:1.5')
+    assert 'channel 0, at 60 Hz, 0.5 to 1.5 s' in said
+    assert 'resampled from 100 to 60 Hz: polyphase filter 3/5' in said
+    said = hear_tactile('evaluate', path, *HOLDS, '--static-phase', '0.5:1.5')  # its first name
+    assert 'channel 0, 0.5 to 1.5 s' in said
+    assert 'cut to the first 1.9 s' in hear_tactile('evaluate', path, *HOLDS)
+
+
+def test_columns_select_by_value_by_values_or_by_truth():
+    columns = {
+        'day': np.array([1, 2, 3]),
+        'good': np.array([True, False, True]),
+        'place': np.array(['a', 'b', 'b']),
+        'speed': np.array([0.5, 1.0, 2.0]),
+    }
+    for text, expected in {
+        'day=1,3': [1, 0, 1],
+        'good': [1, 0, 1],
+        'good=false': [0, 1, 0],
+        'place=b': [0, 1, 1],
+        'speed=1': [0, 1, 0],
+    }.items():
+        assert select_trials(columns, text, 'where').tolist() == [bool(e) for e in expected]
+    for text, sentence in {
+        'night': '--where: there is no column "night"; there are: day',
+        'day=north': 'no value of column day',
+        'day=4': 'no trial has day=4',
+        'place': 'not true or false; write place=VALUE',
+        'good=maybe': 'no value of column good',
+    }.items():
+        with pytest.raises(TactileError, match=sentence):
+            select_trials(columns, text, 'where')
+
+
+def splits_of(found):
+    return [evaluation['split'] for evaluation in found['evaluations']]
+
+
+def test_an_experiment_is_evaluated_whatever_its_mountings(simulate_bag, rewrite, tmp_path):
+    """One session of two objects, each mounted twice.
+
+    With one mounting held out, some folds inside the fold would train on one object alone.
+    """
+    objects = ('pla', 'sponge')
+    trials = {}
+
+    def mount_twice(type_name, message):
+        if type_name != EVENT:
+            return message
+        if message.object_label not in objects:
+            return None
+        of_it = trials.setdefault(message.object_label, [])
+        if message.trial_id not in of_it:
+            of_it.append(message.trial_id)
+        message.mounting_id = f'{message.object_label}-{of_it.index(message.trial_id) // 2}'
+        return message
+
+    folder = ExperimentFolder(tmp_path / 'holds')
+    folder.set_up(ExperimentPlan('holds', 'stiffness', objects, sessions=1, mountings=2, trials=2))
+    bag = simulate_bag('stiffness', 'flexion', 4, seed=7)
+    rewrite(bag, folder.bags / 'holds-s01-01', mount_twice)
+    document, said = ask_and_hear_tactile('evaluate', folder.path, '--folds', 4, *ONCE)
+    (found,) = document['sets']
+    assert splits_of(found) == [
+        'stratified 4-fold, once', 'one block of trials held out', 'one mounting held out'
+    ]  # fmt: skip
+    told = 'one session held out: all trials have the same session: there is nothing to hold out'
+    assert told in found['not_done']
+    assert told in said
+
+
+def save_levels(path, **columns):
+    label = np.tile(['low', 'high'], 6)
+    x = np.random.default_rng(1).normal(size=(12, 60)) + (label == 'low')[:, None]
+    np.savez(path, x=x, label=label, rate_hz=60.0, **columns)
+    return path, '--task', 'texture', *ONCE
+
+
+@pytest.mark.parametrize(
+    ('options', 'splits', 'told'),
+    [
+        (
+            ('--group', 'day', '--group', 'part'),
+            ['stratified 6-fold, once', 'one part held out'],
+            'one day held out: all trials of class "high" have the same day',
+        ),
+        (
+            ('--group', 'part', '--folds', 7),
+            ['one part held out'],
+            'random folds: class "high" has 6 trials, fewer than the 7 folds',
+        ),
+    ],
+)
+def test_splits_that_cannot_be_made_are_told_beside_those_that_can(
+    tmp_path, options, splits, told
+):
+    day = np.where(np.arange(12) % 2, 'monday', 'tuesday')  # and label coincide
+    asked = save_levels(tmp_path / 'x.npz', day=day, part=np.arange(12) // 4)
+    document, said = ask_and_hear_tactile('evaluate', *asked, *options)
+    (found,) = document['sets']
+    assert splits_of(found) == splits
+    assert found['not_done'][0].startswith(told)
+    assert told in said
+
+
+def test_no_possible_split_is_one_sentence(tmp_path):
+    label = np.repeat(['a', 'b'], [10, 2])
+    x = np.random.default_rng(1).normal(size=(12, 60))
+    np.savez(tmp_path / 'few.npz', x=x, label=label, rate_hz=60.0)
+    said = hear_tactile('evaluate', tmp_path / 'few.npz', '--task', 'texture', *ONCE, code=2)
+    assert 'random folds: class "b" has 2 trials, fewer than the 6 folds' in said
+
+
+def test_a_choice_inside_the_folds_that_cannot_be_made_is_told(tmp_path):
+    # Three groups of one trial of each class and no more: two trials are left inside a fold.
+    label, part = np.tile(['a', 'b'], 3), np.repeat([0, 1, 2], 2)
+    x = np.random.default_rng(1).normal(size=(6, 60))
+    np.savez(tmp_path / 'few.npz', x=x, label=label, rate_hz=60.0, part=part)
+    asked = (tmp_path / 'few.npz', '--task', 'texture', *ONCE, '--folds', 2, '--group', 'part')
+    (found,) = ask_tactile('evaluate', *asked)['sets']
+    told = 'choice of the classifier inside the folds, one part held out: 2 trials would be left'
+    assert any(line.startswith(told) for line in found['not_done'])
+
+
+def test_labels_tied_to_sessions_are_told_in_terminal_json_and_report(
+    stiffness_bag, rewrite, tmp_path
+):
+    def change(type_name, message):
+        if type_name == EVENT:
+            message.session_id = f'day of {message.object_label}'
+        return message
+
+    bag = rewrite(stiffness_bag, tmp_path / 'bag', change)
+    sentence = 'session and label coincide for 5 of 5 labels'
+    quick, report = ('--folds', 2, *ONCE), tmp_path / 'report.html'
+    document, said = ask_and_hear_tactile('evaluate', bag, *quick, '--report', report)
+    assert sentence in said
+    assert sentence in report.read_text()
+    for evaluation in document['sets'][0]['evaluations']:
+        assert any(sentence in warning for warning in evaluation['warnings'])
+    pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
+    options = ('-o', tmp_path / 'models', '--classifier', 'knn')
+    document, said = ask_and_hear_tactile('train', bag, *options, *quick)
+    assert sentence in said
+    (model,) = document['models']
+    assert any(sentence in warning for warning in model['evaluation']['warnings'])
