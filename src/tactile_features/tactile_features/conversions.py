@@ -149,13 +149,10 @@ def feature_window_from_record(window: FeatureWindow) -> FeatureWindow:
 
 def event_to_msg(event: TrialEvent) -> Any:
     """Return the ``tactile_msgs/TrialEvent`` of a record."""
-    from std_msgs.msg import Header
-
     from tactile_msgs.msg import TrialEvent as TrialEventMsg
 
     fields = dataclasses.asdict(event)
-    stamp = time_to_msg(fields.pop('stamp_ns'))
-    return TrialEventMsg(header=Header(stamp=stamp), **fields)
+    return TrialEventMsg(header=_header(fields.pop('stamp_ns')), **fields)
 
 
 def feature_window_from_msg(msg: Any) -> FeatureWindow:
@@ -183,17 +180,15 @@ def _copy(msg: Any, record: Any, **converted: Any) -> Any:
 
 def feature_window_to_msg(window: FeatureWindow) -> Any:
     """Return the ``tactile_msgs/TactileFeatures`` of a record."""
-    from std_msgs.msg import Header
-
     from tactile_msgs.msg import Measure as MeasureMsg
     from tactile_msgs.msg import TactileFeatures
 
     fields = dataclasses.asdict(window)
-    end = time_to_msg(fields.pop('window_end_ns'))
+    end_ns = fields.pop('window_end_ns')
     return TactileFeatures(
-        header=Header(stamp=end, frame_id=fields.pop('frame_id')),
+        header=_header(end_ns, fields.pop('frame_id')),
         window_start=time_to_msg(fields.pop('window_start_ns')),
-        window_end=end,
+        window_end=time_to_msg(end_ns),
         outcome=int(fields.pop('outcome')),
         running=fields.pop('partial'),
         values=fields.pop('values').tolist(),
@@ -207,8 +202,6 @@ def feature_window_to_msg(window: FeatureWindow) -> Any:
 
 def specifications_to_msg(announced: FeatureSpecifications) -> Any:
     """Return the ``tactile_msgs/FeatureSpecifications`` of a record."""
-    from std_msgs.msg import Header
-
     from tactile_msgs.msg import FeatureSpecification
     from tactile_msgs.msg import FeatureSpecifications as FeatureSpecificationsMsg
 
@@ -229,7 +222,7 @@ def specifications_to_msg(announced: FeatureSpecifications) -> Any:
         )
 
     return FeatureSpecificationsMsg(
-        header=Header(stamp=time_to_msg(announced.stamp_ns)),
+        header=_header(announced.stamp_ns),
         specifications=[to_msg(wanted) for wanted in announced.wanted],
         config=json.dumps(dict(announced.config)),
     )
@@ -281,12 +274,10 @@ def _from_json(field: str, text: str) -> Any:
 
 def slip_to_msg(slip: Slip, config: SlipConfig, trial_id: str) -> Any:
     """Return the ``tactile_msgs/Slip`` of a record."""
-    from std_msgs.msg import Header
-
     from tactile_msgs.msg import Slip as SlipMsg
 
     return SlipMsg(
-        header=Header(stamp=time_to_msg(slip.stamp_ns), frame_id=config.frame_id),
+        header=_header(slip.stamp_ns, config.frame_id),
         motion=SlipMsg.MOTION_SLIDING,
         onset=time_to_msg(slip.onset_ns),
         statistic=slip.statistic,
@@ -294,6 +285,12 @@ def slip_to_msg(slip: Slip, config: SlipConfig, trial_id: str) -> Any:
         trial_id=trial_id,
         simulated=slip.simulated,
     )
+
+
+def _header(stamp_ns: int, frame_id: str = '') -> Any:
+    from std_msgs.msg import Header
+
+    return Header(stamp=time_to_msg(stamp_ns), frame_id=frame_id)
 
 
 def _outcome_from_msg(value: Any) -> Outcome:

@@ -114,7 +114,7 @@ class SlipDetector:
     def __init__(self, config: SlipConfig) -> None:
         self.config = config
         self.rate_hz = 0.0
-        self._filled = self._size = 0
+        self._filled = 0
 
     def _begin(self, sample_rate_hz: float) -> None:
         """Begin anew, with samples of another rate."""
@@ -139,11 +139,6 @@ class SlipDetector:
         self._is_simulated = False  # one of the samples since the history began
         self._white = self._white_count = self._past_count = 0.0
         self._past: FloatArray = np.zeros(len(self._lengths))
-
-    @property
-    def is_armed(self) -> bool:
-        """True when a slip could be found now."""
-        return 0 < self._size <= self._filled
 
     def add(self, block: StrainBlock) -> list[Slip]:
         """Take in samples; return the slips found, in order of time."""
@@ -190,7 +185,7 @@ class SlipDetector:
         self._stamps_ns[:-1] = self._stamps_ns[1:]
         self._tension_n[-1], self._stamps_ns[-1] = tension_n, stamp_ns
         self._filled += 1
-        slip = self._test() if self.is_armed else None
+        slip = self._test() if self._filled >= self._size else None
         # Noise is noise in an empty hand, too.
         is_moving = self._is_moving()
         if self._filled > max(2, self._move) and not is_moving:

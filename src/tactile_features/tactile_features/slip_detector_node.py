@@ -111,11 +111,6 @@ class SlipDetectorNode(StageNode):
         return SlipStage(self, config)
 
     @property
-    def detector(self) -> SlipDetector | None:
-        """The core; None while the node is not configured."""
-        return None if self.stage is None else self.stage.detector
-
-    @property
     def add_block(self) -> Callable[[StrainRecord], None]:
         """The input for blocks of the sensor of this process."""
         return self.input(STRAIN_TOPIC, lambda stage, block: stage.add_block(check_record(block)))

@@ -3,9 +3,15 @@
 
 """Model files that hold a manifest and an empty graph: as much as features need."""
 
+from pathlib import Path
+import sys
+
 import pytest
 
 from tactile_features.onnx_container import pack_container
+
+# What several test files share lies beside them and is no part of the package.
+sys.path.insert(0, str(Path(__file__).parent))
 
 EMPTY_GRAPH = b'\x3a\x00'
 """Field 7 of onnx.proto, a graph without nodes."""

@@ -52,10 +52,7 @@ LONGEST_STEP_S = 0.5
 
 
 class _Lane:
-    """One specification that is computed: where its samples are, and what still fills.
-
-    ``buffer`` has the samples under the gap policy of the specification.
-    """
+    """One specification that is computed: where its samples are, and what still fills."""
 
     def __init__(self, config: FeatureConfig, phase: str, buffer: SampleBuffer) -> None:
         self.config = config
@@ -72,15 +69,9 @@ class _Lane:
         """Take in the start of a phase."""
         if event.phase == self.phase:
             self.filling.extend(
-                PartialWindow(event, count, self.config) for count in self.partial_samples
+                PartialWindow(event, count, self.config, self.buffer)
+                for count in self.partial_samples
             )
-
-
-@dataclasses.dataclass(eq=False)
-class _Waiting:
-    window: PhaseWindow
-    buffer: SampleBuffer
-    taken: FeatureWindow | None = None
 
 
 class _FinishedPhase:
@@ -102,30 +93,30 @@ class _FinishedPhase:
         self.end = end
         self.is_past = is_past
         self._waiting = deque(
-            _Waiting(PhaseWindow(begun, end, lane.config, before), lane.buffer)
+            PhaseWindow(begun, end, lane.config, lane.buffer, before)
             for lane in lanes
             if lane.phase == begun.phase
         )
+        self._taken: dict[PhaseWindow, FeatureWindow] = {}
 
     @property
     def is_over(self) -> bool:
         """True when all of its windows were given out."""
         return not self._waiting
 
-    def take(self, mark: Callable[[FeatureWindow], FeatureWindow]) -> list[FeatureWindow]:
+    def take(self) -> list[FeatureWindow]:
         """Return the next windows that are complete."""
-        for each in self._waiting:
-            if each.taken is None and (window := each.window.take(each.buffer)) is not None:
-                each.taken = mark(window)
+        for window in self._waiting:
+            if window not in self._taken and (found := window.take()) is not None:
+                self._taken[window] = found
         given = []
-        while self._waiting and (first := self._waiting[0].taken) is not None:
-            given.append(first)
-            self._waiting.popleft()
+        while self._waiting and self._waiting[0] in self._taken:
+            given.append(self._taken.pop(self._waiting.popleft()))
         return given
 
     def end_with(self, refuse: Callable[[PhaseWindow], FeatureWindow]) -> list[FeatureWindow]:
         """Return all windows that were not given out; what still waits for samples is refused."""
-        given = [each.taken or refuse(each.window) for each in self._waiting]
+        given = [self._taken.get(window) or refuse(window) for window in self._waiting]
         self._waiting.clear()
         return given
 
@@ -360,9 +351,9 @@ class TrialFeatureExtractor:
     def _take_filled(self, lane: _Lane) -> list[FeatureWindow]:
         windows: list[FeatureWindow] = []
         while lane.filling:
-            window = lane.filling[0].take(lane.buffer)
+            window = lane.filling[0].take()
             if window is not None:
-                windows.append(self._mark(window))
+                windows.append(window)
             elif not self._is_overdue(lane.filling[0].end):
                 break
             lane.filling.popleft()
@@ -373,7 +364,7 @@ class TrialFeatureExtractor:
         while self._waiting:
             # Only the oldest phase may go, so that the order does not depend on arrival.
             phase = self._waiting[0]
-            windows += self._count(phase, phase.take(self._mark))
+            windows += self._count(phase, phase.take())
             if phase.is_over:
                 self._waiting.popleft()
             elif self._is_overdue(phase.end):
@@ -384,7 +375,7 @@ class TrialFeatureExtractor:
 
     def _end_oldest(self, refuse: Callable[[PhaseWindow], FeatureWindow]) -> list[FeatureWindow]:
         phase = self._waiting.popleft()
-        return self._count(phase, phase.end_with(lambda window: self._mark(refuse(window))))
+        return self._count(phase, phase.end_with(refuse))
 
     def _count(
         self, phase: _FinishedPhase, windows: Sequence[FeatureWindow]
@@ -394,12 +385,6 @@ class TrialFeatureExtractor:
         for window in given:
             self.window_counts[window.outcome] += 1
         return given
-
-    def _mark(self, window: FeatureWindow) -> FeatureWindow:
-        """Return a window without samples as simulated where the newest sample is."""
-        if window.simulated or window.sample_count or not self._buffer.is_simulated:
-            return window
-        return dataclasses.replace(window, simulated=True)
 
     def _is_overdue(self, end: TrialEvent) -> bool:
         event = self._event

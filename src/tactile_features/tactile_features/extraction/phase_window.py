@@ -83,7 +83,8 @@ class PhaseWindow:
     what happens there only while e is small against it: `CROP_MARGIN` crops count as
     T where they are shorter. A crop of 0 sets no limit.
 
-    ``start`` is the phase's event, ``end`` the trial's next one, ``before`` the one before.
+    ``start`` is the phase's event, ``end`` the trial's next one, ``before`` the one before. The
+    buffer has the samples under the gap policy of ``config``.
     """
 
     def __init__(
@@ -91,12 +92,14 @@ class PhaseWindow:
         start: TrialEvent,
         end: TrialEvent,
         config: FeatureConfig,
+        buffer: SampleBuffer,
         before: TrialEvent | None = None,
     ) -> None:
         self.start = start
         self._before = before
         self.end = end
         self._config = config
+        self._buffer = buffer
         self._set = config.feature_set(start.phase)
         self._spec = spec_of(self._set)
         self._speed_m_s = start.glide_speed_m_s if self._set.needs_speed else 0.0
@@ -121,19 +124,19 @@ class PhaseWindow:
         crops_s = CROP_MARGIN * window.crop_start_s or length_s
         self._most_error_s = config.max_stamp_error_share * min(length_s, crops_s)
 
-    def take(self, buffer: SampleBuffer) -> FeatureWindow | None:
+    def take(self) -> FeatureWindow | None:
         """Return the window, or None while a sample still to come could change it."""
         if refused := self.refuse_by_events():
             return refused
-        cut = self._cut(buffer)
+        cut = self._cut()
         if cut is None:
             return None
-        window = self._refuse_evicted(buffer)
+        window = self._refuse_evicted()
         if window is None:
             window = self.time_out() if self._is_too_late(cut.after) else self._assess(cut)
         if window.outcome != Outcome.OK or not self._config.measures:
             return window
-        return dataclasses.replace(window, measures=self._measure(cut.samples, buffer))
+        return dataclasses.replace(window, measures=self._measure(cut.samples))
 
     def refuse_by_events(self) -> FeatureWindow | None:
         """Return the window where the events alone say that it has no features."""
@@ -178,8 +181,8 @@ class PhaseWindow:
         late_ns = int(after['latest_ns']) - self.end.stamp_ns
         return late_ns > self._config.samples_timeout_s * 1e9
 
-    def _refuse_evicted(self, buffer: SampleBuffer) -> FeatureWindow | None:
-        if buffer.evicted_ns is None or buffer.evicted_ns < self._from_ns:
+    def _refuse_evicted(self) -> FeatureWindow | None:
+        if not self._has_evicted(self._from_ns):
             return None
         reason = (
             f'the buffer of {self._config.buffer_s:g} s no longer holds the full window; '
@@ -187,25 +190,31 @@ class PhaseWindow:
         )
         return self.refuse(Outcome.GAP, reason)
 
-    def _first_samples(self, buffer: SampleBuffer) -> _Cut | None:
-        begin = buffer.first_at(self._from_ns)
+    def _has_evicted(self, stamp_ns: int) -> bool:
+        evicted_ns = self._buffer.evicted_ns
+        return evicted_ns is not None and evicted_ns >= stamp_ns
+
+    def _first_samples(self) -> _Cut | None:
+        """Return as many samples as are wanted, or None while there are fewer."""
+        begin = self._buffer.first_at(self._from_ns)
         end = begin + self._wanted
-        return self._slice(buffer, begin, end, None) if end <= len(buffer.samples) else None
+        return self._slice(begin, end, None) if end <= len(self._buffer.samples) else None
 
-    def _slice(self, buffer: SampleBuffer, begin: int, end: int, after: Any) -> _Cut:
-        lead = buffer.samples[buffer.first_at(self.start.stamp_ns) : begin]
-        return _Cut(buffer.samples[begin:end], after, lead)
+    def _slice(self, begin: int, end: int, after: Any) -> _Cut:
+        samples = self._buffer.samples
+        lead = samples[self._buffer.first_at(self.start.stamp_ns) : begin]
+        return _Cut(samples[begin:end], after, lead)
 
-    def _cut(self, buffer: SampleBuffer) -> _Cut | None:
+    def _cut(self) -> _Cut | None:
         if self._is_counted:
-            cut = self._first_samples(buffer)
+            cut = self._first_samples()
             if cut is not None and cut.samples['latest_ns'][-1] <= self._to_ns:
                 return cut
-        begin = buffer.first_at(self._from_ns)
+        buffer = self._buffer
         if buffer.watermark_ns is None or buffer.watermark_ns <= self._to_ns:
             return None
         end = buffer.first_beyond(self._to_ns)
-        return self._slice(buffer, begin, end, buffer.samples[end])
+        return self._slice(buffer.first_at(self._from_ns), end, buffer.samples[end])
 
     def _assess(self, cut: _Cut) -> FeatureWindow:
         samples = cut.samples
@@ -221,11 +230,10 @@ class PhaseWindow:
         if reason := self._format_fault(samples):
             return self.refuse(Outcome.BAD_SIGNAL, reason, samples)
         tension_n = np.ascontiguousarray(samples['tension_n'])
-        rate_hz, speed_m_s = self._config.rate_hz, self._speed_m_s
+        config = self._config
+        of_set = WindowSamples(samples['stamp_ns'], tension_n, config.rate_hz, self._speed_m_s)
         try:
-            values = self._compute(
-                WindowSamples(samples['stamp_ns'], tension_n, rate_hz, speed_m_s)
-            )
+            values = self._compute(of_set)
         except FeatureError as error:
             return self.refuse(Outcome.UNDEFINED, str(error), samples)
         return self._window(Outcome.OK, '', samples, values)
@@ -233,17 +241,17 @@ class PhaseWindow:
     def _compute(self, samples: WindowSamples) -> NDArray[np.float64]:
         return self._set.compute(samples)
 
-    def _measure(self, samples: Samples, buffer: SampleBuffer) -> tuple[Measure, ...]:
+    def _measure(self, samples: Samples) -> tuple[Measure, ...]:
         if self.start.phase == PHASE_GLIDE:
             speed_m_s = self.start.glide_speed_m_s
             return measure_glide(samples, speed_m_s, self._config.glide_speed_uncertainty)
         before = self._before
         if before is None or before.phase != PHASE_CONTACT:
             return measure_hold(samples, _NO_SAMPLES, 0.0, 'no pull into contact was seen')
-        begin = buffer.first_at(before.stamp_ns)
-        pull = buffer.samples[begin : buffer.first_beyond(self.start.stamp_ns)]
+        begin = self._buffer.first_at(before.stamp_ns)
+        pull = self._buffer.samples[begin : self._buffer.first_beyond(self.start.stamp_ns)]
         no_pull = _format_unfit(pull)
-        if buffer.evicted_ns is not None and buffer.evicted_ns >= before.stamp_ns:
+        if self._has_evicted(before.stamp_ns):
             no_pull = 'the buffer no longer holds the pull into contact; raise buffer_s'
         return measure_hold(samples, pull, before.pull_speed_m_s, no_pull)
 
@@ -315,12 +323,13 @@ class PhaseWindow:
     ) -> FeatureWindow:
         found = len(samples) > 0
         status = int(np.bitwise_or.reduce(samples['status']))
+        of_simulation = status & StrainStatus.SIMULATED if found else self._buffer.is_simulated
         return FeatureWindow(
             feature_set=self._spec.feature_set,
             feature_set_version=self._spec.version,
             trial_id=self.start.trial_id,
             contact=self.start.contact,
-            simulated=self.start.simulated or bool(status & StrainStatus.SIMULATED),
+            simulated=self.start.simulated or bool(of_simulation),
             outcome=outcome,
             reason=reason,
             values=values,
@@ -360,18 +369,18 @@ class PartialWindow(PhaseWindow):
     lasted, the window of the finished phase says.
     """
 
-    def __init__(self, start: TrialEvent, count: int, config: FeatureConfig) -> None:
-        super().__init__(start, start, config)
+    def __init__(
+        self, start: TrialEvent, count: int, config: FeatureConfig, buffer: SampleBuffer
+    ) -> None:
+        super().__init__(start, start, config, buffer)
         self._whole, self._wanted = self._set.sample_count, count
 
-    def take(self, buffer: SampleBuffer) -> FeatureWindow | None:
+    def take(self) -> FeatureWindow | None:
         """Return the window, or None while its samples have not all come."""
         if self._no_window:
             return self.refuse(Outcome.UNDEFINED, self._no_window)
-        cut = self._first_samples(buffer)
-        if cut is None:
-            return None
-        return self._refuse_evicted(buffer) or self._assess(cut)
+        cut = self._first_samples()
+        return cut and (self._refuse_evicted() or self._assess(cut))
 
     def _compute(self, samples: WindowSamples) -> NDArray[np.float64]:
         return self._set.compute_part(samples, self._whole)

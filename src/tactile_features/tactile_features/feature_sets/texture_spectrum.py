@@ -46,7 +46,7 @@ class TextureSpectrum(FeatureSet):
 
     def compute_part(self, samples: WindowSamples, sample_count: int) -> FloatArray:
         options = self.config.spectrum_detrend, self.config.spectrum_window
-        return compute_partial_spectrum(samples.tension_n, sample_count, *options)
+        return compute_spectrum(samples.tension_n, *options, sample_count)
 
 
 def spectrum_names(sample_count: int, rate_hz: float) -> tuple[str, ...]:
@@ -58,7 +58,10 @@ def spectrum_names(sample_count: int, rate_hz: float) -> tuple[str, ...]:
 
 
 def compute_spectrum(
-    tension_n: ArrayLike, detrend: str = 'mean', window: str = 'none'
+    tension_n: ArrayLike,
+    detrend: str = 'mean',
+    window: str = 'none',
+    sample_count: int | None = None,
 ) -> FloatArray:
     """Return the single-sided amplitudes of the Fourier components.
 
@@ -67,69 +70,50 @@ def compute_spectrum(
     window, its sum takes the place of ``n``. The component at 0 Hz is set to 0: it holds the
     offset of the sensor, or rounding errors only.
 
+    Part of a window is detrended and weighted by itself, and the rest filled with zeros: component
+    ``k`` means the frequency that it has in the full window. Amplitudes are scaled by the ``n``
+    samples that are there. A sine of amplitude A whose periods fill them gives A at its own
+    frequency, and leaks to frequencies in between, the more the shorter the part is.
+
     A window of samples gives the same bits alone and in a batch.
 
     Parameters
     ----------
     tension_n : array_like of shape (..., n)
-        Windows of tension [N], ``n >= 2``.
+        Windows of tension, or the first part of each [N]; ``2 <= n <= sample_count``.
     detrend : str
         ``none``, ``mean``, or ``linear``: what is subtracted before the transform, the mean or
         the least-squares line, as `scipy.signal.detrend` does. ``none`` differs from ``mean``
         with a window only, because the component at 0 Hz is set to 0.
     window : str
         ``none``, or ``hann``: the periodic Hann window of `scipy.signal.get_window`.
+    sample_count : int, optional
+        Samples in the full window; ``n`` where not given.
 
     Returns
     -------
-    ndarray of shape (..., n // 2 + 1)
+    ndarray of shape (..., sample_count // 2 + 1)
         Amplitudes [N].
 
     Raises
     ------
     FeatureError
-        When there are fewer than two samples, a value is not finite, or an amplitude is too
+        When the samples are too few or too many, a value is not finite, or an amplitude is too
         large to be represented.
     """
     tension = np.asarray(tension_n, dtype=np.float64)
-    if tension.ndim == 0 or tension.shape[-1] < 2:
-        raise FeatureError(
-            f'a spectrum needs windows of at least 2 samples; the shape is {tension.shape}'
-        )
-    return _amplitudes(tension, tension.shape[-1], detrend, window)
-
-
-def compute_partial_spectrum(
-    tension_n: ArrayLike, sample_count: int, detrend: str = 'mean', window: str = 'none'
-) -> FloatArray:
-    """Return the amplitudes of part of a window at the frequencies of the whole one.
-
-    The part is detrended and weighted by itself, and the rest of the window filled with zeros,
-    so that component ``k`` means the same frequency as in `compute_spectrum` of
-    ``sample_count`` samples. Amplitudes are scaled by the ``n`` samples that are there. A sine
-    of amplitude A whose periods fill the ``n`` samples gives A at its own frequency, and
-    leaks to frequencies in between, the more the shorter the part is.
-
-    ``tension_n`` has shape (..., n) with ``2 <= n <= sample_count`` [N], the amplitudes
-    (..., sample_count // 2 + 1) [N]. The rest is as in `compute_spectrum`.
-    """
-    tension = np.asarray(tension_n, dtype=np.float64)
     n = tension.shape[-1] if tension.ndim else 0
+    sample_count = n if sample_count is None else sample_count
     if not 2 <= n <= sample_count:
         raise FeatureError(
-            f'part of a window of {sample_count} samples must have 2 to {sample_count} samples; '
-            f'the shape is {tension.shape}'
+            'a spectrum needs windows of at least 2 samples, and no more than the full window '
+            f'has, {sample_count}; the shape is {tension.shape}'
         )
-    return _amplitudes(tension, sample_count, detrend, window)
-
-
-def _amplitudes(tension: FloatArray, sample_count: int, detrend: str, window: str) -> FloatArray:
     if detrend not in DETRENDS or window not in WINDOWS:
         raise FeatureError(
             f'detrend is "{detrend}" and window "{window}"; they must be one of '
             f'{", ".join(DETRENDS)} and of {", ".join(WINDOWS)}'
         )
-    n = tension.shape[-1]
     rows = np.ascontiguousarray(tension).reshape(-1, n)
     amplitude = np.empty((len(rows), sample_count // 2 + 1))
     # About the middle, an index is exact, and so is the sum of squares while doubles hold it.

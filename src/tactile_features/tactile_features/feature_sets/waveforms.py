@@ -8,9 +8,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.feature_set import (
     Feature,
     FeatureSet,
@@ -42,7 +40,7 @@ class GlideWaveform(FeatureSet):
         )
 
     def compute(self, samples: WindowSamples) -> FloatArray:
-        return _check_finite(samples.tension_n).copy()
+        return samples.tension_n.copy()
 
 
 class SpatialWaveform(TextureSpatial):
@@ -86,31 +84,22 @@ class HoldWaveform(FeatureSet):
         return average_parts(samples.tension_n, HOLD_PARTS)
 
 
-def average_parts(tension_n: ArrayLike, parts: int) -> FloatArray:
+def average_parts(tension_n: FloatArray, parts: int) -> FloatArray:
     """Return the means of equal parts of windows.
 
     A sample on the border of two parts counts in both, by its share. Windows with no more samples
-    than parts come back as they are. Windows have shape (..., n), means (..., min(n, parts)) [N];
-    a value that is not finite is a `FeatureError`.
+    than parts come back as they are. Windows have shape (..., n), means (..., min(n, parts)) [N].
     """
-    tension = _check_finite(tension_n)
-    n = tension.shape[-1]
+    n = tension_n.shape[-1]
     if n <= parts:
-        return tension.copy()
-    first = tension[..., :1]
+        return tension_n.copy()
+    first = tension_n[..., :1]
     # Under a large offset the difference to the first sample is exact.
-    change = tension - first
+    change = tension_n - first
     edges = np.arange(parts + 1) * n / parts
     at = np.minimum(edges.astype(np.intp), n - 1)
-    sums = np.zeros((*tension.shape[:-1], n + 1))
+    sums = np.zeros((*tension_n.shape[:-1], n + 1))
     np.cumsum(change, axis=-1, out=sums[..., 1:])
     upto = sums[..., at] + (edges - at) * change[..., at]
     means: FloatArray = first + np.diff(upto) * (parts / n)
     return means
-
-
-def _check_finite(tension_n: ArrayLike) -> FloatArray:
-    tension = np.asarray(tension_n, dtype=np.float64)
-    if not np.isfinite(tension).all():
-        raise FeatureError('the tension holds values that are not finite')
-    return tension

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
+from trials import event, extract, make_block, S
 
 from tactile_features import (
     FeatureConfig,
@@ -23,8 +24,8 @@ from tactile_features import (
 )
 from tactile_ros.strain import StrainBlock, StrainStatus
 
-S = 1_000_000_000
 PERIOD_NS = 50_000_000
+BITS = [*[StrainStatus.STUCK] * 2, StrainStatus.RECONNECTED, StrainStatus.RESYNCHRONISED]
 PHASES = ['approach', 'contact', 'glide', 'hold', 'release', 'done', 'aborted']
 
 
@@ -66,14 +67,7 @@ def make_stream(random, count=160):
     jitter_ns = {n: random.randint(-80_000_000, 80_000_000) for n in some(3)}
     status_at = {}
     for start in some(3):
-        bit = random.choice(
-            [
-                StrainStatus.STUCK,
-                StrainStatus.STUCK,
-                StrainStatus.RECONNECTED,
-                StrainStatus.RESYNCHRONISED,
-            ]
-        )
+        bit = random.choice(BITS)
         status_at.update(dict.fromkeys(range(start, start + random.randint(1, 20)), bit))
     error_at = {}
     for start in some(2):
@@ -148,17 +142,6 @@ def group(samples, is_end_of_block):
     return blocks
 
 
-def extract(config, inputs, wanted=()):
-    """The windows of finished phases, and those that came while a glide went on."""
-    extractor = TrialFeatureExtractor(config, wanted)
-    windows = []
-    for item in inputs:
-        add = extractor.add_block if isinstance(item, StrainBlock) else extractor.add_event
-        windows += add(item)
-    windows += extractor.finish()
-    return [w for w in windows if not w.partial], [w for w in windows if w.partial]
-
-
 def mix(random, blocks, events):
     """Both in their order, interleaved at random."""
     queues = [list(reversed(blocks)), list(reversed(events))]
@@ -171,51 +154,15 @@ def mix(random, blocks, events):
     return mixed
 
 
-outcomes: Counter[Outcome] = Counter()
-partial_outcomes: Counter[Outcome] = Counter()
-
-
-# Which outcomes the examples meet is asserted below, so the examples are always the same.
-@settings(max_examples=100, deadline=None, derandomize=True)
-@given(configs(), st.integers(0, 2**32 - 1))
-def check_interleaving_and_grouping(config, seed):
-    random = Random(seed)
-    samples, events = make_stream(random), make_events(random)
-    expected = extract(config, [*events, *group(samples, lambda: True)])
-    finished = [
-        begun
-        for begun, end in pairwise(events)
-        if begun.trial_id == end.trial_id and begun != end and begun.phase in ('glide', 'hold')
-    ]
-    assert [w.trial_id for w in expected[0]] == [begun.trial_id for begun in finished]
-
-    chance = random.choice([0.0, 0.1, 0.5])
-    blocks = group(samples, lambda: random.random() < chance)
-    assert extract(config, [*blocks, *events]) == expected
-
-    assert extract(config, mix(random, blocks, events)) == expected
-    outcomes.update(w.outcome for w in expected[0])
-    partial_outcomes.update(w.outcome for w in expected[1])
-
-
-def test_any_interleaving_and_grouping_gives_the_same_bits():
-    outcomes.clear()
-    partial_outcomes.clear()
-    check_interleaving_and_grouping()
-    assert set(outcomes) == set(Outcome), f'the examples did not meet every outcome: {outcomes}'
-    expected_partial = {Outcome.OK, Outcome.GAP, Outcome.BAD_SIGNAL, Outcome.BAD_TIME}
-    assert set(partial_outcomes) == expected_partial, partial_outcomes
-
-
 GLIDES = ('texture_spectrum', 'texture_spectrum', 'glide_waveform', 'texture_spatial')
 HOLDS = ('stiffness_regression', 'stiffness_relaxation', 'hold_waveform')
 
 
 @st.composite
 def wanted_features(draw):
-    """Several specifications, of which some differ in one parameter alone."""
+    """Several specifications, of which some differ in one parameter alone; or none."""
     wanted = []
-    for _ in range(draw(st.integers(2, 5))):
+    for _ in range(draw(st.sampled_from([0, 0, 1, 2, 3, 5]))):
         texture_samples = draw(st.sampled_from([10, 45, 60]))
         glide = draw(st.sampled_from(GLIDES))
         config = FeatureConfig(
@@ -235,57 +182,59 @@ def wanted_features(draw):
     return wanted
 
 
-def of_digest(windows, digest):
-    return [w for w in windows if w.specification_digest == digest]
+def of_digests(windows, digests):
+    return [w for w in windows if w.specification_digest in digests]
 
 
-shared: Counter[tuple[bool, Outcome]] = Counter()
+outcomes: Counter[tuple[bool, Outcome]] = Counter()
 
 
-@settings(max_examples=200, deadline=None, derandomize=True)
+# Which outcomes the examples meet is asserted below, so the examples are always the same.
+@settings(max_examples=80, deadline=None, derandomize=True)
 @given(configs(), wanted_features(), st.integers(0, 2**32 - 1))
-def check_each_specification_is_as_if_alone(config, wanted, seed):
+def check_arrival(config, wanted, seed):
     random = Random(seed)
     samples, events = make_stream(random), make_events(random)
     chance = random.choice([0.0, 0.1, 0.5])
-    blocks = group(samples, lambda: random.random() < chance)
-    together = extract(config, mix(random, blocks, events), wanted)
-    assert together[0] == extract(config, [*events, *blocks], wanted)[0]
-    extractor = TrialFeatureExtractor(config, wanted)
-    assert {spec.digest for spec in extractor.specifications} >= {w.spec.digest for w in wanted}
-    alone_inputs = mix(random, group(samples, lambda: random.random() < 0.3), events)
-    for each in extractor.wanted:
-        if each.spec.digest not in {w.spec.digest for w in wanted}:
-            continue
-        alone = extract(config, alone_inputs, [each])
-        for mine, of_alone in zip(together, alone, strict=True):
-            found = of_digest(mine, each.spec.digest)
-            assert found == of_digest(of_alone, each.spec.digest)
-            shared.update((w.partial, w.outcome) for w in found)
+    single, blocks = group(samples, lambda: True), group(samples, lambda: random.random() < chance)
+    expected = extract(config, *events, *single, wanted=wanted)
+    computed = TrialFeatureExtractor(config, wanted).wanted
+    digests = [each.spec.digest for each in computed]
+
+    def assert_same(windows, some):
+        assert [of_digests(each, some) for each in windows] == [
+            of_digests(each, some) for each in expected
+        ]
+
+    for inputs in ([*blocks, *events], mix(random, blocks, events)):
+        windows = extract(config, *inputs, wanted=wanted)
+        assert windows[0] == expected[0]
+        for digest in digests:
+            assert_same(windows, {digest})
+
+    if not wanted:  # one specification a phase, whether wanted by name or not
+        finished = [
+            begun.trial_id
+            for begun, end in pairwise(events)
+            if begun.trial_id == end.trial_id and begun != end and begun.phase in ('glide', 'hold')
+        ]
+        assert [w.trial_id for w in expected[0]] == finished
+        assert_same(extract(config, *inputs, wanted=computed), set(digests))
+    asked = {each.spec.digest for each in wanted}
+    assert asked <= set(digests)
+    for each in computed:
+        if each.spec.digest in asked:
+            alone = extract(config, *mix(random, blocks, events), wanted=[each])
+            assert_same(alone, {each.spec.digest})
+    outcomes.update((w.partial, w.outcome) for windows in expected for w in windows)
 
 
-def test_each_of_several_specifications_gives_the_bits_that_it_gives_alone():
-    shared.clear()
-    check_each_specification_is_as_if_alone()
-    assert {outcome for partial, outcome in shared if not partial} == set(Outcome), shared
-    assert {outcome for partial, outcome in shared if partial} >= {Outcome.OK, Outcome.GAP}, shared
-
-
-@settings(max_examples=25, deadline=None)
-@given(configs(), st.integers(0, 2**32 - 1))
-def test_own_features_wanted_by_name_are_those_without_anything_wanted(config, seed):
-    random = Random(seed)
-    inputs = mix(random, group(make_stream(random), lambda: True), make_events(random))
-    own = TrialFeatureExtractor(config).wanted
-    assert [w.spec for w in own] == [spec_for(task, config) for task in ('texture', 'stiffness')]
-    assert extract(config, inputs, own) == extract(config, inputs)
-
-
-def make_stream_of_a_constant(count, first_ns=0):
-    return [
-        StrainBlock(first_ns + n * PERIOD_NS, n + 1, PERIOD_NS, np.array([1.0]), stamp_error_s=0.0)
-        for n in range(count)
-    ]
+def test_any_arrival_gives_the_same_bits_and_each_specification_those_it_gives_alone():
+    outcomes.clear()
+    check_arrival()
+    assert {outcome for partial, outcome in outcomes if not partial} == set(Outcome), outcomes
+    expected_partial = {Outcome.OK, Outcome.GAP, Outcome.BAD_SIGNAL, Outcome.BAD_TIME}
+    assert {outcome for partial, outcome in outcomes if partial} == expected_partial, outcomes
 
 
 def test_own_partial_windows_do_not_depend_on_the_rates_of_the_others():
@@ -294,29 +243,36 @@ def test_own_partial_windows_do_not_depend_on_the_rates_of_the_others():
         WantedFeatures(spec_for('texture', FeatureConfig(rate_hz=rate_hz, texture_samples=count)))
         for rate_hz, count in ((25.0, 45), (20.0, 10))
     ]
-    together = TrialFeatureExtractor(config, wanted)
-    alone = TrialFeatureExtractor(config, wanted[:1])
-    digest = wanted[0].spec.digest
-    (mine,) = [each for each in together.wanted if each.spec.digest == digest]
-    (of_alone,) = [each for each in alone.wanted if each.spec.digest == digest]
-    assert mine == of_alone
-    assert mine.partial_samples == (30,)
+    for others in ([], wanted[1:]):
+        computed = TrialFeatureExtractor(config, [wanted[0], *others]).wanted
+        assert dataclasses.replace(wanted[0], partial_samples=(30,)) in computed
+
+
+def test_partial_windows_come_in_the_order_of_their_last_samples():
+    config = FeatureConfig(rate_hz=20.0, texture_crop_start_s=0.0)
+    wanted = [
+        WantedFeatures(
+            spec_for('texture', dataclasses.replace(config, texture_samples=count)), parts
+        )
+        for count, parts in ((60, (30, 40, 50)), (45, (35, 40)))
+    ]
+    samples = make_block(np.arange(60.0), 0, PERIOD_NS)
+    _, partial = extract(config, event(0.0, 'glide'), samples, wanted=wanted)
+    assert [w.sample_count for w in partial] == [30, 35, 40, 40, 50]
 
 
 def test_a_short_phase_is_called_short_although_another_still_waits_at_the_end():
     config = FeatureConfig(rate_hz=20.0, texture_samples=45, texture_crop_start_s=0.0)
     short = dataclasses.replace(config, texture_samples=10)
+    times_s = {'t1': (0.0, 1.0), 't2': (2.0, 2.05)}
     events = [
-        TrialEvent(stamp_ns, f't{trial}', 's1', 'texture', 'flexion', '', phase)
-        for trial, phase, stamp_ns in (
-            (1, 'glide', 0),
-            (1, 'done', 1 * S),
-            (2, 'glide', 2 * S),
-            (2, 'done', 2 * S + PERIOD_NS),
-        )
+        event(time_s, phase, trial)
+        for trial, span in times_s.items()
+        for time_s, phase in zip(span, ('glide', 'done'), strict=True)
     ]
+    samples = make_block(np.ones(5), 1, PERIOD_NS, stamp_error_s=0.0)
     wanted = [WantedFeatures(spec_for('texture', each)) for each in (config, short)]
-    windows, _ = extract(config, [*make_stream_of_a_constant(5), *events], wanted)
-    first, second = (of_digest(windows, each.spec.digest) for each in wanted)
+    windows, _ = extract(config, samples, *events, wanted=wanted)
+    first, second = (of_digests(windows, {each.spec.digest}) for each in wanted)
     assert [w.outcome for w in first] == [Outcome.TOO_SHORT] * 2
     assert [w.outcome for w in second] == [Outcome.GAP, Outcome.TOO_SHORT]

@@ -25,11 +25,11 @@ def pack(model, manifest=MANIFEST, card=CARD):
     return onnx_container.pack_container(data, manifest, card)
 
 
-def make_model(nodes=None, initializer=(), opsets=(('', 18),), functions=()):
+def make_model(nodes=None, initializer=(), functions=()):
     nodes = nodes or [helper.make_node('Identity', ['a'], ['b'])]
     info = [helper.make_tensor_value_info(n, TensorProto.DOUBLE, [None, 3]) for n in 'ab']
     graph = helper.make_graph(nodes, 'g', info[:1], info[1:], initializer=list(initializer))
-    imports = [helper.make_opsetid(*opset) for opset in opsets]
+    imports = [helper.make_opsetid('', 18)]
     return helper.make_model(graph, opset_imports=imports, functions=list(functions))
 
 
@@ -77,21 +77,18 @@ def test_any_change_is_found(write):
         open_container(data.replace(b'3.25', b'3.75'))
 
 
-@pytest.mark.parametrize('digest', ['', '0', '0' * 64, 'é' * 64, 7, [], True])
-def test_a_digest_that_is_none_finds_no_whole_file(digest):
-    text = json.dumps({'sha256': digest})
-    model = make_model()
-    model.metadata_props.add(key='tactile_card', value=CARD)
-    model.metadata_props.add(key='tactile_manifest', value=text)
-    with pytest.raises(ModelFileError, match='changed or damaged'):
-        open_container(model.SerializeToString())
+NO_DIGESTS = [json.dumps({'sha256': each}) for each in ('', '0' * 64, 'é' * 64, 7, [], True)]
 
 
-@pytest.mark.parametrize('text', ['', '[]', '3', '{"format_version": 1', '[' * 100_000])
-def test_what_is_no_manifest_is_refused(text):
+@pytest.mark.parametrize(
+    ('text', 'message'),
+    [(text, 'its manifest is no') for text in ('', '[]', '3', '{"a": 1', '[' * 100_000)]
+    + [(text, 'changed or damaged') for text in NO_DIGESTS],
+)
+def test_a_manifest_that_is_none_or_whose_digest_is_none_is_refused(text, message):
     model = make_model()
     model.metadata_props.add(key='tactile_manifest', value=text)
-    with pytest.raises(ModelFileError, match='its manifest is no'):
+    with pytest.raises(ModelFileError, match=message):
         open_container(model.SerializeToString())
 
 
@@ -124,7 +121,7 @@ def custom(domain='com.microsoft'):
 def subgraph(node):
     info = [helper.make_tensor_value_info('b', TensorProto.DOUBLE, [None, 3])]
     branch = helper.make_graph([node], 'branch', [], info)
-    return helper.make_node('If', ['c'], ['b'], then_branch=branch, else_branch=branch)
+    return helper.make_node('If', ['c'], ['b'], then_branch=branch)
 
 
 def external():
@@ -160,6 +157,13 @@ def with_function():
     )
 
 
+def nested(depth):
+    node = helper.make_node('Identity', ['a'], ['b'])
+    for _ in range(depth):
+        node = subgraph(node)
+    return make_model([node])
+
+
 HOSTILE = {
     'custom operator': (make_model([custom()]), 'the operator com.microsoft:CDist'),
     'in a subgraph': (make_model([subgraph(custom('evil'))]), 'the operator evil:CDist'),
@@ -179,6 +183,7 @@ HOSTILE = {
         name: (make_model([helper.make_node(name, ['a'], ['b'])]), f'the operator {name}')
         for name in ('Loop', 'Scan', 'ConstantOfShape', 'Expand', 'Tile', 'Range', 'Conv')
     },
+    'nesting': (nested(20), 'nested too deeply'),
     'function': (with_function(), 'functions or training graphs'),
 }
 
@@ -227,29 +232,13 @@ def test_what_is_hidden_in_the_encoding_is_refused_or_not_handed_on(hidden, is_k
         assert open_container(data).model == make_model().SerializeToString()
 
 
-def test_nesting_is_limited():
-    node = helper.make_node('Identity', ['a'], ['b'])
-    for _ in range(20):
-        graph = helper.make_graph([node], 'deep', [], [])
-        node = helper.make_node('If', ['c'], ['b'], then_branch=graph)
-    with pytest.raises(ModelFileError, match='nested too deeply'):
-        open_container(pack(make_model([node])))
-
-
-@settings(max_examples=60, deadline=None)
-@given(st.binary(max_size=200))
-def test_random_bytes_are_refused_with_a_sentence(data):
-    with pytest.raises(ModelFileError):
-        open_container(data)
-
-
 GOOD = pack(make_model(initializer=[helper.make_tensor('w', 1, [2], [1.0, 2.0])]))
 
 
 @settings(max_examples=60, deadline=None)
 @given(st.data())
 def test_damaged_bytes_never_raise_anything_else(data):
-    damaged = bytearray(GOOD[: data.draw(st.integers(0, len(GOOD)))])
+    damaged = bytearray(GOOD[: data.draw(st.integers(0, len(GOOD)))] or data.draw(st.binary()))
     for _ in range(data.draw(st.integers(0, 4))):
         if damaged:
             damaged[data.draw(st.integers(0, len(damaged) - 1))] = data.draw(st.integers(0, 255))

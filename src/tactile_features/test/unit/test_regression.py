@@ -4,16 +4,14 @@
 from decimal import Decimal, localcontext
 from fractions import Fraction
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
 
 from tactile_features import (
     compute_regression,
-    FeatureConfig,
     FeatureError,
-    features_from_trials,
     UndefinedFeatureError,
 )
 
@@ -42,23 +40,14 @@ def reference_regression(time_ns, tension):
 
 def assert_close_to_reference(time_ns, tension, tolerance=4e-15):
     slope, intercept, r, s_tt, s_xx = reference_regression(time_ns, tension)
+    before = tension.copy()
     got = [Fraction(v) for v in compute_regression(time_ns, tension).tolist()]
+    assert np.array_equal(tension, before)
     # What the data can say of a slope: spread of tension over spread of time.
     assert (got[0] - slope) ** 2 <= Fraction(tolerance) ** 2 * s_xx / s_tt
     assert abs(got[1] - intercept) <= tolerance * max(abs(float(v)) for v in tension)
     assert abs(got[2] - r) <= tolerance
     assert abs(got[2]) <= 1
-
-
-def test_agrees_with_exact_arithmetic_on_a_press():
-    rng = np.random.default_rng(0)
-    t = (GRID_NS - EPOCH_NS) / 1e9
-    tension = 12.62 - 0.9 * t + 0.01 * rng.normal(size=N)
-    assert_close_to_reference(GRID_NS, tension)
-    slope, intercept, r = compute_regression(GRID_NS, tension)
-    assert slope == pytest.approx(-0.9, abs=0.01)
-    assert intercept == pytest.approx(12.62, abs=0.01)
-    assert -1.0 <= r < -0.99
 
 
 @pytest.mark.parametrize('scale', [5e-324, 1e-300, 1e-160, 1e-30, 1e150, 1e300])
@@ -68,19 +57,6 @@ def test_extreme_magnitudes_neither_overflow_nor_vanish(scale):
     got = compute_regression(GRID_NS, steps * scale)
     expected = compute_regression(GRID_NS, steps)
     assert got[2] == pytest.approx(expected[2], rel=1e-12)
-
-
-def test_jittered_times_far_from_zero():
-    rng = np.random.default_rng(5)
-    time_ns = GRID_NS + rng.integers(-8_000_000, 8_000_000, N)
-    tension = 3.0 + 0.2 * (time_ns - EPOCH_NS) / 1e9 + 1e-4 * rng.normal(size=N)
-    assert_close_to_reference(time_ns, tension)
-
-
-@pytest.mark.parametrize('value', [0.0, 0.1, 1e6, 1e-300])
-def test_the_correlation_of_a_constant_is_undefined(value):
-    with pytest.raises(UndefinedFeatureError, match='constant'):
-        compute_regression(GRID_NS, np.full(N, value))
 
 
 @given(
@@ -100,6 +76,7 @@ def test_agrees_with_exact_arithmetic_on_any_series(pairs):
         assert_close_to_reference(time_ns, tension)
 
 
+@settings(max_examples=40)
 @given(st.integers(1, 5), st.integers(2, 40), st.integers(0, 2**32 - 1))
 def test_a_batch_gives_the_bits_of_its_rows(rows, n, seed):
     rng = np.random.default_rng(seed)
@@ -138,15 +115,6 @@ def test_of_a_batch_all_constant_windows_are_named():
     assert caught.value.windows == (2, 5)
 
 
-@pytest.mark.parametrize('rows', [1, 2, 241])
-def test_leaves_its_input_alone(rows):
-    x = np.random.default_rng(7).normal(size=(rows, N))
-    x[:, N // 2] = 1e6  # so that the sums are taken a second time
-    before = x.copy()
-    compute_regression(GRID_NS, x)
-    assert np.array_equal(x, before)
-
-
 def _gap(time_ns, tension):
     kept = np.r_[0:60, 95:N]
     return time_ns[kept], tension[kept]
@@ -155,6 +123,8 @@ def _gap(time_ns, tension):
 @pytest.mark.parametrize(
     'change',
     [
+        lambda t, x: (t, x),
+        lambda t, x: (t + np.random.default_rng(5).integers(-8_000_000, 8_000_000, N), x),
         lambda t, x: (t, np.minimum(x, 11.0)),  # saturated
         _gap,
         lambda t, x: (t[:-1], x[:-1]),
@@ -181,33 +151,3 @@ def test_the_place_in_a_large_batch_changes_no_bit(rows):
     for start, stop in ((0, 1), (rows - 1, rows), (1, rows), (3, rows // 2)):
         part = compute_regression(GRID_NS[:35], x[start:stop])
         assert part.tobytes() == whole[start:stop].tobytes()
-
-
-def relaxation(tension_n):
-    config = FeatureConfig(stiffness_features='stiffness_relaxation')
-    return features_from_trials('stiffness', tension_n, 50.0, config=config)
-
-
-@pytest.mark.parametrize('offset', [1.0, 1e6])
-def test_relaxation_adds_the_slope_over_the_intercept(offset):
-    tension = offset - 0.02 * np.arange(240) / 50.0 + np.sin(np.arange(240))
-    values, spec = relaxation(tension[None])
-    assert spec.names[-1] == 'tension__regression__relative_slope'
-    assert spec.units == ('N/s', 'N', '1', '1/s')
-    time_ns = 20_000_000 * np.arange(240)
-    slope, intercept, *_ = reference_regression(time_ns, tension)
-    assert abs(float(Fraction(values[0, 3]) / (slope / intercept) - 1)) <= 1e-12
-    assert values[0, :3].tobytes() == compute_regression(time_ns, tension).tobytes()
-
-
-def test_relaxation_does_not_know_how_hard_the_finger_was_pressed():
-    tension = 5.0 - 0.2 * np.sqrt(np.arange(240)) + 0.01 * np.sin(np.arange(240.0))
-    values, _ = relaxation(np.stack([tension, 1.7 * tension]))
-    assert values[1, 3] == pytest.approx(values[0, 3], rel=1e-13)
-    assert values[1, 0] == pytest.approx(1.7 * values[0, 0], rel=1e-13)
-
-
-def test_relaxation_without_an_intercept_is_undefined():
-    tension = np.stack([1.0 + np.arange(3.0), [0.0, 1.0, 2.0]])
-    with pytest.raises(UndefinedFeatureError, match='trial 1: the intercept is zero'):
-        relaxation(tension)

@@ -3,8 +3,11 @@
 
 """A surface slid over at several speeds: what of it the features keep, and what they refuse."""
 
+import dataclasses
+
 import numpy as np
 import pytest
+from trials import event, extract, make_block
 
 from tactile_features import (
     compute_spatial,
@@ -13,16 +16,12 @@ from tactile_features import (
     features_from_trials,
     Outcome,
     SpatialWindow,
-    TrialEvent,
-    TrialFeatureExtractor,
 )
-from tactile_ros.strain import StrainBlock
 
 RATE_HZ = 62.5
 PERIOD_NS = 16_000_000
 WINDOW = SpatialWindow(0.048, 0.001)
-NAMES = WINDOW.names()
-SPECTRUM = np.array(['spectrum' in name for name in NAMES])
+SPECTRUM = np.array(['spectrum' in name for name in WINDOW.names()])
 
 
 def grating(at_m):
@@ -64,35 +63,9 @@ def test_a_ridge_counts_the_same_wherever_in_the_window_it_is(shift_m):
     np.testing.assert_allclose(there[~SPECTRUM], here[~SPECTRUM], atol=0.05)
 
 
-def test_a_sine_gives_its_amplitude_at_its_spatial_frequency():
-    values = slide(lambda at_m: 7.0 + 0.25 * np.sin(2 * np.pi * at_m / 0.006), 0.01)
-    component = NAMES.index('tension__spatial_spectrum__per_m_166.667')
-    assert values[component] == pytest.approx(0.25, rel=1e-3)
-    assert abs(values[SPECTRUM][[0, 1, 2, 3, 12, 20]]).max() < 1e-3
-
-
-def test_a_step_gives_its_height_as_the_largest_change():
-    values = slide(lambda at_m: 0.4 * (at_m > 0.024), 0.005)
-    change = [NAMES.index(f'tension__spatial_change__mm_8__q_{q}') for q in ('0.000', '1.000')]
-    np.testing.assert_allclose(values[change], [0.0, 0.4], atol=1e-3)
-
-
-def test_an_offset_changes_nothing():
+def test_a_constant_has_no_features_but_zeros():
     count = WINDOW.sample_count(0.01, RATE_HZ)
-    tension = grating(np.arange(count) * 0.01 / RATE_HZ)
-    tension = np.round(tension * 2**20) / 2**20  # so that adding the offset is exact
-    a, b = (compute_spatial(tension + offset, 0.01, RATE_HZ, WINDOW) for offset in (0.0, 1e6))
-    np.testing.assert_allclose(a, b, atol=1e-14)
     assert not compute_spatial(np.full(count, 5.0), 0.01, RATE_HZ, WINDOW).any()
-
-
-def test_a_batch_gives_the_bits_of_single_windows():
-    count = WINDOW.sample_count(0.013, RATE_HZ)
-    tension = np.random.default_rng(0).normal(5.0, 1.0, (2, 3, count))
-    batch = compute_spatial(tension, 0.013, RATE_HZ, WINDOW)
-    single = [[compute_spatial(row, 0.013, RATE_HZ, WINDOW) for row in rows] for rows in tension]
-    assert batch.tobytes() == np.array(single).tobytes()
-    assert batch.shape == (2, 3, len(NAMES))
 
 
 def over_distance(x, speeds_m_s):
@@ -160,18 +133,10 @@ STRETCH = SpatialWindow(CONFIG.spatial_length_m, CONFIG.spatial_finest_m)
 TENSION_N = np.random.default_rng(1).normal(5.0, 1.0, 1200)
 
 
-def event(stamp_ns, phase, speed_m_s):
-    return TrialEvent(
-        stamp_ns, 't', 's', 'texture', 'flexion', 'R1', phase, glide_speed_m_s=speed_m_s
-    )
-
-
 def run(speed_m_s, end_ns):
-    extractor = TrialFeatureExtractor(CONFIG)
-    extractor.add_event(event(1_000_000_000, 'glide', speed_m_s))
-    windows = extractor.add_event(event(end_ns, 'release', speed_m_s))
-    windows += extractor.add_block(StrainBlock(0, 0, PERIOD_NS, TENSION_N))
-    (window,) = windows
+    begin = event(1.0, 'glide', glide_speed_m_s=speed_m_s)
+    end = dataclasses.replace(begin, phase='release', stamp_ns=end_ns)
+    (window,), _ = extract(CONFIG, begin, end, make_block(TENSION_N, 0, PERIOD_NS))
     return window
 
 
@@ -186,31 +151,24 @@ def ends(speed_m_s):
 def test_a_glide_gives_one_window_of_its_own_duration(speed_m_s):
     first, end, end_ns = ends(speed_m_s)
     window = run(speed_m_s, end_ns)
-    assert (window.outcome, window.reason) == (Outcome.OK, '')
+    assert (window.outcome, window.reason, window.speed_m_s) == (Outcome.OK, '', speed_m_s)
     assert (window.first_sequence, window.sample_count) == (first, end - first)
-    assert (window.feature_set, window.feature_set_version) == ('texture_spatial', 1)
-    assert window.speed_m_s == speed_m_s
     want = compute_spatial(TENSION_N[first:end], speed_m_s, RATE_HZ, STRETCH)
     assert window.values.tobytes() == want.tobytes()
 
 
-def test_one_sample_short_is_too_short():
-    _, _, end_ns = ends(0.015)
-    assert run(0.015, end_ns).outcome == Outcome.OK
-    window = run(0.015, end_ns - 1)
-    assert window.outcome == Outcome.TOO_SHORT
-    assert '188 of 189 samples' in window.reason
-
-
-def test_a_slow_glide_needs_more_time_and_is_told_so():
-    window = run(0.005, ends(0.015)[2])
-    assert window.outcome == Outcome.TOO_SHORT
-    assert 'the window needs 8.8' in window.reason
-
-
-@pytest.mark.parametrize('speed_m_s', [0.0, float('nan'), 0.04])
-def test_without_a_fitting_speed_there_are_no_features_but_a_reason(speed_m_s):
-    window = run(speed_m_s, 8_000_000_000)
-    assert window.outcome == Outcome.UNDEFINED
-    assert 'glide' in window.reason
-    assert (len(window.values), window.speed_m_s) == (0, 0.0)
+@pytest.mark.parametrize(
+    ('speed_m_s', 'end_ns', 'outcome', 'reason'),
+    [
+        (0.015, ends(0.015)[2] - 1, Outcome.TOO_SHORT, '188 of 189 samples'),
+        (0.005, ends(0.015)[2], Outcome.TOO_SHORT, 'the window needs 8.8'),
+        (0.0, 8_000_000_000, Outcome.UNDEFINED, 'glide'),
+        (float('nan'), 8_000_000_000, Outcome.UNDEFINED, 'glide'),
+        (0.04, 8_000_000_000, Outcome.UNDEFINED, 'glide'),
+    ],
+)
+def test_a_glide_without_a_whole_window_says_why(speed_m_s, end_ns, outcome, reason):
+    window = run(speed_m_s, end_ns)
+    assert (window.outcome, len(window.values)) == (outcome, 0)
+    assert reason in window.reason
+    assert window.speed_m_s == (speed_m_s if outcome == Outcome.TOO_SHORT else 0.0)
