@@ -10,6 +10,7 @@ import dataclasses
 import math
 from typing import Any, get_origin, get_type_hints, TypeVar
 
+from tactile_classifier.datasets.dataset import plain_name
 from tactile_classifier.errors import ModelFileError, refuse_damage
 from tactile_classifier.records import (
     ALL_CLASSIFIERS,
@@ -115,12 +116,12 @@ class Manifest:
     stages : tuple of Stage
         The full window, then the partial ones by rising sample count.
     calibration : mapping
-        ``split``, ``groups`` and ``trials`` of the held-out trials behind the thresholds and
-        probabilities, and ``session_share``, the share of new sessions in which the thresholds
-        hold (negative: there were no sessions), or ``reason`` why there are none. With
-        sessions also ``session_statistics``, one entry a stage, for `recalibrate`; and
-        ``recalibrated``, what `recalibrate` took and found. ``held_out_novelty``: for each stage
-        the novelties of held-out trials, by session.
+        ``split``, ``groups``, ``trials`` and ``held_out``, the columns that make a group, of the
+        held-out trials behind the thresholds and probabilities, and ``session_share``, the share
+        of new groups in which the thresholds hold (negative: there were no groups), or ``reason``
+        why there are none. With sessions also ``session_statistics``, one entry a stage, for
+        `recalibrate`; and ``recalibrated``, what `recalibrate` took and found.
+        ``held_out_novelty``: for each stage the novelties of held-out trials, by session.
         ``unlearned``: rejection of labels left out in turn (`UnlearnedLabels`).
     false_alarm_rate : float
         Share of windows of known labels that the thresholds reject [1]; negative: no
@@ -363,17 +364,26 @@ def list_limits(manifest: Manifest) -> list[str]:
     return limits
 
 
+def format_groups(calibration: Mapping[str, Any]) -> str:
+    """Return the plural of the things that the calibration held out, such as "sessions"."""
+    columns = calibration.get('held_out') or ['session_id']
+    if columns == ['session_id']:
+        return 'sessions'
+    return f'groups by {" and ".join(map(plain_name, columns))}'
+
+
 def _format_sessions(manifest: Manifest) -> str:
     calibration = manifest.calibration
+    things = format_groups(calibration)
     share, groups = calibration.get('session_share', -1.0), calibration.get('groups', 0)
     if isinstance(share, float) and share > 0.0:
         holds = (
             'was shifted by the known trials of one session'
             if RECALIBRATED in calibration
-            else f'holds in {100 * share:.0f} % of new sessions like these'
+            else f'holds in {100 * share:.0f} % of new {things} like these'
         )
         return (
-            f'{groups} sessions were held out in turn. The threshold for unknown objects {holds}.'
+            f'{groups} {things} were held out in turn. The threshold for unknown objects {holds}.'
         )
     if 'reason' in calibration:
         return f'No session was held out: {calibration["reason"]}. A new session may do worse.'

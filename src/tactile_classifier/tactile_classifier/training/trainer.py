@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 import contextlib
 import dataclasses
 import datetime
@@ -28,7 +28,7 @@ from tactile_classifier.confidence.calibration import (
 from tactile_classifier.confidence.novelty import NoveltyMeasure, rank_of_sessions
 from tactile_classifier.confidence.recalibration import fit_session_statistics
 from tactile_classifier.confidence.stopping import fit_stop_threshold
-from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.datasets.dataset import FeatureTable, find_column
 from tactile_classifier.errors import DatasetError, TooFewTrialsError
 from tactile_classifier.estimators.classifiers import (
     build_estimator,
@@ -84,12 +84,13 @@ def train(
     stop_error_rate: float = 0.05,
     score: Score | None = None,
     choice: FeatureChoice | None = None,
+    hold_out: Sequence[str] = ('session_id',),
 ) -> Trained:
     """Fit a classifier to all the trials of a table, and calibrate its answers.
 
-    Thresholds and probabilities come from trials that are held out in turn, whole sessions
-    where there are several (`make_group_folds`); the classifier in the file is then fitted to
-    all trials. Too few trials: no novelty, no probabilities, and the manifest says why.
+    Thresholds and probabilities come from trials that are held out in turn, whole groups of
+    ``hold_out`` where there are several (`make_group_folds`); the classifier in the file is then
+    fitted to all trials. Too few trials: no novelty, no probabilities, and the manifest says why.
 
     Parameters
     ----------
@@ -108,6 +109,8 @@ def train(
         What cross-validation said of the same classifier and scaling.
     choice : FeatureChoice, optional
         By which features, classifier and scaling were chosen.
+    hold_out : sequence of str
+        Columns whose groups probabilities and thresholds are to hold for.
 
     Raises
     ------
@@ -143,7 +146,7 @@ def train(
             raise DatasetError(f'the table of {count} samples is not of the same trials')
 
     calibrated, stated, session = _calibrate(
-        list(tables.values()), classifier, scaling, false_alarm_rate
+        list(tables.values()), classifier, scaling, false_alarm_rate, hold_out
     )
     if partial and not calibrated:
         raise DatasetError(f'early predictions need calibrated ones: {stated["reason"]}')
@@ -198,11 +201,17 @@ def train(
 
 
 def _calibrate(
-    tables: list[FeatureTable], classifier: str, scaling: str, false_alarm_rate: float
+    tables: list[FeatureTable],
+    classifier: str,
+    scaling: str,
+    false_alarm_rate: float,
+    hold_out: Sequence[str],
 ) -> tuple[list[CalibratedStage], dict[str, Any], npt.NDArray[np.intp] | None]:
-    """Return calibrated stages, the manifest's entry, and sessions; no stages, and why, if not."""
+    """Return calibrated stages, the manifest's entry, and groups; no stages, and why, if not."""
+    columns = [find_column(tables[0].columns, name) for name in hold_out]
     try:
-        folds = make_group_folds(tables[0])
+        folds = make_group_folds(tables[0], columns)
+        sessions = make_group_folds(tables[0])
         stages = [
             calibrate_stage(table, classifier, scaling, folds, false_alarm_rate)
             for table in tables
@@ -212,6 +221,7 @@ def _calibrate(
     stated = {
         'split': folds.split,
         'groups': folds.groups,
+        'held_out': columns if folds.groups else [],
         'trials': len(tables[0]),
         'session_share': folds.session_share,
         'held_out_novelty': [_state_novelty(stage, folds.session) for stage in stages],
@@ -220,7 +230,7 @@ def _calibrate(
     if unlearned is not None:
         stated['unlearned'] = dataclasses.asdict(unlearned)
     statistics = [
-        fit_session_statistics(table, folds, stage.novelty.metric, false_alarm_rate)
+        fit_session_statistics(table, sessions, stage.novelty.metric, false_alarm_rate)
         for table, stage in zip(tables, stages, strict=True)
     ]
     if all(statistics):

@@ -115,6 +115,7 @@ def test_manifest_states_rates_and_how_they_were_found(trained):
     assert stated == {
         'split': 'one session held out',
         'groups': 3,
+        'held_out': ['session_id'],
         'trials': 240,
         'session_share': 0.75,
     }

@@ -14,6 +14,7 @@ from tactile_classifier.confidence.calibration import (
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError
 from tactile_classifier.evaluation.cross_validation import evaluate
+from tactile_classifier.model_file.manifest import list_limits
 from tactile_classifier.training import trainer
 from tactile_classifier.training.trainer import train
 from tactile_features.spec import array_spec
@@ -122,3 +123,28 @@ def test_unlike_sessions_are_calibrated_by_all(noises):
     assert trained.manifest.score_kind == 'probability'
     scores, true = hold_out_scores(table, 'svm_linear', 'standard', make_group_folds(table).fold)
     assert trained.stages[0].calibration == Calibration.fit(scores, true)
+
+
+def test_a_model_for_new_groups_is_calibrated_on_held_out_groups():
+    rng = np.random.default_rng(4)
+    session, speed, label = (each.ravel() for each in np.mgrid[:4, :4, :24])
+    label %= 3
+    # The same value names another label at each speed.
+    values = np.column_stack([30.0 * speed + 9.0 * ((label + speed) % 3), np.zeros(len(label))])
+    values = values + 0.7 * rng.normal(size=values.shape)
+    columns = {'session_id': session.astype(str), 'speed': speed.astype(float)}
+    spec = array_spec('texture', 2, 60.0)
+    table = FeatureTable(values, np.array(['foam', 'pla', 'steel'])[label], spec, columns)
+    by_session, by_speed = (
+        train(table, 'knn', 'none', hold_out=(column,)).manifest for column in columns
+    )
+    scores, true = hold_out_scores(table, 'knn', 'none', make_group_folds(table, ('speed',)).fold)
+    known = float(np.mean(scores.argmax(axis=1) == true))
+    assert by_speed.stages[0].accuracy == pytest.approx(known)
+    assert known <= 0.5 < 0.9 < by_session.stages[0].accuracy
+    assert by_speed.calibration['held_out'] == ['speed']
+    assert any('4 groups by speed were held out' in line for line in list_limits(by_speed))
+    assert any('4 sessions were held out' in line for line in list_limits(by_session))
+    # Recalibration mends sessions, whatever the model was chosen for.
+    statistics = [each.calibration['session_statistics'] for each in (by_session, by_speed)]
+    assert statistics[0] == statistics[1]

@@ -118,7 +118,8 @@ def train(
     group: Annotated[
         Optional[str],
         typer.Option(
-            help='Choose by holding out each group of trials that agree in these columns. '
+            help='Choose and calibrate by holding out each group of trials that agree in these '
+            'columns. '
             'Default: session_id where there are several, else random folds.'
         ),
     ] = None,
@@ -216,7 +217,11 @@ def train(
             for key, each in chosen.items():
                 _, named, scaled = each.candidate
                 trained += write(
-                    {key: each.table}, classifier=named, scaling=scaled, choice=each.choice
+                    {key: each.table},
+                    classifier=named,
+                    scaling=scaled,
+                    choice=each.choice,
+                    hold_out=options.split(group) or ('session_id',),
                 )
     output.result({'models': [model.to_dict() for model in trained]})
 
@@ -270,6 +275,7 @@ def train_models(
     classifier: str = 'knn',
     scaling: Optional[str] = None,
     choice: 'Optional[FeatureChoice]' = None,
+    hold_out: Sequence[str] = ('session_id',),
     false_alarm_rate: float = 0.05,
     partial_seconds: Sequence[float] = (),
     stop_error_rate: float = 0.05,
@@ -330,6 +336,7 @@ def train_models(
             stop_error_rate=stop_error_rate,
             score=evaluation.score(classifier, chosen),
             choice=choice,
+            hold_out=hold_out,
         )
         model = write_model(paths[key], trained)
         output.say(

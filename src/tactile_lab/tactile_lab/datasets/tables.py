@@ -111,7 +111,7 @@ def describe_calibration(manifest: Manifest) -> dict[str, Any]:
 
 def describe_answers(manifest: Manifest) -> list[str]:
     """Return what held-out trials say of probabilities, threshold and early predictions."""
-    from tactile_classifier.model_file.manifest import format_scores
+    from tactile_classifier.model_file.manifest import format_groups, format_scores
 
     if 'reason' in manifest.calibration:
         return [f'no probabilities and no "unknown": {manifest.calibration["reason"]}']
@@ -125,8 +125,9 @@ def describe_answers(manifest: Manifest) -> list[str]:
     if manifest.score_kind != PROBABILITY:
         sentences.append(f'scores: {format_scores(manifest)}')
     share = manifest.calibration.get('session_share', -1.0)
+    things = format_groups(manifest.calibration)
     sentences.append(
-        f'thresholds hold in {100 * share:.0f} % of new sessions like these'
+        f'thresholds hold in {100 * share:.0f} % of new {things} like these'
         if share > 0.0
         else 'thresholds hold for trials like these; without several sessions a new one may differ'
     )

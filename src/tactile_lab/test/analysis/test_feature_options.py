@@ -43,6 +43,7 @@ def test_a_stated_set_leaves_the_classifier_to_the_folds(texture_bag, tmp_path):
     assert manifest.spec.feature_set == 'texture_spectrum'
     assert manifest.cross_validation['choice']['candidates'] == 4
     assert manifest.cross_validation['choice']['split'] == 'one block of trials held out'
+    assert manifest.calibration['held_out'] == ['trial_block']
 
 
 @pytest.mark.parametrize(
