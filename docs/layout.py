@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+import functools
 from pathlib import Path
 import re
 from typing import Any
@@ -35,6 +36,7 @@ class Module:
     imports: set[str] = field(default_factory=set)
 
 
+@functools.cache
 def read_modules(source: Path) -> dict[str, Module]:
     """Return the modules of all packages, by dotted name; ``source`` is the folder ``src``."""
     found = {}

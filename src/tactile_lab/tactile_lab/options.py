@@ -316,25 +316,6 @@ DescriptionOption = Annotated[
 JobsOption = Annotated[
     int, typer.Option(help='How many processes simulate; -1: one for each core.')
 ]
-PHASES = ('stated', 'texture', 'stiffness')
-PhasesOption = Annotated[
-    str,
-    typer.Option(
-        **choice('', *PHASES),
-        help='Source of the phases: stated by trial events, or found in the tension of texture or '
-        'stiffness trials. Default: as in the parameter file, or stated.',
-        show_default=False,
-    ),
-]
-DetectedContactOption = Annotated[
-    str,
-    typer.Option(
-        '--contact',
-        **choice('', 'flexion', 'abduction'),
-        help='How the finger touches, where phases are found in the tension. Default: not known.',
-        show_default=False,
-    ),
-]
 RecalibrateOption = Annotated[
     int,
     typer.Option(
@@ -344,11 +325,5 @@ RecalibrateOption = Annotated[
         max=1000,
         help='Number of trials that name their object, at the start of each session, that correct '
         'the models: 5 or more. 0: none.',
-    ),
-]
-SlipOption = Annotated[
-    bool,
-    typer.Option(
-        '--slip', help='Also run the slip detector: it reports when a held object begins to slide.'
     ),
 ]

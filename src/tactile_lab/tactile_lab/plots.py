@@ -130,16 +130,9 @@ def draw_strain(
 ) -> None:
     """Draw the tension of one trial with its phases.
 
-    Parameters
-    ----------
-    time_s, tension_n : ndarray of shape (n,)
-        Time since the trial's start [s] and tension [N].
-    phases : sequence of (name, start, end)
-        Times in seconds on the same axis.
-    window_s : tuple, optional
-        First and last sample of the window that the features come from [s].
-    line : tuple, optional
-        Slope [N/s] and intercept [N] at the window's start, drawn over the window.
+    ``phases`` are names, starts and ends, ``window_s`` the first and last sample that the features
+    come from; all [s] on the axis of ``time_s``. ``line`` is drawn over the window: slope [N/s],
+    and intercept [N] at its start.
     """
     shade_phases(axes, phases)
     axes.plot(time_s, tension_n, color=TRACE_COLOUR, lw=1)

@@ -4,6 +4,7 @@
 """`tactile sense` and `tactile hand`: the nodes of fingers that another program moves."""
 
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Optional
 
@@ -11,22 +12,54 @@ import typer
 
 from tactile_lab import options
 
+PHASES = ('stated', 'texture', 'stiffness')
 
-def sense(
-    sensor: options.SensorOption = '',
-    sensor_topic: options.SensorTopicOption = '',
-    models: options.ModelOption = None,
-    recalibrate: options.RecalibrateOption = 0,
-    phases: options.PhasesOption = '',
-    contact: options.DetectedContactOption = '',
-    slip: options.SlipOption = False,
-    simulated: options.SimulatedOption = False,
-    params: options.ParamsOption = None,
-    namespace: options.NamespaceOption = '',
-    record: options.RecordOption = None,
-    watch: options.WatchOption = False,
-    quiet: options.QuietOption = False,
-) -> None:
+
+@dataclass(frozen=True)
+class FingerOptions:
+    """Options of both commands."""
+
+    sensor_topic: options.SensorTopicOption = ''
+    models: options.ModelOption = None
+    recalibrate: options.RecalibrateOption = 0
+    phases: Annotated[
+        str,
+        typer.Option(
+            **options.choice('', *PHASES),
+            help='Source of the phases: stated by trial events, or found in the tension of '
+            'texture or stiffness trials. Default: as in the parameter file, or stated.',
+            show_default=False,
+        ),
+    ] = ''
+    contact: Annotated[
+        str,
+        typer.Option(
+            '--contact',
+            **options.choice('', 'flexion', 'abduction'),
+            help='How the finger touches, where phases are found in the tension. Default: not '
+            'known.',
+            show_default=False,
+        ),
+    ] = ''
+    slip: Annotated[
+        bool,
+        typer.Option(
+            '--slip',
+            help='Also run the slip detector: it reports when a held object begins to slide.',
+        ),
+    ] = False
+    simulated: options.SimulatedOption = False
+    params: options.ParamsOption = None
+    namespace: options.NamespaceOption = ''
+    record: options.RecordOption = None
+    watch: options.WatchOption = False
+    quiet: options.QuietOption = False
+
+
+OF_BOTH = FingerOptions()
+
+
+def sense(sensor: options.SensorOption = '', stated: FingerOptions = OF_BOTH) -> None:
     """Run the nodes of one finger that another program moves, in this process until Ctrl-C.
 
     Starts sensor, features and classifier, as ``ros2 launch tactile_bringup sense.launch.py``
@@ -34,7 +67,7 @@ def sense(
     trial events on ``trial_runner/events``. With ``--phases`` they are found in the tension
     instead.
     """
-    run_fingers(None, **locals())
+    run_fingers(None, sensor=sensor, **vars(stated))
 
 
 def hand(
@@ -45,18 +78,7 @@ def hand(
             'describes.'
         ),
     ] = '',
-    sensor_topic: options.SensorTopicOption = '',
-    models: options.ModelOption = None,
-    recalibrate: options.RecalibrateOption = 0,
-    phases: options.PhasesOption = '',
-    contact: options.DetectedContactOption = '',
-    slip: options.SlipOption = False,
-    simulated: options.SimulatedOption = False,
-    params: options.ParamsOption = None,
-    namespace: options.NamespaceOption = '',
-    record: options.RecordOption = None,
-    watch: options.WatchOption = False,
-    quiet: options.QuietOption = False,
+    stated: FingerOptions = OF_BOTH,
 ) -> None:
     """Run the nodes of any number of fingers, in this process until Ctrl-C.
 
@@ -65,7 +87,7 @@ def hand(
     topic, models, phases, slip detector) stands in the ROS parameter file ``--params``, in
     blocks for the nodes of each finger. ``--record`` makes one bag a finger.
     """
-    run_fingers(**locals())
+    run_fingers(fingers, **vars(stated))
 
 
 def run_fingers(

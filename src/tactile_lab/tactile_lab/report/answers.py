@@ -40,21 +40,12 @@ STEPS = 6
 
 @dataclass(frozen=True)
 class MeasureSummary:
-    """One measure on the trials of one label.
+    """One measure on the trials of one label, of which ``measured`` gave a value.
 
-    Attributes
-    ----------
-    trials, measured : int
-        How many trials there are, and how many gave a value.
-    median : float or None
-        Of the values [``unit``]; None when there are none.
-    spread : float or None
-        Half the width of the range in which the middle 68 % of the values lie, which is one
-        standard deviation where they are normal; None below `SPREAD_NEEDS` values [``unit``].
-    standard_uncertainty : float or None
-        Median of the uncertainties that the measures state themselves [``unit``].
-    reason : str
-        Why there is no value, where that is so: the most frequent one. Empty otherwise.
+    Numbers are in ``unit``, and None without values. ``spread`` is half the width of the range of
+    the middle 68 % of the values, which is one standard deviation where they are normal; None
+    below `SPREAD_NEEDS` values. ``standard_uncertainty`` is the median of those that the measures
+    state. ``reason`` is the most frequent reason for no value; empty where each trial has one.
     """
 
     name: str
@@ -89,14 +80,9 @@ class Answers:
 
 @dataclass(frozen=True)
 class WindowExtras:
-    """Features and measures of the windows of a table; a sentence where there are none.
+    """Features of the first parts of each window by samples, and measures of each trial.
 
-    Attributes
-    ----------
-    partial : dict of int to FeatureTable, or str
-        Features of the first parts of each window, by samples.
-    measures : tuple of tuple of Measure, or str
-        Of each trial.
+    A sentence says why there are none.
     """
 
     partial: dict[int, FeatureTable] | str

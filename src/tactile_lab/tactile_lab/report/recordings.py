@@ -45,10 +45,7 @@ MOUNTINGS = ('mounting_id', 'mounting')
 
 @dataclass(frozen=True)
 class Example:
-    """The window of one trial: its row in the table of features, and ``samples`` times and values.
-
-    Times count from the window's first sample [s].
-    """
+    """The window of one trial: its row in the table of features, and times [s] from its start."""
 
     row: int
     time_s: NDArray[np.float64]
@@ -131,17 +128,10 @@ def make_sets(
 ) -> list[RecordingSet]:
     """Return the sets of an open recording, one for each task and contact.
 
-    Parameters
-    ----------
-    hold_out : sequence of sequence of str
-        Columns of the grouped splits. Empty: one session is held out where there are several that
-        have all labels, one block of trials where not, and one mounting.
-    chosen : mapping, optional
-        Choice of ``--features auto``.
-    report : bool
-        Also the features that the paper computes, and signals.
-    answers : bool
-        Also features of parts of the windows, and measures.
+    ``hold_out`` are the columns of the grouped splits. Empty: one session is held out where there
+    are several that have all labels, one block of trials where not, and one mounting. ``chosen``
+    is the choice of ``--features auto``. ``report``: also the features that the paper computes,
+    and signals. ``answers``: also features of parts of the windows, and measures.
     """
     reading, recording = features.reading, features.recording
     whole = features.tables().tables if chosen is None else {k: c.table for k, c in chosen.items()}

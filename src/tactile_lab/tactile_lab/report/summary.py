@@ -38,18 +38,10 @@ LIBRARIES = ('tactile_classifier', 'numpy', 'scipy', 'scikit-learn', 'matplotlib
 
 @dataclass(frozen=True)
 class Source:
-    """One recording.
+    """One recording: the name of its file or folder, and the digest of its data files.
 
-    Attributes
-    ----------
-    name : str
-        Of the file or folder, without where it lies.
-    sha256 : str
-        Of the file, of the files of a folder by name, or of the data files of a bag.
-    facts : dict
-        Statements of the recording about itself, such as seed and simulator.
-    corrections : tuple of str
-        Sentences about trials that an experiment's journal relabels or leaves out.
+    ``facts`` are its statements about itself, such as seed and simulator. ``corrections`` are
+    sentences about trials that an experiment's journal relabels or leaves out.
     """
 
     name: str

@@ -162,24 +162,22 @@ class WatchState:
                     {**finger.describe(), 'can': list(self._controls.get(finger.name, ()))}
                     for finger in self.fingers
                 ],
-                'devices': self.describe_devices(),
+                'devices': self._describe_devices(),
                 'progress': self._progress,
                 'said': list(self._sentences),
             }
 
-    def describe_devices(self) -> list[dict[str, Any]]:
+    def _describe_devices(self) -> list[dict[str, Any]]:
         """Return the health of each device, by name."""
-        with self._lock:
-            now_s = self._clock()
-            rows = []
-            for name in sorted(self._devices):
-                at_s, health = self._devices[name]
-                row = {'name': name, **health, 'missing': list(self._missing.get(name, ()))}
-                if now_s - at_s > STALE_S:
-                    row['level'] = 'stale'
-                    row['message'] = 'says nothing any more; start its node again'
-                rows.append(row)
-            return rows
+        now_s = self._clock()
+        rows = []
+        for name, (at_s, health) in sorted(self._devices.items()):
+            row = {'name': name, **health, 'missing': list(self._missing.get(name, ()))}
+            if now_s - at_s > STALE_S:
+                row['level'] = 'stale'
+                row['message'] = 'says nothing any more; start its node again'
+            rows.append(row)
+        return rows
 
     def _versions(self) -> tuple[Any, ...]:
         now_s = self._clock()

@@ -37,20 +37,12 @@ def watching(
     before_trial: Callable[[TrialRequest], object] = lambda request: None,
     answers_only: bool = False,
 ) -> Iterator[Watch]:
-    """Watch the fingers of a ROS context until the block ends.
+    """Watch the fingers of a ROS context until the block ends; with ``options`` serve a page.
 
-    Parameters
-    ----------
-    options : WatchOptions, optional
-        Serve a page; without, only the state is kept.
-    simulated : bool
-        Say from the beginning that the rig is simulated; its trials say it by themselves.
-    objects : mapping of str to sequence of str
-        Labels that a page offers for a trial, by protocol.
-    before_trial : callable
-        Given the request of a trial that a page starts, before it starts.
-    answers_only : bool
-        Take events and answers alone, for lines in the terminal.
+    ``simulated`` says from the beginning that the rig is; its trials say it by themselves.
+    ``objects`` are the labels that a page offers for a trial, by protocol. ``before_trial`` is
+    given the request of a trial that a page starts, before it starts. ``answers_only`` takes
+    events and answers alone, for lines in the terminal.
     """
     reach = os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE', 'SUBNET').lower()
     where = f'ROS domain {context.get_domain_id()}, range {reach}'

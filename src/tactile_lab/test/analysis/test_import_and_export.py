@@ -17,9 +17,8 @@ def test_trials_of_our_bags_come_back_equal(stiffness_bag, tmp_path):
     table = tmp_path / 'trials.csv'
     found = ask_tactile('export', stiffness_bag, '-o', table)
     assert found['trials'] == 15
-    assert found['columns'][:6] == [
-        'trial', 'label', 'session_id', 'mounting_id', 'time_s', 'tension_n'
-    ]  # fmt: skip
+    names = ['trial', 'label', 'session_id', 'mounting_id', 'time_s', 'tension_n']
+    assert found['columns'][:6] == names
     assert 'would be replaced' in hear_tactile('export', stiffness_bag, '-o', table, code=2)
     imported = ask_tactile('import', table, '-o', tmp_path / 'trials.npz')
     assert imported['unit'] == 'N'
@@ -75,24 +74,19 @@ def write_trials(folder, heading='force_mN', *, rate=True):
     return path
 
 
-def test_import_names_the_command_with_sessions_held_out_and_draws(tmp_path):
+def test_import_draws_says_first_what_it_could_not_know_and_last_what_to_do(tmp_path):
     table, picture = write_trials(tmp_path), tmp_path / 'trials.svg'
-    found = ask_tactile('import', table, '-o', tmp_path / 'lab.npz', '--plot', picture)
+    archive = tmp_path / 'lab.npz'
+    found = ask_tactile('import', table, '-o', archive, '--plot', picture)
     assert found['unit'] == 'mN'
     assert not any(note.startswith('not known') for note in found['notes'])
-    archive = tmp_path / 'lab.npz'
     stated = f'tactile evaluate {archive} --task texture (or stiffness) --group session_id'
     assert found['next'] == stated
     drawn = picture.read_text()
     assert drawn.count('signal [mN]') == 3
     assert 'window' in drawn
-    options = ('--task', 'stiffness', '--group', 'session_id', '--repetitions', 1)
-    assert hear_tactile('evaluate', archive, '--folds', 2, *options)
-
-
-def test_import_says_first_what_it_could_not_know(tmp_path):
     table = write_trials(tmp_path, 'signal')
-    done = tactile('import', table, '-o', tmp_path / 'lab.npz')
+    done = tactile('import', table, '-o', archive, '--force')
     assert done.stdout.startswith('not known: unit of the signal (--unit N)\n')
     table = write_trials(tmp_path, 'signal', rate=False)
     assert '--rate-hz' in hear_tactile('import', table, '-o', tmp_path / 'b.npz', code=2)

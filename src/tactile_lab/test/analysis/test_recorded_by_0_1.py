@@ -18,6 +18,10 @@ RECORDING = FOLDER / 'recording'
 ANSWERS = json.loads((FOLDER / 'answers.json').read_text('utf-8'))
 
 
+def hexes(values):
+    return [value.hex() for value in values.tolist()]
+
+
 def read_recorded():
     """Return what the recording says, by a reader that is not ours."""
     windows, answers = [], []
@@ -29,12 +33,12 @@ def read_recorded():
             message = reader.deserialize(data, connection.msgtype)
             name = message.trial_id
             if kind == 'TactileFeatures':
-                values = [value.hex() for value in message.values.tolist()]
+                values = hexes(message.values)
                 windows.append({'trial': name, 'set': message.feature_set, 'values': values})
             else:
-                scores = [value.hex() for value in message.scores.tolist()]
                 said = {'trial': name, 'model': message.model_id, 'label': message.label}
-                answers.append({**said, 'scores': scores, 'novelty': message.novelty.hex()})
+                said['scores'] = hexes(message.scores)
+                answers.append({**said, 'novelty': message.novelty.hex()})
     return {'windows': windows, 'classifications': answers}
 
 
@@ -53,21 +57,15 @@ def test_its_replay_is_equal_bit_for_bit():
 
 @pytest.mark.parametrize('answer', ANSWERS['classifications'], ids=lambda a: a['trial'])
 def test_a_model_of_format_6_answers_as_it_did(answer):
-    (path,) = (
-        path
-        for path in (FOLDER / 'models').iterdir()
-        if load_model(path).model_id == answer['model']
-    )
-    model = load_model(path)
+    models = map(load_model, (FOLDER / 'models').iterdir())
+    (model,) = (model for model in models if model.model_id == answer['model'])
     (values,) = (w['values'] for w in ANSWERS['windows'] if w['trial'] == answer['trial'])
     computed = model.compute([[float.fromhex(value) for value in values]])
-    assert [score.hex() for score in computed.scores[0].tolist()] == answer['scores']
+    assert hexes(computed.scores[0]) == answer['scores']
     assert computed.novelty[0].item().hex() == answer['novelty']
 
 
 def test_its_features_are_computed_from_the_samples_as_they_were():
-    found = {}
-    for (task, contact), table in read_tables([RECORDING]).tables.items():
-        for row in table.values:
-            found[task, contact] = [value.hex() for value in row.tolist()]
-    assert sorted(found.values()) == sorted(w['values'] for w in ANSWERS['windows'])
+    tables = read_tables([RECORDING]).tables.values()
+    found = [hexes(row) for table in tables for row in table.values]
+    assert sorted(found) == sorted(window['values'] for window in ANSWERS['windows'])

@@ -80,7 +80,8 @@ def test_unknown_twin_is_missed_and_a_far_label_is_not():
 
 
 def test_what_cannot_be_done_says_why_and_the_rest_is_done():
-    answers = answer(make_holds(gap=50.0), ())
+    holds = make_holds(gap=50.0)
+    answers = answer(holds, ())
     assert answers.open_set.split == 'stratified 6-fold over trials'
     assert max(unknown.miss_rate for unknown in answers.open_set.unknown) == 0.0
     assert answers.stopping is None
@@ -89,8 +90,7 @@ def test_what_cannot_be_done_says_why_and_the_rest_is_done():
         'early predictions: not of holds',
         'measures: an archive has windows alone',
     )
-    two = make_holds(gap=50.0)
-    two = answer(two.take((two.labels == 'far') | (two.labels == 'twin')))
+    two = answer(holds.take(np.isin(holds.labels, ['far', 'twin'])))
     assert two.open_set is None
     assert two.not_done[0].startswith('unknown objects: there are 2 labels')
 

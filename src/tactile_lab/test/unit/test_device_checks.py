@@ -49,6 +49,8 @@ def test_blocks_of_many_samples_count_as_their_samples():
     facts, _ = judge_blocks(blocks, CONFIG)
     assert facts['samples'] == 60
     assert facts['rate [Hz]'] == pytest.approx(60.0, abs=1e-3)
+    assert judge_blocks([], CONFIG) == ({'samples': 0}, [])
+    assert judge_blocks([block(0, 1.0)], CONFIG)[0]['rate [Hz]'] == 0.0
 
 
 def test_lost_samples_are_told_and_do_not_change_the_rate():
@@ -58,9 +60,7 @@ def test_lost_samples_are_told_and_do_not_change_the_rate():
     assert facts['lost samples'] == 3
     assert facts['rate [Hz]'] == pytest.approx(60.0, abs=1e-3)
     assert texts(problems) == '3 of 120 samples were lost'
-
-
-def test_what_was_lost_before_listening_does_not_count():
+    # What was lost before the check began does not count.
     facts, problems = judge_blocks([block(i, i % 7, 99 * (i == 0)) for i in range(60)], CONFIG)
     assert facts['lost samples'] == 0
     assert problems == []
@@ -84,12 +84,6 @@ def test_another_rate_than_the_configured_one_is_told():
     config = TendonSensorConfig(rate_hz=80.0)
     _, problems = judge_blocks([block(i, i % 7) for i in range(60)], config)
     assert texts(problems) == 'the rate is 60.00 Hz and rate_hz is 80'
-
-
-def test_no_blocks_are_no_samples():
-    assert judge_blocks([], CONFIG) == ({'samples': 0}, [])
-    facts, _ = judge_blocks([block(0, 1.0)], CONFIG)
-    assert facts['rate [Hz]'] == 0.0
 
 
 def test_a_sensor_without_a_clock_has_no_error_of_stamps():

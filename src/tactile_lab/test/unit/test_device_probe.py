@@ -35,24 +35,27 @@ def test_grbl_is_known_by_banner_and_status(data, what):
     assert recognise(data) == ('guide', what, {})
 
 
-def test_open_scale_lines_say_their_columns():
-    said = lines(*(f'{16 * i},{0.5 + i / 100:.2f},lbs,24.75,' for i in range(100, 110)))
-    device, what, parameters = recognise(said)
-    assert device == 'sensor'
-    assert what == 'load-cell lines such as "1744,1.59,lbs,24.75,"'
-    assert parameters == {**MILLISECONDS, 'value_column': 1, 'unit': 'lbf'}
+OPEN_SCALE = lines(*(f'{16 * i},{0.5 + i / 100:.2f},lbs,24.75,' for i in range(100, 110)))
+FLOAT_TIME = {'time_column': 0, 'time_unit_s': 1.0, 'time_decimals': 1, 'value_column': 1}
+NO_TIME = {'time_column': -1, 'value_column': 0}
+BANNER = b'\r\nSerial Load Cell Converter version 1.2\r\nMinimum time between reports: 16\r\n'
 
 
-def test_values_alone_and_with_a_float_time():
-    said = lines(*(f'{-3.5 + i:.1f}' for i in range(8)), end='\n')
-    assert recognise(said)[2] == {'time_column': -1, 'value_column': 0}
-    said = lines(*(f'{i / 10:.1f} {i}' for i in range(8)), end='\n')
-    assert recognise(said)[2] == {
-        'time_column': 0,
-        'time_unit_s': 1.0,
-        'time_decimals': 1,
-        'value_column': 1,
-    }
+@pytest.mark.parametrize(
+    ('said', 'parameters'),
+    [
+        (OPEN_SCALE, {**MILLISECONDS, 'value_column': 1, 'unit': 'lbf'}),
+        (BANNER + OPEN_SCALE, {**MILLISECONDS, 'value_column': 1, 'unit': 'lbf'}),
+        (lines(*(f'{-3.5 + i:.1f}' for i in range(8)), end='\n'), NO_TIME),
+        (lines(*(f'{i / 10:.1f} {i}' for i in range(8)), end='\n'), FLOAT_TIME),
+        (lines(*(f'{i % 3} {i}' for i in range(8)), end='\n'), NO_TIME),  # falls: no time
+    ],
+)
+def test_load_cell_lines_say_their_columns(said, parameters):
+    device, what, found = recognise(said)
+    assert (device, found) == ('sensor', parameters)
+    assert what.startswith('load-cell lines such as "')
+    assert recognise(BANNER) is None
 
 
 @pytest.mark.parametrize(
@@ -85,18 +88,6 @@ def test_lines_that_the_driver_refuses_are_said_to_be_refused(text, reason):
     assert (device, parameters) == ('sensor', {})
     assert f'"{text}", which are refused: ' in what
     assert reason in what
-
-
-def test_a_first_column_that_falls_is_no_time():
-    said = lines(*(f'{i % 3} {i}' for i in range(8)), end='\n')
-    assert recognise(said)[2] == {'time_column': -1, 'value_column': 0}
-
-
-def test_a_boot_text_before_the_lines_does_not_matter():
-    banner = b'\r\nSerial Load Cell Converter version 1.2\r\nMinimum time between reports: 16\r\n'
-    assert recognise(banner) is None
-    said = banner + lines(*(f'{16 * i},0.5,kg,' for i in range(10)))
-    assert recognise(said)[2] == {**MILLISECONDS, 'value_column': 1, 'unit': 'kg'}
 
 
 def test_an_open_scale_in_its_menu_is_known():

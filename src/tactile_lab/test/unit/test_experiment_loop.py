@@ -96,10 +96,15 @@ class Person:
         self.said.append(text)
 
 
-def run(folder, world, person=None, plan=PLAN):
+def run_to_end(folder, world, person=None, plan=PLAN, added=()):
+    """Return the progress, and why it ended."""
     folder.set_up(plan)
     with folder.open_journal() as journal:
-        return run_experiment(folder, Bench(world), person or Person(world), journal)[0]
+        return run_experiment(folder, Bench(world), person or Person(world), journal, added)
+
+
+def run(*arguments, **options):
+    return run_to_end(*arguments, **options)[0]
 
 
 def check_complete(folder, world):
@@ -149,9 +154,8 @@ def test_a_repeated_call_goes_on_with_the_block_that_was_appended(tmp_path_facto
     block = folder.draw_block(session_id)
     for _ in range(len(cuts) + 1):
         try:
-            with folder.open_journal() as journal:
-                added = [] if folder.appended_left(session_id) else folder.draw_block(session_id)
-                run_experiment(folder, Bench(world), Person(world), journal, added)
+            added = [] if folder.appended_left(session_id) else folder.draw_block(session_id)
+            run(folder, world, added=added)
             break
         except PowerCut:
             assert len(folder.read_order()) in (planned, planned + len(block))
@@ -211,11 +215,10 @@ def test_failed_and_outlying_trials_are_offered_again_at_once(folder):
 
 def test_an_operator_may_stop_and_what_is_put_there_again_has_a_mounting_of_its_own(folder):
     world = World(outcomes=['good', 'failed'])
-    folder.set_up(PLAN)
-    with folder.open_journal() as journal:
-        stopped = run_experiment(folder, Bench(world), Person(world, ['stop']), journal)
-        progress, ended = run_experiment(folder, Bench(world), Person(world), journal)
-    assert stopped[1] == 'stopped after trial x-s01-m01-t02'
+    assert run_to_end(folder, world, Person(world, ['stop']))[1] == (
+        'stopped after trial x-s01-m01-t02'
+    )
+    progress, ended = run_to_end(folder, world)
     assert ended == ''
     check_complete(folder, world)
     first, *_, second = (progress.kept(f'x-s01-m01-t{i:02d}').mounting_id for i in (1, 2))
@@ -262,9 +265,7 @@ def test_another_setup_goes_on_only_when_it_is_accepted(folder):
     assert folder.read_progress().setup == world.setup
     world.setup = {'tendon_sensor.scale': '1.1', 'tendon_sensor device': 'A5'}
     person = Person(world, [False])
-    folder.set_up(PLAN)
-    with folder.open_journal() as journal:
-        progress, ended = run_experiment(folder, Bench(world), person, journal)
+    progress, ended = run_to_end(folder, world, person)
     assert person.changes == [
         'tendon_sensor device: not known -> A5',
         'tendon_sensor.scale: 1.0 -> 1.1',

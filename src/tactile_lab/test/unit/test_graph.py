@@ -43,6 +43,12 @@ def test_rig_has_every_node_with_its_port(models):
     told = [name for name, node in nodes.items() if 'simulated' in node.parameters]
     assert told == ['tendon_sensor']
     assert nodes['tendon_sensor'].parameters['simulated'] is True
+    more = [recorder_node(Path('bag'), simulated=True), slip_node({})]
+    for node in (*nodes.values(), *more):  # each can be created here
+        assert find_node_class(node.executable).__module__.split('.')[-1] == node.executable
+    stated = {'linear_guide': {'strain_timeout_s': 0.5, 'port': '/dev/other'}}
+    guide = by_name(rig_graph(PORTS, models, stated, simulated=True))['linear_guide']
+    assert guide.parameters == {'strain_timeout_s': 0.5, 'port': '/dev/guide'}
 
 
 def test_features_and_classifier_get_the_models_and_nothing_out_of_them(trained):
@@ -53,23 +59,9 @@ def test_features_and_classifier_get_the_models_and_nothing_out_of_them(trained)
     assert nodes[CLASSIFIER_NODE].parameters == {**told, 'recalibration_trials': 5}
 
 
-def test_every_described_node_can_be_created_here(models):
-    nodes = rig_graph(PORTS, models, {}, simulated=True)
-    nodes.append(recorder_node(Path('bag'), simulated=True))
-    nodes.append(slip_node({}))
-    for node in nodes:
-        assert find_node_class(node.executable).__module__.split('.')[-1] == node.executable
-
-
 def test_the_recorder_waits_for_a_classifier_where_one_runs():
     assert recorder_node(Path('bag')).parameters['classifier'] is False
     assert recorder_node(Path('bag'), classifier=True).parameters['classifier'] is True
-
-
-def test_the_port_that_is_given_wins_over_the_parameters(models):
-    stated = {'linear_guide': {'strain_timeout_s': 0.5, 'port': '/dev/other'}}
-    guide = by_name(rig_graph(PORTS, models, stated, simulated=True))['linear_guide']
-    assert guide.parameters == {'strain_timeout_s': 0.5, 'port': '/dev/guide'}
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from tactile_bringup.launch_config.parameter_tables import (
     LAUNCH_FOLDER,
     read_launch_arguments,
 )
-from tactile_lab.options import PHASES
+from tactile_lab.commands.sense import PHASES
 from tactile_ros.node_program import find_node_class
 
 WITH_NODES = tuple(ARGUMENTS_OF.values())

@@ -84,9 +84,7 @@ def test_stream_and_arrays_give_the_same_bits(roughness):
     assert window.values == pytest.approx([part.std(), np.ptp(part)])
     assert spec.mismatch(spec_for('texture', roughness)) == ''
     assert window.specification_digest == spec_for('texture', roughness).digest
-
-
-def test_its_specification_says_how_a_feature_node_computes_it(roughness):
+    # Its specification says how a feature node computes it.
     spec = spec_for('texture', roughness)
     assert spec_for('texture', FeatureConfig(**spec.config_values())) == spec
     extractor = TrialFeatureExtractor(FeatureConfig(), [WantedFeatures(spec)])

@@ -34,12 +34,9 @@ def changed(results, **fields):
     return TactileResults(windows, list(results.classifications))
 
 
-def test_every_trial_gives_a_window_and_an_answer(results):
+def test_two_passes_are_equal_with_an_answer_to_each_trial(results, stiffness_bag, trained):
     assert len(results.windows) == len(results.classifications) == 15
     assert all(c.label for c in results.classifications)
-
-
-def test_two_passes_are_equal(results, stiffness_bag, trained):
     with TactileBag(stiffness_bag) as bag:
         again = replay_through_core(bag, ModelSet.load(trained), recorded_features(bag))
     comparison = compare(results, again, NAMES)
@@ -47,7 +44,10 @@ def test_two_passes_are_equal(results, stiffness_bag, trained):
     assert comparison.window_count == 15
 
 
-def test_a_difference_in_the_last_bit_is_reported(results):
+def test_a_missing_window_and_a_difference_in_the_last_bit_are_reported(results):
+    fewer = TactileResults(results.windows[:-1], results.classifications)
+    told = compare(results, fewer, NAMES).first_difference
+    assert '15 feature windows in one, 14 in other' in told
     values = results.windows[3].values.copy()
     values[1] = np.nextafter(values[1], np.inf)
     comparison = compare(results, changed(results, values=values), NAMES)
@@ -63,13 +63,6 @@ def test_the_sign_of_a_zero_score_is_reported(results):
 
     assert compare(with_score(0.0), with_score(0.0), NAMES).is_equal
     assert 'scores' in compare(with_score(0.0), with_score(-0.0), NAMES).first_difference
-
-
-def test_a_missing_window_is_reported(results):
-    fewer = TactileResults(results.windows[:-1], results.classifications)
-    assert (
-        '15 feature windows in one, 14 in other' in compare(results, fewer, NAMES).first_difference
-    )
 
 
 def test_a_model_for_other_windows_says_so_of_each(stiffness_bag, trained):
@@ -162,6 +155,7 @@ def test_a_recording_that_begins_after_some_trials_replays_equal(
     with TactileBag(stiffness_bag) as bag:
         whole = replay_through_core(bag, models, recorded_features(bag))
         events = [e for _, e in read_records(bag.messages(EVENT)) if e.phase == phase]
+        assert bag.end_ns == max(message.received_at_ns for message in bag.messages())
     begin_ns = events[3].stamp_ns + after_ns
     bag = record_from(stiffness_bag, tmp_path / 'later', begin_ns)
     live = TactileResults(
@@ -177,8 +171,3 @@ def test_a_recording_that_begins_after_some_trials_replays_equal(
     assert found.is_equal, found
     assert 'began before the recording' in found.left_out
     assert found.window_count == found.classification_count == 11
-
-
-def test_a_bag_knows_when_its_last_message_came(stiffness_bag):
-    with TactileBag(stiffness_bag) as bag:
-        assert bag.end_ns == max(message.received_at_ns for message in bag.messages())

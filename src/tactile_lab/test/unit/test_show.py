@@ -3,12 +3,11 @@
 
 """`tactile show` says what is in the file."""
 
-import json
 import re
 
 import numpy as np
 import pytest
-from tactile_command import hear_tactile, tactile
+from tactile_command import ask_tactile, hear_tactile, tactile
 
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.model_file.model import read_model_card
@@ -19,9 +18,7 @@ from tactile_features.spec import spec_for
 
 
 def show(path, *options):
-    done = tactile('show', path, '--json', *options)
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    return ask_tactile('show', path, *options)
 
 
 def refusal(path, *options):
@@ -59,14 +56,8 @@ def test_archive_of_one_trial_is_enough(tmp_path):
 def test_table_numbers_trials_as_the_plot_does_and_has_room(tmp_path):
     path = tmp_path / 'two.npz'
     x = np.sin(np.arange(600.0)).reshape(2, 1, 300)
-    np.savez(
-        path,
-        x=x,
-        label=np.array(['R1', 'C1']),
-        rate_hz=100.0,
-        trial=np.array(['lab/07.csv', 'lab/03.csv']),
-        day=np.array([2, 2]),
-    )
+    columns = {'label': ['R1', 'C1'], 'trial': ['lab/07.csv', 'lab/03.csv'], 'day': [2, 2]}
+    np.savez(path, x=x, rate_hz=100.0, **columns)
     found = show(path)['trials']
     assert [entry['trial'] for entry in found] == [1, 2]
     assert [entry['column trial'] for entry in found] == ['lab/07.csv', 'lab/03.csv']
@@ -90,10 +81,8 @@ def test_model_has_a_card_with_its_limits(tmp_path, sessions):
     assert facts['answers'] == 'stiffness, any contact: pla, sponge'
     plural = 's' * (sessions > 1)
     assert facts['trained on'].startswith(f'72 measured trials, {sessions} session{plural},')
-    assert (
-        f'{100 * manifest.stages[0].calibration_error_after:.1f} % after'
-        in (facts['calibration error'])
-    )
+    error = f'{100 * manifest.stages[0].calibration_error_after:.1f} % after'
+    assert error in facts['calibration error']
     assert any('No session was held out' in limit for limit in found['limits']) == (sessions == 1)
     # One text: what is printed is the card inside the file.
     assert found['card'] == read_model_card(path)
