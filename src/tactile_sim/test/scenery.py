@@ -11,7 +11,7 @@ import numpy_solver
 
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.physics import layout as at
-from tactile_sim.physics.scene import build_scene, Scene
+from tactile_sim.physics.scene import build_plate_surface, build_scene
 from tactile_sim.physics.solver import advance_trials, TOLERANCE_NM
 from tactile_sim.physics.variation import draw_variation, Variation
 
@@ -27,19 +27,11 @@ class Run(NamedTuple):
     failed: np.ndarray
     state: np.ndarray
 
-    def get(self, row):
-        """One row of a run of all state rows, shape (trials, steps + 1)."""
-        return self.rows[row]
 
-
-def change(scene, body=None, rig=None, load_cell=None, **finger):
-    """The scene with another body, rig or load cell, or with other fields of its finger."""
-    made = {'finger': dataclasses.replace(scene.finger, **finger)} if finger else {}
-    if body is not None:
-        made['body'] = body
-    if load_cell is not None:
-        made['rig'] = dataclasses.replace(scene.rig, load_cell=load_cell)
-    return dataclasses.replace(scene, **made)
+def change(scene, body=None, **finger):
+    """The scene with another body, or with other fields of its finger."""
+    finger = dataclasses.replace(scene.finger, **finger)
+    return dataclasses.replace(scene, finger=finger, body=body or scene.body)
 
 
 def free_scene(contact='flexion', **finger):
@@ -54,8 +46,14 @@ def object_scene(body, contact='flexion', **finger):
 
 def plate_scene(label='F', contact='flexion', **finger):
     """A packaged plate, with another finger."""
-    scene = build_scene('texture', label, contact)
-    return change(scene, **finger) if finger else scene
+    return change(build_scene('texture', label, contact), **finger)
+
+
+def own_plate(plate):
+    """A plate of one's own under the packaged finger."""
+    scene = plate_scene('F')
+    surface = build_plate_surface(plate, scene.finger.tip_radius_m, 0.002)
+    return dataclasses.replace(scene, surface=surface, friction=plate.friction)
 
 
 def draw(count, protocol='texture', label='R2', contact='flexion', seed=1):
@@ -71,7 +69,7 @@ def ramp(times_s, start_s, before, after, speed):
 
 
 def run(
-    scene: Scene,
+    scene,
     step_s,
     tendon_m,
     guide_m=CONTACT_GUIDE_M,
@@ -91,28 +89,22 @@ def run(
     steps = len(tendon_m) - 1
     guide_m, pulled_m = (np.broadcast_to(v, steps + 1) for v in (guide_m, pulled_m))
     inputs = scene.compute_inputs(tendon_m, guide_m, pulled_m)
-    with numpy_solver.in_use(solver):
-        return _run(
-            scene, step_s, inputs, variation or Variation.none(), euler, tolerance_nm, trusted_nm
-        )
-
-
-def _run(scene, step_s, inputs, variation, euler, tolerance_nm, trusted_nm):
-    steps = len(inputs) - 1
-    state = scene.start_trials(variation, inputs[0])
+    variation = variation or Variation.none()
     failed = np.full(len(variation.phase), -1, dtype=np.int64)
-    out = advance_trials(
-        state,
-        scene.parameters,
-        np.arange(steps) % 2 if euler else np.zeros(steps, dtype=np.int64),
-        inputs[0],
-        inputs[1:],
-        scene.compute_coefficients((step_s, step_s)),
-        tuple(range(at.STATE_ROWS)),
-        failed,
-        tolerance_nm=tolerance_nm,
-        trusted_nm=trusted_nm,
-    )
+    with numpy_solver.in_use(solver):
+        state = scene.start_trials(variation, inputs[0])
+        out = advance_trials(
+            state,
+            scene.parameters,
+            np.arange(steps) % 2 if euler else np.zeros(steps, dtype=np.int64),
+            inputs[0],
+            inputs[1:],
+            scene.compute_coefficients((step_s, step_s)),
+            tuple(range(at.STATE_ROWS)),
+            failed,
+            tolerance_nm=tolerance_nm,
+            trusted_nm=trusted_nm,
+        )
     # From (blocks, steps + 1, rows, width) to trials side by side.
     rows = np.moveaxis(out, 0, 2).reshape(out.shape[1], out.shape[2], -1)
     return Run(np.transpose(rows[..., : len(failed)], (1, 2, 0)), failed, state)

@@ -189,7 +189,7 @@ def test_gliding_over_a_groove():
         lambda t: 0.0655 + 0.003 * smooth(t, duration_s),
         duration_s,
         1e-5,
-        1e-8,
+        1e-6,
     )
     assert np.median(difference, axis=1).max() < 1e-4
     assert np.quantile(difference, 0.9, axis=1).max() < 3e-4

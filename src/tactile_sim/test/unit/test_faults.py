@@ -28,6 +28,7 @@ from tactile_sim.devices.load_cell import LoadCellDevice
 from tactile_sim.errors import RigError
 
 RIG = default_catalogue().rig()
+PING, PONG = encode_instruction(1, 0x01), encode_status(1, 0, b'\xfc\x03\x2d')
 
 
 class Parrot:
@@ -45,28 +46,18 @@ def begin(line, kind, now_s, duration_s=None, device='sensor', **options):
     line.begin(read_request(request), now_s)
 
 
-def test_a_sound_line_changes_nothing():
+def test_a_fault_lasts_its_time_or_until_all_are_ended():
     line = FaultyLine(Parrot(), 1)
-    assert line.receive(b'abc', 0.0) == b'abc'
-    assert line.poll(0.001) == b'1,ok\r\n'
-
-
-def test_a_fault_ends_after_its_time():
-    line = FaultyLine(Parrot(), 1)
+    assert (line.receive(b'abc', 0.0), line.poll(0.001)) == (b'abc', b'1,ok\r\n')
     begin(line, 'mute', 1.0, 0.5)
     assert line.poll(1.0) == line.poll(1.499) == b''
     assert line.poll(1.5) == b'1500,ok\r\n'
-
-
-def test_none_ends_all_and_another_kind_does_not():
-    line = FaultyLine(Parrot(), 1)
-    begin(line, 'deaf', 0.0)
-    begin(line, 'mute', 0.0)
-    begin(line, 'burst', 0.0, 1.0)
-    assert (line.receive(b'abc', 0.0), line.poll(2.0)) == (b'', b'')
-    begin(line, 'none', 2.0)
-    assert line.receive(b'abc', 2.0) == b'abc'
-    assert line.poll(2.0) == b'2000,ok\r\n'
+    begin(line, 'deaf', 2.0)
+    begin(line, 'mute', 2.0)
+    begin(line, 'burst', 2.0, 1.0)  # the end of one does not end the others
+    assert (line.receive(b'abc', 2.0), line.poll(4.0)) == (b'', b'')
+    begin(line, 'none', 4.0)
+    assert (line.receive(b'abc', 4.0), line.poll(4.0)) == (b'abc', b'4000,ok\r\n')
 
 
 def test_bursts_come_each_period_and_the_last_one_at_the_end():
@@ -87,28 +78,19 @@ def test_drop_counts_what_can_be_lost_and_ends():
     assert not line._running
 
 
-def test_the_same_seed_gives_the_same_garbage():
+def test_garbage_and_cuts_of_records_follow_the_seed():
     heard = []
-    for _ in range(2):
+    for kind in ('garbage', 'garbage', 'split'):
         line = FaultyLine(Parrot(), 5)
-        begin(line, 'garbage', 0.0, share=1.0)
-        heard.append([line.poll(ms / 1000) for ms in range(20)])
+        begin(line, kind, 0.0, share=1.0)
+        heard.append([line.poll(ms / 1000) for ms in range(50)])
     assert heard[0] == heard[1]
-    assert all(1 <= len(data) - len(b'%d,ok\r\n' % ms) <= 12 for ms, data in enumerate(heard[0]))
-
-
-def test_a_split_record_loses_its_end():
-    line = FaultyLine(Parrot(), 1)
-    begin(line, 'split', 0.0, share=1.0)
-    for ms in range(50):
-        data, whole = line.poll(ms / 1000), b'%d,ok\r\n' % ms
-        assert whole.startswith(data)
-        assert data != whole
-
-
-@given(st.binary(max_size=50))
-def test_the_right_speed_changes_nothing(data):
-    assert resample_uart(data, 1.0) == data
+    for ms, (spoilt, _, cut) in enumerate(zip(*heard, strict=True)):
+        whole = b'%d,ok\r\n' % ms
+        assert spoilt.endswith(whole)
+        assert 1 <= len(spoilt) - len(whole) <= 12
+        assert whole.startswith(cut)
+        assert cut != whole
 
 
 @given(st.binary(max_size=50), st.floats(0.96, 1.04))
@@ -132,21 +114,22 @@ def test_another_speed_by_hand():
     assert resample_uart(b'\xff', 0.1) == b'\0'
 
 
+CORES = {
+    'sensor': (lambda: LoadCellDevice(RIG.load_cell, np.random.default_rng(1)), SensorLine),
+    'guide': (lambda: GrblDevice(RIG.guide), GuideLine),
+    'tendon': (lambda: DynamixelDevice(RIG.tendon), TendonLine),
+}
+
+
 class Bench:
     """A device behind its line, and its clock."""
 
     def __init__(self, device):
         self.name = device
         self.now_s = 0.0
-        if device == 'sensor':
-            self.core = LoadCellDevice(RIG.load_cell, np.random.default_rng(1))
-            self.line = SensorLine(self.core, 1)
-        elif device == 'guide':
-            self.core = GrblDevice(RIG.guide)
-            self.line = GuideLine(self.core, 1)
-        else:
-            self.core = DynamixelDevice(RIG.tendon)
-            self.line = TendonLine(self.core, 1)
+        make_core, line = CORES[device]
+        self.core = make_core()
+        self.line = line(self.core, 1)
         self.wait(0.1)
 
     def begin(self, kind, duration_s=None, **options):
@@ -166,9 +149,6 @@ class Bench:
     def send(self, data):
         return self.line.receive(data, self.now_s)
 
-    def ask(self, code, parameters=b''):
-        return self.send(encode_instruction(1, code, parameters))
-
 
 @pytest.mark.parametrize('device', KINDS)
 def test_every_fault_begins_and_ends(device):
@@ -182,17 +162,11 @@ def test_every_fault_begins_and_ends(device):
     assert not bench.line._running
 
 
-def read_lines(said):
-    """Milliseconds and kilograms of each line."""
-    rows = [line.split(b',') for line in said.split(b'\r\n')[:-1]]
-    return [(int(row[0]), float(row[1])) for row in rows]
-
-
 def test_a_mute_sensor_and_an_unplugged_one_lose_their_lines():
     bench = Bench('sensor')
     bench.begin('mute', 0.5)
     assert bench.wait(0.499) == b''
-    assert read_lines(bench.wait(0.1))[0][0] >= 500
+    assert int(bench.wait(0.1).split(b',')[0]) >= 500
     bench.begin('unplug', 0.1)
     # Its power comes through the cable: it starts anew.
     assert bench.wait(0.1) == b''
@@ -224,32 +198,28 @@ def test_what_a_guide_says_by_itself_is_not_lost_with_its_ok():
 
 def test_a_restarted_servo_is_silent():
     bench = Bench('tendon')
-    # Half a packet before, the other half after: no packet.
-    packet = encode_instruction(1, 0x01)
-    bench.send(packet[:6])
+    bench.send(PING[:6])
     bench.begin('restart')
-    assert bench.ask(0x01) == b''
+    assert bench.send(PING) == b''
     bench.wait(0.35)
-    assert bench.send(packet[6:]) == b''
-    assert bench.ask(0x01) == PONG
-
-
-PONG = encode_status(1, 0, b'\xfc\x03\x2d')
+    # Half a packet before, the other half after: no packet.
+    assert bench.send(PING[6:]) == b''
+    assert bench.send(PING) == PONG
 
 
 @pytest.mark.parametrize('kind', ['mute', 'deaf', 'drop', 'corrupt', 'split', 'wrong_baud'])
 def test_a_disturbed_servo_gives_no_answer(kind):
     bench = Bench('tendon')
     bench.begin(kind, **({'share': 1.0} if kind in ('corrupt', 'split') else {}))
-    assert PONG not in bench.ask(0x01)
+    assert PONG not in bench.send(PING)
     bench.begin('none')
-    assert bench.ask(0x01) == PONG
+    assert bench.send(PING) == PONG
 
 
 def test_garbage_and_noise_come_besides_the_packets():
     bench = Bench('tendon')
     bench.begin('garbage', share=1.0)
-    assert bench.ask(0x01)[1:].endswith(PONG)
+    assert bench.send(PING)[1:].endswith(PONG)
     bench.begin('none')
     bench.begin('noise')
     assert bench.wait(0.1).count(b'\xff\xff') in range(5, 11)
@@ -263,6 +233,8 @@ def test_garbage_and_noise_come_besides_the_packets():
         ({'device': 'sensor', 'kind': None}, 'no fault None'),
         ({'device': 'sensor', 'kind': 'mute', 'duration_s': True}, 'must be a number'),
         ({'device': 'sensor', 'kind': 'mute', 'duration_s': float('nan')}, 'must be a number'),
+        ({'device': 'guide', 'kind': 'alarm', 'duration_s': 1.0}, 'alarm is a moment'),
+        ({'device': 'sensor', 'kind': 'mute', 'share': 1}, 'has no option'),
         ({'device': 'sensor', 'kind': 'drop', 'count': 0}, 'count is 0; it must be a number'),
         ({'device': 'sensor', 'kind': 'none', 'share': 1}, 'takes nothing else'),
     ],

@@ -39,11 +39,7 @@ def test_live_steps_are_those_of_a_run_by_euler():
 
 @pytest.mark.parametrize(
     ('before', 'after'),
-    [
-        (('texture', 'R2'), ('stiffness', 'none')),
-        (('stiffness', 'sponge'), ('texture', 'F')),
-        (('stiffness', 'none'), ('stiffness', 'pla')),
-    ],
+    [(('texture', 'R2'), ('stiffness', 'none')), (('stiffness', 'sponge'), ('texture', 'F'))],
 )
 def test_exchange_brings_the_finger_to_rest_on_what_is_new(before, after):
     plant = make_plant(*before)
@@ -63,9 +59,8 @@ def test_exchange_brings_the_finger_to_rest_on_what_is_new(before, after):
 
 
 @pytest.mark.parametrize('where', [(np.nan, 0.001), (0.060, np.nan)])
-@pytest.mark.parametrize('label', ['R2', 'F'])
-def test_a_step_without_balance_raises(where, label):
-    plant = make_plant('texture', label)
+def test_a_step_without_balance_raises(where):
+    plant = make_plant('texture', 'F')
     plant.step(0.060, 0.001)
     with pytest.raises(ConvergenceError, match='no balance of the finger with the guide at'):
         plant.step(*where)
@@ -92,8 +87,5 @@ def test_mounting_draws_the_next_trials_variation():
         places.append(rows)
         assert rows[0] != rows[1]
     assert places[0] == places[1]
-    assert rig.read_truth()['mount'] == {
-        'protocol': 'texture',
-        'object': 'R1',
-        'contact': 'flexion',
-    }
+    mounted = {'protocol': 'texture', 'object': 'R1', 'contact': 'flexion'}
+    assert rig.read_truth()['mount'] == mounted

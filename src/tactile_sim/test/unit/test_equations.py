@@ -3,48 +3,111 @@
 
 """The finger's equations against integrals and derivatives made in another way."""
 
-from finger_modes import FINE_WEIGHT, FINE_XI, MASS, shapes, TIP_MASS
+import itertools
+
 import numpy as np
 import pytest
 
 from tactile_sim.physics.equations import (
     compute_balance,
+    compute_curve,
     compute_line,
     compute_mass_matrix,
     compute_object_contact,
     compute_rigid_contact,
-    Constants,
+    compute_sine_cosine,
     GRAVITY_M_S2,
     MAX_CHANGE_RAD,
     NODE_WEIGHT,
     NODE_XI,
 )
+from tactile_sim.physics.scene import build_scene
 
-CONSTANTS = Constants(
-    length=0.08,
-    arm=0.006,
-    tendon_stiffness=40000.0,
-    tendon_friction=0.06,
-    presliding_rad=0.005,
-    per_presliding=200.0,
-    stiffness=0.044,
-    creep_stiffness=0.039,
-    damping=1e-3,
-    mass=MASS,
-    tip_mass=TIP_MASS,
-    stop_rad=2.0,
-    stop_stiffness=5.0,
-    tip_stiffness=3000.0,
-    tip_damping=2.0,
-    shear_stiffness=2000.0,
-    per_shear_stiffness=1 / 2000.0,
-    friction_loss=0.2,
-    per_weakening=1e4,
-    inverse_softening=1e3,
-    crosstalk=0.0,
-    masses=(2e-5, -6e-6, 1e-6, 3e-6, -5e-7, 4e-7),
+FINE_XI, FINE_WEIGHT = (np.longdouble(v) for v in np.polynomial.legendre.leggauss(64))
+FINE_XI, FINE_WEIGHT = (FINE_XI + 1) / 2, FINE_WEIGHT / 2
+MASS, TIP_MASS = 0.02, 0.007
+
+
+def shapes(xi):
+    """The curvature modes at these places, shape (3, places)."""
+    return np.stack([xi, xi**2 - xi, 2 * xi**3 - 3 * xi**2 + xi])
+
+
+# -- shape -----------------------------------------------------------------------------------
+
+
+def random_modes(bend_deg, count=300):
+    high = np.array([np.radians(bend_deg), 0.3, 0.2])
+    low = np.array([np.radians(-5.0), -0.3, -0.2])
+    modes = np.random.default_rng(3).uniform(low, high, (count, 3))
+    return np.concatenate([modes, list(itertools.product(*zip(low, high, strict=True)))])
+
+
+def test_sine_and_cosine_in_their_range():
+    angle = np.linspace(-0.9, 2.7, 4001)
+    sine, cosine = compute_sine_cosine(angle)
+    np.testing.assert_allclose(sine, np.sin(angle), rtol=0, atol=6e-11)
+    np.testing.assert_allclose(cosine, np.cos(angle), rtol=0, atol=6e-11)
+    middle = np.abs(angle - 0.9) < 1.3
+    np.testing.assert_allclose(sine[middle], np.sin(angle[middle]), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ('bend_deg', 'bound', 'of_slopes'), [(60.0, 1.3e-6, 1.5e-5), (115.0, 7e-6, 6e-5)]
 )
-MASS_MATRIX = np.array([[2e-5, -6e-6, 1e-6], [-6e-6, 3e-6, -5e-7], [1e-6, -5e-7, 4e-7]])
+def test_tip_and_its_slopes_against_64_nodes_in_extended_precision(bend_deg, bound, of_slopes):
+    modes = random_modes(bend_deg)
+    line = compute_line(*modes.T, MASS, TIP_MASS)
+    shape = shapes(FINE_XI)
+    angle = np.asarray(modes, dtype=np.longdouble) @ shape
+    drop, reach = np.sin(angle) @ FINE_WEIGHT, np.cos(angle) @ FINE_WEIGHT
+    np.testing.assert_allclose(line[0], drop, rtol=0, atol=bound)
+    np.testing.assert_allclose(line[1], reach, rtol=0, atol=bound)
+    for i in range(3):
+        of_drop = (np.cos(angle) * shape[i]) @ FINE_WEIGHT
+        of_reach = -(np.sin(angle) * shape[i]) @ FINE_WEIGHT
+        np.testing.assert_allclose(line[2 + i], of_drop, rtol=0, atol=of_slopes)
+        np.testing.assert_allclose(line[5 + i], of_reach, rtol=0, atol=of_slopes)
+
+
+@pytest.mark.parametrize(('bend_deg', 'bound'), [(60.0, 2e-5), (115.0, 6e-5)])
+def test_weight_is_the_slope_of_the_potential(bend_deg, bound):
+    # Drop of every point of the line, one integral inside the other; slopes by complex step.
+    points, weight = np.polynomial.legendre.leggauss(16)
+    xi, weight = (points + 1) / 2, weight / 2
+    inner = shapes(np.outer(xi, xi).ravel())
+
+    def compute_potential(modes):
+        drops = xi * (np.sin(modes @ inner).reshape(16, 16) @ weight)
+        return GRAVITY_M_S2 * (
+            MASS * drops @ weight + TIP_MASS * np.sin(modes @ shapes(xi)) @ weight
+        )
+
+    for modes in random_modes(bend_deg, 30):
+        line = compute_line(*modes, MASS, TIP_MASS)
+        for i in range(3):
+            slope = compute_potential(modes + 1e-30j * np.eye(3)[i]).imag / 1e-30
+            assert line[8 + i] == pytest.approx(
+                slope, abs=bound * GRAVITY_M_S2 * (MASS + TIP_MASS)
+            )
+
+
+def test_curve_ends_at_the_tip():
+    modes = np.array([0.9, -0.2, 0.1])
+    line = compute_line(*modes, MASS, TIP_MASS)
+    curve = compute_curve(0.08, modes)
+    assert curve.shape == (65, 2)
+    np.testing.assert_allclose(curve[-1], [0.08 * line[1], 0.08 * line[0]], rtol=1e-5)
+    np.testing.assert_allclose(np.hypot(*np.diff(curve, axis=0).T).sum(), 0.08, rtol=1e-4)
+
+
+# -- balance ---------------------------------------------------------------------------------
+
+MASSES = (2e-5, -6e-6, 1e-6, 3e-6, -5e-7, 4e-7)
+CONSTANTS = build_scene('texture', 'F', 'flexion').constants._replace(
+    mass=MASS, tip_mass=TIP_MASS, inverse_softening=1e3, masses=MASSES
+)
+MASS_MATRIX = np.array(MASSES)[[[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
 RATE, GRID_LINE = 600.0, np.array(NODE_XI)
 
 
@@ -310,11 +373,6 @@ def test_object_is_a_spring_behind_the_fingertip(material, inverse_softening):
         assert np.all(np.diff(slope[touching]) < 0)
     else:
         np.testing.assert_allclose(slope[touching], tip * material / (tip + material))
-
-
-def test_softened_object_grows_with_the_root_of_its_compression():
-    _, _, p = compute_object_contact(np.array([1.0, 4.0]), 0.0, 1.0, 1e9, 0.0, 1e6)
-    assert p[1] / p[0] == pytest.approx(2.0, rel=1e-3)
 
 
 @pytest.mark.parametrize(('wrap', 'bound'), [(0.0, 4e-15), (0.125, 2e-7), (0.3, 1e-5)])
