@@ -36,19 +36,11 @@ class RigPorts(NamedTuple):
 class SimulatedRig:
     """A running simulated rig; a context manager.
 
-    Parameters
-    ----------
-    seed
-        Of variations and noise.
-    links
-        Directory for the ports: symbolic links guide, tendon and sensor. Default: a new one.
-    description
-        Folder of descriptions that are laid over the packaged ones, see `Catalogue`.
+    ``seed``: of variations and noise. ``links``: directory for the ports, symbolic links named
+    guide, tendon and sensor; default: a new one. ``description``: folder of descriptions that are
+    laid over the packaged ones, see `Catalogue`.
 
-    Raises
-    ------
-    RigError
-        The process does not start, or refuses the description.
+    Raises `RigError`: the process does not start, or refuses the description.
     """
 
     def __init__(
@@ -93,10 +85,7 @@ class SimulatedRig:
     def check_mount(self, protocol: str, object_label: str, contact: str) -> None:
         """Check that `mount` would take these names; the rig is not asked.
 
-        Raises
-        ------
-        DescriptionError
-            No such protocol, object or contact.
+        Raises `DescriptionError`: no such protocol, object or contact.
         """
         self._catalogue = self._catalogue or Catalogue(self._description)
         self._catalogue.check_mount(protocol, object_label, contact)
@@ -110,25 +99,13 @@ class SimulatedRig:
     ) -> dict[str, Any]:
         """Put a plate (texture) or object (stiffness) under the finger.
 
-        Parameters
-        ----------
-        numbers
-            Session, mounting and trial, each from 0. Trials of the same session and mounting
-            share their deviations. None: a mounting of its own.
+        ``numbers``: session, mounting and trial, each from 0. Trials of the same session and
+        mounting share their deviations. None: a mounting of its own.
 
-        Raises
-        ------
-        RigError
-            The rig refuses, with its reason, or is dead.
+        Raises `RigError`: the rig refuses, with its reason, or is dead.
         """
-        wanted: dict[str, Any] = {
-            'protocol': protocol,
-            'object': object_label,
-            'contact': contact,
-        }
-        if numbers is not None:
-            wanted['numbers'] = list(numbers)
-        return self._request({'mount': wanted})
+        wanted = {'protocol': protocol, 'object': object_label, 'contact': contact}
+        return self._request({'mount': {**wanted, 'numbers': numbers}})
 
     def truth(self) -> dict[str, Any]:
         """Physical state: guide_position_m, tendon_displacement_m, bend_rad, tension_n, ..."""
@@ -142,14 +119,9 @@ class SimulatedRig:
         The kind ``none`` ends all faults of the device. A fault lasts ``duration_s`` [s], or until
         it is ended where that is None; some are a moment only.
 
-        Raises
-        ------
-        RigError
-            There is no such fault, or the rig is dead.
+        Raises `RigError`: there is no such fault, or the rig is dead.
         """
-        wanted: dict[str, Any] = {'device': device, 'kind': kind, **options}
-        if duration_s is not None:
-            wanted['duration_s'] = duration_s
+        wanted = {'device': device, 'kind': kind, 'duration_s': duration_s, **options}
         self._request({'fault': wanted})
 
     def close(self) -> None:

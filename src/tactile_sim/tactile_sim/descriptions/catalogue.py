@@ -199,16 +199,11 @@ class Catalogue:
     It is small, hashable and picklable. It holds the contents of the files as of its creation,
     so another process needs no files.
 
-    Parameters
-    ----------
-    folder
-        Files named as the packaged ones (``config``), laid over them: ``rig.yaml`` and the
-        fingers by key, plates and objects by label. None for the packaged ones alone.
+    ``folder``: files named as the packaged ones (``config``), laid over them: ``rig.yaml`` and the
+    fingers by key, plates and objects by label. None for the packaged ones alone.
 
-    Raises
-    ------
-    DescriptionError
-        The folder or a file in it is unusable; the sentence names file, label and key.
+    Raises `DescriptionError`: the folder or a file in it is unusable; the sentence names file,
+    label and key.
     """
 
     _fingers: tuple[tuple[str, Finger], ...] = field(repr=False)
@@ -271,13 +266,7 @@ class Catalogue:
         return _find(self._held_objects, label, 'slip object')
 
     def check_mount(self, protocol: str, label: str, contact: str) -> None:
-        """Check that there are such a protocol, label and contact.
-
-        Raises
-        ------
-        DescriptionError
-            One of them is not there.
-        """
+        """Raise `DescriptionError` unless there are such a protocol, label and contact."""
         self.labels(protocol)
         find = {'texture': self.plate, 'stiffness': self.body, 'slip': self.held_object}
         find[protocol](label)
@@ -286,10 +275,7 @@ class Catalogue:
     def labels(self, protocol: str) -> tuple[str, ...]:
         """Labels that a protocol knows, the packaged ones first, in the paper's order.
 
-        Raises
-        ------
-        DescriptionError
-            No such protocol.
+        Raises `DescriptionError`: no such protocol.
         """
         if protocol not in PROTOCOLS:
             raise DescriptionError(f'protocol is {show(protocol)}; it must be one of {PROTOCOLS}')

@@ -111,44 +111,38 @@ class Drop(LineFault):
         return bytes(kept)
 
 
-class _Spoiler(LineFault):
+Spoil = Callable[[bytes, random.Random], bytes]
+
+
+class Spoiler(LineFault):
     """Something happens to a share of the records."""
 
-    def __init__(self, split: Splitter, share: float, chance: random.Random) -> None:
+    def __init__(self, spoil: Spoil, split: Splitter, share: float, chance: random.Random) -> None:
         super().__init__()
-        self._split, self._share, self._chance = split, share, chance
+        self._spoil, self._split, self._share, self._chance = spoil, split, share, chance
 
     def say(self, data: bytes, now_s: float) -> bytes:
         return b''.join(
-            self._spoil(record) if self._chance.random() < self._share else record
+            self._spoil(record, self._chance) if self._chance.random() < self._share else record
             for record in self._split(data)
         )
 
-    def _spoil(self, record: bytes) -> bytes:
-        raise NotImplementedError
+
+def add_garbage(record: bytes, chance: random.Random) -> bytes:
+    """Put random bytes before a record."""
+    return chance.randbytes(chance.randint(1, MOST_GARBAGE_BYTES)) + record
 
 
-class Garbage(_Spoiler):
-    """Random bytes come before a record."""
-
-    def _spoil(self, record: bytes) -> bytes:
-        return self._chance.randbytes(self._chance.randint(1, MOST_GARBAGE_BYTES)) + record
+def cut_short(record: bytes, chance: random.Random) -> bytes:
+    """Lose the end of a record, with its line end: it melts into the next one."""
+    return record[: chance.randrange(len(record))]
 
 
-class Split(_Spoiler):
-    """The end of a record is lost, with its line end: it melts into the next one."""
-
-    def _spoil(self, record: bytes) -> bytes:
-        return record[: self._chance.randrange(len(record))]
-
-
-class Corrupt(_Spoiler):
-    """One bit of a record flips."""
-
-    def _spoil(self, record: bytes) -> bytes:
-        spoilt = bytearray(record)
-        spoilt[self._chance.randrange(len(spoilt))] ^= 1 << self._chance.randrange(8)
-        return bytes(spoilt)
+def flip_bit(record: bytes, chance: random.Random) -> bytes:
+    """Flip one bit of a record."""
+    spoilt = bytearray(record)
+    spoilt[chance.randrange(len(spoilt))] ^= 1 << chance.randrange(8)
+    return bytes(spoilt)
 
 
 class Noise(LineFault):
@@ -337,9 +331,10 @@ class FaultyLine(Generic[_D]):
                 self._running.pop(kind)[0].end()
         if request.kind == END:
             return
-        fault = self._make_fault(request, now_s)
-        if fault is not None:
-            self._running[request.kind] = fault, now_s + request.lasting_s
+        if request.kind in MOMENTS:
+            self._happen(request.kind, now_s)
+        else:
+            self._running[request.kind] = self._make_fault(request), now_s + request.lasting_s
 
     def _end_due(self, now_s: float) -> bytes:
         held = b''
@@ -354,7 +349,7 @@ class FaultyLine(Generic[_D]):
             data = fault.say(data, now_s)
         return data
 
-    def _make_fault(self, wanted: FaultRequest, now_s: float) -> LineFault | None:
+    def _make_fault(self, wanted: FaultRequest) -> LineFault:
         """Make a fault of the line; one of the device itself is for the subclass."""
         match wanted.kind:
             case 'mute':
@@ -364,14 +359,21 @@ class FaultyLine(Generic[_D]):
             case 'burst':
                 return Burst(wanted.options['period_s'])
             case 'garbage':
-                return Garbage(self._split, wanted.options['share'], self._chance)
+                return self._make_spoiler(add_garbage, wanted)
             case 'split':
-                return Split(self._split, wanted.options['share'], self._chance)
+                return self._make_spoiler(cut_short, wanted)
             case 'wrong_baud':
                 return WrongBaud(wanted.options['ratio'])
             case 'drop':
                 return Drop(self._split, wanted.options['count'], self._can_be_lost)
         return Cut(says=False, hears=False)  # unplugged
+
+    def _make_spoiler(self, spoil: Spoil, wanted: FaultRequest) -> Spoiler:
+        return Spoiler(spoil, self._split, wanted.options['share'], self._chance)
+
+    def _happen(self, kind: str, now_s: float) -> None:
+        """Let a fault happen that is a moment only."""
+        raise NotImplementedError
 
     def _split(self, data: bytes) -> list[bytes]:
         return data.splitlines(keepends=True)
@@ -383,7 +385,7 @@ class FaultyLine(Generic[_D]):
 class SensorLine(FaultyLine[LoadCellDevice]):
     """The load cell, which takes its power from its line."""
 
-    def _make_fault(self, wanted: FaultRequest, now_s: float) -> LineFault | None:
+    def _make_fault(self, wanted: FaultRequest) -> LineFault:
         sensor = self._device
         match wanted.kind:
             case 'unplug':
@@ -397,27 +399,19 @@ class SensorLine(FaultyLine[LoadCellDevice]):
             case 'menu':
                 sensor.enter_menu()
                 return LineFault(sensor.leave_menu)
-            case 'restart':
-                sensor.restart()
-                return None
-        return super()._make_fault(wanted, now_s)
+        return super()._make_fault(wanted)
+
+    def _happen(self, kind: str, now_s: float) -> None:
+        self._device.restart()
 
 
 class GuideLine(FaultyLine[GrblDevice]):
     """The guide's controller, with a power supply of its own."""
 
-    def _make_fault(self, wanted: FaultRequest, now_s: float) -> LineFault | None:
-        match wanted.kind:
-            case 'alarm':
-                self._device.trip_limit(now_s)
-                return None
-            case 'restart':
-                self._device.restart(now_s)
-                return None
-            case 'stall':
-                self._device.stall(now_s)
-                return None
-        return super()._make_fault(wanted, now_s)
+    def _happen(self, kind: str, now_s: float) -> None:
+        guide = self._device
+        happen = {'alarm': guide.trip_limit, 'restart': guide.restart, 'stall': guide.stall}
+        happen[kind](now_s)
 
     def _can_be_lost(self, record: bytes) -> bool:
         return record.strip() == b'ok'
@@ -426,23 +420,23 @@ class GuideLine(FaultyLine[GrblDevice]):
 class TendonLine(FaultyLine[DynamixelDevice]):
     """The servo, with a power supply of its own."""
 
-    def _make_fault(self, wanted: FaultRequest, now_s: float) -> LineFault | None:
+    def _make_fault(self, wanted: FaultRequest) -> LineFault:
         servo = self._device
         match wanted.kind:
             case 'corrupt':
-                return Corrupt(self._split, wanted.options['share'], self._chance)
+                return self._make_spoiler(flip_bit, wanted)
             case 'noise':
                 return Noise(encode_status(1, 0, bytes(8)), self._chance)
             case 'overheat':
                 servo.heat(round(wanted.options['temperature_c']))
                 return LineFault(servo.cool)
-            case 'overload':
-                servo.fail(OVERLOAD)
-                return None
-            case 'restart':
-                servo.restart()
-                return None
-        return super()._make_fault(wanted, now_s)
+        return super()._make_fault(wanted)
+
+    def _happen(self, kind: str, now_s: float) -> None:
+        if kind == 'overload':
+            self._device.fail(OVERLOAD)
+        else:
+            self._device.restart()
 
     def _split(self, data: bytes) -> list[bytes]:
         head, *packets = data.split(HEADER)

@@ -74,13 +74,13 @@ class _Block:
 
 
 class Planner:
-    """Moves from where it stands at the start through the queued targets."""
+    """Moves from where it stands at the start through the queued targets; ``held``: feed hold."""
 
     def __init__(self, position: float) -> None:
         self.acceleration = 1.0
         self._blocks: deque[_Block] = deque()
         self._motion = Motion(position, [], position)
-        self._held = False
+        self.held = False
 
     @property
     def queued(self) -> int:
@@ -96,11 +96,6 @@ class Planner:
     def next_end_s(self) -> float:
         """End of the first queued move; never during a hold."""
         return self._blocks[0].end_s if self._blocks else math.inf
-
-    @property
-    def held(self) -> bool:
-        """True while a feed hold is on."""
-        return self._held
 
     @property
     def target(self) -> float:
@@ -122,7 +117,7 @@ class Planner:
         if abs(target - self.target) < 1e-9:
             return
         self._blocks.append(_Block(target, speed))
-        if not self._held:
+        if not self.held:
             self._replan(time_s)
 
     def run(self, time_s: float, segments: list[Segment], target: float) -> None:
@@ -136,19 +131,19 @@ class Planner:
         position, velocity = self.state_at(time_s)
         stop = plan_stop(time_s, position, velocity, self.acceleration)
         self._motion = Motion(position, stop, stop[-1].end_position if stop else position)
-        self._held = True
+        self.held = True
         for block in self._blocks:
             block.end_s = math.inf
 
     def resume(self, time_s: float) -> None:
         """Go on with the queue after a hold."""
-        self._held = False
+        self.held = False
         self._replan(time_s)
 
     def drop_queue(self) -> None:
         """Forget the queue, once at rest after a hold."""
         self._blocks.clear()
-        self._held = False
+        self.held = False
 
     def place(self, position: float) -> None:
         """Stand still at ``position``, at once, with nothing queued."""

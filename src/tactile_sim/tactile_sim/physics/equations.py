@@ -280,44 +280,19 @@ def compute_balance(
 ) -> Any:
     """Moments on the three modes, the Newton step that would balance them, and the forces.
 
-    Parameters
-    ----------
-    line
-        From `compute_line`.
-    contact
-        Normal force and its slope.
-    surface
-        Slope and curvature of what the tip touches.
-    place
-        Of the tip on the material of what it touches [m].
-    modes, bases
-        q, and what the rates of change are counted from: q' = (q - base) * rate.
-    swing_bases
-        What the accelerations are counted from: q'' = q * rate^2 - swing base [rad/s^2].
-    sliders
-        Where the tip [m] and the tendon [rad] stuck before.
-    creep
-        Moments that the creeping branch lends to the modes, and its present stiffness.
-    factors
-        Friction coefficient as it is now, and the finger's stiffness over the described.
-    rate
-        1 / time since the bases [1/s]; 0 seeks rest.
-    grip
-        1, or 0 to let go of all friction.
+    ``line``: from `compute_line`. ``contact``: normal force and its slope. ``surface``: slope and
+    curvature of what the tip touches. ``place``: of the tip on the material of what it touches
+    [m]. ``modes``, ``bases``: q, and the zeros of its rates of change: q' = (q - base) * rate.
+    ``swing_bases``: the same for accelerations: q'' = q * rate^2 - swing base [rad/s^2].
+    ``sliders``: where the tip [m] and the tendon [rad] stuck before. ``creep``: moments that the
+    creeping branch lends to the modes, and its present stiffness. ``factors``: friction
+    coefficient as it is now, and the finger's stiffness over the described. ``rate``: 1 / time
+    since the bases [1/s]; 0 seeks rest. ``grip``: 1, or 0 to let go of all friction.
 
-    Returns
-    -------
-    residual
-        The largest [N m].
-    changes
-        Of the three modes; to be subtracted.
-    now
-        Tension [N], friction [N], new sliders.
-    after
-        To first order after the changes: tension [N], normal force [N], new sliders.
-    surprise
-        Moment of friction that the changes do not foresee, because it sticks, slides or turns
-        round [N m].
+    Returns the largest residual [N m]; the changes of the three modes, to be subtracted; now:
+    tension [N], friction [N], new sliders; after the changes, to first order: tension [N], normal
+    force [N], new sliders; surprise: moment of friction that the changes do not foresee, because
+    it sticks, slides or turns round [N m].
     """
     c = constants
     (force, force_slope), (incline, bend) = contact, surface

@@ -135,26 +135,14 @@ def build_crown_surface(radius_m: float, tip_radius_m: float) -> Surface:
 class Scene:
     """A finger over a plate (texture), an object (stiffness), a held object (slip) or nothing.
 
-    Attributes
-    ----------
-    body
-        What yields under the fingertip; None for a rigid plate.
-    friction, kinetic_friction
-        Static coefficient at the fingertip; ratio of the kinetic to it.
-    surface
-        What the fingertip feels of its shape; None for a level top.
-    lead_m
-        Coordinate on the surface under the tip at ``guide_m`` and the contact bend [m].
-    guide_m, half_width_m
-        It is under the tip only within this distance from this position of the guide [m].
-    rolls
-        A pull moves its shape but not its material at the contact: it rolls on the fingertip.
-    drive_stiffness_n_m
-        Stiffness of what pulls it [N/m].
-    weakening_m, healing_s
-        Way of sliding over which friction turns kinetic [m], time over which it recovers [s].
-    inertia
-        The finger has inertia: it rings where a plate glides under it.
+    ``body`` yields under the fingertip; None for a rigid plate. ``surface`` is felt under it; None
+    for a level top. ``lead_m`` is the coordinate on it under the tip at ``guide_m`` and the
+    contact bend; it is there only within ``half_width_m`` from this position of the guide [m].
+
+    Friction is static; ``kinetic_friction`` is the ratio of the kinetic one to it. It turns
+    kinetic over a way of sliding of ``weakening_m`` [m] and recovers within ``healing_s`` [s].
+    Where it ``rolls``, a pull, of stiffness ``drive_stiffness_n_m``, moves its shape but not its
+    material at the contact. With ``inertia`` the finger rings where a plate glides under it.
     """
 
     finger: Finger
@@ -265,10 +253,7 @@ class Scene:
         ``inputs`` has the shape (INPUTS,). The finger of ``state``, that of another scene, comes
         to rest in this one.
 
-        Raises
-        ------
-        ConvergenceError
-            There is no rest.
+        Raises `ConvergenceError`: there is no rest.
         """
         count = len(variation.phase)
         fresh = np.zeros((at.TRIAL_ROWS, count))

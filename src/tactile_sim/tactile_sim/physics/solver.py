@@ -55,40 +55,21 @@ def advance_trials(
 
     A trial's result does not depend on the others beside it.
 
-    Parameters
-    ----------
-    state : ndarray of float, shape (TRIAL_ROWS, trials)
-        See `layout`; holds the new state afterwards.
-    scene
-        `Scene.parameters`.
-    lengths : ndarray of int, shape (steps,)
-        Which row of ``coefficients`` belongs to each step.
-    start, inputs : ndarray of float, shapes (INPUTS,) and (steps, INPUTS)
-        Before the first step, and at the end of each.
-    coefficients
-        From `compute_coefficients`.
-    rows
-        Rows of the state to return of each step.
-    failed : ndarray of int, shape (trials,)
-        -1 for a trial that goes on; afterwards the step at which it found no balance.
-    grip
-        1, or 0 to let go of all friction.
-    tolerance_nm
-        A step is solved when no moment is left unbalanced by more [N m].
-    trusted_nm
-        A change of Newton's method from a residual within this ends the step, unchecked, where
-        friction does as foreseen; for surfaces that do not yield [N m].
+    ``state``, shape (TRIAL_ROWS, trials), see `layout`, holds the new state afterwards. ``scene``:
+    `Scene.parameters`. ``lengths``, shape (steps,): row of ``coefficients``, from
+    `compute_coefficients`, for each step. ``start``, ``inputs``, shapes (INPUTS,) and
+    (steps, INPUTS): before the first step, and at the end of each. ``rows``: rows of the state to
+    return of each step. ``failed``, shape (trials,): -1 for a trial that goes on; afterwards the
+    step at which it found no balance. ``grip``: 1, or 0 to let go of all friction.
 
-    Returns
-    -------
-    ndarray of float, shape (blocks, steps + 1, rows, BLOCK)
-        Before the first step and after each; of a failed trial, as it was last. Trial i
-        stands in block i // BLOCK at place i % BLOCK.
+    A step is solved when no moment is left unbalanced by more than ``tolerance_nm`` [N m]. A
+    change of Newton's method from a residual within ``trusted_nm`` ends the step, unchecked, where
+    friction does as foreseen; for surfaces that do not yield [N m].
 
-    Raises
-    ------
-    SolverError
-        numba is missing, or cannot compile the solver.
+    Returns the rows before the first step and after each, shape (blocks, steps + 1, rows, BLOCK);
+    of a failed trial, as they were last. Trial i stands in block i // BLOCK at place i % BLOCK.
+
+    Raises `SolverError`: numba is missing, or cannot compile the solver.
     """
     control = (grip, tolerance_nm, trusted_nm, _ITERATIONS)
     trials = state.shape[1]

@@ -42,16 +42,9 @@ _ONE_STEP = np.zeros(1, dtype=np.int64)
 class SimulatedTrials:
     """Trials as the load cell recorded them.
 
-    Attributes
-    ----------
-    tension_n : ndarray of float, shape (trials, samples)
-        What the load cell reads [N]; NaN from where a trial found no balance.
-    sample_times_s : ndarray of float, shape (samples,)
-        Time of each sample since the start of the timeline, by the true clock [s].
-    truth : mapping of str to ndarray, shape (trials, samples)
-        What no sensor says; see `SimulatedMotion`.
-    failed_at_s : ndarray of float, shape (trials,)
-        When a trial found no balance [s]; NaN for one that did.
+    ``tension_n`` of shape (trials, samples) are its readings [N], NaN from where a trial found no
+    balance. ``sample_times_s`` of shape (samples,) count from the start of the timeline, by the
+    true clock [s]. For ``truth`` and ``failed_at_s`` see `SimulatedMotion`.
     """
 
     tension_n: FloatArray
@@ -95,12 +88,8 @@ def simulate_trials(
     Each trial depends on (seed, session, protocol, contact, object, its number) and on
     ``trials_per_mounting`` alone; see `draw_variation`.
 
-    Raises
-    ------
-    DescriptionError
-        No such protocol, object or contact, or the timeline does not fit the rig.
-    ConvergenceError
-        The finger finds no rest at the start.
+    Raises `DescriptionError`: no such protocol, object or contact, or the timeline does not fit
+    the rig. Raises `ConvergenceError`: the finger finds no rest at the start.
     """
     if count < 1 or first < 0 or session < 0 or seed < 0:
         raise DescriptionError(

@@ -227,7 +227,8 @@ def tendon(rig):
 )
 def test_a_fault_ends_a_pull_with_its_reason(rig, tendon, kind, options, reason):
     motion = Motion(lambda: tendon.pull_to(0.008, 0.002))
-    wait_until(lambda: rig.truth()['tendon_displacement_m'] > 0.0005, 'it does not wind')
+    # Told by the driver itself: its goal is written and answered.
+    wait_until(lambda: tendon.state and tendon.state.velocity_m_s > 0, 'it does not wind')
     rig.fault('tendon', kind, **options)
     error = motion.join()
     assert error is not None

@@ -89,11 +89,7 @@ def test_what_is_no_description_is_refused_with_a_sentence(kind, good, change, s
         parse_description(kind, {**good, **change}, 'thing')
 
 
-def test_a_description_survives_a_round_trip():
-    for kind, values in [(Body, BODY), (HeldObject, HELD), (Plate, OWN), (Plate, GROOVED)]:
-        built = parse_description(kind, values, 'thing')
-        assert parse_description(kind, dataclasses.asdict(built), 'thing') == built
-        assert hash(built) == hash(parse_description(kind, values, 'thing'))
+def test_a_profile_keeps_its_points():
     own = parse_description(Plate, OWN, 'thing')
     assert own.points_mm == ((0.0, 0.0), (20.5, -1.0), (50.0, 0.0))
     assert own.length_m == pytest.approx(0.070)
@@ -247,17 +243,13 @@ def test_a_users_files_are_laid_over_by_key_and_label(tmp_path):
     assert rig.variation.session == dataclasses.replace(was.variation.session, friction=0.0)
     assert catalogue != packaged
     assert catalogue.digest != packaged.digest
-
-
-def test_a_catalogue_travels_without_its_files(tmp_path):
-    catalogue = lay_over(tmp_path, plates=f'mine: {OWN_PLATE}')
+    # It travels to another process without its files.
     data = pickle.dumps(catalogue)
-    (tmp_path / 'plates.yaml').unlink()
+    for path in tmp_path.iterdir():
+        path.unlink()
     there = pickle.loads(data)
     assert there == catalogue
     assert hash(there) == hash(catalogue)
-    assert there.plate('mine').groove == 'profile'
-    assert len(data) < 20000
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ from tactile_sim.physics.equations import (
     compute_balance,
     compute_curve,
     compute_line,
-    compute_mass_matrix,
     compute_object_contact,
     compute_rigid_contact,
     compute_sine_cosine,
@@ -301,27 +300,6 @@ def test_balance_and_its_derivatives_against_the_documented_sum(kind):
             np.testing.assert_allclose(after[2:], expected[2:], rtol=0, atol=1e-10)
             assert surprise < 1e-12
         assert max(abs(np.array(lend(np.full(3, 1e6))[1]))) <= MAX_CHANGE_RAD
-
-
-def test_mass_matrix_is_that_of_a_chain_of_points():
-    """Against a sum over many points, whose places are differentiated by complex steps."""
-    length, mass, tip_mass, bend = 0.08, 0.015, 0.003, 0.7
-    count = 4000
-    xi = (np.arange(count) + 0.5) / count
-    exact = np.zeros((3, 3))
-    moved = []
-    for step in 1e-30j * np.eye(3):
-        angle = (np.array([bend, 0.0, 0.0]) + step) @ shapes(xi)
-        slopes = np.stack([np.cos(angle), np.sin(angle)])
-        half = slopes * length / count / 2
-        moved.append((np.cumsum(2 * half, axis=1) - half).imag / 1e-30)
-    tips = [2 * m[:, -1] - m[:, -2] + (m[:, -2] - m[:, -1]) / 2 for m in moved]
-    for i in range(3):
-        for j in range(3):
-            exact[i, j] = mass * (moved[i] * moved[j]).sum(axis=0).mean()
-            exact[i, j] += tip_mass * tips[i] @ tips[j]
-    found = compute_mass_matrix(length, mass, tip_mass, bend)
-    np.testing.assert_allclose(found, exact[np.triu_indices(3)], rtol=1e-5)
 
 
 def test_letting_go_leaves_no_friction():

@@ -9,8 +9,6 @@ import pytest
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.devices.load_cell import LoadCellDevice
 from tactile_sim.physics.sensing import read_tension
-from tendon_sensor_driver.line_sensor import LineDecoder
-from tendon_sensor_driver.records import TendonSensorConfig
 
 CELL = default_catalogue().rig().load_cell
 QUIET = dataclasses.replace(CELL, noise_n=0.0, drift_n_rt_s=0.0, resolution_n=1e-6)
@@ -62,16 +60,6 @@ def test_readings_are_those_of_the_fast_path():
     )
     assert read_newtons(lines) == pytest.approx(fast[0], abs=ROUNDING_N)
     assert np.ptp(fast) > 3 * CELL.noise_n
-
-
-def test_the_drivers_decoder_reads_every_line():
-    device = LoadCellDevice(QUIET, np.random.default_rng(1))
-    for step in range(1001):
-        device.record(step * 1e-3, 5.0, 1.0)
-    decoder = LineDecoder(TendonSensorConfig())
-    decoder.feed(device.poll(1.0), 0)
-    assert decoder.readings == 59  # the first line after the start is not trusted
-    assert decoder.rejected_lines == 0
 
 
 class Bench:

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 import pytest
-from scenery import change, CONTACT_GUIDE_M, draw, plate_scene, PULL_M, ramp, run
+from scenery import CONTACT_GUIDE_M, draw, plate_scene, PULL_M, ramp, run
 
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.descriptions.description import Body
@@ -73,14 +73,13 @@ def test_an_object_out_of_reach_is_not_felt():
     np.testing.assert_allclose(away.rows[at.TENSION], nothing.rows[at.TENSION], atol=1e-4)
 
 
-@pytest.mark.parametrize('contact', ['flexion', 'abduction'])
-def test_friction_opposes_sliding(contact):
-    tendon_m = ramp(TIMES_S, 0.02, 0.0, PULL_M[contact], 0.03)
+def test_friction_opposes_sliding():
+    tendon_m = ramp(TIMES_S, 0.02, 0.0, PULL_M['abduction'], 0.03)
     way_m = ramp(TIMES_S, 0.3, 0.0, 1.0, 0.015)
     pushed = {}
     for friction in (0.0, 0.4):
         for sign in (1, -1):
-            scene = dataclasses.replace(plate_scene('F', contact), friction=friction)
+            scene = dataclasses.replace(plate_scene('F', 'abduction'), friction=friction)
             result = run(scene, STEP_S, tendon_m, 0.085 + sign * way_m)
             pushed[friction, sign] = result.rows[at.FORCE][0, -1]
             slider = result.rows[at.TIP_SLIDER][0]
@@ -147,12 +146,3 @@ def test_what_slides_is_pulled_through_two_springs_and_what_rolls_through_the_ti
     assert rolls.constants.shear_stiffness == pytest.approx(tip_n_m, rel=1e-12)
     for constants in (slides.constants, rolls.constants):
         assert constants.shear_stiffness * constants.per_shear_stiffness == pytest.approx(1.0)
-
-
-def test_another_finger_is_another_scene():
-    """`dataclasses.replace` must not carry over what was computed from the old finger."""
-    scene = plate_scene('F')
-    first = run(scene, STEP_S, TENDON_M).rows[at.TENSION][0, -1]
-    other = change(scene, bending_stiffness_nm_rad=0.05)
-    assert run(other, STEP_S, TENDON_M).rows[at.TENSION][0, -1] > first + 0.3
-    assert run(scene, STEP_S, TENDON_M).rows[at.TENSION][0, -1] == first
