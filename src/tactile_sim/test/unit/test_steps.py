@@ -1,14 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A finger that nothing feeds loses energy, and never gains any."""
+"""Steps of time: the order of their error, and a finger that nothing feeds never gains energy."""
+
+import dataclasses
 
 import numpy as np
 import pytest
-from scenery import free_scene, object_scene, ramp, run
+from scenery import change, free_scene, object_scene, ramp, run
 
 from tactile_sim.descriptions.description import Body, Branch
 from tactile_sim.physics import layout as at
+from tactile_sim.physics.scene import build_scene
 from tactile_sim.physics.solver import advance_trials
 
 SHARE = np.array([1.0, 1 / 3, 1 / 5])[:, np.newaxis]
@@ -86,3 +89,38 @@ def test_a_pressed_object_recovers_alone_once_it_is_out_of_reach(step_s):
     expected = branch[1] * np.exp(-(times_s[1:] - step_s) / 5.0)
     np.testing.assert_allclose(branch[1:], expected, rtol=2e-5 if step_s < 0.01 else 2e-3)
     np.testing.assert_allclose(left[1:], 0.6 * branch[1:], rtol=1e-9)
+
+
+# -- order -----------------------------------------------------------------------------------
+
+ROWS = [at.TENSION, at.FORCE, at.SENSED, at.MODES + 1, at.CREEP, at.SQUEEZED, at.BRANCHES]
+
+
+def compute_error(scene, euler, steps):
+    """Of several rows against many more steps, relative to how far they go, shape (rows,)."""
+
+    def sample(count, euler):
+        times_s = np.linspace(0.0, 0.3, count + 1)
+        tendon_m = 0.0049 + 0.0003 * np.sin(2 * np.pi * times_s / 0.3) ** 2
+        result = run(scene, 0.3 / count, tendon_m, euler=euler, tolerance_nm=1e-11)
+        assert result.failed.tolist() == [-1]
+        return result.rows[ROWS, 0, :: count // 50]
+
+    fine = sample(6400, euler=False)
+    assert (fine[1] > 0).all()  # it is touched all the time
+    error = np.abs(sample(steps, euler) - fine).max(axis=1)
+    return error / np.maximum(np.ptp(fine, axis=1), 1e-12)
+
+
+@pytest.mark.parametrize(('euler', 'within'), [(True, 0.15), (False, 0.3)])
+@pytest.mark.parametrize('label', ['rubber_shell', 'F'])
+def test_order_of_convergence_is_the_one_claimed(euler, within, label):
+    protocol = 'texture' if label == 'F' else 'stiffness'
+    scene = build_scene(protocol, label, 'flexion')
+    scene = dataclasses.replace(change(scene, tendon_friction=0.0), friction=0.0)
+    errors = np.array([compute_error(scene, euler, steps) for steps in (400, 800)])
+    if label == 'F':
+        errors = errors[:, :-1]  # a plate has no branches
+    orders = np.log2(errors[:-1] / errors[1:])
+    np.testing.assert_allclose(orders, 1 if euler else 2, atol=within)
+    assert errors[-1].max() < (2e-2 if euler else 1e-3)
