@@ -155,17 +155,11 @@ class AccessError(Exception):
         self.error = error
 
 
-class ControlTable:
+class ControlTable(dict[Register, int]):
     """Values by register."""
 
     def __init__(self) -> None:
-        self._values = {field.register.address: field.initial for field in FIELDS}
-
-    def __getitem__(self, register: Register) -> int:
-        return self._values[register.address]
-
-    def __setitem__(self, register: Register, value: int) -> None:
-        self._values[register.address] = value
+        super().__init__((field.register, field.initial) for field in FIELDS)
 
     def reset_ram(self) -> None:
         """Forget everything that a loss of power forgets."""
@@ -178,10 +172,8 @@ class ControlTable:
         if address + length > TABLE_END:
             raise AccessError(ERROR_RANGE)
         table = bytearray(TABLE_END)
-        for (start, size, signed), *_ in FIELDS:
-            table[start : start + size] = self._values[start].to_bytes(
-                size, 'little', signed=signed
-            )
+        for (start, size, signed), value in self.items():
+            table[start : start + size] = value.to_bytes(size, 'little', signed=signed)
         return bytes(table[address : address + length])
 
     def check_write(self, address: int, data: bytes) -> tuple[Register, int]:

@@ -147,15 +147,15 @@ class Scene:
 
     finger: Finger
     rig: Rig
-    body: Body | None
     friction: float
-    kinetic_friction: float
-    surface: Surface | None
-    lead_m: float
     guide_m: float
     half_width_m: float
+    body: Body | None = None
+    surface: Surface | None = None
+    lead_m: float = 0.0
     rolls: bool = False
     drive_stiffness_n_m: float = math.inf
+    kinetic_friction: float = 1.0
     weakening_m: float = math.inf
     healing_s: float = 1.0
     inertia: bool = False
@@ -314,47 +314,34 @@ def build_scene(
         return Scene(
             finger,
             rig,
-            None,
             plate.friction,
-            1.0,
-            surface,
-            place.texture_lead_m,
             place.texture_guide_m,
             math.inf,
+            surface=surface,
+            lead_m=place.texture_lead_m,
             inertia=True,
         )
+    here = place.object_guide_m, place.object_half_width_m
     if protocol == 'stiffness':
         body = catalogue.body(object_label)
-        there = body.stiffness_n_m > 0
-        return Scene(
-            finger,
-            rig,
-            body if there else None,
-            body.friction,
-            1.0,
-            None,
-            0.0,
-            place.object_guide_m,
-            place.object_half_width_m if there else -1.0,  # nothing is under no place
-        )
+        if body.stiffness_n_m == 0:  # nothing is under no place
+            return Scene(finger, rig, body.friction, place.object_guide_m, -1.0)
+        return Scene(finger, rig, body.friction, *here, body)
     if protocol == 'slip':
         held = catalogue.held_object(object_label)
         rolls = held.motion == 'roll'
-        crown = build_crown_surface(held.radius_m, finger.tip_radius_m) if rolls else None
         return Scene(
             finger,
             rig,
-            held.body,
             held.body.friction,
-            held.kinetic_friction,
-            crown,
-            0.0,
-            place.object_guide_m,
-            place.object_half_width_m,
-            rolls,
-            held.drive_stiffness_n_m,
-            held.weakening_m,
-            held.healing_s,
+            *here,
+            held.body,
+            build_crown_surface(held.radius_m, finger.tip_radius_m) if rolls else None,
+            rolls=rolls,
+            drive_stiffness_n_m=held.drive_stiffness_n_m,
+            kinetic_friction=held.kinetic_friction,
+            weakening_m=held.weakening_m,
+            healing_s=held.healing_s,
         )
     raise DescriptionError(
         f"protocol is {protocol!r}; it must be 'texture', 'stiffness' or 'slip'"
