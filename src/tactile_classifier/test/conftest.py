@@ -5,9 +5,13 @@
 
 import os
 from pathlib import Path
+import sys
 
 import numpy as np
 import pytest
+
+# What several test files share lies beside them and is no part of the package.
+sys.path.insert(0, str(Path(__file__).parent))
 
 from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.datasets.dataset import FeatureTable
@@ -91,6 +95,15 @@ def model_path(small_table, tmp_path_factory):
     pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
     path = tmp_path_factory.mktemp('models') / 'texture.onnx'
     write_model(path, train(small_table, 'svm_linear'))
+    return path
+
+
+@pytest.fixture(scope='session')
+def partial_path(partial_tables, tmp_path_factory):
+    """Return a model of the nearest neighbours that answers after 1 and 2 s, too."""
+    pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
+    path = tmp_path_factory.mktemp('models') / 'partial.onnx'
+    write_model(path, train(partial_tables[0], 'knn', partial=partial_tables[1]))
     return path
 
 

@@ -4,6 +4,7 @@
 import dataclasses
 from itertools import combinations
 
+from classifier_tables import make_table
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -21,11 +22,8 @@ from tactile_classifier.confidence.calibration import (
     make_group_folds,
 )
 from tactile_classifier.confidence.novelty import compute_session_threshold, NoveltyMeasure
-from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError
 from tactile_classifier.estimators.classifiers import build_estimator, compute_raw_scores
-from tactile_features.config import FeatureConfig
-from tactile_features.spec import spec_for
 
 
 def draw(probabilities, seed):
@@ -69,30 +67,53 @@ def test_calibration_error_of_known_numbers():
     assert error == pytest.approx((4 * 0.15 + 2 * 0.4) / 6)
 
 
-def small(labels, sessions=None):
-    columns = {} if sessions is None else {'session_id': np.array(sessions)}
-    values = np.random.default_rng(0).normal(size=(len(labels), 3))
-    return FeatureTable(values, np.array(labels), spec_for('stiffness', FeatureConfig()), columns)
+def check_whole(folds, groups):
+    """Check that each group is in one fold."""
+    assert len(set(zip(folds.fold, groups, strict=True))) == len(set(groups))
 
 
-def test_sessions_are_held_out_whole():
-    table = small(['a', 'b'] * 10, np.repeat(['s1', 's2', 's3', 's4', 's5'], 4))
-    folds = make_group_folds(table)
-    assert (folds.split, folds.groups) == ('one session held out', 5)
-    assert len(set(zip(folds.fold, table.column('session_id'), strict=True))) == 5
-    many = small(['a', 'b'] * 20, np.repeat([f's{i}' for i in range(10)], 4))
-    assert make_group_folds(many).split == 'session held out in 6 folds'
-    assert len(set(zip(make_group_folds(many).fold, many.column('session_id'), strict=True))) == 10
+OWN = [f'{label}_{day}' for label in 'abcdef' for day in ('mon', 'tue') for _ in range(4)]
+PAIRS = list(combinations(range(7), 2))
 
 
-def test_trials_are_folds_where_sessions_do_not_allow_it():
-    assert make_group_folds(small(['a', 'b'] * 10)).split == 'stratified 6-fold over trials'
-    # Each label in one session only: with that held out, no model could know it.
-    apart = small(['a'] * 5 + ['b'] * 5, ['s1'] * 5 + ['s2'] * 5)
-    folds = make_group_folds(apart)
-    assert (folds.split, folds.groups) == ('stratified 5-fold over trials', 0)
-    with pytest.raises(DatasetError, match='label "b" has one trial only'):
-        make_group_folds(small(['a', 'a', 'b']))
+@pytest.mark.parametrize(
+    ('labels', 'sessions', 'split', 'groups'),
+    [
+        (['a', 'b'] * 10, np.repeat(np.arange(5), 4), 'one session held out', 5),
+        (['a', 'b'] * 20, np.repeat(np.arange(10), 4), 'session held out in 6 folds', 10),
+        # Six objects on two days, a session each, wherever the names put them.
+        ([name[0] for name in OWN], OWN, 'session held out in 6 folds', 12),
+        ([name[0] for name in OWN], [name[::-1] for name in OWN], 'session held out in 6 fo', 12),
+        # Each pair of seven sessions has a label of its own: no two may share a fold.
+        ([str(p) for p in PAIRS for _ in p], np.ravel(PAIRS), 'one session held out', 7),
+    ],
+)
+def test_sessions_are_held_out_whole(labels, sessions, split, groups):
+    labels = np.array(labels)
+    folds = make_group_folds(make_table(labels, session_id=sessions))
+    assert folds.split.startswith(split)
+    assert folds.groups == groups
+    check_whole(folds, sessions)
+    if groups == 12:  # as even as can be
+        assert all(len(set(folds.fold[labels == label])) == 2 for label in 'abcdef')
+        assert all(len(set(labels[folds.fold == i])) == 2 for i in range(6))
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.sets(st.integers(0, 13), min_size=2, max_size=4), min_size=2, max_size=25))
+def test_no_label_is_held_out_whole(sessions_of_label):
+    pairs = [(str(i), s) for i, sessions in enumerate(sessions_of_label) for s in sessions]
+    labels, sessions = (np.array(column) for column in zip(*pairs, strict=True))
+    folds = make_group_folds(make_table(labels, session_id=sessions))
+    assert folds.groups == len(set(sessions))
+    check_whole(folds, sessions)
+    assert all(len(set(folds.fold[labels == label])) > 1 for label in set(labels))
+
+
+def test_sessions_of_the_same_labels_are_folds_in_turn():
+    sessions = np.repeat(np.arange(14), 6)
+    folds = make_group_folds(make_table(['a', 'b', 'c'] * 28, session_id=sessions))
+    np.testing.assert_array_equal(folds.fold, sessions % 6)
 
 
 def repeats(conditions, seed):
@@ -102,18 +123,24 @@ def repeats(conditions, seed):
     values = np.repeat(rng.normal(size=(2 * conditions, 3)), 3, axis=0)
     values[labels == 'b', 0] += 1.5
     values += 1e-3 * rng.normal(size=values.shape)
-    columns = {'speed': np.repeat(np.arange(conditions), 6)}
-    return FeatureTable(values, labels, spec_for('stiffness', FeatureConfig()), columns)
+    return make_table(labels, values, speed=np.repeat(np.arange(conditions), 6))
 
 
-def test_repeats_of_a_condition_are_held_out_together():
-    folds = make_group_folds(repeats(8, 0))
-    assert (folds.split, folds.groups) == ('speed held out in 6 folds', 0)
-    assert len(set(zip(folds.fold, repeats(8, 0).column('speed'), strict=True))) == 8
-    # A label with one condition alone would be held out whole.
+def test_trials_or_conditions_are_folds_where_sessions_do_not_allow_it():
+    trials = make_group_folds(make_table(['a', 'b'] * 10))
+    assert (trials.split, trials.groups) == ('stratified 6-fold over trials', 0)
+    # Each label in one session only: with that held out, no model could know it.
+    apart = make_table(['a'] * 5 + ['b'] * 5, session_id=['s1'] * 5 + ['s2'] * 5)
+    assert make_group_folds(apart).split == 'stratified 5-fold over trials'
     table = repeats(8, 0)
+    folds = make_group_folds(table)
+    assert (folds.split, folds.groups) == ('speed held out in 6 folds', 0)
+    check_whole(folds, table.column('speed'))
+    # A label with one condition alone would be held out whole.
     once = table.take((table.labels == 'a') | (table.column('speed') == 0))
     assert make_group_folds(once).split == 'stratified 3-fold over trials'
+    with pytest.raises(DatasetError, match='label "b" has one trial only'):
+        make_group_folds(make_table(['a', 'a', 'b']))
 
 
 def test_stated_calibration_error_is_that_of_new_conditions():
@@ -124,9 +151,8 @@ def test_stated_calibration_error_is_that_of_new_conditions():
 
     def state(known):
         part = calibrate_stage(known, 'knn', 'none', make_group_folds(known), 0.1)
-        return part.error_after, compute_calibration_error(
-            part.calibration.compute(scores), answers
-        )
+        true = compute_calibration_error(part.calibration.compute(scores), answers)
+        return part.error_after, true
 
     stated, true = state(table)
     assert stated == pytest.approx(true, abs=0.03)
@@ -136,53 +162,9 @@ def test_stated_calibration_error_is_that_of_new_conditions():
     assert true > 0.1
 
 
-@pytest.mark.parametrize('name', ['{day}_{label}', '{label}_{day}'])
-def test_sessions_of_one_label_are_spread_over_the_parts(name):
-    # Six objects on two days, a session each: wherever the names put them, the model that
-    # is tested on one day of an object has seen the other day.
-    trials = [(label, day) for label in 'abcdef' for day in ('mon', 'tue') for _ in range(4)]
-    sessions = [name.format(label=label, day=day) for label, day in trials]
-    labels = np.array([label for label, _ in trials])
-    folds = make_group_folds(small(labels, sessions))
-    assert (folds.split, folds.groups) == ('session held out in 6 folds', 12)
-    assert len(set(zip(folds.fold, sessions, strict=True))) == 12
-    for label in 'abcdef':
-        assert len(set(folds.fold[labels == label])) == 2
-    assert all(len(set(labels[folds.fold == i])) == 2 for i in range(6))
-
-
-@settings(max_examples=50, deadline=None)
-@given(st.lists(st.sets(st.integers(0, 13), min_size=2, max_size=4), min_size=2, max_size=25))
-def test_no_label_is_held_out_whole(sessions_of_label):
-    pairs = [(str(i), s) for i, sessions in enumerate(sessions_of_label) for s in sessions]
-    labels, sessions = (np.array(column) for column in zip(*pairs, strict=True))
-    folds = make_group_folds(small(labels, sessions))
-    assert folds.groups == len(set(sessions))
-    assert len(set(zip(folds.fold, sessions, strict=True))) == folds.groups
-    for label in set(labels):
-        assert len(set(folds.fold[labels == label])) > 1
-
-
-def test_labels_too_interwoven_for_six_parts():
-    # Each pair of seven sessions has a label of its own: no two may share a part.
-    pairs = list(combinations(range(7), 2))
-    labels = [f'{i}{j}' for i, j in pairs for _ in (i, j)]
-    sessions = [session for pair in pairs for session in pair]
-    folds = make_group_folds(small(labels, sessions))
-    assert (folds.split, folds.groups) == ('one session held out', 7)
-    np.testing.assert_array_equal(folds.fold, sessions)
-
-
-def test_sessions_of_the_same_labels_are_folds_in_turn():
-    sessions = np.repeat(np.arange(14), 6)
-    folds = make_group_folds(small(['a', 'b', 'c'] * 28, sessions))
-    np.testing.assert_array_equal(folds.fold, sessions % 6)
-
-
 def test_no_trial_is_judged_by_a_model_that_knew_it():
     # Labels drawn at random: whoever is judged by its own neighbours looks right.
-    rng = np.random.default_rng(5)
-    table = small(rng.choice(['a', 'b'], 200))
+    table = make_table(np.random.default_rng(5).choice(['a', 'b'], 200))
     fold = make_group_folds(table).fold
     scores, true = hold_out_scores(table, 'tree', 'none', fold)
     assert np.mean(scores.argmax(axis=1) == true) < 0.65
@@ -190,9 +172,9 @@ def test_no_trial_is_judged_by_a_model_that_knew_it():
 
 
 def test_held_out_part_states_its_own_error(texture_table):
-    part = calibrate_stage(texture_table, 'knn', 'none', make_group_folds(texture_table), 0.1)
-    assert part.error_after < part.error_before + 0.02
     folds = make_group_folds(texture_table)
+    part = calibrate_stage(texture_table, 'knn', 'none', folds, 0.1)
+    assert part.error_after < part.error_before + 0.02
     shares = [np.mean(part.confidence[folds.session == i] < 0.0) for i in range(3)]
     # The threshold is the quantile of the worst session; the others reject less.
     assert max(shares) == pytest.approx(0.1, abs=0.01)
@@ -203,28 +185,23 @@ def test_held_out_part_states_its_own_error(texture_table):
 def test_unlearned_labels_are_those_of_models_without_them(texture_table):
     table = texture_table.take(texture_table.labels < 'plate 4')
     folds = make_group_folds(table)
-    found = leave_labels_out(table, folds, 'plain', 0.1)
     missed, areas = [], []
     for label in np.unique(table.labels):
-        others = table.take(table.labels != label)
-        known = hold_out_novelty(others, folds.fold[table.labels != label], 'plain')
-        threshold = compute_session_threshold(known, folds.session[table.labels != label], 0.1)
+        known = table.labels != label
+        others, fold = table.take(known), folds.fold[known]
+        novelty = hold_out_novelty(others, fold, 'plain')
+        threshold = compute_session_threshold(novelty, folds.session[known], 0.1)
         for i in np.unique(folds.fold):
-            inside, outside = others.take(folds.fold[table.labels != label] != i), folds.fold == i
-            part = folds.fold[(table.labels != label) & ~outside]
-            measure = NoveltyMeasure.fit(inside.values, inside.labels, part, 'plain')
-            novelty, is_new = (
-                measure.compute(table.values[outside]),
-                table.labels[outside] == label,
-            )
+            inside, part = others.take(fold != i), table.take(folds.fold == i)
+            measure = NoveltyMeasure.fit(inside.values, inside.labels, fold[fold != i], 'plain')
+            novelty, is_new = measure.compute(part.values), part.labels == label
             missed.append(np.mean(novelty[is_new] <= threshold))
             areas.append(roc_auc_score(is_new, novelty))
+    found = leave_labels_out(table, folds, 'plain', 0.1)
     assert found.labels == 4
     assert found.miss_rate == pytest.approx(np.mean(missed))
     assert found.auroc == pytest.approx(np.mean(areas))
-
-
-def test_too_few_labels_or_trials_leave_nothing_out(texture_table):
+    # Too few labels, or trials for the rate.
     two = texture_table.take(texture_table.labels < 'plate 2')
     assert leave_labels_out(two, make_group_folds(two), 'plain', 0.1) is None
     few = texture_table.take(np.arange(480) % 20 == 0)

@@ -11,6 +11,7 @@ import pytest
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
+import tactile_classifier
 from tactile_classifier.answering import Answering, LiveRecalibration, ModelSet
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.model import load_model
@@ -22,28 +23,29 @@ from tactile_features.model_contract import read_contracts
 from tactile_features.records import Outcome as FeatureOutcome
 from tactile_features.spec import FeatureSpecifications, spec_for, WantedFeatures
 
+FULL = spec_for('texture', FeatureConfig())
 SHORT = spec_for('texture', FeatureConfig(texture_samples=90))
 LATER = spec_for('texture', FeatureConfig(texture_crop_start_s=0.9))
+GAPS = spec_for('texture', FeatureConfig(max_gap_samples=3))
 
 
 def table_of(table, spec, contact='flexion'):
-    """The table as if of another specification, with so many columns."""
+    """Return the table as if of another specification, with so many columns."""
     columns = {**table.columns, 'contact': np.full(len(table), contact)}
-    return dataclasses.replace(
-        table, values=table.values[:, : len(spec.names)], spec=spec, columns=columns
-    )
+    values = table.values[:, : len(spec.names)]
+    return dataclasses.replace(table, values=values, spec=spec, columns=columns)
 
 
 @pytest.fixture(scope='module')
-def folder(small_table, stiffness_table, partial_tables, tmp_path_factory):
+def folder(small_table, stiffness_table, model_path, partial_path, tmp_path_factory):
     """Return a folder of models; the names of the files say nothing."""
     folder = tmp_path_factory.mktemp('models')
-    whole, partial = partial_tables
-    write_model(folder / 'a.onnx', train(small_table, 'svm_linear'))
+    shutil.copy(model_path, folder / 'a.onnx')
     write_model(folder / 'b.onnx', train(table_of(small_table, SHORT), 'knn'))
     write_model(folder / 'c.onnx', train(stiffness_table, 'tree'))
-    write_model(folder / 'd.onnx', train(whole, 'knn', partial=partial))
+    shutil.copy(partial_path, folder / 'd.onnx')
     write_model(folder / 'e.onnx', train(table_of(small_table, LATER, 'abduction'), 'tree'))
+    (folder / 'x.txt').write_text('no model')
     return folder
 
 
@@ -63,150 +65,128 @@ def window_of(make_window):
     return make
 
 
-@pytest.fixture
-def full(small_table):
-    return small_table.spec
-
-
 def test_a_folder_is_read_whatever_its_files_are_called(folder):
     models = ModelSet.load(folder)
-    alone = {name: load_model(folder / f'{name}.onnx') for name in 'abcde'}
-    assert [m.model_id for m in models.models] == [alone[name].model_id for name in 'abcde']
-    assert models.refused == ()
-    assert models.partial_samples == (60, 120)
-    assert [info.path for info in models.infos] == [
-        str(folder / f'{name}.onnx') for name in 'abcde'
-    ]
+    alone = [load_model(folder / f'{name}.onnx') for name in 'abcde']
+    assert [m.model_id for m in models.models] == [model.model_id for model in alone]
+    assert (models.refused, models.partial_samples) == ((), (60, 120))
+    assert [info.path for info in models.infos] == [model.path for model in alone]
     first = models.infos[0]
-    assert (first.task, first.contact) == ('texture', 'flexion')
+    assert (first.task, first.contact, first.simulated) == ('texture', 'flexion', True)
     assert first.model_id.endswith(first.sha256[:12])
-    assert first.labels == alone['a'].labels
-    assert first.specification_digest == alone['a'].spec.digest
-    assert first.simulated
-    assert first.recalibration_trials == 0
+    assert first.labels == alone[0].labels
+    assert (first.specification_digest, first.recalibration_trials) == (FULL.digest, 0)
+    contracts, refused = read_contracts(folder, 'flexion')
+    assert refused == []
+    assert [
+        (str(c.path), c.task, c.contact, c.wanted.spec, c.wanted.partial_samples)
+        for c in contracts
+    ] == [(m.path, m.task, m.contact, m.spec, m.partial_samples) for m in alone[:4]]
 
 
-def test_each_model_answers_its_windows_as_if_alone(folder, window_of, full):
+def test_each_model_answers_its_windows_as_if_alone(folder, window_of):
     models = ModelSet.load(folder, 'flexion')
     alone = {name: load_model(folder / f'{name}.onnx') for name in 'abcd'}
-    models.set_specifications([full, SHORT, LATER])
-    for trial in range(3):
-        whole, short = window_of(full, trial), window_of(SHORT, trial)
-        assert models.classify(whole) == [
-            alone['a'].classify_window(whole),
-            alone['d'].classify_window(whole),
-        ]
-        assert models.classify(short) == [alone['b'].classify_window(short)]
-        part = window_of(full, trial, partial=True, sample_count=60)
-        assert models.classify(part) == [alone['d'].classify_window(part)]
-    assert models.classify(window_of(full, partial=True, sample_count=90)) == []
-    assert models.classify(window_of(LATER)) == []  # of a model for another contact
+    models.set_specifications([FULL, SHORT, LATER])
+    for window, names in (
+        *((window_of(FULL, trial), 'ad') for trial in range(3)),
+        *((window_of(SHORT, trial), 'b') for trial in range(3)),
+        (window_of(FULL, partial=True, sample_count=60), 'd'),
+        (window_of(FULL, partial=True, sample_count=90), ''),
+        (window_of(LATER), ''),  # of a model for another contact
+    ):
+        expected = [alone[name].classify_window(window) for name in names]
+        assert models.classify(window) == expected
     lost = window_of(SHORT, outcome=FeatureOutcome.GAP, reason='lost', values=np.empty(0))
     (answer,) = models.classify(lost)
     assert (answer.outcome, answer.reason) == (Outcome.NO_FEATURES, 'lost')
 
 
-def test_windows_of_another_contact_are_left_out(folder, window_of, full):
-    assert len(ModelSet.load(folder).classify(window_of(full, contact='abduction'))) == 1
+def test_windows_of_another_contact_are_left_out(folder, window_of):
+    assert len(ModelSet.load(folder).classify(window_of(FULL, contact='abduction'))) == 1
     models = ModelSet.load(folder, 'flexion')
     assert {info.contact_filter for info in models.infos} == {'flexion'}
     assert [m.contact for m in models.models] == ['flexion', 'flexion', '', 'flexion']
-    assert models.classify(window_of(full, contact='abduction')) == []
+    assert models.classify(window_of(FULL, contact='abduction')) == []
     with pytest.raises(ModelFileError, match='are for flexion, the parameter contact is abduc'):
         ModelSet.load(folder / 'a.onnx', 'abduction')
 
 
-def test_a_window_that_fits_no_model_is_answered_with_the_reason(folder, window_of, full):
-    other = spec_for('texture', FeatureConfig(max_gap_samples=3))
+def test_a_window_that_fits_no_model_is_answered_with_the_reason(folder, window_of):
     models = ModelSet.load(folder / 'a.onnx')
-    (answer,) = models.classify(window_of(other))
+    (answer,) = models.classify(window_of(GAPS))
     assert (answer.outcome, answer.label) == (Outcome.NO_FEATURES, '')
     assert 'another specification' in answer.reason
-    models.set_specifications([other])
-    (answer,) = models.classify(window_of(other))
+    models.set_specifications([GAPS])
+    (answer,) = models.classify(window_of(GAPS))
     assert 'max_gap_samples) differs: 0.0 here, 3 there' in answer.reason
     (sentence,) = models.unfed
-    assert 'give its parameter models' in sentence
-    assert str(folder / 'a.onnx') in sentence
+    assert f'give its parameter models {folder / "a.onnx"}' in sentence
     # The windows of its own are announced: those of another specification are for others.
-    models.set_specifications([other, full])
-    assert models.classify(window_of(other)) == []
+    models.set_specifications([GAPS, FULL])
+    assert models.classify(window_of(GAPS)) == []
     assert models.unfed == ()
 
 
 def test_a_file_that_cannot_be_used_is_named_and_the_others_answer(folder, window_of, tmp_path):
-    for name in 'abd':
-        shutil.copy(folder / f'{name}.onnx', tmp_path / f'{name}.onnx')
+    for name, copy in (('a', 'a'), ('b', 'b'), ('a', 'z')):
+        shutil.copy(folder / f'{name}.onnx', tmp_path / f'{copy}.onnx')
     (tmp_path / 'broken.onnx').write_bytes(b'hello')
-    shutil.copy(folder / 'a.onnx', tmp_path / 'z.onnx')
     models = ModelSet.load(tmp_path)
-    assert len(models.models) == 3
-    assert [sentence.split()[1] for sentence in models.refused] == [
-        str(tmp_path / 'broken.onnx'),
-        str(tmp_path / 'z.onnx'),
-    ]
-    assert 'it is not an ONNX file' in models.refused[0]
-    assert 'is the same as' in models.refused[1]
+    assert len(models.models) == 2
+    broken, same = models.refused
+    assert f'{tmp_path / "broken.onnx"} is refused: it is not an ONNX file' in broken
+    assert f'{tmp_path / "z.onnx"} is the same as' in same
     assert len(models.classify(window_of(SHORT))) == 1
 
 
-@pytest.mark.parametrize(
-    ('content', 'sentence'),
-    [(None, 'no model files'), (b'hello', 'is refused: it is not an ONNX file')],
-)
-def test_without_a_usable_model_the_sentence_names_the_folder(tmp_path, content, sentence):
-    if content:
-        (tmp_path / 'm.onnx').write_bytes(content)
-    for read in (ModelSet.load, read_contracts):
+@pytest.mark.parametrize('read', [ModelSet.load, read_contracts])
+def test_without_a_usable_model_the_sentence_names_the_folder(tmp_path, read):
+    for content, sentence in (
+        (None, 'no model files'),
+        (b'hello', 'is refused: it is not an ONNX file'),
+    ):
+        if content:
+            (tmp_path / 'm.onnx').write_bytes(content)
         with pytest.raises(ModelFileError, match=sentence) as caught:
             read(tmp_path)
         assert str(tmp_path) in str(caught.value)
-        with pytest.raises(ModelFileError, match='the parameter models is empty'):
-            read('')
-        with pytest.raises(ModelFileError, match='cannot read model /nowhere/m'):
-            read('/nowhere/m')
+    with pytest.raises(ModelFileError, match='the parameter models is empty'):
+        read('')
+    with pytest.raises(ModelFileError, match='cannot read model /nowhere/m'):
+        read('/nowhere/m')
 
 
-def test_each_model_is_recalibrated_by_itself(folder, window_of, full, small_table):
-    (folder / 'x.txt').write_text('no model')
-    models = ModelSet.load(folder, 'flexion', 5)
-    # The models of the folder that state nothing of sessions are refused.
-    assert [i.recalibration_trials for i in models.infos] == [5] * len(models.models)
-    assert [sentence for sentence in models.refused if 'sessions' in sentence] == [*models.refused]
-    assert len(models.refused) == 1
+def test_each_model_is_recalibrated_by_itself(folder, window_of, small_table):
+    answering = Answering(ModelSet.load(folder, 'flexion', 5))
+    models = answering.models
+    assert [i.recalibration_trials for i in models.infos] == [5] * 3
+    (refused,) = models.refused
+    assert 'states nothing of sessions' in refused
     live = {
         spec.digest: LiveRecalibration(load_model(folder / f'{name}.onnx'), 5)
-        for name, spec in (('a', full), ('b', SHORT))
+        for name, spec in (('a', FULL), ('b', SHORT))
     }
     for trial in (0, 12, 24, 3, 15, 27, 6):
-        for spec in (full, SHORT):
-            window = window_of(
-                spec, trial, session_id='s', object_label=str(small_table.labels[trial])
-            )
-            assert live[spec.digest].classify(window) in models.classify(window)
+        label = str(small_table.labels[trial])
+        for spec in (FULL, SHORT):
+            window = window_of(spec, trial, session_id='s', object_label=label)
+            assert live[spec.digest].classify(window) in answering.answer(window)
+    assert answering.values()['recalibrated with trials'] == 5
+    news = answering.take_news()
+    assert sum('session "s": texture' in each for each in news) == 3
+    assert all(each.endswith('recalibrated with 5 known trials') for each in news)
 
 
-def test_contracts_are_those_of_the_models(folder):
-    contracts, refused = read_contracts(folder, 'flexion')
-    models = ModelSet.load(folder, 'flexion').models
-    assert refused == []
-    assert [
-        (str(c.path), c.task, c.contact, c.wanted.spec, c.wanted.partial_samples)
-        for c in contracts
-    ] == [(m.path, m.task, m.contact, m.spec, m.partial_samples) for m in models]
-
-
-def test_counts_and_news_of_answers(folder, window_of, full):
+def test_counts_and_news_of_answers(folder, window_of):
     answering = Answering(ModelSet.load(folder, 'flexion'))
-    assert answering.announce(
-        FeatureSpecifications((WantedFeatures(full), WantedFeatures(SHORT)))
-    ) == (answering.models.unfed[0],)
-    assert 'stiffness' in answering.models.unfed[0]
-    results = answering.answer(window_of(full))
-    assert len(results) == 2
+    wanted = FeatureSpecifications((WantedFeatures(FULL), WantedFeatures(SHORT)))
+    (missing,) = answering.announce(wanted)
+    assert 'stiffness' in missing
+    assert len(answering.answer(window_of(FULL))) == 2
     answering.answer(window_of(LATER))
-    answering.answer(window_of(full, feature_set='smell'))
-    part = window_of(full, 0, partial=True, sample_count=60)
+    answering.answer(window_of(FULL, feature_set='smell'))
+    part = window_of(FULL, partial=True, sample_count=60)
     (early,) = answering.answer(part)
     answering.answer(part)
     assert answering.values() == {
@@ -219,6 +199,12 @@ def test_counts_and_news_of_answers(folder, window_of, full):
         'models': 4,
         'refused model files': 0,
     }
-    news = answering.take_news()
-    assert len(news) == early.decided
+    assert len(answering.take_news()) == early.decided
     assert answering.take_news() == []
+
+
+def test_public_names_exist():
+    for name in tactile_classifier.__all__:
+        assert getattr(tactile_classifier, name) is not None
+    with pytest.raises(AttributeError, match='has no attribute nonsense'):
+        tactile_classifier.nonsense  # noqa: B018

@@ -1,10 +1,14 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+"""Rank sums against SciPy and exact fractions, and the selection of features by them."""
+
 from fractions import Fraction
 import itertools
+import json
 import math
 
+from classifier_tables import make_table
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -12,7 +16,11 @@ import numpy as np
 import pytest
 from scipy.stats import mannwhitneyu, norm
 
+from tactile_classifier.datasets.splits import grouped_split, stratified_split
 from tactile_classifier.errors import DatasetError
+from tactile_classifier.evaluation.cross_validation import predict_folds
+from tactile_classifier.evaluation.feature_selection import choose_counts, SelectionPlan
+from tactile_classifier.evaluation.plans import run_plans
 from tactile_classifier.evaluation.significance import rank_features, rank_sum_p_values
 
 
@@ -58,6 +66,8 @@ def test_p_is_that_of_scipy_on_any_table(values, seed):
     labels[:2] = 'a', 'b'
     found = rank_sum_p_values(values, labels)
     np.testing.assert_allclose(found.p, peer_p_values(values, labels), rtol=1e-15, atol=0)
+    i, j = np.triu_indices(len(found.labels), 1)  # the diagonal is no test
+    np.testing.assert_allclose(found.mean_p, found.p[:, i, j].mean(axis=1), rtol=1e-15)
     assert np.array_equal(rank_sum_p_values(values, labels, ['s'] * len(values)).p, found.p)
 
 
@@ -68,17 +78,6 @@ def test_many_features_go_in_blocks_with_the_same_result():
     whole = rank_sum_p_values(values, labels)
     for k in (0, 138, 139, 399):
         assert np.array_equal(rank_sum_p_values(values[:, [k]], labels).p[0], whole.p[k])
-
-
-def test_the_measure_is_the_mean_over_pairs_and_the_diagonal_no_test():
-    labels = ['a'] * 30 + ['b'] * 30 + ['c'] * 30
-    values = np.random.default_rng(3).normal(size=(90, 2))
-    values[:30, 0] += 2.0
-    found = rank_sum_p_values(values, labels)
-    assert np.array_equal(found.p, found.p.transpose(0, 2, 1))
-    assert (found.p[:, [0, 1, 2], [0, 1, 2]] == 1.0).all()
-    expected = (found.p[:, 0, 1] + found.p[:, 0, 2] + found.p[:, 1, 2]) / 3
-    np.testing.assert_allclose(found.mean_p, expected, rtol=1e-15)
 
 
 def test_features_are_ranked_from_the_most_telling():
@@ -164,3 +163,43 @@ def test_classes_that_share_no_session_are_not_compared():
     found = rank_sum_p_values(values, labels, session)
     assert (found.p[:, 0, 1] == 1.0).all()
     assert (found.p[:, 1, 2] < 0.05).all()
+
+
+# -- selection of features by their p -----------------------------------------------
+
+
+def test_selection_finds_the_two_features_that_tell_among_noise():
+    generator = np.random.default_rng(2)
+    code = np.repeat([0, 1, 2], 24)
+    values = generator.normal(0.0, 1.0, (72, 50))
+    values[:, [7, 31]] += 2.0 * code[:, None]
+    table = make_table(np.array(['a', 'b', 'c'])[code], values)
+    split = stratified_split(table, 4, 1)
+    (results,) = run_plans([SelectionPlan(table, split, ['knn'], ['standard', 'none'])])
+    for result in results:
+        assert result.selected_mean > result.all_mean + 0.05
+        assert (result.verdict, result.split) == ('helps', 'stratified 4-fold, once')
+        assert max(result.chosen_counts) <= 10
+    json.dumps([result.to_dict() for result in results], allow_nan=False)
+
+
+def test_selection_on_nothing_but_noise_invents_no_accuracy():
+    """Ranked on all trials, some features look telling; inside the folds it is chance."""
+    generator = np.random.default_rng(11)
+    values, day = generator.normal(0.0, 1.0, (160, 300)), np.arange(160) % 4
+    table = make_table(np.repeat(['a', 'b'], 80), values, day=day)
+    seen = rank_features(table.values, table.labels)[:20]
+    folds = stratified_split(table).repeats[0]
+    answers = predict_folds('svm_linear', 'none', table.values[:, seen], table.labels, folds)
+    tested = [table.labels[test] for _, test in folds]
+    assert np.mean(np.concatenate(answers) == np.concatenate(tested)) > 0.65
+    for split in (stratified_split(table, 5, 1), grouped_split(table, ['day'])):
+        ((result,),) = run_plans([SelectionPlan(table, split, ['svm_linear'], ['none'])])
+        assert result.selected_mean == pytest.approx(0.5, abs=0.12)
+        assert result.verdict != 'helps'
+
+
+def test_counts_end_with_all_features():
+    assert choose_counts(3) == (1, 2, 3)
+    assert choose_counts(91) == (5, 10, 20, 40, 91)
+    assert choose_counts(1) == (1,)

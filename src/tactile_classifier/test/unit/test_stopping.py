@@ -1,6 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+import dataclasses
 import functools
 
 import numpy as np
@@ -8,7 +9,6 @@ import pytest
 from scipy.special import expit
 
 from tactile_classifier.confidence.stopping import find_first_stop, fit_stop_threshold
-from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import EvaluationError
 from tactile_classifier.evaluation.early_answers import evaluate_stopping
 
@@ -100,16 +100,12 @@ def test_bound_holds_as_often_as_stated():
     assert sum(map(exceeds, found)) <= 0.1 * len(thresholds)
 
 
-def with_noise(table, amount, seed):
-    rng = np.random.default_rng(seed)
-    values = np.abs(table.values + amount * rng.normal(size=table.values.shape))
-    return FeatureTable(values, table.labels, table.spec, table.columns)
-
-
-def test_evaluation_counts_early_answers(texture_table):
-    texture_table = texture_table.take(texture_table.labels < 'plate 4')
-    partial = {60: with_noise(texture_table, 0.02, 1), 120: with_noise(texture_table, 0.001, 2)}
-    found = evaluate_stopping(texture_table, partial, 'knn', error_rates=(0.05, 0.0001))
+def test_evaluation_counts_early_answers(partial_tables):
+    table, partial = partial_tables
+    noise = 0.02 * np.random.default_rng(1).normal(size=table.values.shape)
+    blurred = dataclasses.replace(table, values=np.abs(table.values + noise))
+    partial = {60: blurred, 120: partial[120]}
+    found = evaluate_stopping(table, partial, 'knn', error_rates=(0.05, 0.0001))
     assert found.seconds == (1.0, 2.0, 3.0)
     assert found.accuracies[0] < found.accuracies[1]
     rule, impossible = found.rules
@@ -121,4 +117,4 @@ def test_evaluation_counts_early_answers(texture_table):
     assert impossible.parts_without_rule == 3
     assert impossible.accuracy == found.accuracies[-1]
     with pytest.raises(EvaluationError, match='no partial windows'):
-        evaluate_stopping(texture_table, {}, 'knn')
+        evaluate_stopping(table, {}, 'knn')

@@ -1,8 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+import dataclasses
 import datetime
 
+from classifier_tables import make_table
 import numpy as np
 import pytest
 
@@ -11,13 +13,11 @@ from tactile_classifier.confidence.calibration import (
     hold_out_scores,
     make_group_folds,
 )
-from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError
 from tactile_classifier.evaluation.cross_validation import evaluate
 from tactile_classifier.model_file.manifest import list_limits
 from tactile_classifier.training import trainer
 from tactile_classifier.training.trainer import train
-from tactile_features.spec import array_spec
 
 
 def test_manifest_states_what_was_trained(small_table):
@@ -25,14 +25,9 @@ def test_manifest_states_what_was_trained(small_table):
     trained = train(small_table, 'knn', score=score)
     manifest = trained.manifest
     assert list(trained.estimator.classes_) == list(manifest.labels)
-    assert (manifest.task, manifest.contact) == ('texture', 'flexion')
-    assert (manifest.classifier, manifest.scaling, manifest.score_kind) == (
-        'knn',
-        'none',
-        'probability',
-    )
-    assert manifest.simulated
-    assert manifest.trials == 36
+    assert (manifest.task, manifest.contact, manifest.simulated) == ('texture', 'flexion', True)
+    assert (manifest.classifier, manifest.scaling, manifest.trials) == ('knn', 'none', 36)
+    assert manifest.score_kind == 'probability'
     assert manifest.training_sha256 == small_table.compute_sha256()
     assert manifest.cross_validation == {
         'mean': score.mean,
@@ -40,16 +35,15 @@ def test_manifest_states_what_was_trained(small_table):
         'spread_of': 'repetitions',
         'split': 'stratified 6-fold, 2 times',
     }
-    age = datetime.datetime.now(datetime.timezone.utc) - datetime.datetime.fromisoformat(
-        manifest.created
-    )
+    created = datetime.datetime.fromisoformat(manifest.created)
+    age = datetime.datetime.now(datetime.timezone.utc) - created
     assert age < datetime.timedelta(hours=1)
     assert {'python', 'numpy', 'scikit-learn'} <= set(manifest.versions)
 
 
 def test_a_label_that_the_model_never_gives_is_told_once(small_table):
-    spec, labels = small_table.spec, small_table.labels[1:]
-    table = FeatureTable(1e-9 * small_table.values[1:], labels, spec)
+    table = dataclasses.replace(small_table, values=1e-9 * small_table.values)
+    table = table.take(np.arange(1, 36))
     with pytest.warns(UserWarning, match='never answers') as told:
         train(table, 'svm_linear', 'none')
     assert len(told) == 1
@@ -59,24 +53,27 @@ def test_contact_is_empty_when_mixed_or_unknown(small_table, stiffness_table):
     manifest = train(stiffness_table, 'tree').manifest
     assert (manifest.contact, manifest.scaling) == ('', 'standard')  # the default of the task
     contact = np.where(np.arange(36) % 2, 'flexion', 'abduction')
-    mixed = FeatureTable(
-        small_table.values, small_table.labels, small_table.spec, {'contact': contact}
-    )
+    mixed = dataclasses.replace(small_table, columns={'contact': contact})
     manifest = train(mixed, 'tree').manifest
     assert (manifest.contact, manifest.simulated) == ('', False)
 
 
-def test_score_of_another_classifier_is_refused(small_table):
+def test_what_cannot_be_trained_is_refused(small_table, partial_tables):
     score = evaluate(small_table, ['knn'], ['standard'], repetitions=1).scores[0]
     with pytest.raises(ValueError, match='the score is of knn with scaling standard'):
         train(small_table, 'knn', 'none', score=score)
-
-
-def test_too_little_to_train_on(small_table):
     with pytest.raises(DatasetError, match='one class only'):
         train(small_table.take(np.arange(5)), 'knn')
     with pytest.raises(DatasetError, match='three trials'):
         train(small_table.take([0, 20]), 'tree')
+    with pytest.raises(ValueError, match='a rate is 0'):
+        train(small_table, 'tree', false_alarm_rate=0.0)
+    table, partial = partial_tables
+    with pytest.raises(DatasetError, match='table of 60 samples is not of the same trials'):
+        train(table, 'tree', partial={60: partial[60].take(np.arange(239))})
+    few = np.r_[0:4, 60:64, 120:124]
+    with pytest.raises(DatasetError, match='early predictions need calibrated ones: 12 trials'):
+        train(table.take(few), 'tree', partial={60: partial[60].take(few)})
 
 
 def test_only_too_few_trials_are_a_reason_for_no_probabilities(small_table, monkeypatch):
@@ -92,17 +89,13 @@ def test_only_too_few_trials_are_a_reason_for_no_probabilities(small_table, monk
         train(small_table, 'knn')
 
 
-def draw_sessions(noises, seed=3, each=20):
+def draw_sessions(noises):
     """Return trials of three labels; one session for each size of noise."""
-    rng = np.random.default_rng(seed)
-    label = np.tile(np.repeat(np.arange(3), each), len(noises))
-    session = np.repeat(np.arange(len(noises)), 3 * each)
-    values = (
-        3.0 * np.eye(3)[label] + rng.normal(size=(len(label), 3)) * np.array(noises)[session, None]
-    )
-    columns = {'session_id': session.astype(str)}
-    spec = array_spec('stiffness', 50, 60.0)
-    return FeatureTable(values, np.array(['foam', 'pla', 'steel'])[label], spec, columns)
+    label = np.tile(np.repeat(np.arange(3), 20), len(noises))
+    session = np.repeat(np.arange(len(noises)), 60)
+    noise = np.random.default_rng(3).normal(size=(len(label), 3)) * np.array(noises)[session, None]
+    labels = np.array(['foam', 'pla', 'steel'])[label]
+    return make_table(labels, 3.0 * np.eye(3)[label] + noise, session_id=session)
 
 
 @pytest.mark.parametrize('classifier', ['knn', 'tree'])
@@ -133,8 +126,7 @@ def test_a_model_for_new_groups_is_calibrated_on_held_out_groups():
     values = np.column_stack([30.0 * speed + 9.0 * ((label + speed) % 3), np.zeros(len(label))])
     values = values + 0.7 * rng.normal(size=values.shape)
     columns = {'session_id': session.astype(str), 'speed': speed.astype(float)}
-    spec = array_spec('texture', 2, 60.0)
-    table = FeatureTable(values, np.array(['foam', 'pla', 'steel'])[label], spec, columns)
+    table = make_table(np.array(['foam', 'pla', 'steel'])[label], values, **columns)
     by_session, by_speed = (
         train(table, 'knn', 'none', hold_out=(column,)).manifest for column in columns
     )

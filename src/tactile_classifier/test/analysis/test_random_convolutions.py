@@ -1,0 +1,240 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Random convolutions against their definition, and against aeon's MiniRocket."""
+
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_classifier.datasets.archive import LabelledTrials
+from tactile_classifier.datasets.dataset import table_from_trials
+from tactile_classifier.errors import DatasetError
+from tactile_classifier.estimators import random_convolutions
+from tactile_classifier.estimators.classifiers import build_estimator, compute_raw_scores
+from tactile_classifier.estimators.random_convolutions import (
+    RandomConvolutionClassifier,
+    RandomConvolutions,
+)
+from tactile_classifier.evaluation.cross_validation import evaluate, list_pairs
+from tactile_classifier.model_file.graphs import add_random_convolutions
+from tactile_classifier.training.model_writer import write_model
+from tactile_classifier.training.trainer import train
+from tactile_features.config import FeatureConfig
+
+REFERENCE = Path(__file__).parents[1] / 'data' / 'minirocket.npz'
+"""Signals, biases and features of MiniRocket(random_state=7) of aeon, fitted to five signals."""
+
+CASES = {'offset': 336, 'channels': 336, 'short': 168}
+
+
+def join(biases):
+    return np.concatenate([values.ravel() for values in biases])
+
+
+def convolve_by_definition(signal, dilation, places):
+    """Return one kernel's sum at each sample, in long doubles."""
+    edge = 4 * int(dilation)
+    padded = np.pad(signal.astype(np.longdouble), edge)
+    shifted = (padded[tap * int(dilation) :][: len(signal)] for tap in range(9))
+    return sum((2 if tap in places else -1) * each for tap, each in enumerate(shifted))
+
+
+def check_features(convolutions, signal, largest):
+    """Compare features of one channel with the definition; return how many are exact."""
+    found = convolutions.transform(signal[None, None])[0]
+    # Nine terms, each rounded at sums of no more than twelve magnitudes.
+    error = 12 * 12 * np.finfo(np.float32).eps * largest
+    at = exact = 0
+    for i, (dilation, biases) in enumerate(
+        zip(convolutions.dilations, convolutions.biases, strict=True)
+    ):
+        for k, places in enumerate(combinations(range(9), 3)):
+            sums = convolve_by_definition(signal, dilation, places)
+            if (i + k) % 2:
+                sums = sums[4 * dilation : -4 * dilation]
+            for bias in biases[k].astype(np.longdouble):
+                low, high = np.mean(sums > bias + error), np.mean(sums > bias - error)
+                assert low <= found[at] <= high
+                exact += low == high
+                at += 1
+    assert at == len(found)
+    return exact
+
+
+@pytest.mark.parametrize('samples', [9, 10, 33])
+def test_features_of_whole_numbers_are_those_of_the_definition(samples):
+    rng = np.random.default_rng(samples)
+    x = rng.integers(-9, 10, (6, 1, samples)).astype(np.float32)
+    convolutions = RandomConvolutions.fit(x[:5], 336, random_state=1)
+    # Sums of whole numbers are exact in any order, so only ties with a bias are open.
+    assert check_features(convolutions, x[5, 0], 0.0) == convolutions.feature_count
+
+
+@pytest.mark.parametrize(
+    ('offset', 'change', 'decided'),
+    [(0.0, 1.0, 0.99), (1e4, 10.0, 0.9), (1e4, 1e-2, 0.0), (0.0, 1e-40, 0.99)],
+)
+def test_features_under_an_offset_err_by_the_digits_of_single_precision_only(
+    offset, change, decided
+):
+    rng = np.random.default_rng(3)
+    x = (offset + change * rng.normal(size=(6, 1, 40)).cumsum(axis=2)).astype(np.float32)
+    convolutions = RandomConvolutions.fit(x[:5], 336, random_state=2)
+    exact = check_features(convolutions, x[5, 0], float(np.abs(x).max()))
+    assert exact >= decided * convolutions.feature_count
+
+
+def test_a_constant_signal_has_features_of_its_ends_only():
+    x = np.full((4, 1, 50), 3.0) + np.arange(4)[:, None, None]
+    convolutions = RandomConvolutions.fit(x, 336)
+    values = convolutions.transform(x)
+    # The biases inside are 0, which 0 does not exceed: what is left comes from the ends.
+    assert len(np.unique(values, axis=0)) == 4
+    cropped = np.concatenate(
+        [np.repeat((i + np.arange(84)) % 2, b.shape[1]) for i, b in enumerate(convolutions.biases)]
+    )
+    assert set(np.unique(values[:, cropped == 1])) <= {0.0, 1.0}
+
+
+def test_a_signal_gives_the_same_bits_alone_and_again_and_others_with_another_seed():
+    x = np.random.default_rng(5).normal(size=(40, 3, 100)) * 100
+    first, again, other = (RandomConvolutions.fit(x, 840, random_state=s) for s in (0, 0, 2))
+    alone = np.concatenate([again.transform(row[None]) for row in x])
+    assert first.transform(x).tobytes() == alone.tobytes()
+    assert not np.array_equal(join(first.biases), join(other.biases))
+    assert not np.array_equal(first.sources, other.sources)
+
+
+@pytest.mark.parametrize(
+    ('signals', 'sentence'),
+    [
+        (np.zeros((3, 1, 8)), 'with 9 samples or more'),
+        (np.zeros((0, 1, 20)), 'with 9 samples or more'),
+        (np.zeros((3, 20)), 'with 9 samples or more'),
+        (np.full((3, 1, 20), np.nan), 'not finite in single precision'),
+        (np.full((3, 1, 20), 1e40), 'not finite in single precision'),
+    ],
+)
+def test_signals_that_cannot_be_convolved_are_refused(signals, sentence):
+    with pytest.raises(DatasetError, match=sentence):
+        RandomConvolutions.fit(signals)
+    convolutions = RandomConvolutions.fit(np.zeros((3, 2, 20)), 84)
+    with pytest.raises(DatasetError, match='1 channels of 20 samples'):
+        convolutions.transform(np.zeros((3, 1, 20)))
+
+
+@pytest.mark.parametrize('case', CASES)
+def test_biases_and_features_are_those_that_aeon_gave(case):
+    with np.load(REFERENCE, allow_pickle=False) as stored:
+        x, biases, values = (
+            stored[f'{case}_{name}'] for name in ('signals', 'biases', 'features')
+        )
+    convolutions = RandomConvolutions.fit(x[:5], CASES[case], random_state=7)
+    np.testing.assert_array_equal(join(convolutions.biases), biases)
+    np.testing.assert_allclose(convolutions.transform(x[5:]), values, rtol=0, atol=1e-6)
+
+
+# -- the classifier, in scikit-learn's terms and in the model file ------------------
+
+
+@pytest.fixture
+def few_features(monkeypatch):
+    monkeypatch.setattr(random_convolutions, 'FEATURES', 336)
+
+
+def make_trials(channels=1, samples=60, classes=3, each=12, offset=5.0, seed=0):
+    """Waves of the class's own frequency and phase under noise, and a level of the class."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(samples)
+    rows, labels = [], []
+    for k in range(classes):
+        for _ in range(each):
+            wave = np.sin((0.3 + 0.1 * k) * time + np.arange(channels)[:, None])
+            rows.append(offset + wave + 0.5 * rng.normal(size=(channels, samples)))
+            labels.append(f'plate {k}')
+    return LabelledTrials(np.array(rows), np.array(labels), 60.0, {})
+
+
+def waveform_table(**arguments):
+    trials = make_trials(**arguments)
+    config = FeatureConfig(texture_features='glide_waveform')
+    return table_from_trials('texture', trials, 'all', config=config)
+
+
+@pytest.mark.parametrize(
+    ('channels', 'samples', 'classes', 'offset'),
+    [(1, 60, 3, 5.0), (1, 61, 2, 1e4), (4, 33, 3, 5.0), (12, 20, 2, 0.0), (1, 9, 3, 0.0)],
+)
+def test_the_graph_counts_as_the_features_do(
+    few_features, run_graph, channels, samples, classes, offset
+):
+    trials = make_trials(channels, samples, classes, offset=offset)
+    values = trials.x.reshape(len(trials), -1)
+    model = RandomConvolutionClassifier(channels).fit(values[::2], trials.label[::2])
+    # One other count would change a score by a weight over the samples: some 0.01.
+    model.coef_ = np.random.default_rng(1).normal(size=model.coef_.shape)
+    scores = run_graph(
+        lambda graph, x: add_random_convolutions(graph, model, x), values[1::2], classes
+    )
+    expected = model.decision_function(values[1::2])
+    if classes == 2:
+        expected = np.stack([-expected, expected], axis=1)
+    np.testing.assert_allclose(scores, expected, atol=1e-9, rtol=0)
+
+
+@pytest.mark.parametrize(('channels', 'classes'), [(1, 2), (3, 3)])
+def test_the_model_file_answers_as_the_estimator(few_features, channels, classes, tmp_path):
+    pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
+    table = waveform_table(channels=channels, classes=classes)
+    assert table.channels == channels
+    trained = train(table, 'rocket')
+    model = write_model(tmp_path / 'm.onnx', trained)
+    assert (model.manifest.classifier, model.manifest.scaling) == ('rocket', 'none')
+    others = make_trials(channels, classes=classes, seed=1).x.reshape(len(table), -1)
+    found, (part,) = model.compute(others), trained.stages
+    raw = compute_raw_scores(trained.estimator, others)
+    answer = np.array(model.labels)[found.answer]
+    np.testing.assert_array_equal(answer, trained.estimator.predict(others))
+    np.testing.assert_allclose(found.scores, part.calibration.compute(raw), atol=1e-9, rtol=0)
+    np.testing.assert_allclose(found.novelty, part.novelty.compute(others), rtol=1e-6)
+    np.testing.assert_array_equal(found.scores.argmax(axis=1), found.answer)
+
+
+def test_a_waveform_is_told_by_its_shape_and_its_level_alone(few_features):
+    rng = np.random.default_rng(3)
+    labels = np.where(np.arange(60) % 2, 'high', 'low')
+    # A level of a tenth of the noise of one sample, under a large offset.
+    level = 1e4 + rng.normal(size=(60, 50)) + (labels == 'high')[:, None]
+    # An offset that single precision cannot hold leaves the shape.
+    shape = make_trials(offset=1e9, each=20)
+    for values, known in ((level, labels), (shape.x[:, 0], shape.label)):
+        model = RandomConvolutionClassifier().fit(values[::3], known[::3])
+        test = np.arange(60) % 3 > 0
+        assert np.mean(model.predict(values[test]) == known[test]) > 0.9
+
+
+def test_evaluation_adds_random_convolutions_to_the_four_for_a_waveform(
+    few_features, texture_table
+):
+    table = waveform_table()
+    assert list_pairs(table)[-1] == ('rocket', 'none')
+    assert len(list_pairs(table)) == 9
+    assert len(list_pairs(texture_table)) == 8
+    evaluation = evaluate(table, ['rocket'], repetitions=1)
+    assert [score.scaling for score in evaluation.scores] == ['none']
+    assert evaluation.score('rocket', 'none').mean > 0.9
+
+
+def test_what_is_no_waveform_or_is_scaled_is_refused(texture_table):
+    labels = ['a', 'a', 'b', 'b']
+    with pytest.raises(ValueError, match='use the scaling "none"'):
+        build_estimator('rocket', 'standard')
+    with pytest.raises(DatasetError, match='texture_spectrum is none: take glide_waveform'):
+        train(texture_table, 'rocket')
+    with pytest.raises(DatasetError, match='9 samples or more'):
+        RandomConvolutionClassifier().fit(np.zeros((4, 8)), labels)
+    with pytest.raises(ValueError, match='50 values are not 3 waveforms'):
+        RandomConvolutionClassifier(3).fit(np.zeros((4, 50)), labels)

@@ -1,0 +1,249 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Answers of a model on windows of features, whole and partial: a label, unknown, or why not."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
+
+from tactile_classifier.errors import DatasetError, ModelFileError
+from tactile_classifier.estimators.classifiers import compute_raw_scores
+from tactile_classifier.model_file.manifest import Manifest
+from tactile_classifier.model_file.model import find_training_trials, load_model
+from tactile_classifier.records import CLASSIFIERS, NO_ANSWER, Outcome, UNKNOWN
+from tactile_classifier.training.model_writer import write_model
+from tactile_classifier.training.trainer import train
+from tactile_features.config import FeatureConfig
+from tactile_features.records import Outcome as FeatureOutcome
+from tactile_features.spec import array_spec, spec_for
+
+
+@pytest.fixture
+def model(model_path):
+    return load_model(model_path)
+
+
+def test_classification_repeats_the_window_and_names_the_model(model, make_window, small_table):
+    result = model.classify_window(make_window(30))
+    assert (result.outcome, result.label) == (Outcome.LABEL, small_table.labels[30])
+    assert (result.labels, result.reason) == (model.labels, '')
+    assert result.label == result.labels[int(np.argmax(result.scores))]
+    assert sum(result.scores) == pytest.approx(1.0)
+    assert (result.task, result.trial_id, result.contact) == ('texture', 'trial-30', 'flexion')
+    assert result.model_id == model.model_id
+    assert (result.window_start_ns, result.window_end_ns) == (10**18 + 1, 10**18 + 2_983_333_334)
+    assert result.frame_id == 'tendon_sensor_link'
+    assert (result.score_kind, result.false_alarm_rate) == ('probability', 0.05)
+    assert 0.0 <= result.novelty < result.novelty_threshold
+    assert (result.partial, result.decided, result.error_rate) == (False, True, -1.0)
+    assert result.simulated  # the model was trained on simulated trials
+
+
+def test_simulated_comes_from_the_window_too(make_window, small_table, tmp_path):
+    table = dataclasses.replace(small_table, columns={})
+    model = write_model(tmp_path / 'm.onnx', train(table, 'tree'))
+    assert not model.classify_window(make_window()).simulated
+    assert model.classify_window(make_window(simulated=True)).simulated
+
+
+def test_values_of_another_shape_are_refused(model, small_table):
+    one = small_table.values[30]
+    with pytest.raises(DatasetError, match=r'shape \(91,\); model .* takes \(windows, 91\); one'):
+        model.predict(one)
+    for wrong in (small_table.values[:, 1:], 3.0, small_table.values[np.newaxis]):
+        with pytest.raises(DatasetError, match=r'takes \(windows, 91\)'):
+            model.predict(wrong)
+
+
+@pytest.mark.parametrize(
+    ('changes', 'reason'),
+    [
+        ({'outcome': FeatureOutcome.GAP, 'reason': '3 samples are missing'}, '3 samples are'),
+        ({'outcome': FeatureOutcome.ABORTED}, 'the window ended with ABORTED'),
+        ({'feature_set_version': 99}, 'version of the feature set is 99; the model was'),
+        (
+            {'rate_hz': 100.0},
+            'rate in Hz is 100.0; the model was trained on 60.0: name its file in the parameter '
+            'models of the feature node',
+        ),
+        ({'specification_digest': 'ab' * 8}, 'with max_gap_samples 0, spectrum_detrend linear'),
+        ({'sample_count': 90}, 'window in samples is 90; the model was trained on 180'),
+        ({'values': np.zeros(90)}, 'number of features is 90; the model was trained on 91'),
+        ({'values': np.full(91, np.nan)}, 'the features are not finite'),
+        ({'values': np.full(91, 1.7e308)}, 'the model gives no finite scores'),
+    ],
+)
+def test_window_that_gives_no_answer_says_why(model, make_window, changes, reason):
+    result = model.classify_window(make_window(**changes))
+    assert result.outcome == Outcome.NO_FEATURES
+    assert reason in result.reason
+    assert (result.label, result.scores, result.labels) == ('', (), model.labels)
+
+
+def test_ready_cut_windows_take_their_specification_from_whoever_asks(
+    small_table, make_window, tmp_path
+):
+    table = dataclasses.replace(small_table, spec=array_spec('texture', 180, 60.0))
+    model = write_model(tmp_path / 'm.onnx', train(table, 'tree'))
+    assert model.spec.missing_parameters == ('texture_crop_start_s', 'max_gap_samples')
+    assert model.format_mismatch(make_window(specification_digest='')) == ''
+    later = spec_for('texture', FeatureConfig(texture_crop_start_s=0.9))
+    faster = spec_for('texture', FeatureConfig(rate_hz=100.0))
+    model.set_specifications([later, faster])
+    assert model.fits(later.digest)
+    assert model.format_mismatch(make_window(specification_digest=later.digest)) == ''
+    assert not model.fits(faster.digest)
+    assert 'rate in Hz differs: 60.0 here, 100.0 there' in model.format_mismatch(
+        make_window(specification_digest=faster.digest)
+    )
+    assert 'another specification' in model.format_mismatch(make_window())
+
+
+def test_accepts_and_fits_its_own_features_alone(model, make_window):
+    assert model.accepts(make_window())
+    assert model.accepts(make_window(contact=''))
+    assert model.accepts(make_window(outcome=FeatureOutcome.GAP))
+    assert not model.accepts(make_window(contact='abduction'))
+    assert not model.accepts(make_window(feature_set='stiffness_regression'))
+    model.check_fits(spec_for('texture', FeatureConfig()))
+    with pytest.raises(ModelFileError, match='rate in Hz differs'):
+        model.check_fits(spec_for('texture', FeatureConfig(rate_hz=100.0)))
+
+
+@pytest.mark.parametrize('classifier', ['knn', 'svm_rbf', 'tree'])
+def test_answers_on_many_windows_are_those_on_each(small_table, make_window, tmp_path, classifier):
+    model = write_model(tmp_path / 'm.onnx', train(small_table, classifier))
+    generator = np.random.default_rng(2)
+    values = small_table.values * generator.uniform(0.2, 5.0, (len(small_table), 1))
+    outcomes = {Outcome.UNKNOWN: UNKNOWN, Outcome.NO_FEATURES: NO_ANSWER}
+    expected, alone = [], []
+    for row in values:
+        result = model.classify_window(make_window(0, values=row))
+        expected.append(outcomes.get(result.outcome, result.label))
+        alone.append(result.scores)
+    assert model.predict(values).tolist() == expected
+    assert {UNKNOWN, *small_table.labels} >= set(expected) > {UNKNOWN}
+    np.testing.assert_allclose(alone, model.compute(values).scores, rtol=0, atol=1e-12)
+    assert model.predict(values[:0]).shape == (0,)
+
+
+def test_a_model_tells_its_training_trials_from_others_like_them(
+    texture_table, stiffness_table, tmp_path
+):
+    keep = np.arange(len(texture_table)) % 4 == 0
+    model = write_model(tmp_path / 'm.onnx', train(texture_table.take(keep), 'knn'))
+    np.testing.assert_array_equal(find_training_trials(model, texture_table.values), keep)
+    # Without novelty it does not tell.
+    few = stiffness_table.take(np.arange(36) % 4 == 0)
+    model = write_model(tmp_path / 'm.onnx', train(few, 'knn'))
+    assert 'reason' in model.manifest.calibration
+    assert find_training_trials(model, few.values) is None
+    assert set(model.predict(few.values)) <= set(few.labels)
+
+
+def test_too_few_trials_give_raw_scores_and_the_reason(stiffness_table, tmp_path):
+    table = stiffness_table.take(np.r_[0:6, 12:18, 24:30])
+    trained = train(table, 'svm_linear')
+    assert trained.manifest.calibration == {
+        'reason': '18 trials cannot bound false rejection at 0.05; 19 are needed'
+    }
+    model = write_model(tmp_path / 'm.onnx', trained)
+    found = model.compute(table.values)
+    expected = compute_raw_scores(trained.estimator, table.values)
+    np.testing.assert_allclose(found.scores, expected, atol=1e-12)
+    assert (model.manifest.score_kind, len(found.novelty)) == ('margin', 0)
+
+
+# -- partial windows ----------------------------------------------------------------
+
+
+@pytest.fixture(scope='module')
+def partial_model(partial_path):
+    return load_model(partial_path)
+
+
+@pytest.mark.parametrize('classifier', CLASSIFIERS)
+def test_every_part_answers_as_scikit_learn_does(
+    partial_tables, make_window, tmp_path, classifier
+):
+    table, partial = partial_tables
+    trained = train(table, classifier, partial=partial)
+    model = write_model(tmp_path / 'm.onnx', trained)
+    assert model.partial_samples == (60, 120)
+    for part, stage in zip(trained.stages, model.manifest.stages, strict=True):
+        rows = (0.6 * part.values + 0.4 * part.values[::-1])[:100]
+        found = model.compute(rows, part.sample_count)
+        raw = compute_raw_scores(part.estimator, rows)
+        np.testing.assert_allclose(found.scores, part.calibration.compute(raw), atol=1e-12)
+        np.testing.assert_allclose(found.novelty, part.novelty.compute(rows), rtol=1e-9)
+        named = np.array(model.labels)[found.answer]
+        np.testing.assert_array_equal(named, part.estimator.predict(rows))
+        expected = np.where(found.novelty > stage.novelty_threshold, UNKNOWN, named)
+        np.testing.assert_array_equal(model.predict(rows, part.sample_count), expected)
+    with pytest.raises(KeyError):
+        model.compute(rows, 90)
+    # A partial window is decided by its probability. A tree is as sure of every answer; on these
+    # trials that proves no threshold.
+    threshold = model.manifest.stages[1].stop_threshold
+    assert (threshold > 0.0) == (classifier != 'tree')
+    seen = set()
+    for trial in range(0, 240, 7):
+        window = make_window(values=partial[60].values[trial], partial=True, sample_count=60)
+        assert model.accepts(window)
+        result = model.classify_window(window)
+        assert (result.partial, result.error_rate) == (True, 0.05)
+        is_known = result.outcome == Outcome.LABEL
+        assert is_known == (result.novelty <= result.novelty_threshold)
+        assert result.decided == (is_known and max(result.scores) >= threshold > 0.0)
+        seen.add(result.decided)
+    assert (True in seen) == (threshold > 0.0)
+    assert not model.accepts(make_window(partial=True, sample_count=90))
+
+
+def test_partial_windows_change_nothing_for_whole_ones(partial_model, partial_tables, tmp_path):
+    table, _ = partial_tables
+    alone = write_model(tmp_path / 'm.onnx', train(table, 'knn'))
+    whole = partial_model.compute(table.values)
+    for one, two in zip(alone.compute(table.values), whole, strict=True):
+        np.testing.assert_array_equal(one, two)
+
+
+@pytest.mark.parametrize('sample_count', [60, 180])
+def test_what_is_unlike_all_training_is_unknown(
+    partial_model, partial_tables, make_window, sample_count
+):
+    is_partial = sample_count < 180
+    window = make_window(
+        values=partial_tables[0].values[0] + 1.0, partial=is_partial, sample_count=sample_count
+    )
+    result = partial_model.classify_window(window)
+    assert (result.outcome, result.label) == (Outcome.UNKNOWN, '')
+    assert result.novelty > result.novelty_threshold > 0.0
+    assert 'unlike all that the model was trained on' in result.reason
+    assert (len(result.scores), result.false_alarm_rate) == (4, 0.05)
+    assert result.decided is not is_partial  # a full window is all there is
+    silent = dataclasses.replace(window, values=np.full(91, np.nan))
+    result = partial_model.classify_window(silent)
+    assert (result.outcome, result.decided) == (Outcome.NO_FEATURES, not is_partial)
+
+
+def test_manifest_states_rates_and_how_they_were_found(partial_model):
+    manifest = Manifest.from_dict(partial_model.manifest.to_dict())
+    assert manifest == partial_model.manifest
+    stated = dict(manifest.calibration)
+    assert len(stated.pop('session_statistics')) == len(manifest.stages)
+    known = stated.pop('held_out_novelty')
+    assert [each['rank'] for each in known] == [3, 3, 3]
+    assert [sum(map(len, each['sessions'])) for each in known] == [240, 240, 240]
+    assert stated.pop('unlearned')['labels'] == 4
+    assert stated == {
+        'split': 'one session held out', 'groups': 3, 'held_out': ['session_id'], 'trials': 240,
+        'session_share': 0.75,
+    }  # fmt: skip
+    assert (manifest.false_alarm_rate, manifest.stop_error_rate) == (0.05, 0.05)
+    assert manifest.score_kind == 'probability'
+    assert [part.sample_count for part in manifest.stages] == [0, 60, 120]
