@@ -1,15 +1,142 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-from pathlib import Path
-import sys
+"""A finger over real DDS: its nodes, and a peer that plays the rest."""
 
+from functools import partial
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
+import numpy as np
 import pytest
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from std_msgs.msg import Header
 
-# What several test files share lies beside them and is no part of the package.
-sys.path.insert(0, str(Path(__file__).parent))
+from tactile_classifier.conversions import classification_from_msg
+from tactile_classifier.tactile_classifier_node import TactileClassifierNode
+from tactile_features.conversions import feature_window_to_msg
+from tactile_features.tactile_features_node import TactileFeaturesNode
+from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
+from tactile_ros.qos import EVENTS, RESULTS, STREAM
+from tactile_testing.waiting import wait_until
 
-from finger_nodes import Finger
+START_NS = 1_760_000_000_000_000_000
+PERIOD_NS = 16_666_667
+NAME = 'tactile_classifier'
+FEATURES = ('tactile_features/features', 'tactile_features/partial_features')
+ANSWERS = (f'{NAME}/classification', f'{NAME}/partial_classification')
+
+
+def make_header(since_ns):
+    stamp_ns = START_NS + since_ns
+    return Header(stamp=Time(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9))
+
+
+class Finger:
+    """Both nodes, or the classifier alone, and a peer that sends what they need and listens."""
+
+    def __init__(self, context, parameters, features):
+        def make(node_class, parameters):
+            overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+            return node_class(context=context, parameter_overrides=overrides)
+
+        self.classifier = make(TactileClassifierNode, parameters)
+        self.features = None if features is None else make(TactileFeaturesNode, features)
+        self.nodes = [node for node in (self.features, self.classifier) if node is not None]
+        self.peer = Node('peer', context=context)
+        self.heard, self.heard_partial, self.diagnostics = [], [], []
+        for topic, heard in zip(ANSWERS, (self.heard, self.heard_partial), strict=True):
+            self.listen(Classification, topic, heard)
+        self.peer.create_subscription(DiagnosticArray, '/diagnostics', self._hear_health, 10)
+        publish = self.peer.create_publisher
+        if features is None:
+            self.windows, self.parts = (publish(TactileFeatures, t, RESULTS) for t in FEATURES)
+        else:
+            self.strain = publish(StrainBlock, 'tendon_sensor/strain', STREAM)
+            self.events = publish(TrialEvent, 'trial_runner/events', EVENTS)
+        self.executor = SingleThreadedExecutor(context=context)
+        for node in (*self.nodes, self.peer):
+            self.executor.add_node(node)
+
+    def _hear_health(self, message):
+        self.diagnostics += [status for status in message.status if status.name == NAME]
+
+    def listen(self, message_type, topic, heard, qos=RESULTS):
+        self.peer.create_subscription(message_type, topic, heard.append, qos)
+
+    @property
+    def answers(self):
+        """Answers on whole windows that were heard."""
+        return [classification_from_msg(message) for message in self.heard]
+
+    @property
+    def partial_answers(self):
+        return [classification_from_msg(message) for message in self.heard_partial]
+
+    @property
+    def answering(self):
+        return self.classifier.answering
+
+    def wait_for_count(self, name, value):
+        """Return the first diagnostics with a count of this value."""
+
+        def find():
+            for status in self.diagnostics:
+                if (name, value) in [(pair.key, pair.value) for pair in status.values]:
+                    return status
+            return None
+
+        self.spin_until(find)
+        return find()
+
+    def spin_until(self, condition):
+        wait_until(condition, step=partial(self.executor.spin_once, timeout_sec=0.05))
+
+    def bring_up(self):
+        for node in self.nodes:
+            assert node.bring_up()
+        self.connect()
+
+    def connect(self):
+        """Wait until each publisher has met its subscriber, and the features are announced."""
+        topics = {f'/{topic}' for topic in (*FEATURES, *ANSWERS, f'{NAME}/vision_classification')}
+        if not self.answering.models.partial_samples:
+            topics -= {f'/{FEATURES[1]}', f'/{ANSWERS[1]}'}
+        publishers = [
+            publisher
+            for node in (*self.nodes, self.peer)
+            for publisher in node.publishers
+            if publisher.topic_name in topics
+        ]
+        if self.features is not None:
+            publishers += [self.strain, self.events]
+        self.spin_until(
+            lambda: (
+                all(publisher.get_subscription_count() for publisher in publishers)
+                and (self.features is None or self.answering.is_told)
+            )
+        )
+
+    def send(self, *windows):
+        """Send windows of features, whole and partial ones."""
+        for window in windows:
+            publisher = self.parts if window.partial else self.windows
+            publisher.publish(feature_window_to_msg(window))
+
+    def play(self, events, blocks):
+        """Publish events and samples of trials."""
+        for event in events:
+            self.events.publish(event)
+        for block in blocks:
+            self.strain.publish(block)
+
+    def close(self):
+        self.executor.shutdown()
+        for node in reversed(self.nodes):
+            node.take_down()
+        self.peer.destroy_node()
 
 
 @pytest.fixture
@@ -24,3 +151,35 @@ def make_finger(context, model_path):
     yield make
     for finger in fingers:
         finger.close()
+
+
+@pytest.fixture
+def make_trials():
+    """Return a maker of the events and samples of two texture trials, and of one lost sample."""
+    tension_n = np.random.default_rng(0).normal(3.0, 0.1, 900)
+    facts = {'protocol': 'texture', 'contact': 'flexion', 'glide_speed_m_s': 0.02}
+
+    def make(lost=-1):
+        events = [
+            TrialEvent(header=make_header(round(time_s * 1e9)), trial_id=i, phase=phase, **facts)
+            for i, time_s, phase in (
+                ('t1', 1.0, 'glide'),
+                ('t1', 6.0, 'done'),
+                ('t2', 6.5, 'glide'),
+                ('t2', 11.0, 'hold'),
+                ('t2', 14.0, 'done'),
+            )
+        ]
+        blocks = [
+            StrainBlock(
+                header=make_header(n * PERIOD_NS),
+                sequence=n,
+                period_ns=PERIOD_NS,
+                tension_n=[each],
+            )
+            for n, each in enumerate(tension_n)
+            if n != lost
+        ]
+        return events, blocks
+
+    return make

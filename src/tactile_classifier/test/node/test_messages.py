@@ -16,39 +16,44 @@ from tactile_classifier.conversions import (
 from tactile_classifier.model_file.model import load_model
 from tactile_classifier.records import ModelInfos, Outcome
 from tactile_msgs.msg import Classification, ModelInfo
+from tactile_ros.errors import MessageError
 
 
-def test_constants_are_those_of_the_message():
+def test_records_have_the_fields_and_constants_of_the_messages():
     for outcome in Outcome:
         assert outcome == getattr(Classification, f'OUTCOME_{outcome.name}')
     for kind in ('VOTES', 'MARGIN', 'PROBABILITY'):
         assert getattr(records, kind) == getattr(Classification, f'SCORE_{kind}')
-
-
-def test_record_has_the_fields_of_the_message(model_path, make_window):
     fields = {f.name for f in dataclasses.fields(records.ClassificationResult)}
     mirrored = {name.removesuffix('_ns') for name in fields} - {'frame_id', 'partial'}
     assert mirrored | {'header', 'running'} == set(Classification.get_fields_and_field_types())
+    names = {field.name for field in dataclasses.fields(records.ModelInfo)}
+    assert names == set(ModelInfo.get_fields_and_field_types())
 
 
-@pytest.mark.parametrize('changes', [{}, {'rate_hz': 1.0}])
+PARTIAL = {'partial': True, 'decided': False, 'error_rate': 0.05, 'false_alarm_rate': 0.1}
+
+
+@pytest.mark.parametrize('changes', [{}, {'rate_hz': 1.0}, PARTIAL])
 def test_message_round_trip(model_path, make_window, changes):
-    result = load_model(model_path).classify_window(make_window(**changes))
+    model = load_model(model_path)
+    if changes is PARTIAL:
+        result = dataclasses.replace(model.classify_window(make_window()), **changes)
+    else:
+        result = model.classify_window(make_window(**changes))
     message = classification_to_msg(result)
     assert classification_from_msg(message) == result
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == (10**9 + 2, 983_333_334)
 
 
-def test_a_partial_answer_keeps_its_fields(model_path, make_window):
-    whole = load_model(model_path).classify_window(make_window())
-    changes = {'partial': True, 'decided': False, 'error_rate': 0.05, 'false_alarm_rate': 0.1}
-    result = dataclasses.replace(whole, **changes)
-    assert classification_from_msg(classification_to_msg(result)) == result
+def test_messages_that_cannot_be_are_refused():
+    with pytest.raises(MessageError, match='outcome is 9; it must be one of 0'):
+        classification_from_msg(Classification(outcome=9))
+    with pytest.raises(MessageError, match='scores has 2 entries and labels 1'):
+        classification_from_msg(Classification(labels=['a'], scores=[0.0, 1.0]))
 
 
 def test_facts_of_models_come_back_as_they_were(model_path):
     models = ModelSet.load(model_path)
     infos = ModelInfos(models.infos, ('model /m.onnx is refused: it is empty',), 10**18 + 1)
     assert model_infos_from_msg(model_infos_to_msg(infos)) == infos
-    names = {field.name for field in dataclasses.fields(records.ModelInfo)}
-    assert names == set(ModelInfo.get_fields_and_field_types())

@@ -1,20 +1,36 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node over real DDS: features in, classifications out."""
+"""The node over real DDS: windows of features in, answers out, alone and behind a feature node."""
 
+import dataclasses
+import importlib.util
+import shutil
+
+from diagnostic_msgs.msg import DiagnosticStatus
+import numpy as np
 import pytest
 from rclpy.parameter import Parameter
 
+from tactile_classifier.conversions import model_infos_from_msg
+from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.model_file.model import load_model
 from tactile_classifier.records import Outcome
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
+from tactile_features import FeatureConfig, read_contracts, spec_for, TrialFeatureExtractor
+from tactile_features.conversions import event_from_msg, strain_block_from_msg
 from tactile_features.records import Outcome as FeatureOutcome
+from tactile_msgs.msg import ModelInfos
+from tactile_ros.qos import LATEST
+
+HAS_VISION = importlib.util.find_spec('vision_msgs') is not None
 
 
 def test_windows_are_classified_over_the_wire(make_finger, model_path, make_window):
-    finger = make_finger(contact='flexion')
+    depth = 'qos_overrides./tactile_classifier/classification.publisher.depth'
+    # Nobody sends a time: diagnostics come all the same.
+    finger = make_finger(contact='flexion', use_sim_time=True, **{depth: 7})
     finger.bring_up()
     windows = [
         make_window(0),
@@ -29,25 +45,18 @@ def test_windows_are_classified_over_the_wire(make_finger, model_path, make_wind
     answers = finger.answers
     model = load_model(model_path)
     assert answers == [model.classify_window(windows[i]) for i in (0, 3, 4, 5)]
-    assert [a.outcome for a in answers] == [
-        Outcome.LABEL,
-        Outcome.NO_FEATURES,
-        Outcome.NO_FEATURES,
-        Outcome.LABEL,
-    ]
     assert [a.label for a in answers] == ['plate 0', '', '', 'plate 2']
     assert 'rate in Hz is 100.0' in answers[1].reason
     assert (finger.answering.ignored_count, finger.answering.published_count) == (2, 4)
-    assert finger.answering.models.models[0].model_id == model.model_id
+    assert finger.wait_for_count('answers', '4').hardware_id == model.model_id
+    assert finger.classifier.get_parameter(depth).value == 7
 
 
 def test_partial_windows_are_answered_on_a_topic_of_their_own(
-    make_finger, partial_tables, tmp_path, make_window, capfd
+    make_finger, partial_path, partial_tables, make_window, capfd
 ):
     table, partial = partial_tables
-    path = tmp_path / 'partial.onnx'
-    model = write_model(path, train(table, 'knn', partial=partial))
-    finger = make_finger(models=str(path))
+    finger = make_finger(models=str(partial_path))
     finger.bring_up()
     windows = [
         make_window(values=partial.get(count, table).values[0], partial=True, sample_count=count)
@@ -55,37 +64,30 @@ def test_partial_windows_are_answered_on_a_topic_of_their_own(
     ]
     finger.send(*windows, make_window(values=table.values[0]))
     finger.spin_until(lambda: finger.heard and len(finger.heard_partial) == 2)
-    answers = finger.partial_answers
+    answers, model = finger.partial_answers, load_model(partial_path)
     assert answers == [model.classify_window(windows[0]), model.classify_window(windows[2])]
     assert all(answer.partial and answer.decided for answer in answers)
     assert not finger.answers[0].partial
     assert finger.answering.partial_count == 2
-    log = capfd.readouterr().err
-    assert log.count('plate 0 after') == 1  # the first decided answer alone
+    assert capfd.readouterr().err.count('plate 0 after') == 1  # the first decided answer alone
 
 
-def test_nothing_is_answered_while_inactive(make_finger, make_window):
+def test_only_an_active_node_answers_and_it_can_be_configured_again(make_finger, make_window):
     finger = make_finger()
-    finger.classifier.trigger_configure()
+    classifier = finger.classifier
+    classifier.trigger_configure()
+    classifier.add_window(make_window(0))
+    classifier.trigger_activate()
     finger.connect()
-    finger.send(make_window(0))
-    for _ in range(5):
-        finger.executor.spin_once(timeout_sec=0.1)
-    finger.classifier.trigger_activate()
     finger.send(make_window(30))
     finger.spin_until(lambda: finger.heard)
     assert [a.trial_id for a in finger.answers] == ['trial-30']
     assert finger.answering.seen_count == 1
-
-
-def test_node_can_be_cleaned_up_and_configured_again(make_finger, make_window):
-    finger = make_finger()
-    finger.bring_up()
-    finger.classifier.trigger_deactivate()
-    finger.classifier.trigger_cleanup()
+    classifier.trigger_deactivate()
+    classifier.trigger_cleanup()
     finger.bring_up()
     finger.send(make_window(0))
-    finger.spin_until(lambda: finger.heard)
+    finger.spin_until(lambda: len(finger.heard) == 2)
 
 
 @pytest.mark.parametrize(
@@ -95,16 +97,163 @@ def test_node_can_be_cleaned_up_and_configured_again(make_finger, make_window):
         ({'models': '/nowhere/m.onnx'}, 'cannot read model /nowhere/m.onnx'),
         ({'contact': 'abduction'}, 'are for flexion, the parameter contact is abduction'),
         ({'recalibration_trials': 3}, 'recalibration_trials is 3; it must be 0 or at least 5'),
+        pytest.param(
+            {'vision_messages': True},
+            'vision_msgs is not installed',
+            marks=pytest.mark.skipif(HAS_VISION, reason='vision_msgs is installed'),
+        ),
     ],
     ids=str,
 )
-def test_without_a_usable_model_it_is_not_configured_and_says_why(
+def test_what_it_cannot_do_is_said_and_it_is_not_configured(
     make_finger, model_path, changes, sentence, capfd
 ):
     node = make_finger(**changes).classifier
     assert not node.bring_up()
     assert sentence in capfd.readouterr().err
-    mended = {'models': str(model_path), 'contact': 'flexion', 'recalibration_trials': 5}
+    mended = {
+        'models': str(model_path),
+        'contact': 'flexion',
+        'recalibration_trials': 5,
+        'vision_messages': False,
+    }
     node.set_parameters([Parameter(name, value=value) for name, value in mended.items()])
     assert node.bring_up()
     assert node.answering.models.infos[0].recalibration_trials == 5
+
+
+@pytest.mark.skipif(not HAS_VISION, reason='vision_msgs is not installed; it is not on PyPI')
+def test_answers_are_said_in_the_standard_message_too(make_finger, make_window):
+    from vision_msgs.msg import Classification
+
+    heard = []
+    finger = make_finger(vision_messages=True)
+    finger.listen(Classification, 'tactile_classifier/vision_classification', heard)
+    finger.bring_up()
+    model = finger.answering.models.models[0]
+    window, answer = next(  # one that the model does not take for unknown
+        (window, answer)
+        for window in map(make_window, range(30))
+        if (answer := model.classify_window(window)).outcome == Outcome.LABEL
+    )
+    finger.send(window, make_window(1, outcome=FeatureOutcome.GAP, reason='12 are missing'))
+    finger.spin_until(lambda: len(heard) == 2)
+    scores = {result.class_id: result.score for result in heard[0].results}
+    assert heard[0].results[0].class_id == answer.label
+    assert scores == dict(zip(answer.labels, answer.scores, strict=True))
+    assert heard[0].header.frame_id == answer.frame_id
+    assert list(heard[1].results) == []
+
+
+# -- behind a feature node ----------------------------------------------------------
+
+
+@pytest.mark.parametrize('has_models', [False, True])
+def test_equal_parameters_or_the_same_models_are_answered(
+    make_finger, make_trials, model_path, has_models
+):
+    models = {'models': str(model_path), 'texture_crop_start_s': 0.9}
+    finger = make_finger(models if has_models else {})
+    finger.bring_up()
+    finger.play(*make_trials())
+    finger.spin_until(lambda: finger.heard)
+    assert finger.answers[0].outcome in (Outcome.LABEL, Outcome.UNKNOWN)
+    assert finger.answering.refused_count == 0
+
+
+def test_a_parameter_of_the_feature_node_alone_is_noticed(
+    make_finger, make_trials, model_path, capfd
+):
+    difference = '(texture_crop_start_s) differs: 0.6 here, 0.9 there'
+    finger = make_finger({'texture_crop_start_s': 0.9})
+    finger.bring_up()
+    log = capfd.readouterr().err
+    assert 'announces no features that model texture-flexion-svm_linear' in log
+    assert f'give its parameter models {model_path}' in log
+    finger.play(*make_trials())
+    finger.spin_until(lambda: len(finger.heard) == 2)
+    for answer in finger.answers:
+        assert (answer.outcome, answer.label) == (Outcome.NO_FEATURES, '')
+        assert difference in answer.reason
+        assert 'name its file in the parameter models of the feature node' in answer.reason
+    status = finger.wait_for_count('windows of another specification', '2')
+    assert status.level == DiagnosticStatus.WARN
+    assert difference in status.message
+
+
+SPECS = {
+    'full': spec_for('texture', FeatureConfig()),
+    'short': spec_for('texture', FeatureConfig(texture_samples=90, max_gap_samples=3)),
+    'over_distance': spec_for('texture', FeatureConfig(texture_features='texture_spatial')),
+    'hold': spec_for('stiffness', FeatureConfig()),
+}
+
+
+@pytest.fixture(scope='module')
+def folder(tmp_path_factory):
+    """Return a folder of models with different features."""
+    pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
+    folder = tmp_path_factory.mktemp('models')
+    labels, scale = np.repeat(['pla', 'wood', 'felt'], 8), np.repeat([1.0, 1.5, 2.0], 8)[:, None]
+    columns = {'contact': np.full(24, 'flexion'), 'session_id': np.arange(24) % 3}
+    for seed, (name, spec) in enumerate(SPECS.items()):
+        values = np.random.default_rng(seed).normal(0.05, 0.02, (24, len(spec.names)))
+        table = FeatureTable(scale * np.abs(values), labels, spec, columns)
+        parts = {60: dataclasses.replace(table, values=1.1 * table.values)}
+        trained = train(table, 'knn', partial=parts if name == 'full' else {})
+        write_model(folder / f'{name}.onnx', trained)
+    return folder
+
+
+def answer_alone(path, events, blocks):
+    """Return the answers of one model behind an extractor that computes its features alone."""
+    (contract,), _ = read_contracts(path)
+    extractor = TrialFeatureExtractor(FeatureConfig(), [contract.wanted])
+    windows = [w for event in events for w in extractor.add_event(event_from_msg(event))]
+    windows += [w for block in blocks for w in extractor.add_block(strain_block_from_msg(block))]
+    model = load_model(path)
+    digest = contract.wanted.spec.digest
+    return [model.classify_window(w) for w in windows if w.specification_digest == digest]
+
+
+def test_each_model_answers_with_the_bits_that_it_gives_alone(make_finger, make_trials, folder):
+    finger = make_finger({'models': str(folder)}, models=str(folder))
+    finger.bring_up()
+    assert [spec.digest for spec in finger.features.extractor.specifications] == [
+        SPECS[name].digest for name in ('full', 'hold', 'over_distance', 'short')
+    ]
+    trials = make_trials(lost=150)
+    finger.play(*trials)
+    alone = {name: answer_alone(folder / f'{name}.onnx', *trials) for name in SPECS}
+    part = [answer for answer in alone['full'] if answer.partial]
+    whole = {name: [a for a in answers if not a.partial] for name, answers in alone.items()}
+    assert [len(answers) for answers in (*whole.values(), part)] == [2, 2, 2, 1, 2]
+    finger.spin_until(lambda: len(finger.heard) == 7 and len(finger.heard_partial) == 2)
+    for answers in whole.values():
+        model_id = answers[0].model_id
+        assert [a for a in finger.answers if a.model_id == model_id] == answers
+    assert finger.partial_answers == part
+    # The lost sample is refused by the one and filled by the other.
+    (lost,) = [a for a in whole['full'] if a.trial_id == 't1']
+    assert 'max_gap_samples allows 0' in lost.reason
+    assert 'missing' not in alone['short'][0].reason
+
+
+def test_its_models_are_announced_and_a_broken_file_is_named(make_finger, folder, tmp_path, capfd):
+    shutil.copy(folder / 'full.onnx', tmp_path / 'any name.onnx')
+    (tmp_path / 'broken.onnx').write_bytes(b'hello')
+    finger = make_finger({'models': str(tmp_path)}, models=str(tmp_path))
+    finger.bring_up()
+    infos = []
+    finger.listen(ModelInfos, 'tactile_classifier/models', infos, LATEST)
+    finger.spin_until(lambda: infos and finger.diagnostics)
+    found = model_infos_from_msg(infos[-1])
+    assert found.models == finger.answering.models.infos
+    assert found.models[0].path == str(tmp_path / 'any name.onnx')
+    (refused,) = found.refused
+    assert f'model {tmp_path / "broken.onnx"} is refused' in refused
+    assert refused in capfd.readouterr().err
+    status = finger.diagnostics[-1]
+    assert status.level == DiagnosticStatus.WARN
+    assert refused in status.message
+    assert status.hardware_id == found.models[0].model_id
