@@ -15,9 +15,9 @@ from benchmarks.measuring import Report, Row
 from benchmarks.sessions.sessions import Array, count_seeds, describe, simulate_windows, TRAIN
 from benchmarks.simulator.trials import CONTACTS
 from tactile_classifier.confidence.calibration import calibrate_stage, make_group_folds
-from tactile_classifier.confidence.stopping import find_first_stop, fit_stop_threshold
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.estimators.classifiers import build_estimator, compute_raw_scores
+from tactile_classifier.evaluation.early_answers import find_first_stop, fit_stop_threshold
 from tactile_features.config import FeatureConfig
 from tactile_features.extraction.extractor import features_from_trials
 

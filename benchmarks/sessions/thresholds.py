@@ -13,8 +13,7 @@ from benchmarks.sessions.sessions import Array, count_seeds, describe, simulate_
 from benchmarks.simulator.trials import CONTACTS
 from tactile_classifier.confidence.calibration import fit_novelty, make_group_folds
 from tactile_classifier.confidence.novelty import NoveltyMeasure
-from tactile_classifier.confidence.recalibration import fit_session_statistics
-from tactile_classifier.confidence.session_statistics import TRIALS
+from tactile_classifier.confidence.recalibration import fit_session_statistics, TRIALS
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.estimators.classifiers import (
     build_estimator,
@@ -84,7 +83,7 @@ def _judge(protocol: str, features: str, contact: str, seed: int, tests: int) ->
     for each in np.unique(test.column('session_id')):
         (trials,) = np.nonzero(test.column('session_id') == each)
         known, rest = np.split(generator.permutation(trials), [TRIALS])
-        offset, threshold = statistics.recalibrate(
+        offset, threshold, _ = statistics.recalibrate(
             test.values[known], label[known], measure.compute
         )
         for name, limit, shift in (

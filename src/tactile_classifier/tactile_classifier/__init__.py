@@ -29,7 +29,6 @@ _HOMES = {
     'ModelSet': 'answering',
     'TactileModel': 'model_file.model',
     'load_model': 'model_file.model',
-    'read_manifest': 'model_file.model',
     'Manifest': 'model_file.manifest',
     'write_model': 'training.model_writer',
     'evaluate_open_set': 'evaluation.open_set',

@@ -16,15 +16,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from tactile_classifier.confidence.session_statistics import TRIALS
+from tactile_classifier.confidence.recalibration import Correction, TRIALS
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.model_file.model import (
-    correct,
-    Correction,
-    load_model,
-    read_statistics,
-    TactileModel,
-)
+from tactile_classifier.model_file.model import load_model, read_statistics, TactileModel
 from tactile_classifier.records import ClassificationResult, ModelInfo
 from tactile_features.model_contract import load_usable
 from tactile_features.records import contacts_agree, FeatureWindow
@@ -80,7 +74,11 @@ class LiveRecalibration:
             session.values.append(window.values)
             session.labels.append(self.model.labels.index(window.object_label))
             if len(session.values) == self._trials:
-                session.correction = self._correct(stage, session)
+                session.correction = self._statistics[stage].recalibrate(
+                    np.array(session.values),
+                    np.array(session.labels),
+                    lambda moved: self.model.compute(moved, stage).novelty,
+                )
         return answer
 
     def _is_known(self, window: FeatureWindow) -> bool:
@@ -90,10 +88,6 @@ class LiveRecalibration:
             and not self.model.format_mismatch(window)
             and bool(np.isfinite(window.values).all())
         )
-
-    def _correct(self, stage: int, session: _Session) -> Correction:
-        values, labels = np.array(session.values), np.array(session.labels)
-        return correct(self.model, self._statistics[stage], stage, values, labels)
 
 
 def check_trials(trials: int) -> None:

@@ -102,7 +102,7 @@ class ModelChoice:
         cls, path: Path | None, task: str = '', contact: str = '', recalibrate: str | int = 0
     ) -> ModelChoice | None:
         """Return the models for a task and a contact (empty: for any); None without a path."""
-        from tactile_classifier.confidence.session_statistics import TRIALS
+        from tactile_classifier.confidence.recalibration import TRIALS
 
         text = str(recalibrate)
         if not text.isdecimal() or 0 < int(text) < TRIALS:

@@ -20,7 +20,6 @@ from sklearn.model_selection import StratifiedKFold
 from tactile_classifier.confidence.novelty import (
     choose_metric,
     compute_auroc,
-    compute_session_threshold,
     compute_threshold,
     NoveltyMeasure,
     rank_of_sessions,
@@ -200,14 +199,8 @@ def fit_novelty(
     fold = folds.fold
     metric = choose_metric(table.values, table.labels, fold)
     novelty = hold_out_novelty(table, fold, metric)
-    threshold = _threshold(novelty, folds.session, false_alarm_rate)
+    threshold = compute_threshold(novelty, false_alarm_rate, folds.session)
     return NoveltyMeasure.fit(table.values, table.labels, fold, metric), novelty, threshold
-
-
-def _threshold(novelty: Matrix, session: Indices | None, false_alarm_rate: float) -> float:
-    if session is None:
-        return compute_threshold(novelty, false_alarm_rate)
-    return compute_session_threshold(novelty, session, false_alarm_rate)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -239,11 +232,8 @@ def leave_labels_out(
         is_new = table.labels == label
         novelty = hold_out_novelty(table, folds.fold, metric, ~is_new)
         try:
-            threshold = _threshold(
-                novelty[~is_new],
-                None if folds.session is None else folds.session[~is_new],
-                false_alarm_rate,
-            )
+            session = None if folds.session is None else folds.session[~is_new]
+            threshold = compute_threshold(novelty[~is_new], false_alarm_rate, session)
         except TooFewTrialsError:
             return None
         missed.append(float(np.mean(novelty[is_new] <= threshold)))

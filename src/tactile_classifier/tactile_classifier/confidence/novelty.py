@@ -291,23 +291,6 @@ def trials_needed(rate: float) -> int:
     return math.ceil(round(1.0 / rate, 9)) - 1
 
 
-def compute_threshold(novelty: Matrix, false_alarm_rate: float) -> float:
-    """Return the conformal threshold of calibration trials of known labels.
-
-    The ``ceil((n + 1) * (1 - rate))``-th smallest of ``n`` novelties of trials that the measure
-    was not fitted on: a further trial, exchangeable with them, lies above it with at most that
-    probability (split conformal prediction: Vovk, Gammerman and Shafer 2005; Lei et al. 2018). The
-    rate is between 0 and 1 [1]. Raises TooFewTrialsError when there are fewer than
-    `trials_needed`.
-    """
-    if len(novelty) < trials_needed(false_alarm_rate):
-        raise TooFewTrialsError(
-            f'{len(novelty)} trials cannot bound false rejection at {false_alarm_rate:g}; '
-            f'{trials_needed(false_alarm_rate)} are needed'
-        )
-    return _conformal_quantile(novelty, false_alarm_rate)
-
-
 SESSIONS_BEYOND = 0.1
 """Share of new sessions that a threshold by sessions may fail in, where sessions are enough."""
 
@@ -322,25 +305,33 @@ def rank_of_sessions(count: int) -> int:
     return min(count, math.ceil(round((count + 1) * (1.0 - SESSIONS_BEYOND), 9)))
 
 
-def compute_session_threshold(novelty: Matrix, session: Indices, false_alarm_rate: float) -> float:
-    """Return a threshold that holds in most new sessions, not only on average over them.
+def compute_threshold(
+    novelty: Matrix, false_alarm_rate: float, session: Indices | None = None
+) -> float:
+    """Return the conformal threshold of calibration trials of known labels.
 
-    Each session's own conformal quantile, and of these the one of `rank_of_sessions`: conformal
-    prediction with the session as the unit (Dunn, Wasserman and Ramdas 2022; Duchi, Gupta, Jiang
-    and Sur 2024, over environments). In a share ``rank / (count + 1)`` of new sessions the
-    quantile of their own trials is not above it. A session with fewer trials than `trials_needed`
-    gives its largest novelty.
+    Without sessions the ``ceil((n + 1) * (1 - rate))``-th smallest of ``n`` novelties: a further
+    trial, exchangeable with them, lies above it with at most that probability (split conformal
+    prediction: Vovk, Gammerman and Shafer 2005; Lei et al. 2018).
 
-    Novelties are of trials whose session the measure was not fitted on. Raises TooFewTrialsError
-    when there are fewer than `trials_needed` in all.
+    With the session of each trial, shape (trials,), a threshold that holds in most new sessions,
+    not only on average over them: each session's own quantile, and of these the one of
+    `rank_of_sessions` (Dunn, Wasserman and Ramdas 2022; Duchi, Gupta, Jiang and Sur 2024, over
+    environments). In a share ``rank / (count + 1)`` of new sessions the quantile of their own
+    trials is not above it. A session with fewer trials than `trials_needed` gives its largest
+    novelty.
+
+    Novelties are of trials that the measure was not fitted on, nor on their session. The rate is
+    between 0 and 1 [1]. Raises TooFewTrialsError when there are fewer than `trials_needed` in all.
     """
-    compute_threshold(novelty, false_alarm_rate)  # refuses too few
-    quantiles = [
-        _conformal_quantile(novelty[session == i], false_alarm_rate) for i in np.unique(session)
-    ]
-    return float(np.sort(quantiles)[rank_of_sessions(len(quantiles)) - 1])
-
-
-def _conformal_quantile(novelty: Matrix, false_alarm_rate: float) -> float:
-    rank = math.ceil(round((len(novelty) + 1) * (1.0 - false_alarm_rate), 9))
-    return float(np.sort(novelty)[min(rank, len(novelty)) - 1])
+    if len(novelty) < trials_needed(false_alarm_rate):
+        raise TooFewTrialsError(
+            f'{len(novelty)} trials cannot bound false rejection at {false_alarm_rate:g}; '
+            f'{trials_needed(false_alarm_rate)} are needed'
+        )
+    parts = [novelty] if session is None else [novelty[session == i] for i in np.unique(session)]
+    quantiles = []
+    for part in parts:
+        rank = math.ceil(round((len(part) + 1) * (1.0 - false_alarm_rate), 9))
+        quantiles.append(float(np.sort(part)[min(rank, len(part)) - 1]))
+    return sorted(quantiles)[rank_of_sessions(len(quantiles)) - 1]

@@ -1,23 +1,111 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Effects of sessions on features and novelty, learned from a training with several sessions."""
+"""Recalibration: effects of sessions on features and novelty, mended by a few known trials.
+
+Without scikit-learn until a training is fitted: the classifier node takes it, too.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+import dataclasses
+import math
+from typing import Any, NamedTuple, TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from tactile_classifier.confidence.calibration import GroupFolds
-from tactile_classifier.confidence.novelty import NoveltyMeasure
-from tactile_classifier.confidence.session_statistics import SessionStatistics, TINY, TRIALS
-from tactile_classifier.datasets.dataset import FeatureTable
-from tactile_classifier.estimators.classifiers import RANDOM_STATE
+from tactile_classifier.errors import ModelFileError, refuse_damage, TooFewTrialsError
+
+if TYPE_CHECKING:
+    from tactile_classifier.confidence.calibration import GroupFolds
+    from tactile_classifier.datasets.dataset import FeatureTable
+
+TRIALS = 5
+"""Known trials of a new session that are needed, and that training draws for a trial run."""
+
+TINY = 1e-12
+"""So that a trial of novelty 0, a copy of a training trial, has a logarithm."""
 
 _DRAWS = 8  # of known trials in each session of the training
 
 Matrix = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
+
+
+class Correction(NamedTuple):
+    """Correction of a session by its known trials.
+
+    The offset, shape (k,), is taken off the features, in their units; the threshold of novelty
+    stands in place of the model's. ``trials`` counts the known trials behind them.
+    """
+
+    offset: Matrix
+    novelty_threshold: float
+    trials: int
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SessionStatistics:
+    """Effects of sessions on features and novelty, and how far known trials mend them.
+
+    Attributes
+    ----------
+    means : ndarray of shape (labels, k)
+        Mean features of each label over the training, in the order of the labels.
+    share : ndarray of shape (k,)
+        Part of the mean deviation of `TRIALS` known trials from their labels' means that is taken
+        for the session's: its variance over that plus the variance of the mean (empirical
+        Bayes, one factor a feature) [1].
+    weight, centre : float
+        Weight of the known trials' mean log novelty in the threshold, by least squares [1], and
+        the mean of that in training sessions.
+    log_threshold : float
+        Logarithm of the threshold where the known trials lie at ``centre``.
+    """
+
+    means: Matrix
+    share: Matrix
+    weight: float
+    centre: float
+    log_threshold: float
+
+    def recalibrate(
+        self, values: Matrix, label: Indices, compute_novelty: Callable[[Matrix], Matrix]
+    ) -> Correction:
+        """Return the correction of a session.
+
+        Known trials have features of shape (trials, k) and the position of each label among the
+        model's, shape (trials,); ``compute_novelty`` is the model's. Raises TooFewTrialsError when
+        there are fewer than `TRIALS`.
+        """
+        if len(values) < TRIALS:
+            raise TooFewTrialsError(
+                f'{len(values)} known trials cannot recalibrate a model; {TRIALS} are needed'
+            )
+        offset = self.share * (values - self.means[label]).mean(axis=0)
+        known = float(np.log(compute_novelty(values - offset) + TINY).mean())
+        threshold = math.exp(self.log_threshold + self.weight * (known - self.centre))
+        return Correction(offset, threshold, len(values))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the statistics as what JSON can hold, without loss."""
+        return {name: np.asarray(value).tolist() for name, value in vars(self).items()}
+
+    @classmethod
+    def from_dict(cls, entry: Mapping[str, Any], labels: int, features: int) -> SessionStatistics:
+        """Return what `to_dict` gave.
+
+        Raises ModelFileError when a number is missing or not finite, or a shape does not fit.
+        """
+        with refuse_damage('its statistics of sessions are'):
+            means, share = (np.array(entry[name], dtype=np.float64) for name in ('means', 'share'))
+            rest = [float(entry[name]) for name in ('weight', 'centre', 'log_threshold')]
+        fits = means.shape == (labels, features) and share.shape == (features,)
+        if not fits or not all(np.isfinite(item).all() for item in (means, share, rest)):
+            raise ModelFileError('its statistics of sessions do not fit its labels and features')
+        return cls(means, share, *rest)
 
 
 def fit_session_statistics(
@@ -30,6 +118,9 @@ def fit_session_statistics(
     ``false_alarm_rate`` of known trials, on average over sessions [1]. ``metric`` is that of the
     model's `NoveltyMeasure`.
     """
+    from tactile_classifier.confidence.novelty import NoveltyMeasure
+    from tactile_classifier.estimators.classifiers import RANDOM_STATE
+
     if folds.session is None:
         return None
     values, label = table.values, np.unique(table.labels, return_inverse=True)[1]
@@ -61,10 +152,7 @@ def fit_session_statistics(
     left = np.concatenate([novelty - weight * (mean - centre) for mean, novelty in runs])
     quantile = float(np.quantile(left, 1.0 - false_alarm_rate))
     return SessionStatistics(
-        *_fit_offsets(values, label, folds.session),
-        weight=weight,
-        centre=centre,
-        log_threshold=quantile,
+        *_fit_offsets(values, label, folds.session), weight, centre, log_threshold=quantile
     )
 
 

@@ -206,7 +206,7 @@ class AccuracyPlan:
         return NestedChoice(
             tuple((*pair, folds) for pair, folds in Counter(picks).most_common()),
             float(np.mean(accuracies)),
-            split_interval(self._split, self._cells, right, np.array(accuracies)),
+            split_interval(self._split, self._cells, right),
         )
 
     def _score(
@@ -232,7 +232,7 @@ class AccuracyPlan:
             float(accuracies.mean()),
             float(parts.std(ddof=1)) if len(parts) > 1 else 0.0,
             split.spread_of,
-            split_interval(split, self._cells, right / len(split.repeats), accuracies[0]),
+            split_interval(split, self._cells, right / len(split.repeats)),
             confusion,
         )
 
@@ -252,17 +252,15 @@ def split_interval(
     split: Split,
     cells: Cells | None,
     right: npt.NDArray[np.float64],
-    accuracies: npt.NDArray[np.float64],
     interval: Callable[..., Interval] = accuracy_interval,
 ) -> Interval:
     """Return the interval of a mean accuracy under a split, with its cells (`find_tested_cells`).
 
-    ``right`` is how often each trial of the table was named correctly, shape (trials,) [1];
-    ``accuracies`` are those of the folds [1]: where groups are held out, the interval is over
-    these. With `difference_interval`, both are differences of two classifiers.
+    ``right`` is how often each trial of the table was named correctly, shape (trials,) [1]; with
+    `difference_interval`, the difference of two classifiers in that.
     """
     if split.groups is not None:
-        return interval(accuracies, 'groups')
+        return interval([right[test].mean() for _, test in split.repeats[0]], 'groups')
     if cells is not None:
         share, sizes = cells.average(right[split.tested])
         return interval(share, 'groups of repeats', sizes)

@@ -109,7 +109,6 @@ class SelectionPlan:
             gain = np.zeros(len(self._table))
             for (_, test), fold in zip(self._folds, folds, strict=True):
                 gain[test] = fold.selected_right - fold.all_right
-            means = np.array([gain[test].mean() for _, test in self._folds])
             results.append(
                 SelectionResult(
                     classifier,
@@ -118,7 +117,7 @@ class SelectionPlan:
                     tuple(fold.count for fold in folds),
                     float(np.mean([fold.all_right.mean() for fold in folds])),
                     float(np.mean([fold.selected_right.mean() for fold in folds])),
-                    split_interval(self._split, cells, gain, means, difference_interval),
+                    split_interval(self._split, cells, gain, difference_interval),
                 )
             )
         return tuple(results)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tactile_classifier.confidence.session_statistics import SessionStatistics
+from tactile_classifier.confidence.recalibration import Correction, SessionStatistics
 from tactile_classifier.errors import DatasetError, ModelFileError, refuse_damage
 from tactile_classifier.model_file.manifest import (
     KNOWN_NOVELTY,
@@ -120,28 +120,10 @@ class _KnownNovelty(NamedTuple):
     sessions: list[npt.NDArray[np.float64]]
 
 
-class Correction(NamedTuple):
-    """Correction of a session by its known trials.
-
-    The offset, shape (k,), is taken off the features, in their units; the threshold of novelty
-    stands in place of the model's. ``trials`` counts the known trials behind them.
-    """
-
-    offset: npt.NDArray[np.float64]
-    novelty_threshold: float
-    trials: int
-
-
 def read_model_card(path: str | Path) -> str:
     """Return the card of a model file, as text for people; errors as in `load_model`."""
     with refusals_of(path):
         return open_container(read_limited(path)).card
-
-
-def read_manifest(path: str | Path) -> Manifest:
-    """Return the manifest of a file, its graph checked, not loaded; errors as in `load_model`."""
-    with refusals_of(path):
-        return Manifest.from_dict(open_container(read_limited(path)).manifest)
 
 
 def load_model(path: str | Path) -> TactileModel:
@@ -496,7 +478,7 @@ class TactileModel:
         """Return the conformal p-value that the threshold is a quantile of, or None.
 
         At most the rate of false alarms exactly where the novelty is above the threshold, if each
-        session has trials enough for that rate (`compute_session_threshold`).
+        session has trials enough for that rate (`compute_threshold`).
         """
         if self._known_novelty is None:
             return None
@@ -558,24 +540,6 @@ def read_statistics(model: TactileModel) -> dict[int, SessionStatistics]:
         )
         for stage, entry in zip(manifest.stages, entries, strict=True)
     }
-
-
-def correct(
-    model: TactileModel,
-    statistics: SessionStatistics,
-    sample_count: int,
-    values: npt.NDArray[np.float64],
-    label: npt.NDArray[np.intp],
-) -> Correction:
-    """Return the correction for a session, by known trials and the model's novelty.
-
-    Features of shape (trials, k), of windows of ``sample_count`` samples as in
-    `TactileModel.compute`; the position of each label among the model's, shape (trials,).
-    """
-    offset, threshold = statistics.recalibrate(
-        values, label, lambda moved: model.compute(moved, sample_count).novelty
-    )
-    return Correction(offset, threshold, len(values))
 
 
 def _read_offsets(manifest: Manifest) -> dict[int, npt.NDArray[np.float64]]:

@@ -193,12 +193,11 @@ class ChoicePlan:
         named = np.zeros(len(self._first))
         for i, (pick, (_, test)) in enumerate(zip(picked, folds, strict=True)):
             named[test] = of_candidate[pick][i].right
-        nested = np.array([named[test].mean() for _, test in folds])
         return FeatureChoice(
             split.once().name,
             tuple(sorted(scores, key=lambda score: -score.accuracy)),
-            float(nested.mean()),
-            split_interval(split, find_tested_cells(self._first, split), named, nested),
+            float(np.mean([named[test].mean() for _, test in folds])),
+            split_interval(split, find_tested_cells(self._first, split), named),
             chance_level(self._first, split),
             tuple(Counter(candidates[pick] for pick in picked).most_common()),
         )

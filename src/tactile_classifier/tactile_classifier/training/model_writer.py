@@ -14,6 +14,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
+from tactile_classifier.confidence.recalibration import Matrix
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.estimators.classifiers import on_one_thread
@@ -31,7 +32,6 @@ from tactile_classifier.model_file.graphs import (
 from tactile_classifier.model_file.manifest import format_card, Manifest, RECALIBRATED
 from tactile_classifier.model_file.model import (
     ANSWER,
-    correct,
     INPUT,
     load_model,
     NOVELTY,
@@ -260,12 +260,13 @@ def recalibrate(model: TactileModel, tables: Mapping[int, FeatureTable]) -> Mani
     for stage in manifest.stages:
         known = tables[stage.sample_count]
         model.check_fits(known.spec)
-        correction = correct(
-            model,
-            statistics[stage.sample_count],
-            stage.sample_count,
-            known.values,
-            np.searchsorted(model.labels, known.labels),
+
+        def compute_novelty(moved: Matrix, count: int = stage.sample_count) -> Matrix:
+            return model.compute(moved, count).novelty
+
+        label = np.searchsorted(model.labels, known.labels)
+        correction = statistics[stage.sample_count].recalibrate(
+            known.values, label, compute_novelty
         )
         offsets.append(correction.offset.tolist())
         threshold = correction.novelty_threshold

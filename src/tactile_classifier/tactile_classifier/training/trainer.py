@@ -27,7 +27,6 @@ from tactile_classifier.confidence.calibration import (
 )
 from tactile_classifier.confidence.novelty import NoveltyMeasure, rank_of_sessions
 from tactile_classifier.confidence.recalibration import fit_session_statistics
-from tactile_classifier.confidence.stopping import fit_stop_threshold
 from tactile_classifier.datasets.dataset import FeatureTable, find_column
 from tactile_classifier.errors import DatasetError, TooFewTrialsError
 from tactile_classifier.estimators.classifiers import (
@@ -38,6 +37,7 @@ from tactile_classifier.estimators.classifiers import (
     warn_of_labels_never_given,
 )
 from tactile_classifier.evaluation.cross_validation import Score
+from tactile_classifier.evaluation.early_answers import fit_stop_threshold
 from tactile_classifier.model_file.manifest import FULL_WINDOW, Manifest, Stage, TrainingTrials
 from tactile_classifier.records import PROBABILITY, ROCKET
 from tactile_classifier.training.feature_choice import Candidate, FeatureChoice
@@ -243,7 +243,7 @@ def _state_novelty(stage: CalibratedStage, session: npt.NDArray[np.intp] | None)
     group = np.zeros(len(stage.held_out_novelty), dtype=int) if session is None else session
     sessions = [np.sort(stage.held_out_novelty[group == i]) for i in np.unique(group)]
     return {
-        'rank': rank_of_sessions(len(sessions)) if len(sessions) > 1 else 1,
+        'rank': rank_of_sessions(len(sessions)),
         'sessions': [each.tolist() for each in sessions],
     }
 

@@ -21,7 +21,7 @@ from tactile_classifier.confidence.calibration import (
     leave_labels_out,
     make_group_folds,
 )
-from tactile_classifier.confidence.novelty import compute_session_threshold, NoveltyMeasure
+from tactile_classifier.confidence.novelty import compute_threshold, NoveltyMeasure
 from tactile_classifier.errors import DatasetError
 from tactile_classifier.estimators.classifiers import build_estimator, compute_raw_scores
 
@@ -190,7 +190,7 @@ def test_unlearned_labels_are_those_of_models_without_them(texture_table):
         known = table.labels != label
         others, fold = table.take(known), folds.fold[known]
         novelty = hold_out_novelty(others, fold, 'plain')
-        threshold = compute_session_threshold(novelty, folds.session[known], 0.1)
+        threshold = compute_threshold(novelty, 0.1, folds.session[known])
         for i in np.unique(folds.fold):
             inside, part = others.take(fold != i), table.take(folds.fold == i)
             measure = NoveltyMeasure.fit(inside.values, inside.labels, fold[fold != i], 'plain')

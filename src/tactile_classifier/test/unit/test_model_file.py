@@ -24,7 +24,7 @@ from tactile_classifier.estimators.classifiers import (
 )
 from tactile_classifier.model_file import model as model_module
 from tactile_classifier.model_file.manifest import FULL_WINDOW
-from tactile_classifier.model_file.model import load_model, read_manifest, SCORES, TactileModel
+from tactile_classifier.model_file.model import load_model, SCORES, TactileModel
 from tactile_classifier.records import CLASSIFIERS, Outcome, UNKNOWN
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import FittedStage, train, Trained
@@ -148,28 +148,17 @@ def test_damaged_bytes_never_reach_the_runtime(model_path, monkeypatch):
 
 
 @pytest.mark.parametrize('content', [b'', b'hello, world', b'\x80\x04\x95'])  # a pickle
-@pytest.mark.parametrize('read', [load_model, read_manifest])
-def test_what_is_no_model_is_refused_with_its_path(tmp_path, content, read):
+def test_what_is_no_model_is_refused_with_its_path(tmp_path, content):
     path = tmp_path / 'm.onnx'
     with pytest.raises(ModelFileError, match=r'cannot read model .*: No such file'):
-        read(path)
+        load_model(path)
     path.write_bytes(content)
     with pytest.raises(ModelFileError, match=r'm\.onnx is refused: it is not an ONNX file'):
-        read(path)
+        load_model(path)
     with path.open('wb') as file:
         file.truncate(MAX_MODEL_BYTES + 1)
     with pytest.raises(ModelFileError, match='the limit is 64 MiB'):
-        read(path)
-
-
-def test_the_manifest_alone_is_read_without_a_runtime(model_path, monkeypatch, tmp_path):
-    whole = load_model(model_path)
-    monkeypatch.setattr(model_module, 'open_session', lambda data: pytest.fail('a session'))
-    assert read_manifest(model_path) == whole.manifest
-    changed = tmp_path / 'm.onnx'
-    changed.write_bytes(model_path.read_bytes().replace(b'plate 0', b'plate 9'))
-    with pytest.raises(ModelFileError, match='changed or damaged'):
-        read_manifest(changed)
+        load_model(path)
 
 
 # -- untrusted models with a valid digest -------------------------------------------
@@ -267,7 +256,7 @@ def test_a_graph_may_compute_up_to_the_limit(model_path):
     ],
 )
 def test_a_graph_under_the_manifest_of_another_is_refused(model_path, changes, message):
-    manifest = dataclasses.replace(read_manifest(model_path), **changes)
+    manifest = dataclasses.replace(load_model(model_path).manifest, **changes)
     with pytest.raises(ModelFileError, match=message):
         TactileModel(change(model_path, manifest=manifest))
 

@@ -12,7 +12,6 @@ from sklearn.metrics import roc_auc_score
 from tactile_classifier.confidence.novelty import (
     choose_metric,
     compute_auroc,
-    compute_session_threshold,
     compute_threshold,
     METRICS,
     NoveltyMeasure,
@@ -162,9 +161,9 @@ def test_session_threshold_is_the_worst_session_s_quantile():
     session = np.repeat(np.arange(6), 40)
     novelty = np.tile(np.arange(40.0), 6) + 100.0 * (session == 3)
     # The 39th smallest of 40 bounds a 41st at 5 %.
-    assert compute_session_threshold(novelty, session, 0.05) == 138.0
+    assert compute_threshold(novelty, 0.05, session) == 138.0
     with pytest.raises(ValueError, match='99 are needed'):
-        compute_session_threshold(novelty[:90], session[:90], 0.01)
+        compute_threshold(novelty[:90], 0.01, session[:90])
 
 
 @pytest.mark.parametrize('sessions', [6, 19])
@@ -180,7 +179,7 @@ def test_session_threshold_holds_in_as_many_new_sessions_as_stated(sessions):
         novelty = draw(sessions).ravel()
         new = draw(20)
         for found, threshold in (
-            (held, compute_session_threshold(novelty, session, 0.1)),
+            (held, compute_threshold(novelty, 0.1, session)),
             (pooled, compute_threshold(novelty, 0.1)),
         ):
             found.append(np.mean((new > threshold).mean(axis=1) <= 0.1))

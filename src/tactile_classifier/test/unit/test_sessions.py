@@ -15,8 +15,11 @@ pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 from tactile_classifier.answering import LiveRecalibration
 from tactile_classifier.confidence.calibration import make_group_folds
 from tactile_classifier.confidence.novelty import NoveltyMeasure
-from tactile_classifier.confidence.recalibration import fit_session_statistics
-from tactile_classifier.confidence.session_statistics import SessionStatistics, TRIALS
+from tactile_classifier.confidence.recalibration import (
+    fit_session_statistics,
+    SessionStatistics,
+    TRIALS,
+)
 from tactile_classifier.errors import ModelFileError, TooFewTrialsError
 from tactile_classifier.model_file.manifest import Manifest
 from tactile_classifier.model_file.model import load_model
@@ -54,8 +57,8 @@ def test_offset_is_the_session_s_and_only_where_sessions_differ():
     assert statistics.share[0] > 0.9
     assert statistics.share[1:].max() < 0.5
     new, move = draw_sessions(1, 2), np.array([5.0, 0.0, 0.0])
-    before, _ = statistics.recalibrate(new.values, codes(new), measure.compute)
-    after, _ = statistics.recalibrate(new.values + move, codes(new), measure.compute)
+    before, *_ = statistics.recalibrate(new.values, codes(new), measure.compute)
+    after, *_ = statistics.recalibrate(new.values + move, codes(new), measure.compute)
     assert after - before == pytest.approx(move * statistics.share)
 
 
@@ -67,7 +70,7 @@ def test_false_alarms_of_recalibrated_sessions_are_as_asked_for():
             new = draw_sessions(1, 1000 + 10 * seed + i)
             known = np.random.default_rng(i).permutation(len(new))[:TRIALS]
             rest = np.delete(new.values, known, axis=0)
-            offset, threshold = statistics.recalibrate(
+            offset, threshold, _ = statistics.recalibrate(
                 new.values[known], codes(new)[known], measure.compute
             )
             rates.append(np.mean(measure.compute(rest - offset) > threshold))
@@ -90,7 +93,7 @@ def test_constant_features_and_large_offsets_give_finite_numbers():
     table = draw_sessions(4, 4)
     values = table.values * [1.0, 0.0, 1.0] + [1e9, 7.25, 0.0]
     statistics, measure = fit(dataclasses.replace(table, values=values))
-    offset, threshold = statistics.recalibrate(values[:5], codes(table)[:5], measure.compute)
+    offset, threshold, _ = statistics.recalibrate(values[:5], codes(table)[:5], measure.compute)
     assert offset[1] == 0.0
     assert np.isfinite([*offset, threshold]).all()
 

@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 from scipy.special import expit
 
-from tactile_classifier.confidence.stopping import find_first_stop, fit_stop_threshold
 from tactile_classifier.errors import EvaluationError
-from tactile_classifier.evaluation.early_answers import evaluate_stopping
+from tactile_classifier.evaluation.early_answers import (
+    evaluate_stopping,
+    find_first_stop,
+    fit_stop_threshold,
+)
 
 
 def test_first_stage_that_reaches_the_threshold_decides():
