@@ -14,6 +14,19 @@ import zlib
 from hypothesis import given
 from hypothesis import strategies as st
 import lz4.frame
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Channel,
+    Chunk,
+    DataEnd,
+    Footer,
+    Header,
+    Message,
+    MessageIndex,
+    Schema,
+    Statistics,
+)
 import pytest
 import zstandard
 
@@ -25,68 +38,42 @@ from tactile_bags.mcap_reader import MAGIC
 from tactile_bags.yaml_files import load_yaml
 from tactile_ros.errors import TactileError
 
-HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = range(1, 8)
-STATISTICS, DATA_END = 0x0B, 0x0F
+STRAIN_NAME = '/tendon_sensor/strain'
+HUGE = 2**62
 RECORD_START = struct.Struct('<BQ')
-MESSAGE_START = struct.Struct('<HIQQ')
-CHUNK_START = struct.Struct('<QQQI')
-STATISTICS_START = struct.Struct('<QHIIIIQQ')
 
 
-# The records are made by hand: no library writes hostile ones.
-def pack_record(opcode, *parts):
-    contents = b''.join(parts)
+def pack(*records):
+    builder = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    return bytes(builder.end())
+
+
+# These are made by hand: no library writes hostile ones.
+def pack_record(opcode, contents):
     return RECORD_START.pack(opcode, len(contents)) + contents
 
 
-def pack_number(value, size):
-    return value.to_bytes(size, 'little')
+def channel(number=1, topic=STRAIN_NAME, encoding='cdr'):
+    return Channel(number, topic, encoding, {}, 1)
 
 
-def pack_text(text):
-    return pack_number(len(text.encode()), 4) + text.encode()
-
-
-def pack_texts(texts):
-    data = b''.join(pack_text(k) + pack_text(v) for k, v in texts.items())
-    return pack_number(len(data), 4) + data
-
-
-HUGE = 2**62
-STRAIN_NAME = '/tendon_sensor/strain'
-START = MAGIC + pack_record(HEADER, pack_text('ros2'), pack_text(''))
-DEFINED = (
-    START
-    + pack_record(
-        SCHEMA, pack_number(1, 2), pack_text(STRAIN), pack_text('ros2msg'), pack_text('')
-    )
-    + pack_record(
-        CHANNEL,
-        pack_number(1, 2),
-        pack_number(1, 2),
-        pack_text(STRAIN_NAME),
-        pack_text('cdr'),
-        pack_texts({}),
-    )
-)
-END = pack_record(DATA_END, bytes(4)) + RECORD_START.pack(FOOTER, 20) + bytes(20) + MAGIC
+START = MAGIC + pack(Header('ros2', ''))
+DEFINED = START + pack(Schema(1, b'', 'ros2msg', STRAIN), channel())
+DATA_END, FOOTER = pack(DataEnd(0)), pack(Footer(0, 0, 0)) + MAGIC
+END = DATA_END + FOOTER
 
 
 def message(data=b'', channel=1, at_ns=5):
-    return pack_record(MESSAGE, MESSAGE_START.pack(channel, 0, at_ns, at_ns), data)
+    return pack(Message(channel, at_ns, data, at_ns, 0))
 
 
 def chunk(records, packing='', size=None, checksum=0, packed=None):
-    pack = {'': bytes, 'zstd': zstandard.compress, 'lz4': lz4.frame.compress}
-    packed = pack[packing](records) if packed is None else packed
+    compress = {'': bytes, 'zstd': zstandard.compress, 'lz4': lz4.frame.compress}
+    packed = compress[packing](records) if packed is None else packed
     size = len(records) if size is None else size
-    return pack_record(
-        CHUNK,
-        CHUNK_START.pack(0, 9, size, checksum),
-        pack_text(packing),
-        pack_number(len(packed), 8),
-        packed,
-    )
+    return pack(Chunk(packing, packed, 9, 0, checksum, size))
 
 
 @pytest.fixture
@@ -102,57 +89,47 @@ def read_file(tmp_path):
     return read
 
 
+ONE_FOUR = message(b'1', at_ns=1) + message(b'4', at_ns=4)
+TWO_THREE = message(b'2', at_ns=2) + message(b'3', at_ns=3)
+
+
 @pytest.mark.parametrize('packing', ['', 'zstd', 'lz4'])
-def test_chunks_however_packed_are_read(read_file, packing):
-    records = message(b'one') + message(b'two', at_ns=3)
-    data = DEFINED + chunk(records, packing, checksum=zlib.crc32(records)) + END
-    assert read_file(data) == ([b'two', b'one'], '')
-
-
-def test_messages_behind_a_chunk_without_an_index_are_read(read_file):
-    data = DEFINED + chunk(message(b'one', at_ns=1)) + message(b'two', at_ns=2) + END
-    assert read_file(data) == ([b'one', b'two'], '')
-
-
-def test_chunks_that_overlap_in_time_are_merged(read_file):
-    one = message(b'1', at_ns=1) + message(b'4', at_ns=4)
-    two = message(b'2', at_ns=2) + message(b'3', at_ns=3)
-    assert read_file(DEFINED + chunk(one) + chunk(two) + END)[0] == [b'1', b'2', b'3', b'4']
+def test_messages_are_read_in_order_however_they_are_packed(read_file, packing):
+    """Also those behind a chunk without an index, and of chunks that overlap in time."""
+    first = chunk(ONE_FOUR, packing, checksum=zlib.crc32(ONE_FOUR))
+    for second in (chunk(TWO_THREE, packing), TWO_THREE):
+        assert read_file(DEFINED + first + second + END) == ([b'1', b'2', b'3', b'4'], '')
 
 
 BOMB = zstandard.compress(bytes(2**30))
-NO_SIZE = zstandard.ZstdCompressor(write_content_size=False).compress(bytes(2**28))
+ZEROS = bytes(2**28)
+NO_SIZE = zstandard.ZstdCompressor(write_content_size=False).compress(ZEROS)
+CHUNK_START = struct.Struct('<QQQIIQ')
 HOSTILE_FILES = {
-    'record without end': DEFINED + RECORD_START.pack(SCHEMA, HUGE) + END,
-    'definition too long': DEFINED + pack_record(SCHEMA, bytes(2**20 + 1)) + END,
-    'header without end': MAGIC + RECORD_START.pack(HEADER, 2**40) + bytes(64),
-    'text beyond its record': START
-    + pack_record(SCHEMA, bytes(2), pack_number(2**32 - 1, 4))
-    + END,
-    'no text': START + pack_record(SCHEMA, bytes(2), pack_number(2, 4), b'\xff\xfe') + END,
-    'another profile': MAGIC + pack_record(HEADER, pack_text('ros1'), pack_text('')) + END,
-    'message too short': DEFINED + pack_record(MESSAGE, b'123') + END,
+    'record without end': DEFINED + RECORD_START.pack(Opcode.SCHEMA, HUGE) + END,
+    'definition too long': DEFINED + pack_record(Opcode.SCHEMA, bytes(2**20 + 1)) + END,
+    'header without end': MAGIC + RECORD_START.pack(Opcode.HEADER, 2**40) + bytes(64),
+    'text beyond its record': START + pack_record(Opcode.SCHEMA, bytes(2) + b'\xff' * 4) + END,
+    'no text': START + pack_record(Opcode.SCHEMA, b'\0\0\2\0\0\0\xff\xfe') + END,
+    'another profile': MAGIC + pack(Header('ros1', '')) + END,
+    'message too short': DEFINED + pack_record(Opcode.MESSAGE, b'123') + END,
     'record of an unknown kind': DEFINED + pack_record(0x45, b'') + END,
-    'channel defined otherwise': DEFINED.replace(b'cdr', b'xml') + DEFINED[len(START) :] + END,
+    'channel defined otherwise': DEFINED + pack(channel(encoding='xml')) + END,
     'unknown channel': DEFINED + message(channel=7) + END,
     'unknown channel in a chunk': DEFINED + chunk(message(channel=7)) + END,
     'chunk of an exabyte': DEFINED + chunk(message(), size=HUGE) + END,
     'chunk shorter than stated': DEFINED + chunk(message(), size=2**20) + END,
     'chunk with another length': DEFINED
-    + pack_record(CHUNK, CHUNK_START.pack(0, 9, 9, 0), pack_text(''), pack_number(HUGE, 8))
+    + pack_record(Opcode.CHUNK, CHUNK_START.pack(0, 9, 9, 0, 0, HUGE))
     + END,
-    'record beyond its chunk': DEFINED + chunk(RECORD_START.pack(MESSAGE, HUGE)) + END,
+    'record beyond its chunk': DEFINED + chunk(RECORD_START.pack(Opcode.MESSAGE, HUGE)) + END,
     'chunk cut within a record': DEFINED + chunk(b'\x05\x00') + END,
     'wrong checksum': DEFINED + chunk(message(), checksum=1) + END,
-    'packed as nobody knows': DEFINED
-    + pack_record(CHUNK, CHUNK_START.pack(0, 9, 9, 0), pack_text('rar'), pack_number(0, 8))
-    + END,
+    'packed as nobody knows': DEFINED + chunk(b'', 'rar', packed=b'') + END,
     'zstd bomb': DEFINED + chunk(b'', 'zstd', size=1000, packed=BOMB) + END,
     'zstd bomb at the limit': DEFINED + chunk(b'', 'zstd', size=2**26, packed=BOMB) + END,
     'zstd bomb without a size': DEFINED + chunk(b'', 'zstd', size=1000, packed=NO_SIZE) + END,
-    'lz4 bomb': DEFINED
-    + chunk(b'', 'lz4', size=1000, packed=lz4.frame.compress(bytes(2**28)))
-    + END,
+    'lz4 bomb': DEFINED + chunk(b'', 'lz4', size=1000, packed=lz4.frame.compress(ZEROS)) + END,
     'broken zstd': DEFINED + chunk(b'', 'zstd', size=9, packed=b'rubbish') + END,
     'broken lz4': DEFINED + chunk(b'', 'lz4', size=9, packed=b'rubbish') + END,
 }
@@ -180,29 +157,16 @@ def test_the_memory_for_the_index_of_the_chunks_is_limited(read_file, monkeypatc
 
 
 def index_of(channel):
-    return pack_record(MESSAGE_INDEX, pack_number(channel, 2), pack_number(16, 4), bytes(16))
+    return pack(MessageIndex(channel, [(0, 0)]))
 
 
-def statistics_of(counts):
-    pairs = b''.join(pack_number(c, 2) + pack_number(n, 8) for c, n in counts.items())
-    totals = STATISTICS_START.pack(sum(counts.values()), 1, 2, 0, 0, 1, 0, 9)
-    return pack_record(STATISTICS, totals, pack_number(len(pairs), 4), pairs)
-
-
-EVENTS = pack_record(
-    CHANNEL,
-    pack_number(2, 2),
-    pack_number(1, 2),
-    pack_text('/trial_runner/events'),
-    pack_text('cdr'),
-    pack_texts({}),
-)
+EVENTS = pack(channel(2, '/trial_runner/events'))
 BOTH = message(b'one', at_ns=1) + message(b'two', channel=2, at_ns=2)
 
 
 def finish(counts):
-    data_end, rest = END[: len(END) - 29 - len(MAGIC)], END[len(END) - 29 - len(MAGIC) :]
-    return data_end + statistics_of(counts) + rest
+    totals = Statistics(0, 2, counts, 1, sum(counts.values()), 9, 0, 0, 1)
+    return DATA_END + pack(totals) + FOOTER
 
 
 def test_the_index_of_a_chunk_hides_no_message(read_file):
@@ -252,12 +216,9 @@ def test_chunks_with_ever_other_channels_are_limited(read_file, monkeypatch):
 
 def test_definitions_are_limited_together(read_file, monkeypatch):
     monkeypatch.setattr('tactile_bags.mcap_reader.MAX_DEFINITION_BYTES', 200)
-    definition = [
-        pack_record(SCHEMA, pack_number(i, 2), pack_text('x'), pack_text(''), pack_text('y' * 50))
-        for i in range(2, 9)
-    ]
+    definitions = pack(*(Schema(i, b'y' * 50, '', 'x') for i in range(2, 9)))
     with pytest.raises(BagError, match='all definitions'):
-        read_file(DEFINED + b''.join(definition) + END)
+        read_file(DEFINED + definitions + END)
 
 
 LIMITED = """

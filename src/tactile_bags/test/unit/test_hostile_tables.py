@@ -12,38 +12,43 @@ from tactile_bags.sources.files import SourceError
 from tactile_bags.sources.table_files import read_table
 
 
+@pytest.fixture
+def little_memory(monkeypatch):
+    """Let a table take 1 MiB at most."""
+    monkeypatch.setattr('tactile_bags.sources.table_files.MAX_TABLE_BYTES', 2**20)
+
+
+@pytest.mark.usefixtures('little_memory')
 def test_numbers_that_runs_pack_without_limit_are_counted_before_they_are_read(tmp_path):
-    # Each part holds a million equal numbers in some hundred bytes.
-    path, part = tmp_path / 'bomb.parquet', pa.table({'force_n': np.ones(1_000_000)})
+    # Each part holds ten thousand equal numbers in some hundred bytes.
+    path, part = tmp_path / 'bomb.parquet', pa.table({'force_n': np.ones(10_000)})
     with pq.ParquetWriter(path, part.schema) as writer:
-        for _ in range(140):
+        for _ in range(20):
             writer.write_table(part)
-    assert path.stat().st_size < 200_000
-    with pytest.raises(SourceError, match=r'bomb\.parquet unpacks to up to 10\d\d MiB; divide it'):
+    assert path.stat().st_size < 20_000
+    with pytest.raises(SourceError, match=r'bomb\.parquet unpacks to up to \d MiB; divide it'):
         read_table(path)
 
 
+@pytest.mark.usefixtures('little_memory')
 @pytest.mark.parametrize(
     ('encoding', 'store_schema'),
     [('plain', True), ('dictionary', True), ('dictionary', False), ('delta', True)],
 )
 def test_texts_that_numpy_would_widen_are_refused(tmp_path, store_schema, encoding):
     path = tmp_path / 'words.parquet'
-    long, rows = 'x' * 300_000, 4000 if encoding == 'delta' else 2000
-    values = [long, *['y'] * (rows - 1)] if encoding == 'plain' else [long] * rows
-    texts = pa.array(values)
+    long, rows = 'x' * 3_000, 200
+    texts = pa.array([long, *['y'] * (rows - 1)] if encoding == 'plain' else [long] * rows)
     if encoding == 'dictionary':
         texts = texts.dictionary_encode()
-    table = pa.table({'force_n': np.ones(rows), 'label': texts})
     more = {'use_dictionary': False, 'column_encoding': {'label': 'DELTA_BYTE_ARRAY'}}
     pq.write_table(
-        table,
+        pa.table({'force_n': np.ones(rows), 'label': texts}),
         path,
         store_schema=store_schema,
-        data_page_size=2**40,
         **(more if encoding == 'delta' else {}),
     )
-    assert path.stat().st_size < 1_000_000
+    assert path.stat().st_size < 30_000
     with pytest.raises(SourceError, match=r'column label has a text|unpacks to up to'):
         read_table(path)
 
@@ -57,10 +62,10 @@ def test_short_texts_of_any_encoding_are_read(tmp_path):
         assert read_table(path).columns['label'].tolist() == labels
 
 
+@pytest.mark.usefixtures('little_memory')
 def test_a_long_text_in_a_csv_is_refused_too(tmp_path):
     path = tmp_path / 'long.csv'
-    lines = ['force_n,label', *['1.0,a'] * 30_000, f'1.0,{"x" * 10_000}']
-    path.write_text('\n'.join(lines))
+    path.write_text('\n'.join(['force_n,label', *['1.0,a'] * 30, f'1.0,{"x" * 10_000}']))
     with pytest.raises(SourceError, match='column label has a text of 10000 characters'):
         read_table(path)
 
