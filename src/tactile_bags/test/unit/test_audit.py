@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from tactile_bags.audit import audit_bag, FingerAuditor
+from tactile_bags.audit import FingerAuditor
 from tactile_features.records import TrialEvent
 from tactile_ros.strain import StrainBlock, StrainStatus
 
@@ -43,10 +43,8 @@ def event(phase, second, trial='t'):
 def trial_audits(blocks, events, *, events_first=True):
     auditor = FingerAuditor('thumb', 100.0)
     audits = []
-    steps = [auditor.add_event, auditor.add_block]
-    for step, items in sorted(
-        zip(steps, [events, blocks], strict=True), key=lambda x: (x[1] is events) != events_first
-    ):
+    steps = [(auditor.add_event, events), (auditor.add_block, blocks)]
+    for step, items in steps if events_first else steps[::-1]:
         for item in items:
             audits += step(item)
     return [*audits, *auditor.finish()][:-1]
@@ -142,18 +140,18 @@ def test_a_trial_that_the_samples_do_not_cover_is_found():
     assert 'the samples begin 4.000 s after the trial' in audit.findings
 
 
-@pytest.mark.parametrize('lost', [150, 2_000, 4_400])
+@pytest.mark.parametrize('lost', [150, 800, 1_450])
 def test_a_trial_longer_than_events_may_be_late_is_audited_whole(lost):
-    """From 1 s to 45 s: what was lost long ago, and what just now."""
-    blocks = [b for i, b in enumerate(blocks_of([1] * 4_600)) if i != lost]
+    """From 1 s to 15 s: what was lost long ago, and what just now."""
+    blocks = [b for i, b in enumerate(blocks_of([1] * 1_600)) if i != lost]
     auditor = FingerAuditor('', 100.0)
     audits = auditor.add_event(event('contact', 1.0))
     for i, block in enumerate(blocks):
         audits += auditor.add_block(block)
-        if i == 4_480:  # its end is told before its last samples come
-            audits += auditor.add_event(event('done', 45.0))
+        if i == 1_480:  # its end is told before its last samples come
+            audits += auditor.add_event(event('done', 15.0))
     (audit,) = audits
-    assert audit.sample_count == 4_400
+    assert audit.sample_count == 1_400
     assert audit.findings[0].startswith('1 samples lost in 1 gaps')
 
 
@@ -171,13 +169,14 @@ def test_events_that_come_too_late_for_their_samples_are_a_finding():
     assert audit.passed
 
 
-def test_trials_without_any_samples_do_not_pile_up():
+def test_trials_without_any_samples_do_not_pile_up(monkeypatch):
+    monkeypatch.setattr('tactile_bags.audit.MAX_TRIALS', 10)
     auditor = FingerAuditor('', 100.0)
     audits = []
-    for i in range(1500):
+    for i in range(15):
         for phase in ('contact', 'done'):
             audits += auditor.add_event(event(phase, i, f't{i}'))
-    assert len(audits) >= 499
+    assert [audit.trial_id for audit in audits] == [f't{i}' for i in range(5)]
     assert {audit.findings for audit in audits} == {('no samples of the tension came',)}
 
 
@@ -213,9 +212,3 @@ def test_samples_that_come_late_are_no_clock_step():
     blocks.insert(900, blocks[100])
     audit = whole(blocks)
     assert audit.findings == ('1 samples came again', '1 samples came later than a newer one')
-
-
-def test_a_simulated_recording_passes(stiffness_bag):
-    audits = audit_bag(stiffness_bag)
-    assert len(audits) == 16
-    assert all(audit.passed for audit in audits), [a.format() for a in audits]
