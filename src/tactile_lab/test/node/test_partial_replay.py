@@ -31,37 +31,31 @@ QUICK = {'trial_runner': {'approach_speed_m_s': 0.1}}
 """Shortens what no test here looks at."""
 
 
-@pytest.fixture(scope='module')
-def bag(simulate_bag):
-    return simulate_bag('texture', 'flexion', 3, seed=5)
-
-
-@pytest.fixture(scope='module')
-def rig():
-    with SimulatedRig(seed=3) as rig:
-        home_fast(rig)
-        yield rig
-
-
 @pytest.fixture
-def model(bag, tmp_path):
-    """Return a file of any name: it says itself what it is for, and what it wants.
+def models(simulate_bag, tmp_path):
+    """Return a folder of models with different features, of which one answers early.
 
-    It is for any contact.
+    A file says itself what it is for, and what it wants; this one is for any contact.
     """
-    path = tmp_path / 'partial.onnx'
+    bag = simulate_bag('texture', 'flexion', 3, seed=5)
+    folder = tmp_path / 'models'
+    folder.mkdir()
     with open_features([bag]) as features:
         (table,) = features.tables().tables.values()
         partial = features.partial_tables(table, [0.5, 1.5])
+        (spatial,) = features.tables({'texture_features': 'texture_spatial'}).tables.values()
     contacts = np.where(np.arange(len(table)) % 2, 'flexion', 'abduction')
     mixed = dataclasses.replace(table, columns={**table.columns, 'contact': contacts})
-    write_model(path, train(mixed, 'knn', partial=partial))
-    return path
+    write_model(folder / 'partial.onnx', train(mixed, 'knn', partial=partial))
+    write_model(folder / 'spatial.onnx', train(spatial, 'tree'))
+    (folder / 'no model.onnx').write_text('no')
+    return folder
 
 
-def glide(rig, bag, models):
+def glide(bag, models):
     """Record a live trial; return it."""
-    with domain_id() as domain:
+    with SimulatedRig(seed=3) as rig, domain_id() as domain:
+        home_fast(rig)
         setup = LiveSetup(
             Ports(*rig.ports),
             models=models,
@@ -74,55 +68,31 @@ def glide(rig, bag, models):
     return trial
 
 
-def test_partial_answers_are_recorded_and_replayed_equal(rig, model, tmp_path):
+def test_models_that_want_different_features_answer_while_it_glides(models, tmp_path):
     bag = tmp_path / 'bag'
-    trial = glide(rig, bag, model)
-    assert trial.answer.scores  # whatever it is: one window in twenty may be unknown
+    trial = glide(bag, models)
+    assert len({answer.model_id for answer in trial.answers}) == 2
+    assert all(answer.scores for answer in trial.answers)  # one in twenty may be unknown
     with TactileBag(bag) as recording:
-        (wanted,) = (f for f in recorded_features(recording).wanted if f.task == 'texture')
-        assert wanted.partial_samples == (30, 90)
-        (info,) = recorded_models(recording)
-        assert info.specification_digest == wanted.spec.digest
+        wanted = {f.spec.digest: f for f in recorded_features(recording).wanted}
+        infos = recorded_models(recording)
         results = recorded_results(recording)
+    asked = [wanted[info.specification_digest] for info in infos]
+    parts = {each.spec.feature_set: each.partial_samples for each in asked}
+    assert parts == {'texture_spectrum': (30, 90), 'texture_spatial': ()}
     last = results.windows[-1].trial_id  # on a busy computer there may be an attempt before it
     for found in (results.windows, results.classifications):
         counts = Counter(item.partial for item in found if item.trial_id == last)
-        assert counts == {True: 2, False: 1}
-    (report,) = replay_and_compare(bag, None, through_nodes=True)
-    assert report.is_equal, report.comparisons
-    compared = report.comparisons['recorded and plain core']
-    assert compared.classification_count == len(results.classifications)
-    model.rename(model.with_name('elsewhere.onnx'))
-    with pytest.raises(TactileError, match=r'is not at .*partial\.onnx; name it: --models'):
-        replay_and_compare(bag, None, through_nodes=False)
-
-
-def test_models_with_different_features_share_a_finger(rig, bag, model, tmp_path):
-    (spatial,) = read_tables([bag], {'texture_features': 'texture_spatial'}).tables.values()
-    folder = tmp_path / 'models'
-    folder.mkdir()
-    model.rename(folder / model.name)
-    write_model(folder / 'spatial.onnx', train(spatial, 'tree'))
-    (folder / 'no model.onnx').write_text('no')
-    recorded = tmp_path / 'bag'
-    trial = glide(rig, recorded, folder)
-    assert len({answer.model_id for answer in trial.answers}) == 2
-    assert all(answer.scores for answer in trial.answers)
-    with TactileBag(recorded) as recording:
-        specs = {f.spec.digest: f.spec for f in recorded_features(recording).wanted}
-        infos = recorded_models(recording)
-        results = recorded_results(recording)
-    sets = {specs[info.specification_digest].feature_set for info in infos}
-    assert sets == {'texture_spectrum', 'texture_spatial'}
-    last = results.windows[-1].trial_id
+        assert counts == {True: 2, False: 2}
     full = [w for w in results.windows if not w.partial and w.trial_id == last]
-    assert len({window.specification_digest for window in full}) == len(full) == 2
-    (report,) = replay_and_compare(recorded, None, through_nodes=True)
+    assert len({window.specification_digest for window in full}) == 2
+    (report,) = replay_and_compare(bag, None, through_nodes=True)
     assert report.is_equal, report.comparisons
     counts = {c.classification_count for c in report.comparisons.values()}
     assert counts == {len(results.classifications)}
-    # Two of partial windows.
-    assert sum(answer.trial_id == last for answer in results.classifications) == 4
-    tables = read_tables([recorded]).tables
-    assert {table.spec.feature_set for table in tables.values()} == sets
+    tables = read_tables([bag]).tables
+    assert {table.spec.feature_set for table in tables.values()} == set(parts)
     assert [key[:2] for key in tables] == [('texture', 'flexion')] * 2
+    (models / 'partial.onnx').rename(models / 'elsewhere.onnx')
+    with pytest.raises(TactileError, match=r'is not at .*partial\.onnx; name it: --models'):
+        replay_and_compare(bag, None, through_nodes=False)
