@@ -283,11 +283,6 @@ class TactileBag:
         return list({t.name: t for file in self._files for t in file.topics.values()}.values())
 
     @property
-    def custom(self) -> dict[str, str]:
-        """All custom data of the bag, the metadata of the recording included."""
-        return dict(self._file_metadata.custom)
-
-    @property
     def topics(self) -> dict[str, tuple[str, int]]:
         """Type and number of messages by topic."""
         types = {**self._file_metadata.topics, **{t.name: t.type_name for t in self.stored_topics}}
@@ -379,8 +374,9 @@ class TactileBag:
         """Return the hash of the bag's data files, as hex digits."""
         digest = hashlib.sha256()
         for file in self._files:
-            for part in file.read_parts():
-                digest.update(part)
+            with file.path.open('rb') as data:
+                while part := data.read(2**20):
+                    digest.update(part)
         return digest.hexdigest()
 
 

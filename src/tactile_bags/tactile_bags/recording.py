@@ -16,7 +16,7 @@ of CSV, Parquet and ``.npy``, bags of others, or a list file of these.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cached_property
@@ -194,14 +194,6 @@ class Recording:
             unknown.append('sample rate (--rate-hz)')
         first = [f'not known: {", ".join(unknown)}'] if unknown else []
         return [*first, *self._found.lines]
-
-    def records(self, type_name: str, namespace: str | None = None) -> Iterator[Any]:
-        """Yield the records of a type of message, of one finger or all, bag by bag."""
-        from tactile_bags.message_records import read_records
-
-        for bag in self.bags:
-            for _, record in read_records(bag.messages(type_name, namespace=namespace)):
-                yield record
 
     # -- trials of others ------------------------------------------------------------------
 

@@ -171,13 +171,6 @@ def replay_phases(
     return replayed
 
 
-def replay_windows(
-    bag: TactileBag, features: RecordedFeatures, namespace: str = '', *, finish: bool = False
-) -> list[FeatureWindow]:
-    """Return the windows of `replay_phases`."""
-    return replay_phases(bag, features, namespace, finish=finish).windows
-
-
 def replay_through_core(
     bag: TactileBag,
     models: ModelSet | None,

@@ -17,7 +17,7 @@ from tactile_bags.errors import BagError
 from tactile_bags.recorded_bag import RecordedBag
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
 from tactile_bags.recording import Recording
-from tactile_bags.replay import replay_phases, replay_windows
+from tactile_bags.replay import replay_phases
 from tactile_bags.trial import Trial
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_features.config import FeatureConfig
@@ -147,7 +147,7 @@ class BagFeatures(RecordingFeatures):
         for path, namespace in sorted(set(_list_rows(table, 'bag', 'namespace'))):
             bag = self._bags[path]
             features = change(recorded_features(bag, namespace))
-            for window in replay_windows(bag, features, namespace, finish=True):
+            for window in replay_phases(bag, features, namespace, finish=True).windows:
                 if window.outcome == Outcome.OK:
                     yield path, namespace, window
 

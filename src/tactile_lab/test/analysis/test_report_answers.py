@@ -12,7 +12,7 @@ import pytest
 from tactile_bags import TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.recorded_setup import recorded_features
-from tactile_bags.replay import replay_windows
+from tactile_bags.replay import replay_phases
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.evaluation.open_set import evaluate_open_set
 from tactile_classifier.evaluation.plans import run_plans
@@ -107,7 +107,7 @@ def test_measures_are_those_of_the_windows(stiffness_bag):
     assert extras.partial == 'only texture has them; a hold is answered when it is over'
     assert extras.measures == tuple(measures)
     with TactileBag(stiffness_bag) as bag:
-        windows = {w.trial_id: w for w in replay_windows(bag, recorded_features(bag))}
+        windows = {w.trial_id: w for w in replay_phases(bag, recorded_features(bag)).windows}
     assert len(measures) == len(table) == 15
     for trial_id, found in zip(table.column('trial_id'), measures, strict=True):
         assert found == windows[trial_id].measures

@@ -13,7 +13,7 @@ pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 from tactile_bags import TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
-from tactile_bags.replay import replay_windows
+from tactile_bags.replay import replay_phases
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.model import load_model
 from tactile_features.spec import spec_for
@@ -72,7 +72,7 @@ def test_a_model_states_how_its_spectra_were_detrended(texture_bag, tmp_path, de
         config = dataclasses.replace(
             recorded_features(opened).config, spectrum_detrend=detrend, partial_samples=(30, 60)
         )
-        windows = replay_windows(opened, RecordedFeatures(config))
+        windows = replay_phases(opened, RecordedFeatures(config)).windows
     assert model.spec == spec_for('texture', config)
     assert model.spec.parameters['spectrum_detrend'] == detrend
     others = {'none', 'mean', 'linear'} - {detrend}

@@ -11,7 +11,7 @@ from tactile_command import ask_tactile, tactile
 
 from tactile_bags import BagWriter, FEATURES_TOPIC, STRAIN, TactileBag
 from tactile_bags.recorded_setup import recorded_features
-from tactile_bags.replay import replay_windows
+from tactile_bags.replay import replay_phases
 from tactile_features.conversions import feature_window_to_msg
 
 
@@ -29,7 +29,7 @@ def record(source, target, lose=()):
             number += message.type_name == STRAIN
             if message.type_name != STRAIN or number not in lose:
                 writer.write_raw(message.topic, message.received_at_ns, message.data)
-        for window in replay_windows(bag, recorded_features(bag)):
+        for window in replay_phases(bag, recorded_features(bag)).windows:
             data = serialize_message(feature_window_to_msg(window))
             writer.write_raw(features, window.window_end_ns, data)
     return target

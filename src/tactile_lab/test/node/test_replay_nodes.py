@@ -1,23 +1,65 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+"""A recording through real nodes gives the answers of the core and of the recording."""
+
+from collections import Counter
 import dataclasses
 
-from tactile_bags import TactileBag
+import numpy as np
+import pytest
+from rclpy.serialization import serialize_message
+
+pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
+
+from tactile_bags import CLASSIFICATION_TOPIC, FEATURES_TOPIC, MODELS_TOPIC, TactileBag
+from tactile_bags.bag_writer import BagWriter
 from tactile_bags.recorded_setup import recorded_features
 from tactile_bags.replay import compare, replay_through_core
 from tactile_bringup.nodes.replay_nodes import replay_through_nodes
-from tactile_classifier import ModelSet
+from tactile_classifier import ModelInfos, ModelSet
+from tactile_classifier.conversions import classification_to_msg, model_infos_to_msg
+from tactile_classifier.training.model_writer import write_model
+from tactile_classifier.training.trainer import train
+from tactile_features.conversions import feature_window_to_msg
+from tactile_lab.commands.replay import replay_and_compare
+from tactile_lab.datasets.feature_tables import read_tables
+
+TRIALS = 6
 
 
-def test_bag_through_nodes_equals_bag_through_core(stiffness_bag, trained, context):
-    with TactileBag(stiffness_bag) as bag:
-        features = recorded_features(bag)
-        core = replay_through_core(bag, ModelSet.load(trained), features)
-        nodes = replay_through_nodes(bag, trained, features.config, context, expected=core)
-    comparison = compare(core, nodes, ('the core', 'the nodes'))
-    assert comparison.is_equal, comparison.first_difference
-    assert comparison.window_count == comparison.classification_count == 15
+def train_model(bag, path, classifier='knn', change=lambda table: table, **options):
+    (table,) = read_tables([bag]).tables.values()
+    return write_model(path, train(change(table), classifier, **options))
+
+
+def of_any_contact(table):
+    contacts = np.where(np.arange(len(table)) % 2, 'flexion', 'abduction')
+    return dataclasses.replace(table, columns={**table.columns, 'contact': contacts})
+
+
+def replayed(source, path, results, infos=(), *, models=None, through_nodes=False):
+    """Return the replay of a copy of a bag with what nodes made of it, as a recorder writes it."""
+    with TactileBag(source) as bag, BagWriter(path, bag.metadata) as writer:
+        for topic in bag.stored_topics:
+            writer.add_stored_topic(topic)
+        for message in bag.messages():
+            writer.write_raw(message.topic, message.received_at_ns, message.data)
+
+        def write(topic, items):
+            name = writer.add_topic(topic)
+            for at_ns, message in items:
+                writer.write_raw(name, at_ns, serialize_message(message))
+
+        write(MODELS_TOPIC, [(bag.end_ns, model_infos_to_msg(ModelInfos(tuple(infos))))])
+        write(
+            FEATURES_TOPIC, [(w.window_end_ns, feature_window_to_msg(w)) for w in results.windows]
+        )
+        answers = [(a.window_end_ns, classification_to_msg(a)) for a in results.classifications]
+        write(CLASSIFICATION_TOPIC, answers)
+    (report,) = replay_and_compare(path, models, through_nodes=through_nodes)
+    assert report.is_equal, report.comparisons
+    return report
 
 
 def test_the_model_and_not_the_parameters_decides_on_the_windows(stiffness_bag, trained, context):
@@ -28,3 +70,61 @@ def test_the_model_and_not_the_parameters_decides_on_the_windows(stiffness_bag, 
         nodes = replay_through_nodes(bag, trained, other, context, expected=core)
     comparison = compare(core, nodes, ('the core', 'the nodes'))
     assert comparison.is_equal, comparison.first_difference
+    assert comparison.window_count == comparison.classification_count == 15
+
+
+def test_known_trials_correct_the_nodes_and_the_replay_alike(simulate_bag, tmp_path, context):
+    models = tmp_path / 'models'
+    models.mkdir()
+    training = simulate_bag('stiffness', 'flexion', 4, seed=3, sessions=4)
+    train_model(training, models / 'stiffness.onnx')
+    before = (models / 'stiffness.onnx').read_bytes()
+    source = simulate_bag('stiffness', 'flexion', 2, seed=11, sessions=2)
+    with TactileBag(source) as bag:
+        features = recorded_features(bag)
+        loaded = ModelSet.load(models, recalibration_trials=TRIALS)
+        core = replay_through_core(bag, loaded, features)
+        nodes = replay_through_nodes(
+            bag, models, features.config, context, expected=core, recalibration_trials=TRIALS
+        )
+        untouched = replay_through_core(bag, ModelSet.load(models), features)
+    # Each of the two sessions begins with the model as trained.
+    counts = [answer.recalibration_trials for answer in nodes.classifications]
+    assert counts == 2 * (TRIALS * [0] + 4 * [TRIALS])
+    thresholds = Counter(answer.novelty_threshold for answer in nodes.classifications)
+    assert sorted(thresholds.values()) == [4, 4, 2 * TRIALS]
+    report = replayed(source, tmp_path / 'live', nodes, models=models)
+    assert all(c.classification_count == 20 for c in report.comparisons.values())
+    assert (models / 'stiffness.onnx').read_bytes() == before
+    pairs = zip(untouched.classifications, nodes.classifications, strict=True)
+    changed = [one.novelty != other.novelty for one, other in pairs]
+    assert changed == 2 * (TRIALS * [False] + 4 * [True])  # else there was nothing to repeat
+
+
+def test_a_replay_answers_windows_of_the_contact_that_the_node_answered(stiffness_bag, tmp_path):
+    """A model of any contact, in a node that takes one of them."""
+    model = tmp_path / 'any.onnx'
+    train_model(stiffness_bag, model, change=of_any_contact)
+    with TactileBag(stiffness_bag) as bag:
+        features = recorded_features(bag)
+        taken = replay_through_core(bag, ModelSet.load(model), features)
+        passed_over = replay_through_core(bag, ModelSet.load(model, 'abduction'), features)
+    assert (len(taken.classifications), len(passed_over.classifications)) == (15, 0)
+    infos = ModelSet.load(model, 'abduction').infos
+    replayed(stiffness_bag, tmp_path / 'live', passed_over, infos, through_nodes=True)
+
+
+def test_raw_scores_are_the_same_live_and_replayed(stiffness_bag, tmp_path, context):
+    """A model of too few trials to calibrate: margins in nodes, core and replay, bit for bit."""
+    path = tmp_path / 'raw.onnx'
+    model = train_model(stiffness_bag, path, 'svm_linear', false_alarm_rate=0.01)
+    assert 'reason' in model.manifest.calibration
+    with TactileBag(stiffness_bag) as bag:
+        features = recorded_features(bag)
+        core = replay_through_core(bag, ModelSet.load(path), features)
+        nodes = replay_through_nodes(bag, path, features.config, context, expected=core)
+    assert len(nodes.classifications) == 15
+    for answer, window in zip(nodes.classifications, nodes.windows, strict=True):
+        assert answer.score_kind == 'margin'
+        assert answer.scores == tuple(model.compute(window.values[np.newaxis]).scores[0].tolist())
+    replayed(stiffness_bag, tmp_path / 'live', nodes, models=path)

@@ -7,6 +7,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from rclpy.serialization import serialize_message
 
 from tactile_bags import (
     BagWriter,
@@ -18,10 +19,14 @@ from tactile_bags import (
 )
 from tactile_bags.audit import audit_bag
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
-from tactile_bags.replay import replay_windows
+from tactile_bags.replay import replay_phases
+from tactile_features.conversions import event_to_msg, strain_block_from_msg
+from tactile_features.extraction.extractor import TrialFeatureExtractor
 from tactile_features.records import Outcome
+from tactile_lab.datasets.feature_tables import read_tables
 
 WITHIN_NS = 50_000_000
+FOUND_TOPIC = dataclasses.replace(EVENT_TOPIC, name='tactile_features/detected_events')
 
 
 @pytest.fixture(scope='module')
@@ -32,7 +37,7 @@ def texture_bag(simulate_bag):
 def windows(path, phases):
     with TactileBag(path) as bag:
         config = dataclasses.replace(recorded_features(bag).config, phases=phases)
-        return replay_windows(bag, RecordedFeatures(config), finish=True)
+        return replay_phases(bag, RecordedFeatures(config), finish=True).windows
 
 
 def check_each_trial_is_found(path, phases):
@@ -62,8 +67,7 @@ def test_an_audit_goes_by_the_stated_trials_where_others_were_found_beside_them(
 ):
     both = tmp_path / 'both'
     with TactileBag(stiffness_bag) as bag, BagWriter(both, bag.metadata) as writer:
-        found_topic = dataclasses.replace(EVENT_TOPIC, name='tactile_features/detected_events')
-        strain, stated, found = map(writer.add_topic, (STRAIN_TOPIC, EVENT_TOPIC, found_topic))
+        strain, stated, found = map(writer.add_topic, (STRAIN_TOPIC, EVENT_TOPIC, FOUND_TOPIC))
         for message in bag.messages(STRAIN, EVENT):
             if message.type_name == EVENT:
                 later_ns = message.received_at_ns + 10_000_000
@@ -74,3 +78,36 @@ def test_an_audit_goes_by_the_stated_trials_where_others_were_found_beside_them(
             else:
                 writer.write_raw(strain, message.received_at_ns, message.data)
     assert audit_bag(both) == audit_bag(stiffness_bag)
+
+
+def record_hand(path, source, label):
+    """Write what a hand without a rig records: strain, and the phases found in it."""
+    with TactileBag(source) as bag:
+        config = dataclasses.replace(
+            recorded_features(bag).config,
+            phases='stiffness',
+            detected_contact='flexion',
+            detected_object_label=label,
+            detected_session_id=f'{label}s',
+        )
+        extractor = TrialFeatureExtractor(config)
+        with BagWriter(
+            path, {**bag.metadata, 'feature_config': dataclasses.asdict(config)}
+        ) as writer:
+            strain, found = writer.add_topic(STRAIN_TOPIC), writer.add_topic(FOUND_TOPIC)
+            for message in bag.messages(STRAIN):
+                writer.write_raw(strain, message.received_at_ns, message.data)
+                extractor.add_block(strain_block_from_msg(message.decode()))
+                for event in extractor.take_detected_events():
+                    data = serialize_message(event_to_msg(event))
+                    writer.write_raw(found, message.received_at_ns, data)
+    return path
+
+
+def test_recordings_of_a_hand_train_together(stiffness_bag, tmp_path):
+    bags = [record_hand(tmp_path / name, stiffness_bag, name) for name in ('apple', 'sponge')]
+    read = read_tables(bags)
+    table = read.tables['stiffness', 'flexion']
+    assert read.left_out == ()
+    assert sorted(table.labels) == ['apple'] * 15 + ['sponge'] * 15
+    assert set(table.columns['session_id']) == {'apples', 'sponges'}
