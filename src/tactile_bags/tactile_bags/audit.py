@@ -474,14 +474,7 @@ class FingerAuditor:
     length of a recording, nor with the number of its trials.
 
     A step of the host's clock is a finding of the trial that it falls into, and of the whole
-    recording. Other trials are not affected.
-
-    Parameters
-    ----------
-    finger : str
-        Namespace.
-    nominal_rate_hz : float
-        0: not known. It may be told later.
+    recording. Other trials are not affected. ``nominal_rate_hz`` may be told later; 0: not known.
     """
 
     def __init__(self, finger: str, nominal_rate_hz: float = 0.0) -> None:
@@ -575,13 +568,7 @@ def _latest(before_ns: int | None, now_ns: int) -> int:
 
 
 def audit_bag(path: Path) -> list[Audit]:
-    """Audit a bag: each trial, then the whole, finger by finger.
-
-    Raises
-    ------
-    BagError
-        When the bag cannot be read.
-    """
+    """Audit a bag, finger by finger: each trial, then the whole. Raises `BagError`."""
     with TactileBag(path) as bag:
         return audit_open_bag(bag)
 

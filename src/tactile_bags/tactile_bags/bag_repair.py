@@ -5,10 +5,9 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 import os
 from pathlib import Path
-from typing import Any
 
 import yaml
 
@@ -22,25 +21,11 @@ from tactile_ros.errors import TactileError
 
 @dataclass(frozen=True)
 class Repair:
-    """Result of the repair of a bag.
-
-    Attributes
-    ----------
-    message_count : int
-        Messages in the copy.
-    recovered : str
-        Fault of the bag; empty when it had none.
-    damage : str
-        Reason why part of the bag could not be read; empty when all of it was.
-    """
+    """Messages in the copy of a bag, its fault, and why part of it could not be read, or empty."""
 
     message_count: int
     recovered: str
     damage: str
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what JSON can hold."""
-        return asdict(self)
 
 
 def repair_bag(source: Path, target: Path) -> Repair:

@@ -123,19 +123,11 @@ class _Index(NamedTuple):
 class McapFile:
     """An MCAP file for reading; `BagError` when it is none of ROS 2.
 
-    Attributes
-    ----------
-    topics, counts, stated_counts
-        By channel: topics, messages, and messages as its statistics state them (None: not).
-    segments : list of Segment
-        In the order of the file.
-    is_finished : bool
-        Whether its writer came to the end. Otherwise the file is read up to its last whole record,
-        and ``unread_bytes`` lie behind that.
-    damage : str
-        Where a finished file is damaged; it is read up to there. Empty: nowhere.
-    metadata : str
-        The copy of ``metadata.yaml`` in it; empty when there is none.
+    By channel, it has ``topics``, the ``counts`` of messages, and those that its statistics state
+    (None: they do not). ``segments`` are in the order of the file. A file ``is_finished`` when its
+    writer came to the end; otherwise it is read up to its last whole record, and ``unread_bytes``
+    lie behind that. ``damage`` says where a finished file is damaged; it is read up to there.
+    ``metadata`` is the copy of ``metadata.yaml`` in it, or empty.
     """
 
     def __init__(self, path: Path) -> None:

@@ -31,13 +31,8 @@ class RecordedBag(TactileBag):
     """A bag of ours that is read once: messages and their records are kept.
 
     Its events carry the labels and the names of sessions that the experiment's journal and the
-    other recordings demand. Whatever takes a `TactileBag` takes it, and opens no file.
-
-    Parameters
-    ----------
-    path : Path
-    needs_strain : bool
-        Refuse a bag without strain blocks.
+    other recordings demand. Whatever takes a `TactileBag` takes it, and opens no file. The
+    parameters are those of `TactileBag`.
     """
 
     def __init__(self, path: Path, *, needs_strain: bool = True) -> None:

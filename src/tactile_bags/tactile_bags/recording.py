@@ -128,26 +128,6 @@ class Recording:
             notes=notes,
         )  # fmt: skip
 
-    @classmethod
-    def of_bags(cls, paths: Sequence[Path]) -> Recording:
-        """Read bags as ours, also without trial events: phases may be found in the signal.
-
-        Raises
-        ------
-        BagError
-            When a bag cannot be read.
-        """
-        from tactile_bags.recorded_bag import correct_bags, RecordedBag  # readers of bags
-
-        with ExitStack() as stack:
-            bags: list[RecordedBag] = []
-            for path in paths:
-                bags.append(RecordedBag(path))
-                stack.callback(bags[-1].close)
-            correct_bags(bags)
-            stack.pop_all()
-        return cls(OWN, paths[0].name if paths else '', paths, bags=bags)
-
     def __enter__(self) -> Recording:
         return self
 

@@ -177,16 +177,9 @@ def replay_through_core(
     features: RecordedFeatures,
     namespace: str = '',
 ) -> TactileResults:
-    """Return features and classifications of a recording, without any node.
+    """Return features and classifications of a finger's recording, without any node.
 
-    Parameters
-    ----------
-    bag : TactileBag
-    models : ModelSet or None
-        Not used before, if it is to be recalibrated by the recording.
-    features : RecordedFeatures
-    namespace : str
-        Namespace of the finger.
+    ``models`` that the recording is to recalibrate must not have been used before.
     """
     replayed = replay_phases(bag, features, namespace)
     results = TactileResults(replayed.windows)

@@ -35,11 +35,7 @@ class BagPlayerNode(TactileNode):
 
     What the nodes of a finger compute from strain and events is not sent: they compute it
     anew. On ``/clock`` goes the time of the recording, for nodes with ``use_sim_time``.
-
-    Attributes
-    ----------
-    message_count : int
-        Messages played.
+    ``message_count`` messages have been played.
     """
 
     def __init__(self, node_name: str = 'bag_player', **node_options: Any) -> None:

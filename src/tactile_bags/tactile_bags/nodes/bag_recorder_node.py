@@ -83,16 +83,11 @@ class BagRecorderNode(PollingNode):
     none of their samples. The events of a trial that is under way belong to it.
 
     When the bag cannot be written to any more, as on a full disk, the recording ends and the
-    node has failed; nothing else does, for other nodes may be moving things.
+    node has failed; nothing else does, for other nodes may be moving things. ``failure`` then says
+    why, and what is saved.
 
-    Attributes
-    ----------
-    message_count, window_count : int
-        Messages written.
-    audits : deque of Audit
-        Of the trials that have ended, the last `MAX_AUDITS` of them.
-    failure : str
-        Why the recording ended before its time, and what is saved; empty when it did not.
+    ``message_count`` messages were written, of which ``window_count`` are feature windows.
+    ``audits`` are those of the last `MAX_AUDITS` trials that have ended.
     """
 
     poll_s = POLL_S

@@ -31,17 +31,10 @@ Floats = NDArray[np.float64]
 class RawTrial:
     """The samples of one trial.
 
-    Attributes
-    ----------
-    values : ndarray of shape (channels, samples)
-    time_s : ndarray of shape (samples,) or None
-        Time of each sample, from any zero [s]; None where the source has no times.
-    columns : mapping of str to str, int, float or bool
-        What is known of it: ``label``, ``source``, and others.
-    channels, units : tuple of str
-        Name and unit of each channel, where they are known; a unit may be empty.
-    stated_rate_hz : float, optional
-        Sample rate that the source states [Hz].
+    ``values`` have shape (channels, samples), ``time_s`` (samples,): from any zero [s], None where
+    the source has no times. ``columns`` are what is known of it: ``label``, ``source``, others.
+    ``channels`` and ``units`` are empty where they are not known, and so may a unit be.
+    ``stated_rate_hz`` is the sample rate that the source states [Hz].
     """
 
     name: str

@@ -98,19 +98,12 @@ class TextForm:
 
 @dataclass(frozen=True)
 class Table:
-    """The columns of one file, and what it states of them.
+    """The columns of one file, each of shape (rows,), and what it states of them.
 
-    Attributes
-    ----------
-    columns : dict of str to ndarray of shape (rows,)
-        Numbers, booleans or strings; a missing number is not a number, a missing string empty.
-    times, nested, values : collections of str
-        Columns of points in time, as integer nanoseconds; columns that were not read, because they
-        hold lists or structures; columns that the file states to be the signal.
-    units : dict of str to str
-        By column.
-    rate_hz : float, optional
-        Sample rate [Hz].
+    In ``columns``, a missing number is not a number, and a missing string empty. ``times`` names
+    those that are points in time, as integer nanoseconds, ``nested`` those that were not read
+    because they hold lists or structures, ``values`` those that the file states to be the signal.
+    ``units`` are by column.
     """
 
     path: Path

@@ -3,6 +3,7 @@
 
 """`tactile repair`: a closed copy of a bag whose recorder was killed."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -38,5 +39,5 @@ def repair(
     audits = audit_bag(target)
     output.say(f'{target}: {repaired.message_count} messages')
     output.say_audits(audits)
-    output.result({'bag': str(target), **repaired.to_dict(), 'audit': summarise_audits(audits)})
+    output.result({'bag': str(target), **asdict(repaired), 'audit': summarise_audits(audits)})
     raise typer.Exit(1 if repaired.damage else 0)

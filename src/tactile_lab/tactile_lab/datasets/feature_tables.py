@@ -178,8 +178,8 @@ def load_recording(paths: Sequence[Path], statements: SourceOptions | None = Non
 
 def read_tables(paths: Sequence[Path], fields: Fields = NONE) -> FeatureTables:
     """Return the feature tables of our own bags; ``fields`` name other features."""
-    with Recording.of_bags(paths) as recording:
-        return features_of(recording).tables(fields)
+    with open_features(paths) as features:
+        return features.tables(fields)
 
 
 def count_samples(seconds: Sequence[float], config: FeatureConfig) -> tuple[int, ...]:

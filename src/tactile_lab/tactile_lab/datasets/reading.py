@@ -53,8 +53,22 @@ class Reading:
             raise TactileError('--train-where and --test-where belong together: give both')
 
     def choose_fields(self) -> dict[str, Any]:
-        """Return the fields of `FeatureConfig` that ``over``, ``detrend`` and ``features`` say."""
-        return choose_features(self.over, self.detrend, self.features)
+        """Return the fields of `FeatureConfig` that ``over``, ``detrend`` and ``features`` say.
+
+        Raises `TactileError` when they do not go together, or ``over`` is no window.
+        """
+        if self.detrend is not None and self.over is not None:
+            raise TactileError('--detrend is for the spectrum over time: leave --over or it out')
+        fields = parse_over(self.over)
+        if self.detrend is not None:
+            fields['spectrum_detrend'] = self.detrend
+        for name in list_sets(self.features):
+            found = find_feature_set(name)
+            assert found is not None
+            if self.over is not None and found.phase == PHASE_GLIDE and not found.needs_speed:
+                raise TactileError(f'--over is for sets over the surface, and {name} is none')
+            fields[CHOOSER[found.phase]] = name
+        return fields
 
     def check_for_bags(self) -> None:
         """Refuse options on how to cut trials, which bags with trial events say.
@@ -114,25 +128,6 @@ class Reading:
         if chosen is None:
             return ()
         return (stated_split(table, *chosen, str(self.train_where), str(self.test_where)),)
-
-
-def choose_features(
-    over: str | None, detrend: str | None, features: str | None = None
-) -> dict[str, Any]:
-    """Return the fields of `FeatureConfig` that ``--over``, ``--detrend`` and ``--features`` say.
-
-    Raises `TactileError` when they do not go together, or ``--over`` is no window.
-    """
-    if detrend is not None and over is not None:
-        raise TactileError('--detrend is for the spectrum over time: leave --over or it out')
-    fields = parse_over(over) if detrend is None else {'spectrum_detrend': detrend}
-    for name in list_sets(features):
-        found = find_feature_set(name)
-        assert found is not None
-        if over is not None and found.phase == PHASE_GLIDE and not found.needs_speed:
-            raise TactileError(f'--over is for sets over the surface, and {name} is none')
-        fields[CHOOSER[found.phase]] = name
-    return fields
 
 
 def list_sets(features: str | None) -> list[str]:

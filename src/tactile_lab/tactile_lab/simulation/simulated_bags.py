@@ -28,12 +28,17 @@ import shutil
 from joblib import delayed, Parallel
 
 from tactile_bags.bag_writer import BagWriter
-from tactile_bags.recorded_topics import EVENT, EVENT_TOPIC, STRAIN, STRAIN_TOPIC
+from tactile_bags.recorded_topics import (
+    EVENT,
+    EVENT_TOPIC,
+    message_store,
+    STRAIN,
+    STRAIN_TOPIC,
+)
 from tactile_bringup.trial_protocols import PROTOCOLS, TrialConfig
 from tactile_classifier.records import CONTACTS
 from tactile_features.config import FeatureConfig
 from tactile_lab.simulation.simulated_trials import (
-    known_messages,
     plan_trial,
     PlannedTrial,
     simulate_chunk,
@@ -188,9 +193,9 @@ def _chunk_groups(plan: SimulationPlan, labels: Sequence[str]) -> Iterator[list[
 
 def _state_loss(data: bytes, lost_before: int) -> bytes:
     """Return a strain block that says how many samples before it are missing."""
-    block = known_messages().deserialize_cdr(data, STRAIN)
+    block = message_store().deserialize_cdr(data, STRAIN)
     block.lost_before = lost_before  # type: ignore[attr-defined]
-    return bytes(known_messages().serialize_cdr(block, STRAIN))
+    return bytes(message_store().serialize_cdr(block, STRAIN))
 
 
 def paper_plans(trials: int, sessions: int, seed: int) -> Sequence[SimulationPlan]:

@@ -10,13 +10,11 @@ result, so that it can run in another process or on another computer.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.typesys.store import Typestore
 
 from tactile_bags.recorded_topics import EVENT, message_store, STRAIN
 from tactile_bringup.trial_protocols import (
@@ -240,12 +238,6 @@ def find_onset_s(
     return round(float(at_s) - planned.phases[0][1], 6)
 
 
-@lru_cache
-def known_messages() -> Typestore:
-    """Return the message types, read once a process."""
-    return message_store()
-
-
 class _TrialRecorder:
     """Turns one trial into messages; each has its place in simulated time, end to end."""
 
@@ -291,13 +283,13 @@ class _TrialRecorder:
         return EPOCH_NS + round((self._first_sample + sample) * 1e9 / self._planned.rate_hz)
 
     def _header(self, stamp_ns: int, frame_id: str) -> Any:
-        types = known_messages().types
+        types = message_store().types
         time_class = types['builtin_interfaces/msg/Time']
         stamp = time_class(sec=stamp_ns // 1_000_000_000, nanosec=stamp_ns % 1_000_000_000)
         return types['std_msgs/msg/Header'](stamp=stamp, frame_id=frame_id)
 
     def _block(self, first: int, values: NDArray[np.float64]) -> bytes:
-        block = known_messages().types[STRAIN](
+        block = message_store().types[STRAIN](
             header=self._header(self._stamp_ns(first), 'tendon_sensor_link'),
             sequence=self._first_sample + first,
             period_ns=round(1e9 / self._planned.rate_hz),
@@ -306,10 +298,10 @@ class _TrialRecorder:
             stamp_error_s=0.0,
             status=int(StrainStatus.SIMULATED),
         )
-        return bytes(known_messages().serialize_cdr(block, STRAIN))
+        return bytes(message_store().serialize_cdr(block, STRAIN))
 
     def _event(self, stamp_ns: int, phase: str, message: str) -> bytes:
-        event = known_messages().types[EVENT](
+        event = message_store().types[EVENT](
             header=self._header(stamp_ns, ''),
             trial_id=self.trial_id,
             session_id=self.session_id,
@@ -325,4 +317,4 @@ class _TrialRecorder:
             detected=False,
             simulated=True,
         )
-        return bytes(known_messages().serialize_cdr(event, EVENT))
+        return bytes(message_store().serialize_cdr(event, EVENT))

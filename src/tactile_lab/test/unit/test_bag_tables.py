@@ -7,6 +7,7 @@ import pytest
 from tactile_bags import (
     BagWriter,
     EVENT,
+    EVENT_TOPIC,
     RecordedTopic,
     STRAIN,
     STRAIN_TOPIC,
@@ -90,20 +91,14 @@ def test_windows_go_by_their_features_and_their_moment_whatever_they_are_called(
     assert found['stiffness', 'flexion'].compute_sha256() == expected.compute_sha256()
 
 
-def test_bag_without_trials_is_refused_with_the_reason(rewrite, stiffness_bag, tmp_path):
-    path = rewrite(
-        stiffness_bag, tmp_path / 'silent', lambda kind, m: m if kind == STRAIN else None
-    )
-    with pytest.raises(BagError, match='no labelled trial'):
-        read_tables([path])
-
-
 def test_bags_with_other_parameters_do_not_mix(stiffness_bag, tmp_path):
     with TactileBag(stiffness_bag) as bag:
         facts = {**bag.metadata, 'feature_config': {'stiffness_settle_s': 1.0}}
         with BagWriter(tmp_path / 'other', facts) as writer:
             for name, (type_name, _) in bag.topics.items():
                 writer.add_topic(RecordedTopic(name.strip('/'), type_name))
+            for message in (next(bag.messages(EVENT)), next(bag.messages(STRAIN))):
+                writer.write_raw(message.topic, message.received_at_ns, message.data)
     with pytest.raises(BagError, match='other feature parameters'):
         read_tables([stiffness_bag, tmp_path / 'other'])
 
@@ -125,9 +120,10 @@ def test_detected_trials_are_those_of_the_replay_whatever_was_recorded(stiffness
     with TactileBag(stiffness_bag) as bag:
         facts = {**bag.metadata, 'feature_config': {**bag.metadata['feature_config'], **config}}
         with BagWriter(path, facts) as writer:
-            strain = writer.add_topic(STRAIN_TOPIC)
-            for message in bag.messages(STRAIN):
-                writer.write_raw(strain, message.received_at_ns, message.data)
+            writer.add_topic(STRAIN_TOPIC)
+            writer.add_topic(EVENT_TOPIC)
+            for message in (next(bag.messages(EVENT)), *bag.messages(STRAIN)):
+                writer.write_raw(message.topic, message.received_at_ns, message.data)
     found = read_tables([path])
     (table,) = found.tables.values()
     assert found.left_out == ()
