@@ -76,14 +76,16 @@ def fixed(compute: Transform) -> Callable[[Array, int], Transform]:
     return lambda _x, _seed: compute
 
 
-def fit_aeon(name: str, x: Array, seed: int) -> Transform:
+def fit_aeon(name: str, view: Transform | None, x: Array, seed: int) -> Transform:
     """Return a transformation of aeon's with biases from the training signals.
 
-    Signals have the shape (trials, samples) or (trials, channels, samples).
+    It takes what ``view`` makes of them, or themselves: shape (trials, samples) or (trials,
+    channels, samples).
     """
     from aeon.transformations.collection import convolution_based
 
     def shape(rows: Array) -> Array:
+        rows = rows if view is None else view(rows)
         return rows.reshape(len(rows), -1, rows.shape[-1]).astype(np.float32)
 
     rocket = getattr(convolution_based, name)(random_state=seed)
@@ -127,7 +129,7 @@ def peers() -> list[Method]:
     ]
     if importlib.util.find_spec('aeon'):
         methods += [
-            Method(f'{name}, ridge', partial(fit_aeon, name), ridge, learns=True)
+            Method(f'{name}, ridge', partial(fit_aeon, name, None), ridge, learns=True)
             for name in ROCKETS
         ]
     if importlib.util.find_spec('tsfresh'):
@@ -270,22 +272,22 @@ def _fabrics(path: Path, seeds: int) -> list[Row]:
         lambda _: build_estimator('svm_linear', 'none'),
     )
     resampled = partial(by_speed, 'spatial_waveform')
-
-    def fit_over_mm(name: str, rows: Array, seed: int) -> Transform:
-        transform = fit_aeon(name, resampled(rows), seed)
-        return lambda others: transform(resampled(others))
-
     spectrum = Method(
         'texture_spectrum without its line, 3 neighbours',
         fixed(partial(compute_spectrum, detrend='linear')),
         lambda _: build_estimator('knn', 'none'),
     )
-    methods = [spectrum, spatial]
-    methods.append(rocket('glide_waveform', lambda rows: rows))
-    methods.append(rocket('spatial_waveform', resampled))
+    methods = [
+        spectrum,
+        spatial,
+        rocket('glide_waveform', lambda rows: rows),
+        rocket('spatial_waveform', resampled),
+    ]
     if importlib.util.find_spec('aeon'):
         methods += [
-            Method(f'{name} over mm, ridge', partial(fit_over_mm, name), ridge, learns=True)
+            Method(
+                f'{name} over mm, ridge', partial(fit_aeon, name, resampled), ridge, learns=True
+            )
             for name in ROCKETS
         ]
     return compare('fabrics, channel 0', methods, x, label, splits, seeds)

@@ -119,9 +119,8 @@ def _measure_all(
             for name in WAVEFORMS:
                 if name not in views:
                     continue
-                view = views[name] if name != raw else _same
-                learn = partial(_fit_peer, peer, view)
-                method = Method('', learn, ridge, learns=True)
+                view = views[name] if name != raw else None
+                method = Method('', partial(fit_aeon, peer, view), ridge, learns=True)
                 methods.append((f'{peer} on {name}', 'ridge', '', method, seeds))
     for name, classifier, scaling, method, count in methods:
         found, window_s, training_s = Candidate(method, x, label).measure(split, count)
@@ -146,15 +145,6 @@ def _build(classifier: str, scaling: str, seed: int) -> Any:
     if classifier == ROCKET:
         estimator.set_params(classify__random_state=2 * seed)
     return estimator
-
-
-def _same(rows: Array) -> Array:
-    return rows
-
-
-def _fit_peer(peer: str, view: Transform, rows: Array, seed: int) -> Transform:
-    transform = fit_aeon(peer, view(rows), seed)
-    return lambda others: transform(view(others))
 
 
 def draw(points: list[Point], path: Path) -> None:

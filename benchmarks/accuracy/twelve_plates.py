@@ -95,11 +95,6 @@ def spatial(x: Array, speed_mm_s: int) -> Array:
     return features_from_trials('texture', x, 60.0, config=config, speeds_m_s=speeds)[0]
 
 
-def signal_in_time(x: Array, speed_mm_s: int) -> Array:
-    """The signal itself, over time."""
-    return x[:, :SAMPLES]
-
-
 def signal_over_path(x: Array, speed_mm_s: int) -> Array:
     """The signal itself, at points of the path."""
     at = np.linspace(0.0, x.shape[1] - 1.0, POINTS)
@@ -127,7 +122,6 @@ class Method(NamedTuple):
 METHODS = (
     Method('spectrum, line removed, linear SVM', spectrum),
     Method('texture_spatial, linear SVM', spatial),
-    Method('random convolutions over time', signal_in_time, convolve=True),
     Method('random convolutions over the path', signal_over_path, convolve=True),
 )
 

@@ -95,39 +95,22 @@ def run_press(quick: bool) -> Report:
         config = TrialConfig(simulated=True, pull_speed_m_s=speed_m_s)
         for contact in CONTACTS:
             for label in default_catalogue().labels('stiffness'):
-                rows += _run_object(
-                    f'{name}: {label}, {contact}',
-                    _simulate_presses(contact, config, label, count, PRESS_SEED, rate_hz),
-                    config,
-                )
+                request = TrialRequest('stiffness', contact)
+                # Readings, and beside them the truth in steps of a millisecond.
+                sessions = [
+                    tuple(
+                        simulate_grips(request, config, label, count, PRESS_SEED, session, hz)
+                        for hz in (rate_hz, FAST_HZ)
+                    )
+                    for session in range(SESSIONS)
+                ]
+                rows += _run_object(f'{name}: {label}, {contact}', sessions, config)
     return Report(
         'press: SIMULATED presses, 3 sessions',
         '',
         'root mean square, against the same trial without noise; within: as above',
         rows,
     )
-
-
-def _simulate_presses(
-    contact: str, config: TrialConfig, label: str, count: int, seed: int, rate_hz: float
-) -> list[tuple[Grips, Grips]]:
-    """Readings, and beside them the truth in steps of a millisecond."""
-    request = TrialRequest('stiffness', contact)
-    return [
-        (
-            simulate_grips(request, config, label, count, seed, session, rate_hz),
-            simulate_grips(request, config, label, count, seed, session, FAST_HZ),
-        )
-        for session in range(SESSIONS)
-    ]
-
-
-def _press_all(sessions: list[tuple[Grips, Grips]], speed_m_s: float) -> list[Press | None]:
-    return [
-        _press_one(grips, trial, speed_m_s)
-        for grips, _ in sessions
-        for trial in range(len(grips.tension_n))
-    ]
 
 
 def _press_one(grips: Grips, trial: int, speed_m_s: float) -> Press | None:
@@ -138,21 +121,14 @@ def _press_one(grips: Grips, trial: int, speed_m_s: float) -> Press | None:
         return None
 
 
-def _run_object(
-    case: str,
-    sessions: list[tuple[Grips, Grips]],
-    config: TrialConfig,
-) -> list[Row]:
+def _run_object(case: str, sessions: list[tuple[Grips, ...]], config: TrialConfig) -> list[Row]:
     contact: list[Pair] = []
     relaxation: list[Pair] = []
-    presses = iter(_press_all(sessions, config.pull_speed_m_s))
-    trials = 0
     for grips, truth in sessions:
         phases = dict(grips.planned.phases)
         held = phases['hold'] + 0.5, phases['release'] - 0.1
         for trial in range(len(grips.tension_n)):
-            trials += 1
-            press = next(presses)
+            press = _press_one(grips, trial, config.pull_speed_m_s)
             if press is not None:
                 true_n_m = _find_true_rise(truth, trial, config.pull_speed_m_s)
                 contact.append((press.contact, true_n_m))
@@ -161,6 +137,7 @@ def _run_object(
                 relaxation.append((value, _find_true_time(truth, trial, held)))
             except UndefinedFeatureError:
                 pass
+    trials = sum(len(grips.tension_n) for grips, _ in sessions)
     return [
         Row(f'{case}: contact N/m', more=_summarise(contact, trials, 0)),
         Row(f'{case}: relaxation s', more=_summarise(relaxation, trials, 3)),

@@ -97,10 +97,8 @@ def _texture_tables() -> tuple[FeatureTable, FeatureTable]:
     labels = np.repeat([f'plate {k}' for k in range(8)], 60)
     tables = []
     for name in ('texture_spectrum', 'glide_waveform'):
-        values, _ = features_from_trials(
-            'texture', np.concatenate(rows), 60.0, config=FeatureConfig(texture_features=name)
-        )
-        spec = spec_for('texture', FeatureConfig(texture_features=name))
+        config = FeatureConfig(texture_features=name)
+        values, spec = features_from_trials('texture', np.concatenate(rows), 60.0, config=config)
         tables.append(FeatureTable(values, labels, spec))
     return tables[0], tables[1]
 

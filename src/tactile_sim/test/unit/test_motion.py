@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from tactile_sim.physics.motion import Motion, move_duration_s, plan_move, plan_ramp, plan_stop
+from tactile_sim.physics.motion import Motion, move_duration_s, plan_move, plan_ramp
 
 quantity = st.floats(1e-3, 1e3)
 
@@ -41,11 +41,6 @@ def test_any_move_ends_on_target_within_limits(distance, speed, acceleration, en
         previous = segment.velocity + segment.acceleration * segment.duration_s
         assert abs(previous) <= speed * (1 + 1e-9)
     assert previous == pytest.approx(0.0, abs=1e-6 * speed)
-
-
-def test_stop_takes_the_braking_distance():
-    (stop,) = plan_stop(0.0, 1.0, -4.0, 2.0)
-    assert (stop.end_s, stop.end_position) == (2.0, 1.0 - 16.0 / 4.0)
 
 
 def test_many_times_at_once_equal_one_at_a_time():

@@ -44,19 +44,6 @@ def test_low_pass_without_and_with_endless_step():
     assert low_pass_coefficients(np.inf, 35.0) == (0.0, 0.0, 1.0)
 
 
-@given(st.floats(1e-6, 0.1), st.floats(1e-6, 0.1), st.floats(0.1, 1e3))
-def test_two_steps_of_a_ramp_are_one(first_s, second_s, low_pass_hz):
-    def filtered(steps):
-        y, t = 2.0, 0.0
-        for step in steps:
-            alpha, beta, gamma = low_pass_coefficients(step, low_pass_hz)
-            y, t = alpha * y + beta * (1 + 3 * t) + gamma * (1 + 3 * (t + step)), t + step
-        return y
-
-    both = filtered([first_s, second_s])
-    assert both == pytest.approx(filtered([first_s + second_s]), rel=1e-12)
-
-
 @pytest.mark.parametrize(('capacity_n', 'most_n'), [(19.6133, 19.613), (20.0, 20.0), (0.3, 0.3)])
 def test_readings_saturate_at_the_last_step_within_the_capacity(capacity_n, most_n):
     cell = dataclasses.replace(QUIET, capacity_n=capacity_n)

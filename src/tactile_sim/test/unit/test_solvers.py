@@ -85,31 +85,6 @@ def test_a_trial_does_not_depend_on_its_neighbours(trusted_nm):
         assert few.rows.tobytes() == many.rows[:, some].tobytes()
 
 
-def test_a_failing_trial_stands_still_and_disturbs_no_other():
-    scene, tendon, guide, _, variation = make_trial('texture', 'R3', 'flexion', 5)
-    healthy = run(scene, STEP_S, tendon, guide, variation=variation)
-    # One trial alone comes to a place where the surface is not a number.
-    place = variation.placement_m.copy()
-    place[2] -= 0.010
-    moved = dataclasses.replace(variation, placement_m=place)
-    surface = scene.surface
-    last_m = healthy.rows[at.TIP_SLIDER, 2].max() - 0.010 - 0.004
-    table = surface.table.copy()
-    table[: int((last_m - surface.origin_m) / surface.spacing_m)] = np.nan
-    scene = dataclasses.replace(scene, surface=dataclasses.replace(surface, table=table))
-    result = run(scene, STEP_S, tendon, guide, variation=moved)
-    others = [0, 1, 3, 4]
-    assert result.failed[others].tolist() == [-1] * 4
-    assert result.rows[:, others].tobytes() == healthy.rows[:, others].tobytes()
-    failed = result.failed[2]
-    assert 5 < failed < 360
-    # Row s + 1 of a run is after step s: from the failed one on, nothing moves.
-    stands = result.rows[:, 2, failed + 1 :]
-    state = [r for r in range(at.STATE_ROWS) if r != at.FRESH]
-    assert np.isfinite(stands[state]).all()
-    assert (stands[state] == result.rows[state, 2, failed, np.newaxis]).all()
-
-
 def test_a_trial_that_failed_before_is_left_alone():
     scene, tendon, guide, _, variation = make_trial('texture', 'R3', 'flexion', 3)
     inputs = scene.compute_inputs(tendon, guide)
