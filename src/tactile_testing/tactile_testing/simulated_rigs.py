@@ -5,7 +5,7 @@
 
 import serial
 
-from tactile_testing.waiting import wait_until
+from tactile_testing.waiting import DEADLINE_S, wait_until
 
 PATIENT = {'heartbeat_timeout_s': 10.0}
 """Parameters of a trial runner that bears a computer whose cores are busy."""
@@ -28,7 +28,7 @@ def home_fast(rig):
 
 def home_at(rig, slow_mm_min, fast_mm_min):
     """Let the guide home at these speeds: settings 24 and 25 of Grbl, kept when it restarts."""
-    with serial.Serial(rig.ports.guide, 115200, timeout=5.0) as port:
+    with serial.Serial(rig.ports.guide, 115200, timeout=DEADLINE_S) as port:
         port.write(f'$24={slow_mm_min}\n$25={fast_mm_min}\n'.encode())
         said = port.read_until(b'ok\r\nok\r\n')
         assert said.endswith(b'ok\r\nok\r\n'), said

