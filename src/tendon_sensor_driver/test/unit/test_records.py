@@ -3,7 +3,7 @@
 
 import pytest
 
-from tendon_sensor_driver import TendonSensorConfig
+from tendon_sensor_driver import make_sensor, TendonSensorConfig, TendonSensorError
 
 
 @pytest.mark.parametrize(
@@ -26,6 +26,11 @@ from tendon_sensor_driver import TendonSensorConfig
         ({'axis': 'fw'}, 'axis'),
         ({'low_pass_hz': 17}, 'low_pass_hz'),
         ({'tare_samples': 1}, 'tare_samples'),
+        ({'sensor': 'topic'}, 'topic is empty'),
+        ({'sensor': 'topic', 'topic': '/f', 'rate_hz': 0.05}, 'rate_hz is 0.05'),
+        ({'sensor': 'net_ft', 'rate_hz': 0.0}, 'rate_hz is 0, which is for topics'),
+        ({'sensor': 'net_ft', 'axis': 'norm'}, 'axis is norm, which is for topics'),
+        ({'sensor': 'topic', 'topic': '/f', 'topic_stamps': 'wall'}, 'topic_stamps is "wall"'),
     ],
 )
 def test_a_wrong_value_is_refused_by_name(wrong, named):
@@ -49,3 +54,8 @@ def test_a_hundred_blocks_a_second_are_the_most_by_default(rate_hz, stated, expe
         sensor='net_ft', host='h', axis='fz', rate_hz=rate_hz, samples_per_block=stated
     )
     assert config.block_samples == expected
+
+
+def test_without_a_node_there_is_no_topic():
+    with pytest.raises(TendonSensorError, match='tendon_sensor_node'):
+        make_sensor(TendonSensorConfig(sensor='topic', topic='/f'), print, lambda: 0)

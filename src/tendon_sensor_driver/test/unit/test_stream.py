@@ -1,13 +1,15 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The chain from readings to blocks, without a port."""
+"""The chain from readings to blocks, without a port: newtons, status, numbers, grouping."""
 
 from fractions import Fraction
+from itertools import pairwise
 import math
 
 from hypothesis import given
 from hypothesis import strategies as st
+import numpy as np
 import pytest
 
 from tactile_ros.strain import StrainStatus
@@ -18,8 +20,12 @@ from tendon_sensor_driver import (
     StrainStream,
     TendonSensorConfig,
 )
+from tendon_sensor_driver.clock import Batch, Instant, SampleClock
+from tendon_sensor_driver.strain_stream import Stream
 
+MS_NS = 1_000_000
 SECOND_NS = 1_000_000_000
+PERIOD_NS = 16_666_667
 LOST = {200, 201, 350}
 EXACT_NEWTONS = {
     'kg': Fraction('9.80665'),
@@ -33,20 +39,16 @@ EXACT_NEWTONS = {
 @given(
     value=st.floats(-1e15, 1e15, allow_subnormal=False),
     scale=st.sampled_from([1.0, -1.0, 0.1, -419.7, 1e-7]),
+    offset_n=st.sampled_from([0.0, -0.3, 1e6]),
 )
-def test_newtons_are_right_to_three_roundings(unit, value, scale):
-    stream = StrainStream(TendonSensorConfig(unit=unit, scale=scale))
+def test_newtons_are_right_to_one_rounding_a_step(unit, value, scale, offset_n):
+    stream = StrainStream(TendonSensorConfig(unit=unit, scale=scale, offset_n=offset_n))
     (block,) = stream.add_reading(Reading(0, value, 0))
-    exact = Fraction(value) * Fraction(scale) * EXACT_NEWTONS[unit]
-    # One rounding each: the unit's factor, its product with scale, the product with value.
-    bound = max(abs(exact) * 3 * Fraction(2) ** -53, Fraction(5e-324))
-    assert abs(Fraction(float(block.tension_n[0])) - exact) <= bound
-
-
-def test_an_offset_is_added_to_the_product():
-    stream = StrainStream(TendonSensorConfig(scale=-0.5, offset_n=-0.3))
-    (block,) = stream.add_reading(Reading(0, 0.51, 0))
-    assert block.tension_n[0] == pytest.approx(-0.5 * 0.51 * 9.80665 - 0.3, rel=1e-15)
+    product = Fraction(value) * Fraction(scale) * EXACT_NEWTONS[unit]
+    exact = product + Fraction(offset_n)
+    # The unit's factor, its product with scale, the product with value, and the sum.
+    bound = (abs(product) * 3 + (abs(exact) if offset_n else 0)) * Fraction(2) ** -53
+    assert abs(Fraction(float(block.tension_n[0])) - exact) <= max(bound, Fraction(5e-324))
 
 
 def test_a_sine_goes_in_as_bytes_and_comes_out_as_newtons():
@@ -125,15 +127,127 @@ def test_a_board_without_a_clock_counts_as_restarted_when_it_is_back(time_column
     assert not next_one.status & StrainStatus.RESTARTED
 
 
-def test_a_value_that_stays_exactly_the_same_is_stuck_until_it_changes():
-    stream = StrainStream(TendonSensorConfig(stuck_s=0.5))
+@pytest.mark.parametrize(('stuck_s', 'stuck'), [(0.5, [*range(30, 50), 81]), (0.0, [])])
+def test_a_value_that_stays_exactly_the_same_is_stuck_until_it_changes(stuck_s, stuck):
+    stream = StrainStream(TendonSensorConfig(stuck_s=stuck_s))
     values = [0.5] * 50 + [0.6] + [0.5] * 31
     blocks = [stream.add_reading(Reading(1000 * i // 60, v, i))[0] for i, v in enumerate(values)]
-    stuck = [i for i, block in enumerate(blocks) if block.status & StrainStatus.STUCK]
-    assert stuck == [*range(30, 50), 81]
+    assert [i for i, block in enumerate(blocks) if block.status == StrainStatus.STUCK] == stuck
+    assert sum(block.status == StrainStatus.OK for block in blocks) == len(values) - len(stuck)
 
 
-def test_a_coarse_sensor_is_never_stuck_when_told_so():
-    stream = StrainStream(TendonSensorConfig(stuck_s=0.0))
-    blocks = [stream.add_reading(Reading(1000 * i // 60, 0.5, i))[0] for i in range(200)]
-    assert {block.status for block in blocks} == {StrainStatus.OK}
+# -- grouping ------------------------------------------------------------------------------
+
+
+def at(ms, *, error_s=0.001):
+    return Instant(ms * MS_NS, 10**18 + ms * MS_NS, error_s)
+
+
+class StatedClock(SampleClock):
+    """Places samples at instants that a test states."""
+
+    def place(self, ticks, received_at_ns):
+        return self.instant
+
+
+def make(samples_per_block):
+    config = TendonSensorConfig(samples_per_block=samples_per_block, stuck_s=0.0)
+    return Stream(config, StatedClock(PERIOD_NS))
+
+
+def add(stream, instant, tension_n, status=StrainStatus.OK):
+    stream.clock.instant = instant
+    statuses = np.array([int(status)], dtype=np.uint32)
+    return stream.add(Batch(0, np.array([tension_n]), status=statuses))
+
+
+def run(stream, samples):
+    blocks = []
+    for i, sample in enumerate(samples):
+        blocks += add(stream, sample, float(i))
+    return blocks + stream.flush()
+
+
+@pytest.mark.parametrize('drift_ppm', [-100, 100])
+def test_milliseconds_at_60_hz_make_no_false_gap(drift_ppm):
+    stream = make(1000)
+    count = 200 * 60
+    sequence = 0
+    for i in range(count):
+        true_ns = i * 10**9 // 60
+        device_ms = true_ns * (1_000_000 + drift_ppm) // 10**12
+        for block in add(stream, at(device_ms), 0.0):
+            assert block.lost_before == 0
+            assert block.sequence == sequence
+            sequence += len(block.tension_n)
+    assert stream.lost_samples == 0
+    assert sequence == count
+
+
+@pytest.mark.parametrize('drift_ppm', [-100, 100])
+@pytest.mark.parametrize('lost', [1, 2, 59, 600, 3600])
+@pytest.mark.parametrize('phase', range(3))
+def test_the_samples_of_a_gap_are_counted_exactly(drift_ppm, lost, phase):
+    numbers = [*range(phase + 7), *range(phase + 7 + lost, phase + 20 + lost)]
+    samples = [at(n * 1000 * (1_000_000 + drift_ppm) // 60_000_000) for n in numbers]
+    before, after = run(make(100), samples)
+    assert (before.sequence, before.lost_before) == (0, 0)
+    assert (after.sequence, after.lost_before) == (phase + 7 + lost, lost)
+
+
+def test_a_block_ends_before_every_change():
+    stream = make(100)
+    saturated, dropped = StrainStatus.SATURATED, StrainStatus.RESYNCHRONISED
+    blocks = add(stream, at(0), 0.0)
+    blocks += add(stream, at(16), 1.0)
+    blocks += add(stream, at(33), 2.0, saturated)
+    blocks += add(stream, at(50), 3.0)
+    stream.note_dropped_bytes()
+    blocks += add(stream, at(66), 4.0)
+    blocks += add(stream, at(83), 5.0)
+    blocks += add(stream, at(116), 6.0)
+    blocks += stream.flush()
+    assert [block.tension_n.tolist() for block in blocks] == [[0, 1], [2], [3], [4, 5], [6]]
+    assert [block.sequence for block in blocks] == [0, 2, 3, 4, 7]
+    assert [block.status for block in blocks] == [0, saturated, 0, dropped, 0]
+    assert [block.lost_before for block in blocks] == [0, 0, 0, 0, 1]
+    assert stream.flush() == []
+
+
+def test_a_full_block_leaves_at_once():
+    stream = make(3)
+    assert add(stream, at(0), 0.0) == add(stream, at(16), 1.0) == []
+    (block,) = add(stream, at(33), 2.0)
+    assert block.tension_n.dtype == np.float64
+    assert block.stamp_ns == 10**18
+    # One millisecond is the clock's own error, 2/3 ms that 16 ms is no whole period.
+    assert block.stamp_error_s == pytest.approx(0.001 + 0.000666667)
+
+
+def test_one_unknown_error_makes_the_error_of_the_block_unknown():
+    stream = make(3)
+    (block,) = run(stream, [at(0), at(16, error_s=-1.0), at(33)])
+    assert block.stamp_error_s < 0
+
+
+@given(
+    st.lists(st.sampled_from([5, 12, 16, 17, 17, 20, 33, 50, 400]), min_size=1, max_size=60),
+    st.integers(1, 10),
+)
+def test_no_sample_is_lost_or_moved_by_the_grouping(steps_ms, samples_per_block):
+    times = np.cumsum(steps_ms).tolist()
+    samples = [at(ms) for ms in times]
+    singles = run(make(1), samples)
+    blocks = run(make(samples_per_block), samples)
+    assert max(len(block.tension_n) for block in blocks) <= samples_per_block
+    rows = [
+        (block.sequence + i, tension_n, block.stamp_ns + i * PERIOD_NS)
+        for block in blocks
+        for i, tension_n in enumerate(block.tension_n)
+    ]
+    for row, single in zip(rows, singles, strict=True):
+        assert row[:2] == (single.sequence, single.tension_n[0])
+        assert 2 * abs(row[2] - single.stamp_ns) <= PERIOD_NS
+    assert sum(b.lost_before for b in blocks) == sum(b.lost_before for b in singles)
+    for before, after in pairwise(blocks):
+        assert after.sequence == before.sequence + len(before.tension_n) + after.lost_before

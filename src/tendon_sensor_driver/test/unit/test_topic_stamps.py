@@ -38,8 +38,8 @@ def test_stamps_of_headers_are_taken_as_they_are():
     assert count_lost(instants) == [0] * 99
 
 
-@pytest.mark.parametrize('rate_error', [-0.04, -0.01, 0.0, 0.01, 0.04])
-@pytest.mark.parametrize('jitter', [0.0, 0.2, 0.3])
+@pytest.mark.parametrize('rate_error', [-0.04, 0.0, 0.01])
+@pytest.mark.parametrize('jitter', [0.0, 0.3])
 def test_jitter_and_a_rate_that_is_off_make_no_false_gap_and_hide_none(rate_error, jitter):
     draw = random.Random(4).uniform
     period_ns = PERIOD_NS * (1 + rate_error)
@@ -147,19 +147,16 @@ def test_without_stamps_arrivals_are_the_time_and_numbers_tell_the_gaps():
     assert {instant.stamp_error_s for instant in instants} == {-1.0}
     clock.note_reconnection()
     clock.number = 100
-    assert count_lost([instants[-1], clock.place(None, START_NS + 10)]) == [0]
+    again = clock.place(None, START_NS + 10)
+    # A stamp in between breaks the time but not the numbering.
+    stamped = clock.place(START_NS + 20, START_NS + 20)
+    clock.number = 200
+    arrived = clock.place(None, START_NS + 30)
+    assert [instant.is_step for instant in (again, stamped, arrived)] == [False, True, True]
+    assert count_lost([instants[-1], again, stamped, arrived]) == [0, 0, 0]
 
 
-def test_a_zero_stamp_in_between_breaks_the_time_but_not_the_numbering():
-    clock = StampClock(PERIOD_NS)
-    stamped = clock.place(START_NS, START_NS)
-    arrived = clock.place(None, START_NS + 1_000_000)
-    again = clock.place(START_NS + 2_000_000, START_NS + 2_000_000)
-    assert [instant.is_step for instant in (stamped, arrived, again)] == [False, True, True]
-    assert count_lost([stamped, arrived, again]) == [0, 0]
-
-
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(
     st.lists(
         st.tuples(
@@ -200,7 +197,7 @@ def test_whatever_comes_times_and_numbers_rise_between_steps(messages, rate_hz):
     assert placed + dropped == len(messages)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(
     st.floats(0.5, 5000.0),
     st.tuples(st.floats(0.0, 0.2), st.floats(0.0, 0.05))

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from tactile_ros.strain import StrainStatus
-from tendon_sensor_driver import TendonSensorConfig, TendonSensorError
-from tendon_sensor_driver.sensors import make_sensor
+from tendon_sensor_driver import TendonSensorConfig
 from tendon_sensor_driver.topic_sensor import (
     choose_type,
     format_publishers,
@@ -48,23 +47,21 @@ def joints(names, efforts, stamp=None):
 # -- messages ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(('axis', 'expected'), [('fx', 1.0), ('fz', 3.0), ('ty', 5.0)])
-def test_the_axis_of_a_wrench_is_the_tension_and_the_rest_comes_along(axis, expected):
-    message = SimpleNamespace(header=header(), wrench=wrench(1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
-    reading = READERS[WRENCH](message, configure(axis=axis, scale=-2.0))
-    assert reading == TopicReading(3_000_000_005, -2.0 * expected, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
+WRENCH_VALUES = [2.0, 3.0, 6.0, 4.0, 5.0, 9.0]
 
 
-def test_the_norm_of_a_wrench_is_the_length_of_its_force():
-    reading = READERS['geometry_msgs/msg/Wrench'](
-        wrench(2.0, 3.0, 6.0, 9.0, 9.0, 9.0), configure(axis='norm')
-    )
-    assert reading == TopicReading(None, 7.0, None)
-
-
-def test_a_stamp_of_zero_is_none():
-    message = SimpleNamespace(header=header(0, 0), wrench=wrench(*range(6)))
-    assert READERS[WRENCH](message, configure()).stamp_ns is None
+@pytest.mark.parametrize(
+    ('axis', 'expected', 'components'),
+    [('fx', 2.0, WRENCH_VALUES), ('ty', 5.0, WRENCH_VALUES), ('norm', 7.0, None)],
+)
+def test_a_component_of_a_wrench_or_its_norm_is_the_tension(axis, expected, components):
+    plain, config = wrench(*WRENCH_VALUES), configure(axis=axis, scale=-2.0)
+    stamped = SimpleNamespace(header=header(), wrench=plain)
+    reading = READERS['geometry_msgs/msg/Wrench'](plain, config)
+    assert reading == TopicReading(None, -2.0 * expected, components)
+    assert READERS[WRENCH](stamped, config) == reading._replace(stamp_ns=3_000_000_005)
+    stamped.header = header(0, 0)  # a stamp of zero is none
+    assert READERS[WRENCH](stamped, config) == reading
 
 
 def test_a_plain_number_is_scaled_and_has_no_stamp():
@@ -97,9 +94,9 @@ def test_joint_states_without_the_effort_say_what_is_missing(names, efforts, joi
 
 
 @given(
-    st.lists(st.text(max_size=3), max_size=4),
+    st.lists(st.sampled_from(['', 'a', 'b', 'ä']), max_size=4),
     st.lists(st.floats(), max_size=4),
-    st.text(max_size=3),
+    st.sampled_from(['', 'a', 'b']),
     st.floats(-1e12, 1e12).filter(bool),
 )
 def test_any_joint_state_is_a_reading_or_a_sentence(names, efforts, joint, scale):
@@ -126,11 +123,9 @@ def feed(stream, readings):
 
 @pytest.mark.parametrize('samples_per_block', [1, 20])
 def test_a_thousand_a_second_with_jitter_and_drops_become_numbered_blocks(samples_per_block):
-    rng = np.random.default_rng(1)
+    jitter_ns = np.random.default_rng(1).integers(-300_000, 300_000, 5000).tolist()
     numbers = [i for i in range(5000) if i % 97 != 50]
-    stamps_ns = {
-        i: START_NS + i * 1_000_000 + int(rng.integers(-300_000, 300_000)) for i in numbers
-    }
+    stamps_ns = {i: START_NS + i * 1_000_000 + jitter_ns[i] for i in numbers}
     stream = TopicStream(configure(rate_hz=1000.0, samples_per_block=samples_per_block))
     blocks = feed(stream, [(stamps_ns[i], float(i)) for i in numbers])
     samples = {
@@ -168,15 +163,11 @@ def test_without_a_stamp_the_arrival_is_the_time_and_says_so():
     assert {block.stamp_error_s for block in blocks} == {-1.0}
 
 
-def test_the_offset_is_added_to_what_was_scaled():
-    (block,) = TopicStream(configure(offset_n=0.25)).add(TopicReading(None, 1.5), START_NS)
-    assert block.tension_n[0] == 1.75
-
-
-def test_arrival_is_taken_where_it_is_wanted():
-    stream = TopicStream(configure(topic_stamps='arrival'))
-    (block,) = stream.add(TopicReading(START_NS, 1.0), START_NS + 7)
+def test_arrival_is_taken_where_it_is_wanted_and_the_offset_added():
+    stream = TopicStream(configure(topic_stamps='arrival', offset_n=0.25))
+    (block,) = stream.add(TopicReading(START_NS, 1.5), START_NS + 7)
     assert (block.stamp_ns, block.status) == (START_NS + 7, StrainStatus.HOST_TIME)
+    assert block.tension_n[0] == 1.75
 
 
 def test_a_rate_of_zero_is_measured_first():
@@ -202,7 +193,7 @@ def test_a_publisher_that_comes_back_and_a_clock_that_is_set_are_told():
     assert not first.status & StrainStatus.RESTARTED  # the tare stays
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     st.lists(
         st.tuples(
@@ -295,26 +286,3 @@ def test_what_is_wrong_with_a_stream_is_said_with_its_remedy():
         stream = TopicStream(configure())
         stream.add(TopicReading(START_NS + offset_ns, 1.0), START_NS + 1_000_000)
         assert f'the stamps are {way} the time of this node' in describe(stream)
-
-
-# -- configuration -------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ('options', 'sentence'),
-    [
-        ({'sensor': 'topic'}, 'topic is empty'),
-        ({'sensor': 'topic', 'topic': '/f', 'rate_hz': 0.05}, 'rate_hz is 0.05'),
-        ({'sensor': 'line', 'rate_hz': 0.0}, 'rate_hz is 0, which is for topics'),
-        ({'sensor': 'net_ft', 'axis': 'norm'}, 'axis is norm, which is for topics'),
-        ({'sensor': 'topic', 'topic': '/f', 'topic_stamps': 'wall'}, 'topic_stamps is "wall"'),
-    ],
-)
-def test_a_configuration_that_contradicts_itself_is_refused(options, sentence):
-    with pytest.raises(ValueError, match=sentence):
-        TendonSensorConfig(**options)
-
-
-def test_without_a_node_there_is_no_topic():
-    with pytest.raises(TendonSensorError, match='tendon_sensor_node'):
-        make_sensor(configure(), print, lambda: 0)
