@@ -30,8 +30,7 @@ from tendon_sensor_driver.line_sensor import encode_reading
 from tendon_sensor_driver.tendon_sensor_node import TendonSensorNode
 
 sys.path.append(str(Path(__file__).parents[2] / 'src/tendon_sensor_driver/test/peers'))
-from net_ft_box import NetFtBox
-from net_ft_device import HOST, NetFtDevice
+from net_ft_device import HOST, NetFtBox, NetFtDevice
 
 STARTUP_S = 20.0
 SETTLE_S = 1.0

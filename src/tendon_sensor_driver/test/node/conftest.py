@@ -47,12 +47,22 @@ class Graph:
         self.executor.add_node(self.node)
         self.executor.add_node(self.listener)
 
-    def spin_until(self, condition, timeout_s=10.0):
-        step = partial(self.executor.spin_once, timeout_sec=0.05)
-        wait_until(condition, self._explain, timeout_s=timeout_s, step=step)
+    def bring_up(self):
+        assert self.node.bring_up()
+        self.spin_until(self.is_matched)
 
-    def _explain(self):
-        return f'the condition was not met in time; diagnostics: {self.sentence()!r}'
+    def spin_until(self, condition):
+        step = partial(self.executor.spin_once, timeout_sec=0.05)
+        wait_until(condition, lambda: f'diagnostics: {self.sentence()!r}', step=step)
+
+    def await_sentence(self, text):
+        self.spin_until(lambda: text in self.sentence())
+
+    def await_more(self, count=1):
+        """Wait for some further messages; return where they begin in ``strain``."""
+        first = len(self.strain)
+        self.spin_until(lambda: len(self.strain) >= first + count)
+        return first
 
     def is_matched(self):
         """True when both ends know each other; the graph's counts come before that."""
@@ -90,7 +100,7 @@ class Graph:
 @pytest.fixture
 def make_graph(context, monkeypatch):
     monkeypatch.setattr('tactile_ros.health.PERIOD_S', 0.25)
-    monkeypatch.setattr('tendon_sensor_driver.tendon_sensor_node._NEWS_PERIODS', 5)
+    monkeypatch.setattr('tendon_sensor_driver.topic_sensor.LOOK_PERIOD_S', 0.05)
     graphs = []
 
     def make(port, **parameters):

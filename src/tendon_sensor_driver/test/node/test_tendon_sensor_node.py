@@ -6,14 +6,12 @@
 from diagnostic_msgs.msg import DiagnosticStatus
 import pytest
 from rclpy.lifecycle import TransitionCallbackReturn
-from rclpy.qos import ReliabilityPolicy
 
 from tendon_sensor_driver import encode_reading
 
 
 def test_samples_arrive_and_a_lost_one_is_visible(graph, sensor):
-    assert graph.node.bring_up()
-    graph.spin_until(graph.is_matched)
+    graph.bring_up()
     sensor.write(b'\n')
     numbers = [0, 1, 2, 4, 5]
     for number in numbers:
@@ -34,8 +32,7 @@ def test_samples_arrive_and_a_lost_one_is_visible(graph, sensor):
 
 
 def test_deactivate_stops_the_samples_and_keeps_the_link(graph, sensor):
-    assert graph.node.bring_up()
-    graph.spin_until(graph.is_matched)
+    graph.bring_up()
     sensor.write(b'\n')
     sensor.write_reading(0)
     graph.spin_until(lambda: graph.strain and graph.wrench)
@@ -52,29 +49,21 @@ def test_deactivate_stops_the_samples_and_keeps_the_link(graph, sensor):
 
 def test_configure_fails_cleanly_without_a_port_and_works_once_there_is_one(graph, sensor):
     sensor.unplug()
-    assert graph.node.trigger_configure() == TransitionCallbackReturn.FAILURE
     assert not graph.node.bring_up()
     sensor.plug_in()
-    assert graph.node.bring_up()
-    graph.spin_until(graph.is_matched)
-    sensor.write(b'\n')
-    sensor.write_reading(0)
-    graph.spin_until(lambda: graph.strain)
-
-
-def test_cleanup_closes_the_port_and_configure_opens_it_again(graph, sensor):
-    for _ in range(2):
-        assert graph.node.bring_up()
+    for _ in range(2):  # cleanup closes the port, configure opens it again
+        graph.bring_up()
+        sensor.write(b'\n')
+        sensor.write_reading(0)
+        graph.await_more()
         assert graph.node.trigger_deactivate() == TransitionCallbackReturn.SUCCESS
         assert graph.node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
         assert graph.node.count_publishers('/left/tendon_sensor/strain') == 0
-    assert graph.node.bring_up()
 
 
 def test_a_tare_is_taken_off_and_latched_and_cleared(make_graph, sensor):
     graph = make_graph(sensor.port, tare_samples=5, unit='N', tare_spread_n=0.3, tare_change_n=0.5)
-    assert graph.node.bring_up()
-    graph.spin_until(graph.is_matched)
+    graph.bring_up()
     graph.spin_until(lambda: graph.tares)
     assert not graph.tares[-1].is_set
     answer = graph.call('tare')
@@ -104,21 +93,6 @@ def test_a_tare_is_taken_off_and_latched_and_cleared(make_graph, sensor):
     sensor.write(encode_reading(102, 5.0, 'N'))
     graph.spin_until(lambda: len(graph.strain) == 7)
     assert graph.strain[-1].tension_n[0] == 5.0
-
-
-def test_the_quality_of_service_can_be_overridden(make_graph, sensor):
-    graph = make_graph(
-        sensor.port,
-        **{'qos_overrides./left/tendon_sensor/strain.publisher.reliability': 'best_effort'},
-    )
-    for _ in range(2):
-        assert graph.node.bring_up()
-        (strain,) = graph.node.get_publishers_info_by_topic('/left/tendon_sensor/strain')
-        (wrench,) = graph.node.get_publishers_info_by_topic('/left/tendon_sensor/wrench')
-        assert strain.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
-        assert wrench.qos_profile.reliability == ReliabilityPolicy.RELIABLE
-        graph.node.trigger_deactivate()
-        graph.node.trigger_cleanup()
 
 
 def test_the_serial_number_is_the_hardware_id(graph, monkeypatch):

@@ -73,26 +73,26 @@ def make_source(context):
 def topic_graph(make_graph):
     def make(**parameters):
         graph = make_graph('', **{'sensor': 'topic', 'topic': '/force', **parameters})
-        assert graph.node.bring_up()
-        graph.spin_until(graph.is_matched)
+        graph.bring_up()
         return graph
 
     return make
 
 
 def meet(graph, source):
+    """Wait until both ends know each other: nothing is sent again for a best-effort one."""
     graph.spin_until(lambda: source.force.get_subscription_count() == 1)
     graph.spin_until(lambda: 'True' in graph.values().get('is_connected', ''))
+    subscription = graph.node.stage._client._subscription
+    graph.spin_until(lambda: subscription.get_publisher_count() == 1)
 
 
 def send_all(graph, source, samples):
-    """Publish (stamp, value) pairs as fast as they are taken; return the strain since."""
-    first = len(graph.strain)
+    """Publish (stamp, value) pairs as fast as they are taken."""
     for i, (stamp_ns, value) in enumerate(samples):
         source.send(value, stamp_ns)
         if i % 20 == 19:  # the queues hold more
             graph.executor.spin_once(timeout_sec=0.001)
-    return first
 
 
 def to_samples(messages):
@@ -110,7 +110,7 @@ def stamp_of(message):
 @pytest.mark.parametrize(
     ('kind', 'profile'),
     [
-        *((kind, RELIABLE) for kind in (WrenchStamped, Wrench, Float64, Float32, JointState)),
+        *((kind, RELIABLE) for kind in (Wrench, Float32, JointState)),
         (WrenchStamped, qos_profile_sensor_data),
     ],
 )
@@ -141,13 +141,8 @@ def test_each_type_becomes_tension_from_publishers_of_either_reliability(
     assert graph.diagnostics[-1].status[0].hardware_id == '/force'
 
 
-@pytest.mark.parametrize(
-    ('rate_hz', 'jitter', 'samples_per_block'),
-    [(60.0, 0.0, 1), (1000.0, 0.3, 25)],
-)
-def test_drops_reordering_and_duplicates_are_seen_at_any_rate(
-    topic_graph, make_source, rate_hz, jitter, samples_per_block
-):
+def test_drops_reordering_and_duplicates_are_seen(topic_graph, make_source):
+    rate_hz, jitter, samples_per_block = 1000.0, 0.3, 25
     source = make_source(WrenchStamped)
     graph = topic_graph(rate_hz=rate_hz, samples_per_block=samples_per_block)
     meet(graph, source)
@@ -159,7 +154,6 @@ def test_drops_reordering_and_duplicates_are_seen_at_any_rate(
     late = order.pop(300)
     order.insert(303, late)  # is overtaken
     send_all(graph, source, [(stamps_ns[i], float(i)) for i in order])
-    graph.spin_until(lambda: to_samples(graph.strain) and graph.strain[-1].sequence > 470)
     graph.spin_until(lambda: 499 in to_samples(graph.strain))
     numbers = [i for i in range(500) if i not in (100, 101, 102, 350, late)]
     assert to_samples(graph.strain) == {i: float(i) for i in numbers}
@@ -188,25 +182,6 @@ def test_a_pause_of_the_thread_costs_no_sample(topic_graph, make_source, monkeyp
     assert to_samples(graph.strain) == {i: float(i) for i in range(40)}
 
 
-def test_a_thousand_a_second_in_real_time_arrive_or_are_counted_as_lost(topic_graph, make_source):
-    source = make_source(WrenchStamped)
-    graph = topic_graph(rate_hz=1000.0, samples_per_block=20)
-    meet(graph, source)
-    start_ns, count = time.time_ns(), 0
-    while count < 1000:
-        while time.time_ns() < start_ns + count * 1_000_000:
-            graph.executor.spin_once(timeout_sec=0.0)
-        source.send(float(count), start_ns + count * 1_000_000)
-        count += 1
-    graph.spin_until(lambda: graph.strain and graph.strain[-1].tension_n[-1] == 999.0)
-    samples = to_samples(graph.strain)
-    lost = sum(message.lost_before for message in graph.strain)
-    # A busy machine may lose some on the way: their numbers are missing, and no others.
-    assert samples == {number: float(number) for number in samples}
-    assert len(samples) + lost == 1000
-    assert len(samples) > 400
-
-
 def test_numbers_that_are_none_are_marked_and_told(topic_graph, make_source):
     source = make_source(WrenchStamped)
     graph = topic_graph()
@@ -215,7 +190,7 @@ def test_numbers_that_are_none_are_marked_and_told(topic_graph, make_source):
     values = [1.0, math.nan, math.inf]
     send_all(graph, source, [(now_ns + i * SECOND_NS // 60, v) for i, v in enumerate(values)])
     graph.spin_until(lambda: len(graph.strain) == 3)
-    graph.spin_until(lambda: 'the value is not a finite number' in graph.sentence())
+    graph.await_sentence('the value is not a finite number')
     assert [m.status for m in graph.strain] == [0, *[StrainStatus.DEVICE_ERROR] * 2]
     assert graph.diagnostics[-1].status[0].level == DiagnosticStatus.ERROR
     source.send(1.0, now_ns + 3 * SECOND_NS // 60)
@@ -225,24 +200,22 @@ def test_numbers_that_are_none_are_marked_and_told(topic_graph, make_source):
 
 def test_a_publisher_that_is_missing_silent_gone_and_back_is_told(topic_graph, make_source):
     graph = topic_graph()
-    graph.spin_until(lambda: 'nobody publishes /force; start its publisher' in graph.sentence())
+    graph.await_sentence('nobody publishes /force; start its publisher')
     assert graph.diagnostics[-1].status[0].level == DiagnosticStatus.ERROR
     source = make_source(WrenchStamped)
-    graph.spin_until(
-        lambda: '/broadcaster has the publisher of /force and sends nothing' in graph.sentence()
-    )
+    graph.await_sentence('/broadcaster has the publisher of /force and sends nothing')
     assert graph.diagnostics[-1].status[0].level == DiagnosticStatus.WARN
     source.create_timer(1 / 60, lambda: source.send(random.random(), time.time_ns()))
     theirs = SingleThreadedExecutor(context=source.context)
     theirs.add_node(source)
     at_their_rate = threading.Thread(target=theirs.spin)
     at_their_rate.start()
-    graph.spin_until(lambda: graph.sentence() == 'samples arrive')
+    graph.await_sentence('samples arrive')
     theirs.shutdown()
     at_their_rate.join()
     source.destroy_publisher(source.force)
     heard = len(graph.strain)
-    graph.spin_until(lambda: 'no samples: nobody publishes /force' in graph.sentence())
+    graph.await_sentence('no samples: nobody publishes /force')
     # It may come back with another type.
     other = make_source(Float64, name='other')
     meet(graph, other)
@@ -255,9 +228,7 @@ def test_a_publisher_that_is_missing_silent_gone_and_back_is_told(topic_graph, m
 def test_a_wrong_type_and_joint_states_without_effort_are_told(topic_graph, make_source):
     camera = make_source(Image, name='camera')
     graph = topic_graph(joint='thumb')
-    graph.spin_until(
-        lambda: 'is sensor_msgs/msg/Image, which holds no tension' in graph.sentence()
-    )
+    graph.await_sentence('is sensor_msgs/msg/Image, which holds no tension')
     camera.destroy_publisher(camera.force)
     source = make_source(JointState)
     meet(graph, source)
@@ -274,7 +245,7 @@ def test_a_type_that_this_process_cannot_have_is_told(topic_graph, make_source):
     graph = topic_graph()
     graph.listener.create_subscription(Image, '/force', print, 10)
     make_source(WrenchStamped)
-    graph.spin_until(lambda: 'cannot subscribe to /force as geometry_msgs' in graph.sentence())
+    graph.await_sentence('cannot subscribe to /force as geometry_msgs')
 
 
 def test_a_quality_of_service_that_does_not_fit_is_told(topic_graph, make_source):
@@ -282,9 +253,7 @@ def test_a_quality_of_service_that_does_not_fit_is_told(topic_graph, make_source
     graph = topic_graph(
         **{'qos_overrides./force.subscription.reliability': 'reliable'},
     )
-    graph.spin_until(
-        lambda: '/broadcaster publishes /force with another quality of service' in graph.sentence()
-    )
+    graph.await_sentence('/broadcaster publishes /force with another quality of service')
     assert 'qos_overrides' in graph.sentence()
 
 
@@ -327,9 +296,8 @@ def test_deactivate_cleanup_and_configure_again(topic_graph, make_source):
     assert graph.node.trigger_deactivate() == TransitionCallbackReturn.SUCCESS
     assert graph.node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
     graph.spin_until(lambda: source.force.get_subscription_count() == 0)
-    assert graph.node.bring_up()
-    graph.spin_until(lambda: source.force.get_subscription_count() == 1)
-    graph.spin_until(graph.is_matched)
+    graph.bring_up()
+    meet(graph, source)
     source.send(1.5)
     graph.spin_until(lambda: graph.strain)
 

@@ -1,9 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Serves a simulated Net F/T on the loopback: RDT over UDP, settings over HTTP."""
+"""A simulated ATI Net F/T on the loopback: records over UDP, settings over HTTP, faults.
 
-from __future__ import annotations
+How a real box behaves beyond the documented protocol is not known.
+"""
 
 import contextlib
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -12,65 +13,256 @@ import socket
 import struct
 import threading
 import time
+from urllib.parse import parse_qs, urlsplit
 
-from net_ft_box import NetFtBox
+import numpy as np
 
-from tendon_sensor_driver.net_ft_protocol import Command
+from tendon_sensor_driver.net_ft_protocol import (
+    Command,
+    CONFIGURATION_PAGE,
+    ERROR_SUMMARY,
+    INTERNAL_RATE_HZ,
+    MOST_RECORDS,
+    RECORD,
+    SATURATED,
+)
+from tendon_sensor_driver.records import AXES, NEWTONS
 
 HOST = '127.0.0.1'
+_STORED = {'comrdtrate': 1000, 'comrdtbsiz': 10, 'comrdte': 1, 'setuserfilter': 0}
+_RANGES = {
+    'comrdtrate': (1, INTERNAL_RATE_HZ),
+    'comrdtbsiz': (1, MOST_RECORDS),
+    'comrdte': (0, 1),
+    'setuserfilter': (0, 12),
+}
+_SATURATED_N = 1000.0
+_UPTIME_S = 150.0  # at the beginning: a restart is seen by a counter that falls back
 _SLICE_S = 0.001
 
 
-def _decode_request(datagram: bytes) -> Command | None:
-    if len(datagram) != 8:
-        return None
-    header, command, _ = struct.unpack('>HHI', datagram)
-    is_ours = header == 0x1234 and command in list(Command)
-    return Command(command) if is_ours else None
+class NetFtBox:
+    """Answers and packets of a Net F/T, without sockets and clock.
+
+    ``force`` is the axial force [N]: a function of the times since power-up [s], or samples at
+    7000 Hz that are repeated. Settings fall back to stored ones at a restart; the low pass is
+    remembered, not computed. ``noise_counts`` is the standard deviation of every component.
+    """
+
+    def __init__(
+        self,
+        force,
+        *,
+        axis='fz',
+        counts_per_force=1_000_000,
+        force_unit='N',
+        noise_counts=500.0,
+        serial='FT00000',
+    ):
+        self._force = _repeat(force) if isinstance(force, np.ndarray) else force
+        self._axis = AXES.index(axis)
+        self._counts_per_newton = counts_per_force / NEWTONS[force_unit]
+        self._noise_counts = noise_counts
+        self._generator = np.random.default_rng(0)
+        self._identity = {
+            'prodname': 'ATI Net F/T (simulated)',
+            'cfgcalsn': serial,
+            'cfgcpf': counts_per_force,
+            'cfgcpt': 1_000_000,
+            'scfgfu': force_unit,
+            'scfgtu': 'Nm',
+        }
+        self.settings = dict(_STORED)
+        self._begun_s = -_UPTIME_S
+        self._faults = {}  # the time of its end [s] and the fraction of datagrams, by kind
+        self._command = Command.STOP
+        self._record = 0
+        self._ticks = self._shown = 0  # of the newest record, and what it says
+        self._status = 0
+        self._held = []  # records that wait for their datagram
+        self._overtaken = []
+        self._delayed = []  # datagrams on their way through a slow network
+
+    def fault(self, kind, now_s, duration_s=np.inf, fraction=0.1):
+        """Begin a fault; without a duration it lasts until `heal`.
+
+        Kinds: burst, mute, restart, saturate, stale, status, stuck, unplug; and drop, duplicate,
+        reorder and garbage, with the fraction of the datagrams.
+        """
+        if kind == 'restart':
+            self._begun_s = now_s + duration_s
+            self.settings = dict(_STORED)
+            self._stop()
+            self._delayed.clear()
+        self._faults[kind] = (now_s + duration_s, fraction)
+
+    def heal(self):
+        self._faults.clear()
+
+    def has(self, kind, now_s):
+        return kind in self._faults and now_s < self._faults[kind][0]
+
+    def is_away(self, now_s):
+        """True while nothing at all is answered."""
+        return self.has('unplug', now_s) or self.has('restart', now_s)
+
+    def answer(self, path):
+        """Return the page, or None where there is none; a query changes settings."""
+        parts = urlsplit(path)
+        if parts.path == CONFIGURATION_PAGE:
+            return self._describe()
+        if parts.path not in ('/comm.cgi', '/setting.cgi'):
+            return None
+        for name, values in parse_qs(parts.query).items():
+            low, high = _RANGES.get(name, (0, -1))
+            if values[-1].isdecimal() and low <= int(values[-1]) <= high:
+                self.settings[name] = int(values[-1])
+        return b'<html><body>Settings</body></html>'
+
+    def _describe(self):
+        tags = {
+            **self._identity,
+            'runstat': f'0x{self._status:08x}',
+            'runrate': INTERNAL_RATE_HZ,
+            'setuserfilter': self.settings['setuserfilter'],
+            'comrdte': 'Enabled' if self.settings['comrdte'] else 'Disabled',
+            # Whole numbers, as a box of firmware 2.2.59 reports them.
+            'comrdtrate': INTERNAL_RATE_HZ // self._divisor,
+            'comrdtbsiz': self.settings['comrdtbsiz'],
+        }
+        body = ''.join(f'<{name}>{value}</{name}>' for name, value in tags.items())
+        return f'<?xml version="1.0"?><netft>{body}</netft>'.encode()
+
+    @property
+    def _divisor(self):
+        return INTERNAL_RATE_HZ // self.settings['comrdtrate']
+
+    def command(self, command, now_s):
+        """Take a request."""
+        if self.is_away(now_s) or not self.settings['comrdte']:
+            return
+        self._stop()
+        if command is not Command.STOP:
+            self._command = command
+            self._ticks = self._count(now_s)
+
+    def _stop(self):
+        self._command = Command.STOP
+        self._record = 0
+        self._held.clear()
+
+    def _count(self, now_s):
+        return max(0, int((now_s - self._begun_s) * INTERNAL_RATE_HZ))
+
+    def poll(self, now_s):
+        """Return the datagrams that are due."""
+        if self._command is Command.STOP or self.is_away(now_s):
+            return []
+        divisor = self._divisor
+        first = (self._ticks // divisor + 1) * divisor
+        ticks = np.arange(first, self._count(now_s) + 1, divisor)
+        if not len(ticks):
+            return []
+        self._ticks = int(ticks[-1])
+        datagrams = self._pack(self._measure(ticks, now_s))
+        if self.has('mute', now_s):
+            return []
+        if self.has('burst', now_s):
+            self._delayed += datagrams
+            return []
+        delayed, self._delayed = self._delayed, []
+        return self._spoil(delayed + datagrams, now_s)
+
+    def _measure(self, ticks, now_s):
+        records = np.zeros(len(ticks), dtype=RECORD)
+        records['rdt_sequence'] = (self._record + 1 + np.arange(len(ticks))) & 0xFFFFFFFF
+        self._record += len(ticks)
+        shown = np.full_like(ticks, self._shown) if self.has('stale', now_s) else ticks
+        self._shown = int(shown[-1])
+        records['ft_sequence'] = shown & 0xFFFFFFFF
+        counts = self._noise_counts * self._generator.standard_normal((len(ticks), 6))
+        force_n = self._force(ticks / INTERNAL_RATE_HZ)
+        self._status = 0
+        if self.has('saturate', now_s):
+            force_n = np.full(len(ticks), _SATURATED_N)
+            self._status = ERROR_SUMMARY | SATURATED
+        if self.has('status', now_s):
+            self._status |= ERROR_SUMMARY | 1 << 6
+        records['status'] = self._status
+        counts[:, self._axis] += force_n * self._counts_per_newton
+        if self.has('stuck', now_s):
+            counts[:] = 1_000_000
+        records['counts'] = np.rint(np.clip(counts, -(2**31), 2**31 - 1))
+        return records
+
+    def _pack(self, records):
+        self._held.append(records)
+        waiting = np.concatenate(self._held)
+        is_buffered = self._command is Command.START_BUFFERED
+        size = self.settings['comrdtbsiz'] if is_buffered else 1
+        whole = len(waiting) // size * size
+        self._held = [waiting[whole:]]
+        return [waiting[i : i + size].tobytes() for i in range(0, whole, size)]
+
+    def _spoil(self, datagrams, now_s):
+        sent = []
+        for datagram in datagrams:
+            if self._happens('drop', now_s):
+                continue
+            if self._happens('garbage', now_s):
+                sent.append(self._generator.bytes(17))
+                continue
+            if not self._overtaken and self._happens('reorder', now_s):
+                self._overtaken = [datagram]
+                continue
+            sent.append(datagram)
+            if self._happens('duplicate', now_s):
+                sent.append(datagram)
+            sent += self._overtaken
+            self._overtaken = []
+        return sent
+
+    def _happens(self, kind, now_s):
+        return self.has(kind, now_s) and self._generator.random() < self._faults[kind][1]
+
+
+def _repeat(samples_n):
+    def force(times_s):
+        return samples_n[np.rint(times_s * INTERNAL_RATE_HZ).astype(np.int64) % len(samples_n)]
+
+    return force
 
 
 class NetFtDevice:
-    """Runs a box by the host's clock.
+    """Runs a box by the host's clock, and serves the newest client that asked for a stream.
 
-    One client is served: the newest that asked for a stream, as with a real box. Real-time
-    records leave within about a millisecond of being due; at 7000 Hz some leave together.
-
-    Parameters
-    ----------
-    box : NetFtBox
-        While the device runs, the box belongs to its threads; see `fault`.
-
-    Attributes
-    ----------
-    rdt_port, http_port : int
-        Where it listens, on `HOST`.
-    failure : Exception or None
-        What ended the thread.
+    Real-time records leave within about a millisecond of being due. While the device runs, the
+    box belongs to its threads. ``failure`` is what ended one of them.
     """
 
-    def __init__(self, box: NetFtBox) -> None:
+    def __init__(self, box):
         self._box = box
         self._lock = threading.Lock()
         self._stopping = threading.Event()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind((HOST, 0))
-        self.rdt_port = int(self._socket.getsockname()[1])
+        self.rdt_port = self._socket.getsockname()[1]
         self._web = _Web(self)
-        self.http_port = int(self._web.server_address[1])
-        self.failure: Exception | None = None
+        self.http_port = self._web.server_address[1]
+        self.failure = None
         self._begun_s = time.monotonic()
-        self._peer: tuple[str, int] | None = None
+        self._peer = None
         self._threads = [
             threading.Thread(target=self._run, daemon=True),
             threading.Thread(target=self._web.serve_forever, args=(0.05,), daemon=True),
         ]
 
-    def __enter__(self) -> NetFtDevice:
+    def __enter__(self):
         for thread in self._threads:
             thread.start()
         return self
 
-    def __exit__(self, *exception: object) -> None:
+    def __exit__(self, *exception):
         self._stopping.set()
         self._web.shutdown()
         for thread in self._threads:
@@ -79,26 +271,24 @@ class NetFtDevice:
         self._socket.close()
 
     @property
-    def now_s(self) -> float:
+    def now_s(self):
         """Time since power-up [s]."""
         return time.monotonic() - self._begun_s
 
-    def fault(self, kind: str, duration_s: float | None = None, **options: float) -> None:
-        """Begin a fault, see `NetFtBox.fault`."""
+    def fault(self, kind, *duration_s, **options):
         with self._lock:
-            self._box.fault(kind, self.now_s, duration_s, **options)
+            self._box.fault(kind, self.now_s, *duration_s, **options)
 
-    def heal(self) -> None:
-        """End all faults."""
+    def heal(self):
         with self._lock:
             self._box.heal()
 
-    def read_settings(self) -> dict[str, int]:
+    def read_settings(self):
         """Return the settings that the box has now, by their names on its web pages."""
         with self._lock:
             return dict(self._box.settings)
 
-    def answer(self, path: str) -> tuple[int, bytes] | None:
+    def answer(self, path):
         """Return HTTP status and page, or None when the box is away."""
         with self._lock:
             if self._box.is_away(self.now_s):
@@ -106,23 +296,24 @@ class NetFtDevice:
             page = self._box.answer(path)
         return (404, b'') if page is None else (200, page)
 
-    def _run(self) -> None:
+    def _run(self):
         try:
             while not self._stopping.is_set():
                 self._serve()
         except Exception as error:
             self.failure = error
 
-    def _serve(self) -> None:
-        request, peer = b'', None
+    def _serve(self):
+        request = b''
         if select.select([self._socket], [], [], _SLICE_S)[0]:
             # A client that has gone away answers what is sent to it with an error.
             with contextlib.suppress(ConnectionError):
                 request, peer = self._socket.recvfrom(64)
         with self._lock:
-            command = _decode_request(request)
-            if command is not None:
-                self._box.command(command, self.now_s)
+            if len(request) == 8:
+                header, command, _ = struct.unpack('>HHI', request)
+                assert header == 0x1234
+                self._box.command(Command(command), self.now_s)
                 self._peer = peer
             datagrams = self._box.poll(self.now_s)
         if self._peer is not None:
@@ -134,16 +325,14 @@ class NetFtDevice:
 class _Web(ThreadingHTTPServer):
     daemon_threads = True
 
-    def __init__(self, device: NetFtDevice) -> None:
+    def __init__(self, device):
         self.device = device
         super().__init__((HOST, 0), _Handler)
 
 
 class _Handler(BaseHTTPRequestHandler):
-    def do_GET(self) -> None:
-        server = self.server
-        assert isinstance(server, _Web)
-        answer = server.device.answer(self.path)
+    def do_GET(self):
+        answer = self.server.device.answer(self.path)
         if answer is None:
             self.close_connection = True
             return
@@ -153,5 +342,5 @@ class _Handler(BaseHTTPRequestHandler):
         self.end_headers()
         self.wfile.write(page)
 
-    def log_message(self, format: str, *arguments: object) -> None:
+    def log_message(self, *_):
         """Say nothing."""
