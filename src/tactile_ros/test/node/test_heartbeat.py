@@ -18,7 +18,6 @@ from std_msgs.msg import Empty
 from tactile_ros import health
 from tactile_ros.errors import TactileError
 from tactile_ros.health import Heartbeat, HeartbeatWatch
-from tactile_ros.node_group import NodeGroup
 from tactile_testing.waiting import wait_until
 
 START_S = 60.0
@@ -93,19 +92,7 @@ def test_a_watch_that_joins_beside_another_hears_a_peer_that_lives_already(node,
     peer.destroy_node()
 
 
-def test_a_watch_that_joins_beside_another_hears_a_peer_of_another_process(node, start_peer):
-    process = start_peer()
-    first = HeartbeatWatch(node, 'peer/heartbeat')
-    wait_until(lambda: not first.format_loss(), timeout_s=START_S)
-    late = HeartbeatWatch(node, 'peer/heartbeat')
-    wait_until(lambda: not late.format_loss())
-    process.kill()
-    wait_until(lambda: first.format_loss() and late.format_loss())
-    for watch in (first, late):
-        watch.close()
-
-
-def test_a_heart_beats_while_its_node_is_well_and_until_it_is_closed(node, context):
+def test_a_heart_beats_while_its_node_is_well_and_until_it_is_closed(node, context, spun):
     beats, asked, well = [], [], [True]
     listener = Node('other', context=context)
     listener.create_subscription(Empty, 'listener/heartbeat', beats.append, 1)
@@ -117,7 +104,8 @@ def test_a_heart_beats_while_its_node_is_well_and_until_it_is_closed(node, conte
         return well[0]
 
     heart = Heartbeat(node, is_well)
-    with NodeGroup([listener, other], context=context), beating(heart):
+    spun(listener, other)
+    with beating(heart):
         wait_until(lambda: len(beats) >= 3)  # a listener needs no lease
         well[0] = False
         wait_until(lambda: heart._due_s and len(asked) > 5)
@@ -139,9 +127,12 @@ def test_a_peer_that_dies_or_freezes_is_lost_and_its_return_is_noticed(node, sta
     assert not watch.was_heard
     peer = start_peer()
     wait_until(lambda: not watch.format_loss(), timeout_s=START_S)
+    late = HeartbeatWatch(node, 'peer/heartbeat')  # hears a peer that lives already
+    wait_until(lambda: not late.format_loss())
     peer.send_signal(fault)
-    wait_until(has(watch, 'Nothing was heard on peer/heartbeat for 0.15 s'))
-    assert watch.was_heard
+    for each in (watch, late):
+        wait_until(has(each, 'Nothing was heard on peer/heartbeat for 0.15 s'))
+        assert each.was_heard
     if fault == signal.SIGSTOP:
         peer.send_signal(signal.SIGCONT)
     else:
@@ -150,8 +141,9 @@ def test_a_peer_that_dies_or_freezes_is_lost_and_its_return_is_noticed(node, sta
     wait_until(lambda: not watch.format_loss(), timeout_s=START_S)
     if fault == signal.SIGKILL:
         assert node.count_publishers('/peer/heartbeat') == 2
-    watch.close()
-    assert watch.format_loss() == ''  # the last state, for a thread that still asks
+    for each in (watch, late):
+        each.close()
+        assert each.format_loss() == ''  # the last state, for a thread that still asks
 
 
 def test_two_living_peers_of_one_name_are_named_and_one_killed_is_none(node, start_peer):

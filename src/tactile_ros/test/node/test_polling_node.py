@@ -3,7 +3,7 @@
 
 """Messages that a node asks for, and records that are published only where somebody listens."""
 
-from dataclasses import dataclass
+from dataclasses import make_dataclass
 import threading
 
 import pytest
@@ -14,18 +14,13 @@ from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import Int32
 
 from tactile_ros.errors import MessageError
-from tactile_ros.node_group import NodeGroup
 from tactile_ros.polling import PollingNode
 from tactile_ros.qos import EVENTS, STREAM
 from tactile_ros.stages import RecordPublisher, Stage, StageNode
 from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 10.0
-
-
-@dataclass(frozen=True)
-class Nothing:
-    pass
+Nothing = make_dataclass('Nothing', [], frozen=True)
 
 
 class Listener(PollingNode):
@@ -46,32 +41,42 @@ class Listener(PollingNode):
 
 
 @pytest.fixture
-def spun(context):
-    """Return a function that spins nodes until the end of the test."""
-    groups = []
+def pair(context, spun):
+    """A peer's publisher of numbers and a node that polls them, once each knows the other."""
 
-    def start(*nodes):
-        groups.append(NodeGroup(nodes, context=context).__enter__())
-        return groups[-1]
+    def make(take=None, profile=STREAM, poll_s=0.005, **options):
+        peer, listener = Node('peer', context=context), Listener('listener', context=context)
+        listener.poll_s = poll_s
+        take = take or listener.take
+        subscription = listener.poll(Int32, 'numbers', take, profile, **options)
+        group = spun(peer, listener)
+        publisher = peer.create_publisher(Int32, 'numbers', profile)
+        wait_until(lambda: publisher.get_subscription_count() == 1)
+        wait_until(lambda: subscription.get_publisher_count() == 1)
+        return publisher, listener, group
 
-    yield start
-    for group in reversed(groups):
-        group.close()
-    wait_until(lambda: not [t for t in threading.enumerate() if t.name.startswith('topics of')])
+    return make
 
 
-def test_messages_come_in_order_on_the_thread_of_the_node(context, spun):
-    peer, listener = Node('peer', context=context), Listener('listener', context=context)
-    subscription = listener.poll(Int32, 'numbers', listener.take, STREAM)
-    spun(peer, listener)
-    publisher = peer.create_publisher(Int32, 'numbers', STREAM)
-    wait_until(lambda: publisher.get_subscription_count() == 1)
-    wait_until(lambda: subscription.get_publisher_count() == 1)
-    for i in range(500):
-        publisher.publish(Int32(data=i))
+def publish(publisher, numbers):
+    for number in numbers:
+        publisher.publish(Int32(data=number))
+    assert publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=DEADLINE_S))
+
+
+def test_messages_come_in_order_on_the_thread_of_the_node_until_a_fault_of_the_program(pair):
+    publisher, listener, group = pair()
+    publish(publisher, range(500))
     wait_until(lambda: len(listener.values) == 500)
     assert listener.values == list(range(500))
     assert listener.threads == {'topics of listener'}
+    publish(publisher, (1, -1, 2))
+    wait_until(lambda: listener.values[500:] == [1, 2])
+    assert listener.message_guard.refused_count == 1
+    assert not group.ended.is_set()
+    publish(publisher, [99_999])
+    assert group.ended.wait(DEADLINE_S)
+    assert isinstance(group.error, ZeroDivisionError)
 
 
 def test_latched_messages_and_their_information_come(context, spun):
@@ -91,23 +96,14 @@ def test_latched_messages_and_their_information_come(context, spun):
     assert all(received_ns > 0 for _, received_ns in heard)
 
 
-def test_without_a_period_all_that_waits_comes_together_when_it_is_asked_for(context, spun):
-    peer, listener = Node('peer', context=context), Listener('listener', context=context)
-    listener.poll_s = None
+def test_without_a_period_all_that_waits_comes_together_when_it_is_asked_for(pair):
     came = []
-    listener.poll(
-        Int32, 'numbers', lambda messages, _: came.append(messages), STREAM, together=True
+    publisher, listener, _ = pair(
+        lambda messages, _: came.extend(messages), poll_s=None, together=True
     )
-    spun(peer, listener)
-    publisher = peer.create_publisher(Int32, 'numbers', STREAM)
-    wait_until(lambda: publisher.get_subscription_count() == 1)
-    for i in range(5):
-        publisher.publish(Int32(data=i))
-    assert publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=DEADLINE_S))
-    wait_until(lambda: listener.poll_now() or came)
-    assert [message.data for messages in came for message in messages][:1] == [0]
-    wait_until(lambda: listener.poll_now() or sum(map(len, came)) == 5)
-    assert len(came) <= 2  # the last ones may not be in the queue yet
+    publish(publisher, range(5))
+    wait_until(lambda: listener.poll_now() or len(came) == 5)
+    assert [message.data for message in came] == [0, 1, 2, 3, 4]
     assert not [t for t in threading.enumerate() if t.name == 'topics of listener']
 
 
@@ -130,27 +126,21 @@ def test_nothing_comes_after_a_subscription_is_closed_and_others_go_on(context, 
         assert heard == [turn]
 
 
-def test_a_slow_callback_loses_the_oldest_as_any_queue_of_dds_does(context, spun):
-    peer, slow = Node('peer', context=context), Listener('slow', context=context)
-    begun, go = threading.Event(), threading.Event()
+def test_a_slow_callback_loses_the_oldest_as_any_queue_of_dds_does(pair):
+    begun, go, values = threading.Event(), threading.Event(), []
 
-    def take(message, info):
+    def take(message, _):
         begun.set()
         assert go.wait(DEADLINE_S)
-        slow.take(message, info)
+        values.append(message.data)
 
-    slow.poll(Int32, 'numbers', take, rclpy.qos.QoSProfile(depth=5))
-    spun(peer, slow)
-    publisher = peer.create_publisher(Int32, 'numbers', rclpy.qos.QoSProfile(depth=5))
-    wait_until(lambda: publisher.get_subscription_count() == 1)
-    publisher.publish(Int32(data=0))
+    publisher, *_ = pair(take, rclpy.qos.QoSProfile(depth=5))
+    publish(publisher, [0])
     assert begun.wait(DEADLINE_S)
-    for i in range(1, 101):
-        publisher.publish(Int32(data=i))
-    assert publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=DEADLINE_S))
+    publish(publisher, range(1, 101))
     go.set()
-    wait_until(lambda: slow.values[-1:] == [100])
-    assert slow.values == [0, 96, 97, 98, 99, 100]
+    wait_until(lambda: values[-1:] == [100])
+    assert values == [0, 96, 97, 98, 99, 100]
 
 
 def test_a_publisher_whose_profile_does_not_fit_is_named_once(context, spun, monkeypatch, capfd):
@@ -167,27 +157,12 @@ def test_a_publisher_whose_profile_does_not_fit_is_named_once(context, spun, mon
         return 'nothing comes from /peer on /numbers: its quality of service does not fit' in told
 
     wait_until(is_told)
-    again = threading.Event()
-    listener.call_every(0.2, again.set)
-    assert again.wait(DEADLINE_S)
+    looks = threading.Semaphore(0)
+    listener.call_every(0.01, looks.release)
+    for _ in range(5):
+        assert looks.acquire(timeout=DEADLINE_S)
     told += capfd.readouterr().err
     assert told.count('nothing comes from /peer') == 1
-
-
-def test_a_message_is_refused_and_a_fault_of_the_program_ends_it(context, spun):
-    peer, listener = Node('peer', context=context), Listener('listener', context=context)
-    listener.poll(Int32, 'numbers', listener.take, STREAM)
-    group = spun(peer, listener)
-    publisher = peer.create_publisher(Int32, 'numbers', STREAM)
-    wait_until(lambda: publisher.get_subscription_count() == 1)
-    for value in (1, -1, 2):
-        publisher.publish(Int32(data=value))
-    wait_until(lambda: listener.values == [1, 2])
-    assert listener.message_guard.refused_count == 1
-    assert not group.ended.is_set()
-    publisher.publish(Int32(data=99_999))
-    assert group.ended.wait(DEADLINE_S)
-    assert isinstance(group.error, ZeroDivisionError)
 
 
 def test_polling_ends_with_its_context():

@@ -1,10 +1,8 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-from dataclasses import dataclass
+from dataclasses import make_dataclass
 
-import pytest
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -19,97 +17,51 @@ RELIABLE = QoSProfile(depth=9)
 LATCHED = QoSProfile(depth=9, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-@dataclass(frozen=True)
-class Nothing:
-    pass
-
-
-@pytest.fixture
-def make_node(context):
-    nodes = []
-
-    def make(**overrides):
-        parameters = [Parameter(k, value=v) for k, v in overrides.items()]
-        nodes.append(
-            TactileNode('beating', Nothing, context=context, parameter_overrides=parameters)
-        )
-        return nodes[-1]
-
-    yield make
-    for node in nodes:
-        node.destroy_node()
-
-
-def test_the_quality_of_a_stream_can_be_overridden_and_that_of_others_stays(make_node):
-    node = make_node(**{'qos_overrides./beating/one.publisher.reliability': 'best_effort'})
-    for topic in ('~/one', '~/two'):
-        node.create_stream_publisher(String, topic)
-    reliability = {
-        topic: node.get_publishers_info_by_topic(f'/beating/{topic}')[0].qos_profile.reliability
-        for topic in ('one', 'two')
-    }
-    assert reliability['one'] == ReliabilityPolicy.BEST_EFFORT
-    assert reliability['two'] == ReliabilityPolicy.RELIABLE
-    assert STREAM.reliability == ReliabilityPolicy.RELIABLE
-
-
-@pytest.fixture
-def two_nodes(context, make_node):
-    """Return a node of ours, somebody's node, what ours warned of, and a turn of both."""
-    ours, other = make_node(), Node('somebody', context=context)
-    warned = []
-    ours.get_logger = lambda: type('Log', (), {'warning': staticmethod(warned.append)})
-    executor = SingleThreadedExecutor(context=context)
-    for node in (ours, other):
-        executor.add_node(node)
-    yield ours, other, warned, lambda: executor.spin_once(timeout_sec=0.05)
-    executor.shutdown()
-    other.destroy_node()
-
-
-@pytest.mark.parametrize(
-    ('offered', 'asked', 'outcome'),
-    [
-        (RESULTS, BEST_EFFORT, 'new'),
-        (RESULTS, RELIABLE, 'new'),
-        (RESULTS, LATCHED, 'subscribe with durability volatile'),
-        (EVENTS, BEST_EFFORT, 'new'),
-        (EVENTS, RELIABLE, 'new'),
-        (EVENTS, LATCHED, 'old new'),
-        (BEST_EFFORT, RELIABLE, 'subscribe with reliability best effort'),
-    ],
-)
-def test_each_subscriber_gets_what_it_expects_or_a_warning_with_the_cure(
-    two_nodes, offered, asked, outcome
-):
-    ours, other, warned, turn = two_nodes
-    publisher = ours.create_publisher(String, '~/results', offered)
-    publisher.publish(String(data='old'))
-    heard = []
-    other.create_subscription(
-        String, '/beating/results', lambda message: heard.append(message.data), asked
+def test_the_quality_of_a_stream_can_be_overridden_and_that_of_others_stays(context):
+    name = 'qos_overrides./beating/one.publisher.reliability'
+    node = TactileNode(
+        'beating',
+        make_dataclass('Nothing', []),
+        context=context,
+        parameter_overrides=[Parameter(name, value='best_effort')],
     )
+    for _ in range(2):  # also when it is configured again
+        made = [node.create_stream_publisher(String, topic) for topic in ('~/one', '~/two')]
+        reliability = [
+            node.get_publishers_info_by_topic(publisher.topic_name)[0].qos_profile.reliability
+            for publisher in made
+        ]
+        assert reliability == [ReliabilityPolicy.BEST_EFFORT, ReliabilityPolicy.RELIABLE]
+        for publisher in made:
+            node.destroy_lifecycle_publisher(publisher)
+    assert STREAM.reliability == ReliabilityPolicy.RELIABLE
+    node.destroy_node()
 
-    def is_over():
-        turn()
-        if not warned:
+
+def test_each_subscriber_gets_what_it_expects(context, spun):
+    ours, other, heard = Node('ours', context=context), Node('other', context=context), {}
+
+    def listen(topic, asked):
+        heard[topic, id(asked)] = values = []
+        other.create_subscription(String, topic, lambda m: values.append(m.data), asked)
+
+    publishers = [ours.create_publisher(String, t, q) for t, q in (('r', RESULTS), ('e', EVENTS))]
+    for publisher in publishers:
+        publisher.publish(String(data='old'))
+    for asked in (BEST_EFFORT, RELIABLE):
+        for topic in ('r', 'e'):
+            listen(topic, asked)
+    listen('e', LATCHED)
+    spun(other)
+    wait_until(lambda: [p.get_subscription_count() for p in publishers] == [2, 3])
+
+    def have_all_heard():
+        for publisher in publishers:
             publisher.publish(String(data='new'))
-        return warned or 'new' in heard
+        return all('new' in values for values in heard.values())
 
-    wait_until(is_over)
-    assert outcome in warned[0] if warned else ' '.join(dict.fromkeys(heard)) == outcome
-    assert all(line.startswith('a subscriber of /beating/results gets') for line in warned)
-
-
-def test_a_publisher_that_is_not_heard_is_told_with_the_cure(two_nodes):
-    ours, other, warned, turn = two_nodes
-    ours.create_subscription(String, 'samples', print, RELIABLE)
-    other.create_publisher(String, 'samples', BEST_EFFORT)
-
-    def is_warned():
-        turn()
-        return warned
-
-    wait_until(is_warned)
-    assert 'a publisher of /samples is not heard' in warned[0]
-    assert 'publish with reliability reliable' in warned[0]
+    wait_until(have_all_heard)
+    latched = heard.pop(('e', id(LATCHED)))
+    assert latched[0] == 'old'
+    assert {'new'} == set(latched[1:]).union(*heard.values())
+    ours.destroy_node()

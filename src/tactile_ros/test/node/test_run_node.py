@@ -61,6 +61,9 @@ if 'hanging' in sys.argv:
 sys.exit(code)
 """
 
+END_S = 60.0
+"""For a process to end on a busy computer."""
+
 
 def start(*arguments):
     return subprocess.Popen(
@@ -72,15 +75,6 @@ def start(*arguments):
     )
 
 
-def test_signal_ends_the_process_cleanly():
-    process = start()
-    assert process.stdout.readline().strip() == 'started'
-    process.send_signal(signal.SIGTERM)
-    output, errors = process.communicate(timeout=10)
-    assert process.returncode == 0, errors
-    assert output.strip() == 'torn down'
-
-
 @pytest.mark.parametrize(
     ('device', 'number'), [('waiting', signal.SIGINT), ('stuck', signal.SIGTERM)]
 )
@@ -88,7 +82,7 @@ def test_signal_ends_a_configuration_that_is_under_way(device, number):
     process = start('--ros-args', '-p', f'device:={device}')
     assert process.stdout.readline().strip() == 'configuring'
     process.send_signal(number)
-    output, errors = process.communicate(timeout=10)
+    output, errors = process.communicate(timeout=END_S)
     assert process.returncode == 0, errors
     assert 'torn down' in output
     assert 'started' not in output
@@ -99,33 +93,27 @@ def test_signal_while_the_node_is_made_ends_the_process_cleanly():
     process = start('slow')
     assert process.stdout.readline().strip() == 'constructing'
     process.send_signal(signal.SIGINT)
-    output, errors = process.communicate(timeout=10)
+    output, errors = process.communicate(timeout=END_S)
     assert process.returncode == 0, errors
     assert output.strip() == 'torn down'
     assert 'Traceback' not in errors
 
 
-def test_node_that_cannot_configure_exits_with_one_and_says_why():
-    process = start('--ros-args', '-p', 'device:=broken')
-    _, errors = process.communicate(timeout=20)
+@pytest.mark.parametrize(
+    ('device', 'last', 'error'),
+    [
+        ('broken', 'torn down', 'device broken'),
+        ('7', '', 'cannot start'),
+        ('faulty', 'torn down', 'ZeroDivisionError: a bug'),
+    ],
+)
+def test_a_node_that_cannot_go_on_exits_with_one_and_says_why(device, last, error):
+    process = start('--ros-args', '-p', f'device:={device}')
+    output, errors = process.communicate(timeout=END_S)
     assert process.returncode == 1
-    assert 'device broken' in errors
-
-
-def test_parameter_of_the_wrong_type_is_one_sentence():
-    process = start('--ros-args', '-p', 'device:=7')
-    _, errors = process.communicate(timeout=20)
-    assert process.returncode == 1
-    assert 'cannot start' in errors
-    assert 'Traceback' not in errors
-
-
-def test_callback_that_raises_ends_the_process_with_one_and_a_traceback():
-    process = start('--ros-args', '-p', 'device:=faulty')
-    output, errors = process.communicate(timeout=20)
-    assert process.returncode == 1
-    assert output.split('\n')[-2] == 'torn down'
-    assert 'ZeroDivisionError: a bug' in errors
+    assert output.rstrip().endswith(last)
+    assert error in errors
+    assert ('Traceback' in errors) == (device == 'faulty')
 
 
 def test_a_second_signal_does_not_change_the_exit_code():
@@ -137,7 +125,7 @@ def test_a_second_signal_does_not_change_the_exit_code():
         time.sleep(0.001)
 
     wait_until(lambda: process.poll() is not None, step=send)
-    output, errors = process.communicate(timeout=10)
+    output, errors = process.communicate(timeout=END_S)
     assert process.returncode == 0, errors
     assert output.strip() == 'torn down'
 
@@ -146,7 +134,7 @@ def test_a_process_that_hangs_after_its_node_is_ended_with_one():
     process = start('hanging')
     assert process.stdout.readline().strip() == 'started'
     process.send_signal(signal.SIGINT)
-    output, errors = process.communicate(timeout=30)
+    output, errors = process.communicate(timeout=END_S)
     assert process.returncode == 1
     assert output.strip() == 'torn down'
     assert 'Timeout' in errors  # and a traceback of where it hangs

@@ -11,7 +11,7 @@ import sys
 import pytest
 
 PROGRAM = """
-import ctypes, sys
+import ctypes, sys, threading
 from tactile_ros.process import keep_heap_small
 
 class Mallinfo(ctypes.Structure):
@@ -21,54 +21,17 @@ class Mallinfo(ctypes.Structure):
 
 libc = ctypes.CDLL(None)
 libc.mallinfo2.restype = Mallinfo
-libc.malloc.restype = ctypes.c_void_p
+libc.malloc.restype = libc.fdopen.restype = ctypes.c_void_p
 if 'limit' in sys.argv:
     keep_heap_small()
 libc.free(ctypes.c_void_p(libc.malloc(8_000_000)))
 mapped = libc.mallinfo2().hblks
 libc.malloc(4_000_000)
-print(libc.mallinfo2().hblks - mapped)
-"""
-
-
-def run_program(program, *arguments, **variables):
-    done = subprocess.run(
-        [sys.executable, '-c', program, *arguments],
-        env={**os.environ, **variables},
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=True,
-    )
-    return done.stdout
-
-
-def blocks_mapped_after_a_larger_one(*arguments, **variables):
-    return int(run_program(PROGRAM, *arguments, **variables))
-
-
-def test_freed_blocks_do_not_move_later_ones_into_the_heaps():
-    if not hasattr(ctypes.CDLL(None), 'mallinfo2'):
-        pytest.skip('this C library is not glibc from 2.33 on')
-    assert blocks_mapped_after_a_larger_one() == 0
-    assert blocks_mapped_after_a_larger_one('limit') == 1
-    users = str(32 * 1024 * 1024)
-    assert blocks_mapped_after_a_larger_one('limit', MALLOC_MMAP_THRESHOLD_=users) == 0
-
-
-HEAPS = """
-import ctypes, sys, threading
-from tactile_ros.process import keep_heap_small
-
-libc = ctypes.CDLL(None)
-libc.malloc.restype = ctypes.c_void_p
-if 'limit' in sys.argv:
-    keep_heap_small()
+print(libc.mallinfo2().hblks - mapped, flush=True)
 met = threading.Barrier(5)
 for _ in range(4):
     threading.Thread(target=lambda: (libc.malloc(5000), met.wait(), met.wait())).start()
 met.wait()
-libc.fdopen.restype = ctypes.c_void_p
 out = ctypes.c_void_p(libc.fdopen(1, b'w'))
 libc.malloc_info(0, out)
 libc.fflush(out)
@@ -76,13 +39,24 @@ met.wait()
 """
 
 
-def heaps_of_five_threads(*arguments, **variables):
-    return run_program(HEAPS, *arguments, **variables).count('<heap nr=')
+def measure(*arguments, **variables):
+    """Return the blocks mapped after a larger one was freed, and whether heaps are many."""
+    done = subprocess.run(
+        [sys.executable, '-c', PROGRAM, *arguments],
+        env={**os.environ, **variables},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    mapped, _, heaps = done.stdout.partition('\n')
+    return int(mapped), heaps.count('<heap nr=') > 1
 
 
-def test_threads_share_one_heap():
-    if not hasattr(ctypes.CDLL(None), 'malloc_info'):
-        pytest.skip('this C library is not glibc')
-    assert heaps_of_five_threads() > 1
-    assert heaps_of_five_threads('limit') == 1
-    assert heaps_of_five_threads('limit', MALLOC_ARENA_MAX='8') > 1
+def test_freed_blocks_go_back_and_threads_share_one_heap_unless_the_user_wants_it_otherwise():
+    if not hasattr(ctypes.CDLL(None), 'mallinfo2'):
+        pytest.skip('this C library is not glibc from 2.33 on')
+    assert measure() == (0, True)
+    assert measure('limit') == (1, False)
+    users = {'MALLOC_MMAP_THRESHOLD_': str(32 * 1024 * 1024), 'MALLOC_ARENA_MAX': '8'}
+    assert measure('limit', **users) == (0, True)

@@ -197,7 +197,7 @@ class NetFtBox:
 
     def _pack(self, records):
         self._held.append(records)
-        waiting = np.concatenate(self._held)
+        waiting = np.concatenate(self._held).astype(RECORD)  # big-endian, as they travel
         is_buffered = self._command is Command.START_BUFFERED
         size = self.settings['comrdtbsiz'] if is_buffered else 1
         whole = len(waiting) // size * size
