@@ -28,7 +28,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from tactile_ros.configs import find_objection
 from tactile_ros.errors import MessageError
 from tactile_ros.periodic import Periodic, SLOW_CALLS, Ticker
-from tactile_ros.qos import publisher_warnings, STREAM, subscription_warnings
+from tactile_ros.qos import STREAM
 from tactile_ros.rclpy_internals import (
     change_state_service,
     destroy_state_machine,
@@ -277,32 +277,11 @@ class TactileNode(LifecycleNode):
     # -- for subclasses ----------------------------------------------------------
 
     def create_subscription(
-        self,
-        message_type: Any,
-        topic: str,
-        callback: Callable[..., Any],
-        *args: Any,
-        **options: Any,
+        self, message_type: Any, topic: str, callback: Callable[..., Any], *args: Any, **opts: Any
     ) -> Any:
-        """Subscribe; a message for which the callback raises `MessageError` is refused.
-
-        A publisher whose quality of service does not fit is told with the cure.
-        """
+        """Subscribe; a message for which the callback raises `MessageError` is refused."""
         guarded = self.message_guard.wrap(topic, callback)
-        options.setdefault('event_callbacks', subscription_warnings(self, topic))
-        return super().create_subscription(message_type, topic, guarded, *args, **options)
-
-    def create_publisher(self, message_type: Any, topic: str, *args: Any, **options: Any) -> Any:
-        """Publish; a subscriber whose quality of service does not fit is told with the cure."""
-        options.setdefault('event_callbacks', publisher_warnings(self, topic))
-        return super().create_publisher(message_type, topic, *args, **options)
-
-    def create_lifecycle_publisher(
-        self, message_type: Any, topic: str, *args: Any, **options: Any
-    ) -> Any:
-        """Publish while active; a subscriber that does not fit is told with the cure."""
-        options.setdefault('event_callbacks', publisher_warnings(self, topic))
-        return super().create_lifecycle_publisher(message_type, topic, *args, **options)
+        return super().create_subscription(message_type, topic, guarded, *args, **opts)
 
     def create_stream_publisher(
         self, message_type: Any, topic: str, profile: QoSProfile = STREAM

@@ -1,12 +1,12 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Memory of a process that runs for hours."""
+"""A process of nodes: its memory, its signals, its transports."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 import ctypes
 import faulthandler
 from functools import cache
@@ -40,12 +40,10 @@ def share_one_heap() -> None:
 def keep_heap_small() -> None:
     """Share one heap, and give large blocks back to the system when they are freed.
 
-    Call it before ROS starts its threads. By itself glibc raises the size from which it maps a
-    block to the largest that was freed, and has a heap for almost every thread. A recorder's
-    buffers then lay among the small blocks of 16 heaps, which grew by 40 MB an hour while no more
-    was in use; with mapped buffers they still grew by 2 MB an hour (``benchmarks/nodes/soak.py``).
-    What the user has set in the environment stays. Without glibc this does nothing. Not for
-    programs that only compute: their arrays would be mapped anew each time, which took an
+    Call it before ROS starts its threads. glibc raises the size from which it maps a block to
+    the largest that was freed, so a recorder's buffers lay among the small blocks of 16 heaps,
+    which grew by 40 MB an hour; with mapped buffers by 2 MB (``benchmarks/nodes/soak.py``). Not
+    for programs that only compute: their arrays would be mapped anew each time, which took an
     evaluation 5 % longer.
     """
     share_one_heap()
@@ -53,7 +51,6 @@ def keep_heap_small() -> None:
 
 
 def _set_option(variable: str, option: int, value: int) -> None:
-    """Set an option of malloc that the user has not set in the environment."""
     if variable not in os.environ:
         with suppress(AttributeError, OSError):
             ctypes.CDLL(None).mallopt(option, value)
@@ -176,16 +173,16 @@ class Signals:
             self._raises = False
             over.set()
 
-    def pause(self) -> bool:
-        """Let signals wait until `go_on`; return whether they would raise. See `uninterrupted`."""
+    @contextmanager
+    def holding(self) -> Iterator[None]:
+        """Within `raising`, let a signal wait for the end of this block."""
         raises, self._raises = self._raises, False
-        return raises
-
-    def go_on(self) -> None:
-        """End a `pause`, and raise KeyboardInterrupt if a signal has come in it."""
-        self._raises = True
-        if self.received:
-            self._take(self.received, None)
+        try:
+            yield
+        finally:
+            self._raises = raises
+            if raises and self.received:
+                self._take(self.received, None)
 
     def _repeat(self, over: threading.Event) -> None:
         main = threading.main_thread().ident
@@ -217,18 +214,10 @@ def held_signals() -> Signals | None:
     return _signals
 
 
-@contextmanager
-def uninterrupted() -> Iterator[None]:
-    """Within `Signals.raising`, let a signal wait until this block has brought things to rest."""
-    signals = _signals
+def uninterrupted() -> AbstractContextManager[None]:
+    """Within `Signals.raising`, let a signal wait until a block has brought things to rest."""
     is_main = threading.current_thread() is threading.main_thread()
-    if signals is None or not is_main or not signals.pause():
-        yield
-        return
-    try:
-        yield
-    finally:
-        signals.go_on()
+    return _signals.holding() if _signals is not None and is_main else nullcontext()
 
 
 def ignore_signals() -> None:

@@ -5,12 +5,12 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 import contextlib
 import select
 import socket
 import time
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,23 +44,12 @@ _MOST_DATAGRAMS = 4096  # in one batch
 _BUFFER_BYTES = 4 << 20
 
 
-class LinkCounts(NamedTuple):
-    """Bytes and datagrams that a link has received, and those of them that were no records."""
-
-    bytes: int = 0
-    datagrams: int = 0
-    rejected: int = 0
-
-    def plus(self, other: LinkCounts) -> LinkCounts:
-        """Return the sums."""
-        return LinkCounts(*(own + its for own, its in zip(self, other, strict=True)))
-
-
 class NetFtLink:
     """A running stream of records.
 
     In buffered mode a datagram holds up to 40 records: then the kernel keeps some hundred
-    milliseconds at 7000 Hz for a host that is busy elsewhere, and loses nothing.
+    milliseconds at 7000 Hz for a host that is busy elsewhere, and loses nothing. ``counts`` has
+    bytes and datagrams received, and datagrams rejected because they were no records.
 
     The box sends at ``rate_hz`` [Hz]; ``now_ns()`` is the host's time [ns]. LinkError: there is no
     such host.
@@ -84,7 +73,7 @@ class NetFtLink:
         self._wait_s = min(self._missing_s, _LONGEST_WAIT_S)
         self._heard_s = self._asked_s = time.monotonic()
         self._status_word = box.status
-        self._counts = LinkCounts()
+        self.counts = _no_counts()
         self._si_per_count = box.si_per_count
         self._start = (
             Command.START_BUFFERED
@@ -102,11 +91,6 @@ class NetFtLink:
         except OSError as error:
             self._socket.close()
             raise LinkError(f'cannot reach the Net F/T at {config.host}: {error}') from error
-
-    @property
-    def counts(self) -> LinkCounts:
-        """Bytes, datagrams and rejected datagrams received so far."""
-        return self._counts
 
     def format_status(self) -> str:
         """Return what the newest record says is wrong with the box; empty when nothing is."""
@@ -129,13 +113,9 @@ class NetFtLink:
         except OSError as error:
             raise LinkError(f'lost the Net F/T at {self._host}: {error}') from error
         good = [datagram for datagram in datagrams if _is_whole(datagram)]
-        self._counts = self._counts.plus(
-            LinkCounts(
-                bytes=sum(map(len, datagrams)),
-                datagrams=len(datagrams),
-                rejected=len(datagrams) - len(good),
-            )
-        )
+        self.counts['bytes'] += sum(map(len, datagrams))
+        self.counts['datagrams'] += len(datagrams)
+        self.counts['rejected'] += len(datagrams) - len(good)
         if not good:
             self._check_silence()
             return None
@@ -186,6 +166,10 @@ class NetFtLink:
         return True
 
 
+def _no_counts() -> Counter[str]:
+    return Counter(bytes=0, datagrams=0, rejected=0)
+
+
 def _is_whole(datagram: bytes) -> bool:
     return 0 < len(datagram) <= MOST_RECORDS * RECORD_BYTES and not len(datagram) % RECORD_BYTES
 
@@ -205,20 +189,18 @@ class NetFtClient(LinkClient[NetFtLink]):
         super().__init__(config, on_block, now_ns)
         self._web = BoxWeb(config.host, config.http_port)
         self._stream = Stream(config, CounterClock())
-        self._before = LinkCounts()  # of the links before this one
+        self._before = _no_counts()  # of the links before this one
         self._seen_rejected = 0
 
     def health(self) -> Health:
         """Return the state of the link now."""
         stream, clock, link = self._stream, self._stream.clock, self._link
-        counts = self._before
-        if link is not None:
-            counts = counts.plus(link.counts)
+        counts = self._before if link is None else self._before + link.counts
         return self._make_health(
-            bytes=counts.bytes,
-            lines=counts.datagrams,
+            bytes=counts['bytes'],
+            lines=counts['datagrams'],
             readings=stream.readings,
-            rejected_lines=counts.rejected,
+            rejected_lines=counts['rejected'],
             lost_samples=stream.lost_samples,
             duplicates=clock.duplicates,
             late_samples=clock.late_samples,
@@ -283,7 +265,7 @@ class NetFtClient(LinkClient[NetFtLink]):
         return self._stream.flush()
 
     def _note_loss(self, link: NetFtLink) -> None:
-        self._before = self._before.plus(link.counts)
+        self._before = self._before + link.counts  # a new one: `health` may be reading the old
 
     def _wants_pause(self, error: LinkError) -> bool:
         # A box that was restarted is there already.
@@ -291,7 +273,7 @@ class NetFtClient(LinkClient[NetFtLink]):
 
     def _read(self, link: NetFtLink) -> None:
         batch = link.read()
-        rejected = link.counts.rejected
+        rejected = link.counts['rejected']
         if rejected != self._seen_rejected:
             self._seen_rejected = rejected
             self._stream.note_dropped_bytes()

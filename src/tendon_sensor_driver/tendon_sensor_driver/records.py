@@ -237,95 +237,37 @@ class TendonSensorConfig:
 
 
 class Reading(NamedTuple):
-    """One sample as the device sent it.
+    """One sample as the device sent it."""
 
-    Attributes
-    ----------
-    device_ticks
-        Device time in the device's own unit; None when it sends none.
-    value
-        In the device's own unit.
-    received_at_ns
-        Host time at which the bytes that completed the reading were read [ns].
-    resynchronised
-        Whether bytes that were no reading were dropped since the reading before.
-    simulated
-        Whether the device says that it is simulated.
-    """
-
-    device_ticks: int | None
-    value: float
-    received_at_ns: int
-    resynchronised: bool = False
-    simulated: bool = False
+    device_ticks: int | None  # device time in the device's own unit; None when it sends none
+    value: float  # in the device's own unit
+    received_at_ns: int  # host time of reading the bytes that completed it [ns]
+    resynchronised: bool = False  # bytes that were no reading were dropped before it
+    simulated: bool = False  # the device says that it is simulated
 
 
 @dataclass(frozen=True)
 class Health:
-    """The state of the link at one moment; counters run from the opening.
+    """The state of the link at one moment; counters run from the opening."""
 
-    Attributes
-    ----------
-    is_connected
-        Whether the port is open.
-    heard_at_ns
-        Host time of the last reading, or of the opening before the first [ns].
-    bytes, lines, readings
-        Received bytes; lines (or frames, or datagrams) that were not blank; samples in them.
-    rejected_lines
-        Lines that were no readings.
-    lost_samples
-        Samples missing by device time.
-    duplicates
-        Readings dropped because their device time is that of the one before.
-    late_samples
-        Readings dropped because their device time is before that of the one before.
-    outliers
-        Readings dropped because their device time fits nothing before or after.
-    bursts
-        Times that three readings or more arrived at once.
-    reconnects
-        Times that the port was lost and opened again.
-    restarts
-        Times that the device's clock began anew; of one without a clock, that the port was
-        opened again.
-    overruns
-        Times that bytes were dropped because the blocks were not taken fast enough.
-    status
-        Of the newest sample.
-    device_status
-        What the device says is wrong with it, in words; empty when nothing.
-    rate_hz
-        Rate at which the device truly samples [Hz]; 0 when it does not say.
-    last_rejected
-        The last rejected line, shortened, as printable text.
-    last_reason
-        The reason of its rejection, and a remedy.
-    last_error
-        The last thing that went wrong with the link or the consumer of blocks.
-    advice
-        What is wrong with what arrives and what to do about it, in a sentence; empty when
-        nothing is, or the sensor's driver cannot tell.
-    """
-
-    is_connected: bool
-    heard_at_ns: int
+    is_connected: bool  # the port is open
+    heard_at_ns: int  # host time of the last reading, or of the opening before the first [ns]
     bytes: int = 0
-    lines: int = 0
-    readings: int = 0
-    rejected_lines: int = 0
-    lost_samples: int = 0
-    duplicates: int = 0
-    late_samples: int = 0
-    outliers: int = 0
-    bursts: int = 0
-    reconnects: int = 0
-    restarts: int = 0
-    overruns: int = 0
-    status: StrainStatus = StrainStatus.OK
-    device_status: str = ''
-    rate_hz: float = 0.0
-    last_rejected: str = ''
-    last_reason: str = ''
-    last_error: str = ''
-    advice: str = ''
+    lines: int = 0  # lines, messages or datagrams that were not blank
+    readings: int = 0  # samples in them
+    rejected_lines: int = 0  # those that held no samples
+    lost_samples: int = 0  # missing by device time, counter or stamp
+    duplicates: int = 0  # samples that came twice
+    late_samples: int = 0  # samples that came after a later one
+    outliers: int = 0  # samples whose device time fits nowhere
+    bursts: int = 0  # times that three readings or more came at once
+    reconnects: int = 0  # times that the link was lost and is back
+    restarts: int = 0  # times that the device's clock began anew, or may have
+    overruns: int = 0  # times that input was dropped because blocks were taken too slowly
+    status: StrainStatus = StrainStatus.OK  # of the newest sample
+    device_status: str = ''  # words of the device about what is wrong with it; empty: nothing
+    rate_hz: float = 0.0  # rate at which the device truly samples [Hz]; 0: it does not say
+    last_rejected: str = ''  # the last rejected line, shortened, as printable text
+    last_reason: str = ''  # the reason of its rejection, and a remedy
+    last_error: str = ''  # of the link or the consumer of blocks
+    advice: str = ''  # about what arrives and what to do; empty: nothing is known to be wrong

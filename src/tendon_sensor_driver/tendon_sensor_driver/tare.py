@@ -31,24 +31,12 @@ class TareError(TendonSensorError):
 
 @dataclass(frozen=True)
 class Bias:
-    """Bias subtracted from every sample; mirrors ``tactile_msgs/Tare``.
+    """Bias subtracted from every sample; mirrors ``tactile_msgs/Tare``."""
 
-    Attributes
-    ----------
-    stamp_ns
-        Time at which it was measured or cleared [ns].
-    bias_n
-        Mean of the tare samples [N].
-    spread_n
-        Their standard deviation [N].
-    samples
-        Number of tare samples; 0: no bias is subtracted.
-    """
-
-    stamp_ns: int
-    bias_n: float = 0.0
-    spread_n: float = 0.0
-    samples: int = 0
+    stamp_ns: int  # time at which it was measured or cleared [ns]
+    bias_n: float = 0.0  # mean of the tare samples [N]
+    spread_n: float = 0.0  # their standard deviation [N]
+    samples: int = 0  # number of tare samples; 0: no bias is subtracted
 
 
 class Tare:

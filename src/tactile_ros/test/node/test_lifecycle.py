@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 
 from dataclasses import dataclass, field
-import threading
 
 import pytest
 from rcl_interfaces.srv import SetParameters
@@ -10,8 +9,8 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from tactile_ros.goals import send
 from tactile_ros.lifecycle import read_config, TactileNode
-from tactile_ros.node_group import NodeGroup
 from tactile_testing.waiting import wait_until
 
 
@@ -115,55 +114,41 @@ def test_an_integer_is_taken_where_a_float_is_wanted(make_node):
     assert node.get_parameter('gain').value == 3.0
 
 
-@pytest.mark.parametrize(
-    'arguments',
-    [
-        pytest.param(lambda _: ['-p', 'rate_hz:=50'], id='argument'),
-        pytest.param(lambda path: ['--params-file', str(path)], id='file'),
-    ],
-)
-def test_the_command_line_gives_an_integer_for_a_float(context, tmp_path, arguments):
-    path = tmp_path / 'params.yaml'
-    path.write_text('recording: {ros__parameters: {rate_hz: 50}}')
-    node = RecordingNode(context=context, cli_args=['--ros-args', *arguments(path)])
-    try:
-        assert is_float(node, 50.0)
-    finally:
-        node.destroy_node()
+@pytest.mark.parametrize('option', ['-p', '--params-file'])
+def test_the_command_line_gives_an_integer_for_a_float(context, parameter_file, option):
+    path = parameter_file('recording: {ros__parameters: {rate_hz: 50}}')
+    value = 'rate_hz:=50' if option == '-p' else str(path)
+    node = RecordingNode(context=context, cli_args=['--ros-args', option, value])
+    assert is_float(node, 50.0)
+    node.destroy_node()
 
 
-def test_another_process_sets_an_integer_for_a_float(context, make_node):
+def test_another_process_sets_an_integer_for_a_float(context, make_node, spun):
     node, other = make_node(), Node('other', context=context)
     client = other.create_client(SetParameters, '/recording/set_parameters')
 
     def set_to(name, value):
         message = Parameter(name, value=value).to_parameter_msg()
-        done = threading.Event()
-        future = client.call_async(SetParameters.Request(parameters=[message]))
-        future.add_done_callback(lambda _: done.set())
-        assert done.wait(20.0)
-        (result,) = future.result().results
+        request = SetParameters.Request(parameters=[message])
+        (result,) = send(other, lambda: client.call_async(request)).result(20.0).results
         return result.reason
 
-    with NodeGroup([other], context=context), NodeGroup([node], context=context):
-        assert client.wait_for_service(timeout_sec=20.0)
-        assert not set_to('rate_hz', 40)
-        assert is_float(node, 40.0)
-        assert 'out of range' in set_to('rate_hz', 101)
-        for wrong in (True, '40', [40]):
-            assert 'Wrong parameter type' in set_to('rate_hz', wrong)
-        assert 'Wrong parameter type' in set_to('count', 4.0)
-        assert is_float(node, 40.0)
+    spun(other)
+    spun(node)
+    assert client.wait_for_service(timeout_sec=20.0)
+    assert not set_to('rate_hz', 40)
+    assert is_float(node, 40.0)
+    assert 'out of range' in set_to('rate_hz', 101)
+    for name, wrong in (('rate_hz', True), ('rate_hz', '40'), ('rate_hz', [40]), ('count', 4.0)):
+        assert 'Wrong parameter type' in set_to(name, wrong)
+    assert is_float(node, 40.0)
 
 
-def test_value_that_is_no_choice_refuses_configure(make_node):
+def test_value_that_is_no_choice_refuses_configure_and_cannot_be_set_later(make_node):
     node = make_node(unit='lb')
     assert not node.bring_up()
     assert node.calls == ['tear_down']
-
-
-def test_value_that_is_no_choice_cannot_be_set_later(make_node):
-    node = make_node()
+    assert node.set_parameters([Parameter('unit', value='g')])[0].successful
     (result,) = node.set_parameters([Parameter('unit', value='lb')])
     assert not result.successful
     assert 'kg, g' in result.reason
@@ -193,17 +178,11 @@ def test_parameters_do_not_change_from_configure_to_cleanup_but_for_live_ones(ma
 
 
 def test_parameters_can_be_mended_after_a_configuration_that_failed(make_node):
-    node = make_node(path='nowhere')
+    node = make_node(path='nowhere', autostart=False)
     assert not node.bring_up()
-    (result,) = node.set_parameters([Parameter('path', value='here')])
-    assert result.successful
+    assert node.set_parameters([Parameter('path', value='here')])[0].successful
     assert node.bring_up()
-
-
-def test_autostart_is_read_once(make_node):
-    node = make_node(autostart=False)
-    (result,) = node.set_parameters([Parameter('autostart', value=True)])
-    assert not result.successful
+    assert not node.set_parameters([Parameter('autostart', value=True)])[0].successful  # read once
 
 
 def test_bring_up_and_take_down_in_order(make_node):
@@ -216,20 +195,18 @@ def test_bring_up_and_take_down_in_order(make_node):
     assert not node.is_active
 
 
-def test_failed_set_up_gives_everything_back(make_node):
+@pytest.mark.parametrize(
+    ('failure', 'calls'),
+    [('set_up', ['set_up', 'tear_down']), ('start', ['set_up', 'start'])],
+)
+def test_what_fails_gives_back_what_it_took_and_can_be_tried_again(make_node, failure, calls):
     node = make_node()
-    node.failure = 'set_up'
-    assert not node.bring_up()
-    assert node.calls == ['set_up', 'tear_down']
-    node.failure = ''
-    assert node.bring_up()
-
-
-def test_failed_start_leaves_the_node_inactive(make_node):
-    node = make_node()
-    node.failure = 'start'
+    node.failure = failure
     assert not node.bring_up()
     assert not node.is_active
+    assert node.calls == calls
+    node.failure = ''
+    assert failure == 'start' or node.bring_up()
 
 
 def test_a_node_that_was_taken_down_is_not_in_the_graph(context):

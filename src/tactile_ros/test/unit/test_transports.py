@@ -6,10 +6,11 @@ import xml.etree.ElementTree as ElementTree
 
 import pytest
 
-from tactile_ros.process import choose_transports, PROFILES
+from tactile_ros.process import choose_transports, PROFILES, TRANSPORTS
 
 FAST = 'rmw_fastrtps_cpp'
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+JAZZY = {'ROS_DISTRO': 'jazzy', 'RMW_IMPLEMENTATION': FAST}
 
 
 @pytest.mark.parametrize(
@@ -41,20 +42,16 @@ def test_what_does_not_surely_read_the_profile_keeps_the_range(ros):
     assert choose_transports(ros, 'LOCALHOST') == {RANGE: 'LOCALHOST'}
 
 
-def test_on_a_network_udp_is_chosen():
-    assert choose_transports({}, 'SUBNET') == {'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
-    assert choose_transports({RANGE: 'SUBNET'}, 'LOCALHOST') == {
-        'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'
-    }
-
-
-@pytest.mark.parametrize('profile', PROFILES)
-def test_a_profile_of_the_user_stays(profile):
-    environment = {profile: 'x', 'ROS_DISTRO': 'jazzy', 'RMW_IMPLEMENTATION': FAST}
-    assert choose_transports(environment, 'LOCALHOST') == {}
-
-
-def test_transports_of_the_user_stay_and_open_nothing():
-    chosen = {'FASTDDS_BUILTIN_TRANSPORTS': 'LARGE_DATA'}
-    assert choose_transports(chosen, 'SUBNET') == {}
-    assert choose_transports(chosen, 'LOCALHOST') == {RANGE: 'LOCALHOST'}
+@pytest.mark.parametrize(
+    ('environment', 'default_range', 'chosen'),
+    [
+        ({}, 'SUBNET', {TRANSPORTS: 'UDPv4'}),
+        ({RANGE: 'SUBNET'}, 'LOCALHOST', {TRANSPORTS: 'UDPv4'}),
+        # What the user has chosen stays, and opens nothing.
+        *(({profile: 'x', **JAZZY}, 'LOCALHOST', {}) for profile in PROFILES),
+        ({TRANSPORTS: 'LARGE_DATA'}, 'SUBNET', {}),
+        ({TRANSPORTS: 'LARGE_DATA'}, 'LOCALHOST', {RANGE: 'LOCALHOST'}),
+    ],
+)
+def test_on_a_network_udp_is_chosen_unless_the_user_has_chosen(environment, default_range, chosen):
+    assert choose_transports(environment, default_range) == chosen

@@ -65,6 +65,12 @@ def test_readings_come_out_as_blocks(sensor, make_client, blocks):
     health = client.health()
     assert health.is_connected
     assert (health.lines, health.readings, health.rejected_lines) == (10, 10, 0)
+    assert health.bursts == 1
+    for ticks in (1150, 1133, 1167):
+        sensor.write_reading(ticks, 0.9)
+    wait_until(lambda: len(blocks) == 11)
+    health = client.health()
+    assert (health.duplicates, health.late_samples, health.lost_samples) == (1, 1, 0)
 
 
 def test_readings_that_waited_in_the_port_are_stamped_when_they_were_taken(
@@ -279,19 +285,6 @@ def test_the_consumer_may_close_the_client(sensor, make_client):
     wait_until(lambda: not client.health().is_connected)
 
 
-def test_bursts_duplicates_and_late_lines_are_counted(sensor, make_client, blocks):
-    client = make_client()
-    sensor.write(b'\n' + b''.join(encode_reading(i * 17, i / 10) for i in range(5)))
-    wait_until(lambda: len(blocks) == 5)
-    assert client.health().bursts == 1
-    for ticks in (68, 51, 85):
-        sensor.write_reading(ticks, 0.9)
-    wait_until(lambda: len(blocks) == 6)
-    health = client.health()
-    assert (health.duplicates, health.late_samples, health.lost_samples) == (1, 1, 0)
-    assert [block.sequence for block in blocks] == list(range(6))
-
-
 def wait_for_silences(client, count=5):
     """Wait until a client has noticed so many times that its sensor says nothing."""
     silences, leave_menu = [], client._leave_menu
@@ -299,17 +292,16 @@ def wait_for_silences(client, count=5):
     wait_until(lambda: len(silences) >= count)
 
 
-def test_nothing_is_sent_to_a_board_that_has_spoken(sensor, make_client, blocks):
-    client = make_client(silence_s=0.02)
-    sensor.write(b'\n' + encode_reading(0, 0.5))
-    wait_until(lambda: blocks)
-    sensor.read()  # while it had said nothing it may have been asked
+@pytest.mark.parametrize('leave_menu', [True, False])
+def test_a_board_that_has_spoken_or_is_to_be_left_alone_hears_nothing(
+    sensor, make_client, blocks, leave_menu
+):
+    client = make_client(silence_s=0.02, leave_menu=leave_menu)
+    if leave_menu:
+        sensor.write(b'\n' + encode_reading(0, 0.5))
+        wait_until(lambda: blocks)
+        sensor.read()  # while it had said nothing it may have been asked
     wait_for_silences(client)
-    assert sensor.read() == b''
-
-
-def test_a_quiet_board_hears_nothing_when_told_so(sensor, make_client):
-    wait_for_silences(make_client(silence_s=0.02, leave_menu=False))
     assert sensor.read() == b''
 
 

@@ -196,7 +196,7 @@ def test_the_wrap_of_a_32_bit_counter_leaves_no_trace(first_ticks):
     assert not any(instant.is_restart for _, _, instant in wrapped)
 
 
-def test_a_wrap_in_a_gap_is_understood():
+def test_a_wrap_in_a_gap_is_understood_and_a_restart_after_it_starts_from_the_ticks_themselves():
     clock = DeviceClock(0.001, PERIOD_NS)
     model = Model(first_ticks=WRAP - 1000)
     before_ns, _, before = run(model, 1, clock=clock)[-1]
@@ -204,6 +204,10 @@ def test_a_wrap_in_a_gap_is_understood():
     after = clock.place(model.ticks(later_ns), model.true_stamp(later_ns))
     assert not after.is_restart
     assert abs((after.device_ns - before.device_ns) - (later_ns - before_ns)) <= MS_NS
+    start_ns = EPOCH_NS + 510 * SECOND_NS
+    instants = [clock.place(ms, start_ns + ms * MS_NS) for ms in (10, 27, 43)]
+    assert instants[0] is None
+    assert [instant.device_ns for instant in instants[1:]] == [27 * MS_NS, 43 * MS_NS]
 
 
 def test_a_restarted_device_is_believed_from_its_second_line_on():
@@ -216,16 +220,6 @@ def test_a_restarted_device_is_believed_from_its_second_line_on():
     assert again.stamp_ns == start_ns + 17 * MS_NS
     assert not clock.place(43, start_ns + 33 * MS_NS).is_restart
     assert clock.outliers == 1
-
-
-def test_a_restart_after_a_wrap_starts_from_the_ticks_themselves():
-    clock = DeviceClock(0.001, PERIOD_NS)
-    run(Model(first_ticks=WRAP - 1000), 5, clock=clock)
-    start_ns = EPOCH_NS + 10 * SECOND_NS
-    clock.place(10, start_ns)
-    again = clock.place(27, start_ns + 17 * MS_NS)
-    after = clock.place(43, start_ns + 33 * MS_NS)
-    assert (again.device_ns, after.device_ns) == (27 * MS_NS, 43 * MS_NS)
 
 
 @pytest.mark.parametrize('ticks', [3, 20_000, 350_001, WRAP - 1, 10**18])
@@ -273,32 +267,18 @@ def test_a_burst_some_time_after_a_reconnection_is_no_restart():
     assert not clock.place(15_017, EPOCH_NS + 13 * SECOND_NS).is_restart
 
 
-def test_a_host_clock_set_forward_is_followed():
-    clock = DeviceClock(0.001, PERIOD_NS)
-    run(Model(), 20, clock=clock)
-    set_forward_ns = 3600 * SECOND_NS
-    stamps = [
-        clock.place(5000 + ms, EPOCH_NS + set_forward_ns + ms * MS_NS).stamp_ns
-        for ms in range(20_000, 40_000, 16)
-    ]
-    assert all(after > before for before, after in pairwise(stamps))
-    assert abs(stamps[-1] - (EPOCH_NS + set_forward_ns + 40_000 * MS_NS)) < 20 * MS_NS
-
-
-@pytest.mark.parametrize('step_ms', [-500, -100, 100, 500])
-def test_a_small_correction_of_the_host_clock_is_followed(step_ms):
+@pytest.mark.parametrize('step_ms', [-500, -100, 100, 500, 3_600_000])
+def test_a_step_of_the_host_clock_that_nobody_tells_is_followed(step_ms):
     model, clock = Model(), DeviceClock(0.001, PERIOD_NS)
-    run(model, 20, clock=clock)
-    last_ns, errors_ns = None, []
+    last_ns = run(model, 20, clock=clock)[-1][2].stamp_ns
     for i in range(20 * 60, 45 * 60):
         elapsed_ns = i * SECOND_NS // 60
         true_ns = model.true_stamp(elapsed_ns) + step_ms * MS_NS
         instant = clock.place(model.ticks(elapsed_ns), true_ns)
-        assert last_ns is None or instant.stamp_ns > last_ns
+        assert instant.stamp_ns > last_ns
         last_ns = instant.stamp_ns
-        errors_ns.append(abs(instant.stamp_ns - true_ns))
+        assert i < 38 * 60 or abs(last_ns - true_ns) <= 1.1 * MS_NS
     assert not clock.restarts
-    assert max(errors_ns[18 * 60 :]) <= 1.1 * MS_NS
 
 
 def test_a_host_clock_set_back_never_takes_the_stamps_back():

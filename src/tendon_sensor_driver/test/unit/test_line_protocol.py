@@ -12,6 +12,7 @@ from tendon_sensor_driver import encode_reading, LineDecoder, TendonSensorConfig
 from tendon_sensor_driver.line_sensor import MAX_LINE_BYTES
 
 CONFIG = TendonSensorConfig()
+NO_TIME = {'time_column': -1, 'value_column': 0}
 LINE = b'1204,0.53000,kg,\r\n'
 
 
@@ -34,17 +35,8 @@ def test_any_line_end(end):
 @pytest.mark.parametrize(
     'line',
     [
-        b'12,0.5',
-        b'12;0.5',
-        b'12\t0.5',
-        b'12 0.5',
-        b'  12   0.5  ',
-        b'12, 0.5,',
-        b'12 ; 0.5 ;;',
-        b'12,+0.5,kg,24.75,',
-        b'12,.5',
-        b'12,5e-1,kg,lorem \xe9\xff ipsum',
-        b'12,.5 | lorem',
+        *b'12,0.5|12;0.5|12\t0.5|12 0.5|  12   0.5  |12, 0.5,|12 ; 0.5 ;;|12,.5'.split(b'|'),
+        *(b'12,+0.5,kg,24.75,', b'12,5e-1,kg,lorem \xe9\xff ipsum', b'12,.5 | lorem'),
     ],
 )
 def test_any_separator_and_further_columns(line):
@@ -56,18 +48,18 @@ def test_any_separator_and_further_columns(line):
     [
         (b'1204,0.53,kg,24.75,', {}, (1204, 0.53)),  # OpenScale with its temperature
         (b'1204,0.53,kg,8388607,24.75,21.3,', {}, (1204, 0.53)),  # and the rest it can send
-        (b'12.3', {'time_column': -1, 'value_column': 0}, (None, 12.3)),
+        (b'12.3', NO_TIME, (None, 12.3)),
         (b'0.5,kg,99', {'time_column': 2, 'value_column': 0}, (99, 0.5)),
-        (b'12.3,45', {'time_column': -1, 'value_column': 0}, (None, 12.3)),
+        (b'12.3,45', NO_TIME, (None, 12.3)),
         (b'12.3,45', {'time_column': -1}, (None, 45.0)),
         (b'Reading: 12.3 g', {'time_column': -1, 'unit': 'g'}, (None, 12.3)),
         (b'Reading: 12.3 lbs', {'time_column': -1, 'unit': 'lbf'}, (None, 12.3)),
-        (b'Reading:12.3g', {'time_column': -1, 'value_column': 0, 'unit': 'g'}, (None, 12.3)),
-        (b'weight=-0.5kg', {'time_column': -1, 'value_column': 0}, (None, -0.5)),
-        (b'12.3kg', {'time_column': -1, 'value_column': 0}, (None, 12.3)),
+        (b'Reading:12.3g', {**NO_TIME, 'unit': 'g'}, (None, 12.3)),
+        (b'weight=-0.5kg', NO_TIME, (None, -0.5)),
+        (b'12.3kg', NO_TIME, (None, 12.3)),
         (
             b'one reading:\t12.3\t| average:\t12.25000',
-            {'time_column': -1, 'value_column': 2, 'unit': 'g'},
+            {**NO_TIME, 'value_column': 2, 'unit': 'g'},
             (None, 12.3),
         ),
         (
@@ -77,6 +69,8 @@ def test_any_separator_and_further_columns(line):
         ),
         (b'12\t0.5\tkg', {}, (12, 0.5)),
         (b'12.34 0.5', {'time_unit_s': 1.0, 'time_decimals': 2}, (1234, 0.5)),
+        (b'1204,0.53,24', {}, (1204, 0.53)),
+        (b'1,2,3', {'time_column': -1}, (None, 2.0)),
     ],
 )
 def test_the_forms_that_are_seen_on_load_cells(line, options, reading):
@@ -86,7 +80,7 @@ def test_the_forms_that_are_seen_on_load_cells(line, options, reading):
     assert decoder.rejected_lines == 3 - len(readings)
 
 
-INDICATOR = {'time_column': -1, 'value_column': 2}
+INDICATOR = {**NO_TIME, 'value_column': 2}
 
 
 @pytest.mark.parametrize(
@@ -160,8 +154,8 @@ def test_a_line_that_may_hold_another_value_is_refused_with_the_remedy(line, uni
 @pytest.mark.parametrize(
     ('line', 'options', 'reading'),
     [
-        (b'12,34', {'time_column': -1, 'value_column': 0}, (None, 12.34)),
-        (b'-0,5 kg', {'time_column': -1, 'value_column': 0}, (None, -0.5)),
+        (b'12,34', NO_TIME, (None, 12.34)),
+        (b'-0,5 kg', NO_TIME, (None, -0.5)),
         (b'1204;0,53;kg', {}, (1204, 0.53)),
         (b'1204 0,53', {}, (1204, 0.53)),
         (b'12,04;0,53', {'time_unit_s': 1.0, 'time_decimals': 2}, (1204, 0.53)),
@@ -182,7 +176,7 @@ def test_a_decimal_comma_is_read_where_it_is_configured(line, options, reading):
     ],
 )
 def test_the_other_mark_separates_columns_or_makes_no_number(line, mark, readings):
-    config = TendonSensorConfig(time_column=-1, value_column=0, decimal_mark=mark)
+    config = TendonSensorConfig(**NO_TIME, decimal_mark=mark)
     assert decode((line + b'\n') * 3, config)[1] == readings
 
 
@@ -226,7 +220,7 @@ def test_what_is_no_plain_finite_number_is_rejected(line):
         (
             b'12.3lbs|Reading:12.3lbs|12.3x|a1:12.3|1e5e',
             b'%s',
-            {'time_column': -1, 'value_column': 0, 'unit': 'g'},
+            {**NO_TIME, 'unit': 'g'},
         ),
     ],
     ids=['no count', 'other decimals', 'unknown words at the value'],

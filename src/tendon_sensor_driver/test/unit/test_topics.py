@@ -140,18 +140,6 @@ def test_a_thousand_a_second_with_jitter_and_drops_become_numbered_blocks(sample
     assert {block.status for block in blocks} == {StrainStatus.OK}
 
 
-def test_values_that_are_no_numbers_are_marked_and_the_next_are_well():
-    stream = TopicStream(configure())
-    period_ns = 16_666_667
-    values = [1.0, math.nan, 2.0, math.inf, -math.inf, 3e9, 3.0]
-    blocks = feed(stream, [(START_NS + i * period_ns, v) for i, v in enumerate(values)])
-    bad = [block.status == StrainStatus.DEVICE_ERROR for block in blocks]
-    assert bad == [False, True, False, True, True, True, False]
-    assert [math.isnan(block.tension_n[0]) for block in blocks] == bad
-    assert [block.sequence for block in blocks] == list(range(7))
-    assert stream.is_value_finite
-
-
 def test_without_a_stamp_the_arrival_is_the_time_and_says_so():
     stream = TopicStream(configure())
     blocks = []
