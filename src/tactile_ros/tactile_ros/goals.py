@@ -107,22 +107,14 @@ class Goal:
 
 
 class GoalRunner:
-    """An action server that runs ``work(goal)`` for one goal at a time.
+    """An action server that runs ``work(goal)`` for one goal at a time, on a thread of its own.
 
-    ``work`` returns the result message, or raises `GoalAborted` or
-    `GoalCanceled`; any other exception aborts the goal with its text. Result
-    messages must have a field ``message``. A goal that arrives while another runs,
-    or while ``accepting()`` returns a reason, is aborted with that reason in its
-    result: a rejection would reach the client without one.
-
-    Parameters
-    ----------
-    work : callable
-        ``work(goal: Goal) -> result message``; runs on a thread of its own.
-    accepting : callable
-        Returns an empty string, or why no goal can be taken now.
-    preempts : callable
-        Whether a request ends every running goal of the node instead of being refused.
+    ``work`` returns the result message, or raises `GoalAborted` or `GoalCanceled`; any other
+    exception aborts the goal with its text. Result messages must have a field ``message``.
+    ``accepting()`` returns an empty string, or why no goal can be taken now. A goal that arrives
+    then, or while another runs, is aborted with that reason in its result: a rejection would
+    reach the client without one. A request for which ``preempts(request)`` is true ends every
+    running goal of the node instead.
     """
 
     def __init__(

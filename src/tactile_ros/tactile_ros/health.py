@@ -83,29 +83,23 @@ class Diagnostics:
                 self._publisher.publish(self._to_message(health))
 
     def _to_message(self, health: Health) -> DiagnosticArray:
-        health = self._with_refused_messages(health)
+        level, sentence, values = health
+        if (guard := getattr(self._node, 'message_guard', None)) is not None:
+            values = {**values, **guard.values}
+            if guard.warning:
+                level, sentence = max(level, WARN), f'{sentence}; {guard.warning}'
         message = DiagnosticArray()
         message.header.stamp = self._node.get_clock().now().to_msg()
         message.status = [
             DiagnosticStatus(
-                level=health.level,
+                level=level,
                 name=self._node.get_fully_qualified_name().lstrip('/'),
-                message=health.message,
+                message=sentence,
                 hardware_id=self._hardware_id(),
-                values=[KeyValue(key=k, value=str(v)) for k, v in health.values.items()],
+                values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
             )
         ]
         return message
-
-    def _with_refused_messages(self, health: Health) -> Health:
-        guard = getattr(self._node, 'message_guard', None)
-        if guard is None:
-            return health
-        level, message = health.level, health.message
-        if guard.warning:
-            level = max(level, WARN)
-            message = f'{message}; {guard.warning}'
-        return Health(level, message, {**health.values, **guard.values})
 
     def close(self) -> None:
         """Publish no more. Harmless when called twice."""
@@ -250,12 +244,11 @@ class HeartbeatWatch:
         self._topic = topic.replace('~', node.get_name())
         kinds = QoSSubscriptionEventType
         try:
-            self._liveliness, self._misfits = (
-                SubscriptionStatus(self._subscription, kind)
-                for kind in (
-                    kinds.RCL_SUBSCRIPTION_LIVELINESS_CHANGED,
-                    kinds.RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS,
-                )
+            self._liveliness = SubscriptionStatus(
+                self._subscription, kinds.RCL_SUBSCRIPTION_LIVELINESS_CHANGED
+            )
+            self._misfits = SubscriptionStatus(
+                self._subscription, kinds.RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS
             )
         except UnsupportedEventTypeError:
             node.destroy_subscription(self._subscription)

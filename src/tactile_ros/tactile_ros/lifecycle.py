@@ -212,9 +212,10 @@ def read_config(node: Node, config_class: type[Config]) -> Config:
 
 
 class TactileNode(LifecycleNode):
-    """A lifecycle node whose parameters are the fields of a Config class.
+    """A lifecycle node whose parameters are the fields of a Config class, a frozen dataclass.
 
-    The constructor declares. A subclass says what else happens:
+    The constructor declares; ``node_options`` go to `rclpy.lifecycle.LifecycleNode`. A subclass
+    says what else happens:
 
     ``set_up(config)``
         configure: build publishers and subscriptions, open devices. What it
@@ -226,15 +227,6 @@ class TactileNode(LifecycleNode):
     ``tear_down()``
         cleanup, shutdown, error, end of the process: give everything back. Must
         be harmless when called twice or after a ``set_up`` that failed half way.
-
-    Parameters
-    ----------
-    name : str
-        Default node name.
-    config_class : type
-        Frozen dataclass; see `tactile_ros.lifecycle`.
-    node_options
-        Passed on to `rclpy.lifecycle.LifecycleNode`.
 
     Attributes
     ----------

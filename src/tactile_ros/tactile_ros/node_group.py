@@ -52,9 +52,9 @@ class NodeGroup:
     An executor goes through all that its nodes own each time it wakes. Only requests and trial
     events wake that of quiet nodes; see docs/decisions/0006-executor.md.
 
-    On close, running goals are asked to end and the executors go on until they
-    have, so that the devices are brought to rest over a graph that still works.
-    Use as a context manager.
+    On close, running goals are asked to end and the executors go on until they have, so that the
+    devices are brought to rest over a graph that still works. Then a `TactileNode` is taken down,
+    any other node destroyed. Use as a context manager.
 
     A callback that raises ends its executor, and the group is to be closed: a node that has
     lost a callback half way must not go on moving things. The traceback is logged and the
@@ -63,7 +63,6 @@ class NodeGroup:
     Parameters
     ----------
     nodes : sequence of rclpy.node.Node
-        Plain nodes are spun and destroyed; `TactileNode` are taken down in order.
     context : rclpy.context.Context, optional
         The nodes' context; the default context when left out.
     on_end : callable
@@ -74,7 +73,7 @@ class NodeGroup:
     ended : threading.Event
         Set when an executor has stopped.
     error : Exception or None
-        What a callback raised that ended an executor; the first one.
+        The first that a callback raised and that ended an executor.
     """
 
     def __init__(
@@ -142,7 +141,8 @@ class NodeGroup:
         for runner in runners:
             runner.end_goal()
         deadline = time.monotonic() + REST_TIMEOUT_S
-        while any(r.is_busy for r in runners) and self._is_spinning():
+        threads = [thread for _, thread in self._spinning]
+        while any(r.is_busy for r in runners) and any(t.is_alive() for t in threads):
             if time.monotonic() > deadline:
                 break
             time.sleep(0.01)
@@ -174,9 +174,6 @@ class NodeGroup:
         for executor, _ in spinning:
             executor.shutdown()
 
-    def _is_spinning(self) -> bool:
-        return any(thread.is_alive() for _, thread in self._spinning)
-
 
 def _spin_once(executor: SingleThreadedExecutor) -> None:
     try:
@@ -193,10 +190,9 @@ def _logger() -> Any:
 def run_node(factory: Callable[[], TactileNode], args: list[str] | None = None) -> int:
     """Run one node until it is finished, or SIGINT or SIGTERM; return the process's exit code.
 
-    With the parameter ``autostart`` (the default) the node configures and
-    activates itself; a node that cannot, or whose callback raises, exits with 1.
-    Without, it waits for a lifecycle manager. After a signal the code is 0, whenever it came:
-    also while the node was being configured, which is given up then.
+    With the parameter ``autostart`` (the default) the node configures and activates itself;
+    without, it waits for a lifecycle manager. A node that cannot, or whose callback raises, exits
+    with 1. After a signal the code is 0, also while the node is configured, which is given up.
 
     Fast DDS can wait forever when a participant is destroyed while it hears another one end
     (eProsima/Fast-DDS issue 6513; seen with the wheels of PyPI). The nodes of a launch end

@@ -24,22 +24,11 @@ Take = Callable[[Any, Any], object]
 class PolledSubscription:
     """The messages of one topic that have come since it was asked last.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    message_type : type
-    topic : str
-    take : callable
-        ``take(message, info)`` for each message, in order, by `poll`. ``info`` is rclpy's
-        dictionary of ``received_timestamp``, ``source_timestamp`` and sequence numbers.
-    profile : QoSProfile
-        Its depth bounds the messages that wait.
-    raw : bool
-        Take serialised messages, as bytes.
-    overridable : bool
-        Quality of service can be set by parameters ``qos_overrides…``.
-    together : bool
-        ``take`` gets a list of all messages that wait, and the information of the newest.
+    `poll` calls ``take(message, info)`` for each, in order; ``info`` is rclpy's dictionary of
+    ``received_timestamp``, ``source_timestamp`` and sequence numbers. The depth of the profile
+    bounds the messages that wait. ``raw``: as bytes. ``overridable``: by parameters
+    ``qos_overrides…``. ``together``: ``take`` gets a list of all messages that wait, and the
+    information of the newest.
     """
 
     def __init__(

@@ -42,19 +42,8 @@ _REMEDIES = {
 class SerialTransport:
     """A serial port that is open from construction to `close`.
 
-    Boards that reset when their port is opened do so here.
-
-    Parameters
-    ----------
-    port : str
-        Name of the device.
-    baud : int
-        Its speed.
-
-    Raises
-    ------
-    LinkError
-        By every method, when the port cannot be opened, has gone or takes nothing.
+    Boards that reset when their port is opened do so here. Every method raises LinkError when
+    the port cannot be opened, has gone or takes nothing.
     """
 
     def __init__(self, port: str, baud: int) -> None:
@@ -148,18 +137,8 @@ _logger = logging.getLogger(__name__)
 class SensorClient(ABC):
     """One sensor, opened once, that hands out blocks on a thread of its own until it is closed.
 
-    Parameters
-    ----------
-    config : TendonSensorConfig
-    on_block : callable
-        ``on_block(block)``; called on a thread of the client.
-    now_ns : callable
-        The present ROS time [ns].
-
-    Attributes
-    ----------
-    identity : str
-        Serial number or the like, empty while it is not known.
+    It calls ``on_block(block)`` on that thread. ``now_ns()`` returns the present ROS time [ns].
+    ``identity`` is the sensor's serial number or the like, empty while it is not known.
     """
 
     def __init__(self, config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) -> None:
@@ -186,10 +165,7 @@ class SensorClient(ABC):
     def open(self) -> None:
         """Open the link and start to read.
 
-        Raises
-        ------
-        TendonSensorError
-            When there is no such sensor, or it refuses its settings.
+        TendonSensorError: there is no such sensor, or it refuses its settings.
         """
 
     @abstractmethod
@@ -248,15 +224,6 @@ class LinkClient(SensorClient, Generic[LinkType]):
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
     def open(self) -> None:
-        """Set the sensor up and start to read.
-
-        Raises
-        ------
-        LinkError
-            When it does not answer, or does not take its settings.
-        TendonSensorError
-            When this client has been opened before.
-        """
         self._check_is_new(self._has_started)
         self._link = self._connect()
         self._note_heard()
@@ -264,7 +231,6 @@ class LinkClient(SensorClient, Generic[LinkType]):
         self._thread.start()
 
     def close(self) -> None:
-        """Hand out what has arrived and stop the stream. Harmless when called twice."""
         self._stop.set()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join(JOIN_TIMEOUT_S)

@@ -78,11 +78,10 @@ class ClockSkewFilter:
         """Move line and differences up by a step of the host's clock [ns]."""
         self._difference_ns += step_ns
         self._least = (self._least[0], self._least[1] + step_ns)
-        points = [
-            (device_ns, difference_ns + step_ns) for device_ns, difference_ns in self._points
-        ]
-        self._points.clear()
-        self._points.extend(points)
+        self._points = deque(
+            ((device_ns, difference_ns + step_ns) for device_ns, difference_ns in self._points),
+            maxlen=_HORIZON,
+        )
 
     def at(self, device_ns: int) -> int:
         """Return the line's difference at a device time [ns]."""
@@ -167,23 +166,12 @@ _STEP, _LEAP = int(StrainStatus.CLOCK_STEP), int(StrainStatus.RESYNCHRONISED)
 
 
 class ArrivalClock:
-    """The host's time, whose steps are told by the monotonic clock.
+    """The host's time [ns], whose steps are told by the monotonic clock.
 
     The host's clock may be set back or forward at any moment, the monotonic clock never. When
     the difference of the two changes by more than 0.1 s from one reading to the next, the
-    host's clock was stepped. A slow change is drift, as of a simulated time.
-
-    Its methods belong to one thread.
-
-    Parameters
-    ----------
-    now_ns : callable
-        The host's time [ns].
-
-    Attributes
-    ----------
-    step_ns : int
-        By how much the host's clock was stepped since `take_step_ns` [ns].
+    host's clock was stepped. A slow change is drift, as of a simulated time. ``step_ns`` is the
+    sum of the steps since `take_step_ns` [ns]. Its methods belong to one thread.
     """
 
     def __init__(self, now_ns: Callable[[], int]) -> None:
@@ -301,11 +289,8 @@ class SampleClock:
             instant = self.place(None if ticks is None else int(ticks[i]), batch.received_at_ns)
             if instant is None:
                 continue
-            event = _RESTART if instant.is_restart else 0
-            if instant.is_step:
-                event |= _STEP
-            if instant.is_leap:
-                event |= _LEAP
+            event = instant.is_restart * _RESTART
+            event |= instant.is_step * _STEP | instant.is_leap * _LEAP
             lost = self._count_lost(instant)
             runs.append(Run(slice(i, i + 1), instant.stamp_ns, instant.stamp_error_s, lost, event))
         return runs

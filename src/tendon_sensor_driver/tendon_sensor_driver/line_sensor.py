@@ -109,13 +109,8 @@ def format_line(line: bytes) -> str:
 class LineDecoder:
     """Incremental decoder of load-cell lines. No IO, no clock.
 
-    The first line after the start and after `reset` is dropped without being
-    counted: its beginning may be missing.
-
-    Parameters
-    ----------
-    config : TendonSensorConfig
-        Says which columns hold the value and the time, the unit and the decimal mark.
+    The first line after the start and after `reset` is dropped without being counted: its
+    beginning may be missing.
 
     Attributes
     ----------
@@ -179,8 +174,6 @@ class LineDecoder:
             del lines[0]
         readings = []
         for line in lines:
-            if not line:
-                continue
             if len(line) > MAX_LINE_BYTES:
                 self._reject(line, _TOO_LONG)
                 continue
@@ -310,23 +303,8 @@ def encode_reading(
 ) -> bytes:
     r"""Return one line as an OpenScale writes it, such as ``b'1204,0.53000,kg,\r\n'``.
 
-    Parameters
-    ----------
-    device_ticks : int or None
-        Device time; None leaves the column out.
-    value : float
-        In ``unit``.
-    unit : str
-        That of the parameter; lbf is written ``lbs``.
-    decimals : int
-        Digits after the point.
-    is_simulated : bool
-        Add the column `SIMULATED`.
-
-    Raises
-    ------
-    ValueError
-        When ``value`` is not finite.
+    Without device time the column is left out; lbf is written ``lbs``; ``decimals`` are the digits
+    after the point; `SIMULATED` is one more column. ValueError: ``value`` is not finite.
     """
     if not math.isfinite(value):
         raise ValueError(f'a reading must be a finite number, not {value}')
@@ -358,11 +336,6 @@ class TendonSensorClient(LinkClient[SerialTransport]):
 
     A client is opened once; make a new one to open the port again. Its ``identity`` is the serial
     number of the USB adapter.
-
-    Examples
-    --------
-    >>> with TendonSensorClient(config, print, time.time_ns):  # doctest: +SKIP
-    ...     time.sleep(10)
     """
 
     def __init__(self, config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) -> None:
@@ -374,7 +347,6 @@ class TendonSensorClient(LinkClient[SerialTransport]):
         self._bursts = 0
 
     def close(self) -> None:
-        """Hand out what has arrived and close the port. Harmless when called twice."""
         self._stop.set()
         link = self._link
         if link is not None:
@@ -382,7 +354,6 @@ class TendonSensorClient(LinkClient[SerialTransport]):
         super().close()
 
     def health(self) -> Health:
-        """Return the state of the link now."""
         decoder, stream = self._decoder, self._stream
         return self._make_health(
             bytes=decoder.bytes,

@@ -193,7 +193,6 @@ class NetFtClient(LinkClient[NetFtLink]):
         self._seen_rejected = 0
 
     def health(self) -> Health:
-        """Return the state of the link now."""
         stream, clock, link = self._stream, self._stream.clock, self._link
         counts = self._before if link is None else self._before + link.counts
         return self._make_health(

@@ -285,16 +285,10 @@ class BoxWeb:
         return parse_configuration(self._get(CONFIGURATION_PAGE))
 
     def write_settings(self, rate_hz: float, low_pass_hz: int, records: int) -> None:
-        """Set rate, filter and records per datagram, and allow RDT.
+        """Set rate, filter and records per datagram, 1 to 40, and allow RDT.
 
-        Parameters
-        ----------
-        rate_hz : float
-            Rate of the records [Hz]; the box takes the next 7000 / n above it.
-        low_pass_hz : int
-            Cut-off [Hz], a key of `LOW_PASS_CODES`.
-        records : int
-            Per datagram in buffered mode, 1 to 40.
+        The box takes the next rate of 7000 / n above ``rate_hz`` [Hz]; ``low_pass_hz`` is the
+        cut-off [Hz], a key of `LOW_PASS_CODES`.
         """
         self._set('setting.cgi', setuserfilter=LOW_PASS_CODES[low_pass_hz])
         self._set(

@@ -14,10 +14,7 @@ from tendon_sensor_driver.records import TendonSensorConfig
 def make_sensor(config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) -> SensorClient:
     """Return the client for ``config.sensor``, not opened yet; see `SensorClient`.
 
-    Raises
-    ------
-    TendonSensorError
-        For a topic, which needs a node.
+    TendonSensorError: a topic needs a node.
     """
     if config.sensor == 'topic':
         raise TendonSensorError('a topic is read by the node tendon_sensor_node alone; run that')

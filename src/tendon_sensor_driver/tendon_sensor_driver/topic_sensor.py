@@ -177,7 +177,6 @@ class TopicClient(SensorClient):
         self._looks = self._node.call_every(LOOK_PERIOD_S, self._look)
 
     def close(self) -> None:
-        """Hand out what has arrived and end the subscription. Harmless when called twice."""
         self._stop.set()
         if self._looks is not None:
             self._looks.cancel()
@@ -188,7 +187,6 @@ class TopicClient(SensorClient):
             self._deliver(self._stream.flush())
 
     def health(self) -> Health:
-        """Return the state of the topic now."""
         stream, samples = self._stream, self._stream.samples
         values: dict[str, Any] = {}
         if not self._is_connected:

@@ -59,10 +59,7 @@ def read_value(message: Any, config: TendonSensorConfig) -> TopicReading:
 def read_joint_state(message: Any, config: TendonSensorConfig) -> TopicReading:
     """Return the reading of a ``sensor_msgs/JointState``: the effort of a joint, found by name.
 
-    Raises
-    ------
-    ReadingError
-        When there is no such joint, or it has no effort.
+    ReadingError: there is no such joint, or it has no effort.
     """
     names = list(message.name)
     joint = config.joint or (names[0] if len(names) == 1 else '')
@@ -274,13 +271,8 @@ class RateMeter:
     """Measures the rate of a topic, every two seconds anew.
 
     With stamps the periods of a `StampGrid` are counted: up to a tenth of lost samples do not
-    lower the rate.
-    Without, messages are counted over the time of arrival.
-
-    Attributes
-    ----------
-    rate_hz : float
-        0 until it is measured [Hz].
+    lower the rate. Without, messages are counted over the time of arrival. ``rate_hz`` is 0 until
+    it is measured [Hz].
     """
 
     def __init__(self) -> None:
@@ -305,16 +297,11 @@ class RateMeter:
 
 
 def measure_rate_hz(times_ns: list[int], *, is_regular: bool) -> float:
-    """Return the rate of samples taken at these times [Hz]; 0 when they do not tell.
+    """Return the rate of samples that came in this order of times [Hz]; 0: they do not tell.
 
-    Parameters
-    ----------
-    times_ns : list of int
-        In the order of arrival [ns].
-    is_regular : bool
-        They are stamps: gaps are whole periods, up to a tenth may be missing, and they may be off
-        by a fifth of a period. With 0.3 of a period 2 to 4 % of the rates are wrong by more than
-        0.5 % (1500 draws). Otherwise they are arrivals, which may come in bursts, and are counted.
+    Regular times are stamps: gaps are whole periods, up to a tenth may be missing, and they may be
+    off by a fifth of a period. With 0.3 of a period 2 to 4 % of the rates are wrong by more than
+    0.5 % (1500 draws). Otherwise they are arrivals, which may come in bursts, and are counted.
     """
     span_ns = times_ns[-1] - times_ns[0]
     counted_hz = (len(times_ns) - 1) * 1e9 / span_ns if span_ns > 0 else 0.0
