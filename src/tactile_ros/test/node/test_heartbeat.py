@@ -138,7 +138,7 @@ def test_a_peer_that_dies_or_freezes_is_lost_and_its_return_is_noticed(node, sta
     else:
         start_peer()
     # The killed one is in the graph for many seconds, and is not counted.
-    wait_until(lambda: not watch.format_loss(), timeout_s=START_S)
+    wait_until(lambda: not (watch.format_loss() or late.format_loss()), timeout_s=START_S)
     if fault == signal.SIGKILL:
         assert node.count_publishers('/peer/heartbeat') == 2
     for each in (watch, late):
