@@ -24,6 +24,7 @@ from tactile_ros.strain import StrainBlock
 from tendon_sensor_driver.clock import ArrivalClock
 from tendon_sensor_driver.errors import LinkError, TendonSensorError
 from tendon_sensor_driver.records import Health, TendonSensorConfig
+from tendon_sensor_driver.strain_stream import Stream
 
 _WRITE_TIMEOUT_S = 0.5
 _MOST_BYTES = 4096
@@ -178,11 +179,22 @@ class SensorClient(ABC):
 
     # -- for subclasses ------------------------------------------------------------------
 
-    def _make_health(self, **values: Any) -> Health:
-        """Return what all sensors tell, and these values."""
+    def _make_health(self, stream: Stream[Any] | None, **values: Any) -> Health:
+        """Return what all sensors tell, what their streams count, and these values."""
         # Of the last reading, on the host's clock as it is set now.
         heard_at_ns = self._host_ns() - (time.monotonic_ns() - self._heard_monotonic_ns)
-        common = {'reconnects': self._reconnects, 'last_error': self._last_error}
+        common: dict[str, Any] = {'reconnects': self._reconnects, 'last_error': self._last_error}
+        if stream is not None:
+            clock = stream.clock
+            common |= {
+                'readings': stream.readings,
+                'lost_samples': stream.lost_samples,
+                'duplicates': clock.duplicates,
+                'late_samples': clock.late_samples,
+                'outliers': clock.outliers,
+                'restarts': clock.restarts,
+                'status': stream.status,
+            }
         return Health(self._is_connected, heard_at_ns, **{**common, **values})
 
     def _note_heard(self) -> None:
@@ -214,8 +226,10 @@ LinkType = TypeVar('LinkType', bound=_Link)
 class LinkClient(SensorClient, Generic[LinkType]):
     """Reads over a link on one thread, and makes the link anew after every loss.
 
-    The first attempt comes after 0.25 s, further ones every 0.5 s.
+    The first attempt comes after 0.25 s, further ones every 0.5 s. A subclass has the stream.
     """
+
+    _stream: Stream[Any]
 
     def __init__(self, config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) -> None:
         super().__init__(config, on_block, now_ns)
@@ -251,10 +265,6 @@ class LinkClient(SensorClient, Generic[LinkType]):
     def _read(self, link: LinkType) -> None:
         """Deliver what has arrived; LinkError when the link is lost."""
 
-    @abstractmethod
-    def _flush(self) -> list[StrainBlock]:
-        """Return the unfinished block, if there is one."""
-
     def _note_loss(self, link: LinkType) -> None:
         """Take over what counts from a link that has been closed."""
 
@@ -275,7 +285,7 @@ class LinkClient(SensorClient, Generic[LinkType]):
     def _run(self) -> None:
         while not self._stop.is_set():
             self._step()
-        self._deliver(self._flush())
+        self._deliver(self._stream.flush())
         self._is_connected = False
         self._disconnect()
 
@@ -288,7 +298,7 @@ class LinkClient(SensorClient, Generic[LinkType]):
         except LinkError as error:
             self._is_connected = False
             self._last_error = str(error)
-            self._deliver(self._flush())
+            self._deliver(self._stream.flush())
             self._disconnect()
             if self._wants_pause(error):
                 self._stop.wait(self._delay_s)

@@ -9,7 +9,6 @@ import math
 import re
 import time
 
-from tactile_ros.strain import StrainBlock
 from tendon_sensor_driver.client import (
     find_serial_number,
     LinkClient,
@@ -338,6 +337,8 @@ class TendonSensorClient(LinkClient[SerialTransport]):
     number of the USB adapter.
     """
 
+    _stream: StrainStream
+
     def __init__(self, config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) -> None:
         super().__init__(config, on_block, now_ns)
         self._decoder = LineDecoder(config)
@@ -354,20 +355,15 @@ class TendonSensorClient(LinkClient[SerialTransport]):
         super().close()
 
     def health(self) -> Health:
-        decoder, stream = self._decoder, self._stream
+        decoder = self._decoder
         return self._make_health(
+            self._stream,
             bytes=decoder.bytes,
             lines=decoder.lines,
             readings=decoder.readings,
             rejected_lines=decoder.rejected_lines,
-            lost_samples=stream.lost_samples,
-            duplicates=stream.clock.duplicates,
-            late_samples=stream.clock.late_samples,
-            outliers=stream.clock.outliers,
             bursts=self._bursts,
-            restarts=stream.clock.restarts,
             overruns=self._overruns,
-            status=stream.status,
             last_rejected=format_line(decoder.last_rejected),
             last_reason=decoder.last_reason,
         )
@@ -383,9 +379,6 @@ class TendonSensorClient(LinkClient[SerialTransport]):
             self._decoder.reset()
             self._stream.note_reconnection()
         return link
-
-    def _flush(self) -> list[StrainBlock]:
-        return self._stream.flush()
 
     def _read(self, link: SerialTransport) -> None:
         if self._delivered_in_ns > LONGEST_DELIVERY_NS:

@@ -15,7 +15,6 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_ros.strain import StrainBlock
 from tendon_sensor_driver.client import LinkClient, NowNs, OnBlock
 from tendon_sensor_driver.clock import Batch
 from tendon_sensor_driver.counter_clock import CounterClock, CounterRestartError
@@ -185,6 +184,8 @@ class NetFtClient(LinkClient[NetFtLink]):
     keeps what arrives, and what does not fit there is counted as lost.
     """
 
+    _stream: Stream[CounterClock]
+
     def __init__(self, config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) -> None:
         super().__init__(config, on_block, now_ns)
         self._web = BoxWeb(config.host, config.http_port)
@@ -193,21 +194,15 @@ class NetFtClient(LinkClient[NetFtLink]):
         self._seen_rejected = 0
 
     def health(self) -> Health:
-        stream, clock, link = self._stream, self._stream.clock, self._link
+        link = self._link
         counts = self._before if link is None else self._before + link.counts
         return self._make_health(
+            self._stream,
             bytes=counts['bytes'],
             lines=counts['datagrams'],
-            readings=stream.readings,
             rejected_lines=counts['rejected'],
-            lost_samples=stream.lost_samples,
-            duplicates=clock.duplicates,
-            late_samples=clock.late_samples,
-            outliers=clock.outliers,
-            restarts=clock.restarts,
-            status=stream.status,
             device_status='' if link is None else link.format_status(),
-            rate_hz=clock.rate_hz,
+            rate_hz=self._stream.clock.rate_hz,
         )
 
     # -- the client's thread -----------------------------------------------------------
@@ -259,9 +254,6 @@ class NetFtClient(LinkClient[NetFtLink]):
             and box.low_pass_hz == self._config.low_pass_hz
             and box.records_per_datagram == min(self._config.block_samples, MOST_RECORDS)
         )
-
-    def _flush(self) -> list[StrainBlock]:
-        return self._stream.flush()
 
     def _note_loss(self, link: NetFtLink) -> None:
         self._before = self._before + link.counts  # a new one: `health` may be reading the old

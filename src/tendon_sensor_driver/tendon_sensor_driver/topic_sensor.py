@@ -187,21 +187,14 @@ class TopicClient(SensorClient):
             self._deliver(self._stream.flush())
 
     def health(self) -> Health:
-        stream, samples = self._stream, self._stream.samples
-        values: dict[str, Any] = {}
+        stream = self._stream
+        error = {}
         if not self._is_connected:
-            values['last_error'] = self._refusal or format_publishers(
+            error['last_error'] = self._refusal or format_publishers(
                 self.identity, self._publishers, self._type_name
             )
-        if samples is not None:
-            values |= {
-                'lost_samples': samples.lost_samples,
-                'duplicates': samples.clock.duplicates,
-                'late_samples': samples.clock.late_samples,
-                'outliers': samples.clock.outliers,
-                'status': samples.status,
-            }
         return self._make_health(
+            stream.samples,
             lines=stream.readings + self._rejected,
             readings=stream.readings,
             rejected_lines=self._rejected,
@@ -209,7 +202,7 @@ class TopicClient(SensorClient):
             rate_hz=stream.meter.rate_hz,
             last_rejected=self._last_rejected,
             advice=self._advise(),
-            **values,
+            **error,
         )
 
     def _advise(self) -> str:
