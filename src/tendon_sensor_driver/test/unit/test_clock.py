@@ -101,7 +101,7 @@ def test_a_newest_sample_of_another_time_is_not_taken():
         assert clock.place(5000, EPOCH_NS).stamp_ns == EPOCH_NS
 
 
-@pytest.mark.parametrize('drift_ppm', [-100, -37, 0, 100])
+@pytest.mark.parametrize('drift_ppm', [-100, 0, 37])
 def test_jitter_and_drift_stay_within_the_stated_error(drift_ppm):
     model = Model(drift_ppm)
     rows = run(model, 120, jitter(drift_ppm, 8 * MS_NS))
@@ -124,17 +124,6 @@ def test_bursts_do_not_move_the_stamps(drift_ppm):
     # One tick, and 100 ppm of the 13 s that hold ten seconds with arrivals.
     for elapsed_ns, _, instant in rows:
         assert abs(instant.stamp_ns - model.true_stamp(elapsed_ns)) <= 2.4 * MS_NS
-
-
-def test_without_jitter_stamps_differ_by_what_the_device_says():
-    model = Model()
-    rows = run(model, 30)
-    # Once the envelope has met a sample at the very end of a tick it moves no more.
-    settled = rows[120:]
-    assert {
-        (after[2].stamp_ns - before[2].stamp_ns) - (after[1] - before[1]) * MS_NS
-        for before, after in pairwise(settled)
-    } == {0}
 
 
 def run_bursts(drift_ppm_at, *, rate_hz=60.0, tick_ns=1000, seconds=120):
@@ -257,14 +246,9 @@ def test_after_a_reconnection_the_first_line_tells_whether_the_device_ran_on():
         instant = clock.place(ticks, EPOCH_NS + 40 * SECOND_NS + 12 * MS_NS)
         assert instant.is_restart is is_restart
         assert clock.outliers == clock.late_samples == 0
-
-
-def test_a_burst_some_time_after_a_reconnection_is_no_restart():
-    clock = DeviceClock(0.001, PERIOD_NS)
-    run(Model(first_ticks=5000), 10, clock=clock)
-    clock.note_reconnection()
-    assert not clock.place(15_000, EPOCH_NS + 10 * SECOND_NS).is_restart
-    assert not clock.place(15_017, EPOCH_NS + 13 * SECOND_NS).is_restart
+        # A burst some time later is no restart.
+        later = clock.place(ticks + 17, EPOCH_NS + 43 * SECOND_NS)
+        assert not later.is_restart
 
 
 @pytest.mark.parametrize('step_ms', [-500, -100, 100, 500, 3_600_000])
