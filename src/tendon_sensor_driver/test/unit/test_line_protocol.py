@@ -378,6 +378,7 @@ def test_a_line_of_a_dialect_is_read_exactly_or_refused(dialect, unit, mark, sam
         max_size=60,
     ).map(b''.join),
 )
+@example('auto', -1, 0, 'kg', b'0 1')
 def test_a_value_stands_in_its_line_as_it_is_given(mark, time_column, value_column, unit, data):
     if time_column == value_column:
         time_column = -1
@@ -387,7 +388,7 @@ def test_a_value_stands_in_its_line_as_it_is_given(mark, time_column, value_colu
     for line in data.replace(b'\r', b'\n').split(b'\n'):
         decoder = LineDecoder(config)
         for reading in decoder.feed(b'\n' + (line + b'\n') * 2, 7):
-            text = line.decode('latin-1').replace(' ', '')
+            text = re.sub('([+-]) +', r'\1', line.decode('latin-1'))
             if mark == ',':
                 text = text.replace(',', '.')
             # The digits stand in one piece, and none is directly before or behind them.
@@ -395,7 +396,7 @@ def test_a_value_stands_in_its_line_as_it_is_given(mark, time_column, value_colu
             assert abs(reading.value) in [abs(float(number)) for number in numbers]
             if len(numbers) == 1:
                 behind = re.split(r'[\d.]+', text)[-1]
-                assert not re.fullmatch(r'[,;\t]*(kg|g|N|mN)[,;\t]*', behind) or unit in behind
+                assert not re.fullmatch(r'[,; \t]*(kg|g|N|mN)[,; \t]*', behind) or unit in behind
 
 
 # -- encode ---------------------------------------------------------------------------------------
