@@ -54,9 +54,9 @@ def hear_tactile(*arguments, code=0):
 
 @contextmanager
 def program(*arguments):
-    """Run the command in a process of its own, and give that; end it after the block."""
+    """Run the command in a process of its own, whose rigs home fast; end it after the block."""
     process = subprocess.Popen(
-        [sys.executable, '-m', 'tactile_lab', *map(str, arguments)],
+        [sys.executable, __file__, *map(str, arguments)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -66,3 +66,12 @@ def program(*arguments):
     finally:
         process.kill()
         process.communicate()
+
+
+if __name__ == '__main__':
+    from tactile_lab.__main__ import main
+    from tactile_testing.simulated_rigs import let_rigs_home_fast
+
+    let_rigs_home_fast(setattr)
+    sys.argv[0] = 'tactile'
+    raise SystemExit(main())

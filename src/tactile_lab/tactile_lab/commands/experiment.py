@@ -3,12 +3,10 @@
 
 """`tactile experiment`: a plan of trials, run with prompts, a journal and resume."""
 
-from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import asdict
 from itertools import product
 from pathlib import Path
-import sys
 from typing import Annotated, Any, Optional, TYPE_CHECKING
 
 import typer
@@ -16,14 +14,12 @@ from typer.core import TyperGroup
 
 from tactile_lab import options
 from tactile_lab.output import named_errors, Output, refuse_to_replace, write_atomically
+from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
     from tactile_lab.experiment.folder import ExperimentFolder
     from tactile_lab.experiment.loop import TrialOrder
     from tactile_lab.experiment.plan import ExperimentPlan, PlannedTrial
-
-MOST_FAILURES = 3
-"""Failures in a row after which an experiment ends, with ``--yes``."""
 
 
 class RunByDefault(TyperGroup):
@@ -110,12 +106,12 @@ def run(
     from tactile_bringup.launch_config.graph import Ports
     from tactile_lab.experiment.folder import ExperimentFolder
     from tactile_lab.experiment.live_rig import LiveBench, open_rig
-    from tactile_lab.experiment.loop import run_experiment
-    from tactile_lab.experiment.plan import ExperimentError, read_plan
+    from tactile_lab.experiment.loop import Nobody, run_experiment, Terminal
+    from tactile_lab.experiment.plan import read_plan
 
     output = Output(as_json)
     if yes and not simulated:
-        raise ExperimentError('--yes is for --simulated: a real plate is put there by a person')
+        raise TactileError('--yes is for --simulated: a real plate is put there by a person')
     if is_experiment(plan):
         home = ExperimentFolder(plan)
         planned = home.read_plan()
@@ -254,14 +250,13 @@ def new(
 def _check_labels(plan: 'ExperimentPlan') -> list[str]:
     """Return the labels that the simulated rig does not have; refuse those of other trials."""
     from tactile_bringup.trial_protocols import PROTOCOLS
-    from tactile_lab.experiment.plan import ExperimentError
     from tactile_sim.descriptions.catalogue import list_objects
 
     known = {protocol: list_objects(protocol) for protocol in PROTOCOLS}
     own = known.pop(plan.protocol)
     for other, labels in known.items():
         if wrong := [label for label in plan.objects if label in labels and label not in own]:
-            raise ExperimentError(
+            raise TactileError(
                 f'{", ".join(wrong)} is for {other} trials; {plan.protocol} trials have '
                 f'{", ".join(own)} or plates of yours. For {other} trials: --task {other}'
             )
@@ -291,12 +286,11 @@ def relabel(
     folder or its bags takes the new label.
     """
     from tactile_lab.experiment.journal import RELABELLED
-    from tactile_lab.experiment.plan import ExperimentError
 
     home = _find_folder(folder)
     objects = home.read_plan().objects
     if label not in objects:
-        raise ExperimentError(
+        raise TactileError(
             f'"{label}" is none of the objects of the experiment: {", ".join(objects)}; to leave '
             f'the trial out: tactile experiment exclude {folder} {trial} --why ...'
         )
@@ -336,10 +330,9 @@ def include(
 def _find_folder(path: Path) -> 'ExperimentFolder':
     from tactile_bags.experiment_journal import is_experiment
     from tactile_lab.experiment.folder import ExperimentFolder
-    from tactile_lab.experiment.plan import ExperimentError
 
     if not is_experiment(path):
-        raise ExperimentError(
+        raise TactileError(
             f'{path} is no folder of an experiment; `tactile experiment PLAN` makes one'
         )
     return ExperimentFolder(path)
@@ -388,82 +381,3 @@ def _summarise(
     bags = [str(path) for path in folder.list_bags()]
     stated = {'folder': str(folder.path), 'bags': bags, 'ended': ended, **found}
     output.result({**stated, 'setup': progress.setup, 'trials': trials})
-
-
-class Terminal:
-    """The person at the rig, asked on the terminal."""
-
-    has_given_up = False
-
-    def __init__(self, output: Output, accepts_setup: bool = False) -> None:
-        self._output = output
-        self._accepts_setup = accepts_setup
-
-    def say(self, text: str) -> None:
-        self._output.say(text)
-
-    def _ask(self, text: str) -> str:
-        from tactile_lab.experiment.plan import ExperimentError
-
-        self.say(text)
-        line = sys.stdin.readline()
-        if not line:
-            raise ExperimentError(
-                'standard input has ended; run the command in a terminal, or use --yes'
-            )
-        return line.strip().lower()
-
-    def begin_session(self, session_id: str, trials: int) -> bool:
-        text = (
-            f'session {session_id}, {trials} trials: set up finger and rig anew, unless it has '
-            'begun; then Enter (s: stop here, go on another day)'
-        )
-        return self._ask(text) != 's'
-
-    def accept_setup(self, changes: Sequence[str]) -> bool:
-        self._output.say('the set-up is another than at the last start:')
-        self._output.say(*(f'   {line}' for line in changes), plain=True)
-        if self._accepts_setup:
-            return True
-        if not sys.stdin.isatty():
-            self.say('to go on with it: --accept-setup')
-            self.has_given_up = True
-            return False
-        return self._ask('y: go on with it, Enter: stop') == 'y'
-
-    def mount(self, trial: 'PlannedTrial', turns_finger: bool) -> None:
-        turn = f'turn the finger for {trial.contact}, ' if turns_finger else ''
-        self._ask(f'{turn}put {trial.object_label} under the finger, then Enter')
-
-    def choose(self, order: 'TrialOrder', verdict: str, sentence: str) -> str:
-        from tactile_lab.experiment.journal import OUTLIER
-        from tactile_lab.experiment.loop import AGAIN, KEEP, STOP
-
-        choices = {'': AGAIN, 's': STOP, **({'k': KEEP} if verdict == OUTLIER else {})}
-        keep = ', k: keep it' if verdict == OUTLIER else ''
-        while (answer := self._ask(f'Enter: once more{keep}, s: stop')) not in choices:
-            self.say(f'"{answer}" is none of these')
-        return choices[answer]
-
-
-class Nobody(Terminal):
-    """Nobody at the rig: what fails is tried again, outliers are kept."""
-
-    _failures = 0
-
-    def begin_session(self, session_id: str, trials: int) -> bool:
-        self.say(f'session {session_id}, {trials} trials')
-        return True
-
-    def mount(self, trial: 'PlannedTrial', turns_finger: bool) -> None:
-        self._failures = 0
-
-    def choose(self, order: 'TrialOrder', verdict: str, sentence: str) -> str:
-        from tactile_lab.experiment.journal import OUTLIER
-        from tactile_lab.experiment.loop import AGAIN, KEEP, STOP
-
-        if verdict == OUTLIER:
-            return KEEP
-        self._failures += 1
-        self.has_given_up = self._failures >= MOST_FAILURES
-        return STOP if self.has_given_up else AGAIN

@@ -24,6 +24,7 @@ import dynamixel_sdk
 import serial
 from serial.tools import list_ports
 
+from linear_guide_driver.dynamixel import registers
 from linear_guide_driver.dynamixel.bus import READ_WAIT_S
 from linear_guide_driver.serial_link import LINE_ERRORS
 from tendon_sensor_driver.errors import LinkError
@@ -41,12 +42,7 @@ USUAL_BAUD = 115_200
 OTHER_BAUDS = (9600, 57_600, 38_400, 19_200, 1_000_000)
 SERVO_BAUDS = (57_600, 1_000_000, 115_200, 2_000_000, 3_000_000, 4_000_000)
 
-SERVO_MODELS = {
-    1020: 'XM430-W350',
-    1030: 'XM430-W210',
-    1190: 'XL330-M077',
-    1200: 'XL330-M288',
-}
+SERVO_MODELS = {**registers.MODELS, 1190: 'XL330-M077', 1200: 'XL330-M288'}
 _ANSWER_S = 0.5
 _ENOUGH_LINES = 5
 _TICK_S = 0.05

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 import yaml
 
 from tactile_bags.yaml_files import load_yaml, read_text
-from tactile_lab.output import write_atomically
+from tactile_lab.output import named_errors, write_atomically
 from tactile_ros.errors import TactileError
 
 MAX_BYTES = 2**20
@@ -29,13 +29,12 @@ def set_parameters(path: Path, node: str, values: Mapping[str, float]) -> None:
 
     Raises `TactileError` when the file cannot be read, edited or written.
     """
-    try:
-        text = read_text(path, MAX_BYTES) if path.exists() else ''
-        write_atomically(path, edit_parameters(text, node, values))
-    except OSError as error:
-        raise TactileError(f'cannot write {path}: {error.strerror}') from error
-    except TactileError as error:
-        raise TactileError(f'cannot set parameters in {path}: {error}') from error
+    with named_errors('write', path):
+        try:
+            text = read_text(path, MAX_BYTES) if path.exists() else ''
+            write_atomically(path, edit_parameters(text, node, values))
+        except TactileError as error:
+            raise TactileError(f'cannot set parameters in {path}: {error}') from error
 
 
 def edit_parameters(text: str, node: str, values: Mapping[str, float]) -> str:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+import itertools
 from pathlib import Path
 
 from tactile_bags.experiment_journal import BAGS, JOURNAL, ORDER, PLAN
@@ -29,7 +30,7 @@ from tactile_lab.experiment.plan import (
     PlannedTrial,
     read_plan,
 )
-from tactile_lab.output import write_atomically
+from tactile_lab.output import named_errors, write_atomically
 from tactile_ros.errors import TactileError
 
 _OWN = {name for each in (PLAN, ORDER, BAGS) for name in (each, f'.{each}.new')}
@@ -58,10 +59,10 @@ class ExperimentFolder:
     def set_up(self, plan: ExperimentPlan) -> None:
         """Make the folder for a plan, or check that it is one for it; draw what lacks.
 
-        Raises `ExperimentError` when it cannot be made, holds something else, or its experiment
-        has another plan.
+        Raises `TactileError` when it cannot be made, holds something else, or its experiment has
+        another plan.
         """
-        try:
+        with named_errors('make the folder', self.path):
             if not (self.path / PLAN).exists():
                 if self.path.exists() and not {each.name for each in self.path.iterdir()} <= _OWN:
                     raise ExperimentError(f'{self.path} exists and is no experiment; name another')
@@ -70,10 +71,6 @@ class ExperimentFolder:
                 # Last: with the plan it is an experiment's folder.
                 write_atomically(self.path / PLAN, format_plan(plan))
             self._adopt(plan)
-        except OSError as error:
-            raise ExperimentError(
-                f'cannot make the folder {self.path}: {error.strerror}'
-            ) from error
 
     def _adopt(self, plan: ExperimentPlan) -> None:
         old = read_plan(self.path / PLAN)
@@ -169,11 +166,9 @@ class ExperimentFolder:
 
     def bag_path(self, session_id: str, run: int) -> Path:
         """Return where a run of a session is recorded; nothing lies there yet."""
-        path = self.bags / f'{session_id}-{run:02d}'
-        while path.exists():  # of a run that was killed before the journal knew of it
-            run += 1
-            path = self.bags / f'{session_id}-{run:02d}'
-        return path
+        names = (f'{session_id}-{number:02d}' for number in itertools.count(run))
+        # The bag of a run that was killed may be there before the journal knows of it.
+        return next(path for name in names if not (path := self.bags / name).exists())
 
     def list_bags(self) -> list[Path]:
         """Return the bags, by name."""

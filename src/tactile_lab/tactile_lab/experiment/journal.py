@@ -9,7 +9,8 @@ appended. Whatever ends the program, the experiment goes on where the last entry
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, ExitStack, suppress
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 import fcntl
@@ -18,9 +19,8 @@ import os
 from pathlib import Path
 from statistics import median
 import time
-from typing import Any, IO
+from typing import Any
 
-from tactile_bags.errors import BagError
 from tactile_bags.experiment_journal import parse_journal
 from tactile_lab.experiment.plan import ExperimentError, PlannedTrial
 from tactile_lab.output import sync_folder
@@ -54,12 +54,21 @@ def note(log: Notes, kind: str, **values: Any) -> Entry:
     return log.append(kind, at_s=round(time.time(), 3), **values)
 
 
+@contextmanager
+def _named_errors(task: str, path: Path) -> Iterator[None]:
+    """Raise what is wrong with a journal as an `ExperimentError` that names it."""
+    try:
+        yield
+    except OSError as error:
+        raise ExperimentError(f'cannot {task} the journal {path}: {error.strerror}') from error
+    except TactileError as error:
+        raise ExperimentError(f'the journal {path}: {error}') from error
+
+
 class Journal(Notes):
     """A journal that is open for one program; a context manager.
 
-    ``path``: made when it is not there.
-
-    ``entries``: all entries, the oldest first.
+    ``path``: made when it is not there. ``entries``: all entries, the oldest first.
 
     Raises `ExperimentError` when it cannot be read or written, or another program has it open.
     """
@@ -67,10 +76,9 @@ class Journal(Notes):
     def __init__(self, path: Path) -> None:
         super().__init__()
         self.path = path
-        self._file: IO[bytes] | None = None
-        try:
+        with _named_errors('open', path), ExitStack() as stack:
             is_new = not path.exists()
-            self._file = path.open('ab+')
+            self._file = stack.enter_context(path.open('ab+'))
             self._lock()
             if is_new:
                 sync_folder(path.parent)
@@ -78,12 +86,7 @@ class Journal(Notes):
             self.entries, length = parse_journal(self._file.read())
             # A line that was cut off by a power cut must not run into the next one.
             self._file.truncate(length)
-        except OSError as error:
-            self.close()
-            raise ExperimentError(f'cannot open the journal {path}: {error.strerror}') from error
-        except TactileError as error:
-            self.close()
-            raise ExperimentError(f'the journal {path}: {error}') from error
+            stack.pop_all()
 
     def __enter__(self) -> Journal:
         return self
@@ -92,7 +95,6 @@ class Journal(Notes):
         self.close()
 
     def _lock(self) -> None:
-        assert self._file is not None
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -105,26 +107,25 @@ class Journal(Notes):
 
         Raises `ExperimentError` when it cannot be written.
         """
-        if self._file is None:
+        if self._file.closed:
             raise ExperimentError(f'the journal {self.path} is closed')
         entry = {'kind': kind, **values}
         try:
-            self._file.write(json.dumps(entry, allow_nan=False).encode() + b'\n')
-            self._file.flush()
-            os.fsync(self._file.fileno())
-        except OSError as error:
-            self.close()  # nothing may follow half of a line; the next program takes it off
-            raise ExperimentError(
-                f'cannot write the journal {self.path}: {error.strerror}'
-            ) from error
+            with _named_errors('write', self.path):
+                self._file.write(json.dumps(entry, allow_nan=False).encode() + b'\n')
+                self._file.flush()
+                os.fsync(self._file.fileno())
+        except ExperimentError:
+            # Nothing may follow half of a line; the next program takes it off.
+            with suppress(OSError):  # closing writes what is left once more
+                self.close()
+            raise
         self.entries.append(entry)
         return entry
 
     def close(self) -> None:
         """Let others open it. Harmless when called twice."""
-        if self._file is not None:
-            self._file.close()
-            self._file = None
+        self._file.close()
 
 
 def read_journal(path: Path) -> list[Entry]:
@@ -132,12 +133,8 @@ def read_journal(path: Path) -> list[Entry]:
 
     Raises `ExperimentError` when it cannot be read.
     """
-    try:
+    with _named_errors('read', path):
         return parse_journal(path.read_bytes())[0]
-    except OSError as error:
-        raise ExperimentError(f'cannot read the journal {path}: {error.strerror}') from error
-    except BagError as error:
-        raise ExperimentError(f'the journal {path}: {error}') from error
 
 
 @dataclass

@@ -30,10 +30,9 @@ from tactile_classifier.records import ClassificationResult, ModelInfo
 from tactile_classifier.records import Outcome as AnswerOutcome
 from tactile_features.conversions import feature_window_from_msg, strain_block_from_msg
 from tactile_features.records import FeatureWindow, Outcome
-from tactile_lab.experiment.journal import FAILED, Notes, Progress
+from tactile_lab.experiment.journal import Notes, Progress
 from tactile_lab.experiment.loop import (
-    AGAIN,
-    KEEP,
+    Operator,
     summarise_tension,
     TrialLoop,
     TrialOrder,
@@ -105,27 +104,21 @@ class LiveTrial:
 
     def to_dict(self) -> dict[str, Any]:
         """Return what JSON can hold."""
-        request, answer = self.request, self.answer
+        names = ('trial_id', 'session_id', 'mounting_id', 'protocol', 'contact', 'object_label')
+        no_answer = {'answer': '', 'reason': 'no model for this task and contact', 'model_id': ''}
+        first, *further = [
+            {
+                'answer': answer.label,
+                'reason': answer.reason,
+                'right': self.is_label(answer),
+                'model_id': answer.model_id,
+            }
+            for answer in self.answers
+        ] or [{**no_answer, 'right': False}]
         return {
-            'trial_id': request.trial_id,
-            'session_id': request.session_id,
-            'mounting_id': request.mounting_id,
-            'protocol': request.protocol,
-            'contact': request.contact,
-            'object_label': request.object_label,
-            'answer': answer.label if answer else '',
-            'reason': answer.reason if answer else 'no model for this task and contact',
-            'right': self.is_right,
-            'model_id': answer.model_id if answer else '',
-            'further_answers': [
-                {
-                    'answer': each.label,
-                    'reason': each.reason,
-                    'right': self.is_label(each),
-                    'model_id': each.model_id,
-                }
-                for each in self.answers[1:]
-            ],
+            **{name: getattr(self.request, name) for name in names},
+            **first,
+            'further_answers': further,
             'audit': self.audit.to_dict() if self.audit else None,
         }
 
@@ -205,19 +198,15 @@ class LiveRig:
             self.operator.run_trial(request)
         finally:
             audit = self.wait_for_audit(request.trial_id)
-            self.wait_for_windows(wanted)
+            # Windows come some tenths of a second after a trial, also one that was interrupted;
+            # a trial without a phase has none.
+            wait_for(
+                lambda: self.recorder.window_count >= wanted or self.recorder.has_failed,
+                WINDOW_TIMEOUT_S,
+            )
         check_recording(self.recorder)
         names = [model.model_id for model in listening]
         return LiveTrial(request, self.operator.wait_for_answers(request.trial_id, names), audit)
-
-    def wait_for_windows(self, count: int) -> None:
-        """Wait until the recording has so many windows; a trial without a phase has none.
-
-        The windows of a trial come some tenths of a second after its last event, also of one that
-        was interrupted.
-        """
-        recorder = self.recorder
-        wait_for(lambda: recorder.window_count >= count or recorder.has_failed, WINDOW_TIMEOUT_S)
 
     def wait_for_audit(self, trial_id: str) -> Audit | None:
         """Wait until a trial's last samples are recorded; return its audit, if it comes."""
@@ -248,7 +237,7 @@ class LiveRig:
 
 
 class ObserverNode(Node):  # type: ignore[misc]
-    """Keeps the samples since `begin`, the first feature window of each trial, and the devices.
+    """Keeps the samples since `restart`, the first feature window of each trial, and the devices.
 
     The loop compares a trial's tension with that of others. Blocking calls, spun elsewhere.
     """
@@ -295,15 +284,10 @@ class ObserverNode(Node):  # type: ignore[misc]
             )
             return dict(self._devices)
 
-    def begin(self) -> None:
-        """Forget what came, and keep what comes."""
+    def restart(self, *, is_on: bool) -> None:
+        """Forget what came; keep what comes while it is on: a person may take hours to answer."""
         with self._arrived:
-            self._blocks, self._windows, self._is_on = [], {}, True
-
-    def stop(self) -> None:
-        """Forget what came, and keep no more: a person may take hours to answer."""
-        with self._arrived:
-            self._blocks, self._windows, self._is_on = [], {}, False
+            self._blocks, self._windows, self._is_on = [], {}, is_on
 
     def end(self, trial_id: str) -> tuple[FeatureWindow | None, NDArray[np.float64]]:
         """Return the feature window of a trial, once it has come, and the tension in it [N]."""
@@ -313,9 +297,9 @@ class ObserverNode(Node):  # type: ignore[misc]
                 self._arrived.wait(left_s)
             window = self._windows.get(trial_id)
             values = [
-                block.tension_n[i]
+                value
                 for block in self._blocks
-                for i in range(len(block.tension_n))
+                for i, value in enumerate(block.tension_n)
                 if window is not None
                 and window.window_start_ns
                 <= block.stamp_ns + i * block.period_ns
@@ -378,9 +362,6 @@ def check_recording(recorder: Any) -> None:
         raise ExperimentError(recorder.failure)
 
 
-Numbers = tuple[int, int, int]
-
-
 @dataclass
 class LiveBench:
     """The rig; see `tactile_lab.experiment.loop.Bench`.
@@ -396,7 +377,7 @@ class LiveBench:
     setup: LiveSetup
     output: Output
     make_request: Callable[[TrialOrder], TrialRequest]
-    numbers: Callable[[TrialOrder], Numbers | None] = lambda order: None
+    numbers: Callable[[TrialOrder], tuple[int, int, int] | None] = lambda order: None
     needs_features: bool = True
     trials: dict[str, LiveTrial] = field(default_factory=dict)
     audits: list[Audit] = field(default_factory=list)
@@ -425,7 +406,7 @@ class LiveBench:
             self.setup.simulated_rig.mount(
                 request.protocol, request.object_label, request.contact, self.numbers(order)
             )
-        rig.observer.begin()
+        rig.observer.restart(is_on=True)
         try:
             rig.operator.tell_progress(order.number, order.count, request)
             trial = rig.run(request)
@@ -433,7 +414,7 @@ class LiveBench:
         except StoppedError as error:  # a person said so: it is not offered again by itself
             raise ExperimentError(str(error)) from error
         finally:
-            rig.observer.stop()
+            rig.observer.restart(is_on=False)
             _save(rig.recorder)
         self.trials[order.trial_id] = trial
         return judge(trial, window, summarise_tension(tension_n), self.needs_features)
@@ -474,28 +455,6 @@ def judge(
     return TrialResult('', ', '.join(parts), statistics)
 
 
-class OneRetry:
-    """Nobody is asked: a trial that fails is run once more; one that fails again ends it."""
-
-    def __init__(self, say: Callable[[str], None]) -> None:
-        self.say = say
-
-    def begin_session(self, session_id: str, trials: int) -> bool:
-        return True
-
-    def accept_setup(self, changes: Sequence[str]) -> bool:
-        return True
-
-    def mount(self, trial: PlannedTrial, turns_finger: bool) -> None: ...
-
-    def choose(self, order: TrialOrder, verdict: str, sentence: str) -> str:
-        if verdict != FAILED:
-            return KEEP
-        if order.trial_id != order.planned.key:  # it was the second attempt
-            raise TactileError(sentence)
-        return AGAIN
-
-
 def run_live_trials(
     setup: LiveSetup,
     bag: Path,
@@ -528,7 +487,7 @@ def run_live_trials(
         needs_features=False,
     )
     progress = Progress(order, [])
-    loop = TrialLoop(progress, OneRetry(output.say), Notes())
+    loop = TrialLoop(progress, Operator(output), Notes())
     try:
         with bench.session(bag) as run_trial:
             for session_id in progress.sessions_left():

@@ -4,7 +4,7 @@
 """The loop of trials: prompts, journal, quality, and repetition of what failed.
 
 One loop for `tactile trials`, `tactile demo` and `tactile experiment`. The rig is a `Bench`, the
-person an `Operator`.
+person at it an `Operator`.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from itertools import groupby
 import math
 from pathlib import Path
+import sys
 import time
 from typing import Any, NamedTuple, Protocol
 
@@ -39,6 +40,7 @@ from tactile_lab.experiment.journal import (
     SETUP,
 )
 from tactile_lab.experiment.plan import ExperimentError, PlannedTrial
+from tactile_lab.output import Output
 from tactile_ros.errors import TactileError
 
 FALSE_ALARMS = 0.001
@@ -128,6 +130,9 @@ _TITLES = {'mean_n': 'mean tension', 'deviation_n': 'deviation of the tension'}
 AGAIN, KEEP, STOP = 'again', 'keep', 'stop'
 """Choices of an operator after a trial."""
 
+MOST_FAILURES = 3
+"""Failures in a row after which an experiment ends, with ``--yes``."""
+
 
 @dataclass(frozen=True)
 class TrialOrder:
@@ -176,23 +181,106 @@ class Bench(Protocol):
         """Return what the rig consists of while it runs: parameters, firmware and so on."""
 
 
-class Operator(Protocol):
-    """Person or program that mounts plates and objects and decides after failed trials."""
+class Operator:
+    """Mounts plates and objects, and decides after trials that failed or are outliers.
+
+    This one asks nobody: a trial that fails is run once more, and one that fails again is an
+    error.
+    """
+
+    has_given_up = False
+
+    def __init__(self, output: Output) -> None:
+        self._output = output
+
+    def say(self, text: str) -> None:
+        """Print a line."""
+        self._output.say(text)
 
     def begin_session(self, session_id: str, trials: int) -> bool:
         """Return once finger and rig are set up for a session; False: not today."""
+        return True
 
     def accept_setup(self, changes: Sequence[str]) -> bool:
         """Return whether to go on with another set-up than at the last start."""
+        return True
 
     def mount(self, trial: PlannedTrial, turns_finger: bool) -> None:
         """Return once the object is under the finger."""
 
     def choose(self, order: TrialOrder, verdict: str, sentence: str) -> str:
         """Return what to do about a trial that failed or is an outlier."""
+        if verdict != FAILED:
+            return KEEP
+        if order.trial_id != order.planned.key:  # it was the second attempt
+            raise TactileError(sentence)
+        return AGAIN
 
-    def say(self, text: str) -> None:
-        """Print a line."""
+
+class Terminal(Operator):
+    """The person at the rig, asked on the terminal."""
+
+    def __init__(self, output: Output, accepts_setup: bool = False) -> None:
+        super().__init__(output)
+        self._accepts_setup = accepts_setup
+
+    def _ask(self, text: str) -> str:
+        self.say(text)
+        line = sys.stdin.readline()
+        if not line:
+            raise TactileError(
+                'standard input has ended; run the command in a terminal, or use --yes'
+            )
+        return line.strip().lower()
+
+    def begin_session(self, session_id: str, trials: int) -> bool:
+        text = (
+            f'session {session_id}, {trials} trials: set up finger and rig anew, unless it has '
+            'begun; then Enter (s: stop here, go on another day)'
+        )
+        return self._ask(text) != 's'
+
+    def accept_setup(self, changes: Sequence[str]) -> bool:
+        self._output.say('the set-up is another than at the last start:')
+        self._output.say(*(f'   {line}' for line in changes), plain=True)
+        if self._accepts_setup:
+            return True
+        if not sys.stdin.isatty():
+            self.say('to go on with it: --accept-setup')
+            self.has_given_up = True
+            return False
+        return self._ask('y: go on with it, Enter: stop') == 'y'
+
+    def mount(self, trial: PlannedTrial, turns_finger: bool) -> None:
+        turn = f'turn the finger for {trial.contact}, ' if turns_finger else ''
+        self._ask(f'{turn}put {trial.object_label} under the finger, then Enter')
+
+    def choose(self, order: TrialOrder, verdict: str, sentence: str) -> str:
+        choices = {'': AGAIN, 's': STOP, **({'k': KEEP} if verdict == OUTLIER else {})}
+        keep = ', k: keep it' if verdict == OUTLIER else ''
+        while (answer := self._ask(f'Enter: once more{keep}, s: stop')) not in choices:
+            self.say(f'"{answer}" is none of these')
+        return choices[answer]
+
+
+class Nobody(Terminal):
+    """Nobody at the rig: what fails is tried again, outliers are kept."""
+
+    _failures = 0
+
+    def begin_session(self, session_id: str, trials: int) -> bool:
+        self.say(f'session {session_id}, {trials} trials')
+        return True
+
+    def mount(self, trial: PlannedTrial, turns_finger: bool) -> None:
+        self._failures = 0
+
+    def choose(self, order: TrialOrder, verdict: str, sentence: str) -> str:
+        if verdict == OUTLIER:
+            return KEEP
+        self._failures += 1
+        self.has_given_up = self._failures >= MOST_FAILURES
+        return STOP if self.has_given_up else AGAIN
 
 
 def run_experiment(

@@ -7,12 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 import csv
-from dataclasses import dataclass, fields
+from dataclasses import astuple, dataclass, fields
 import io
+import math
 from pathlib import Path
 import random
 import re
 from typing import Any
+
+import yaml
 
 from tactile_bags.yaml_files import load_yaml, read_text
 from tactile_bringup.trial_protocols import PROTOCOLS
@@ -205,8 +208,9 @@ def format_plan(plan: ExperimentPlan) -> str:
     lines = ['# Plan of an experiment; run it with: tactile experiment FILE']
     for item, comment in comments.items():
         value = getattr(plan, item)
-        text = f'[{", ".join(map(_quote, value))}]' if isinstance(value, tuple) else _quote(value)
-        lines.append(f'{item}: {text}'.ljust(40) + f'  # {comment}')
+        value = list(value) if isinstance(value, tuple) else value
+        text = yaml.safe_dump([value], default_flow_style=True, width=math.inf).strip()
+        lines.append(f'{item}: {text[1:-1]}'.ljust(40) + f'  # {comment}')
     return '\n'.join(lines) + '\n'
 
 
@@ -217,8 +221,7 @@ def format_order(order: list[PlannedTrial]) -> str:
     """Return the order as CSV."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator='\n')
-    writer.writerow(_COLUMNS)
-    writer.writerows([[getattr(trial, name) for name in _COLUMNS] for trial in order])
+    writer.writerows([_COLUMNS, *map(astuple, order)])
     return text.getvalue()
 
 
@@ -248,17 +251,6 @@ def _check_count(name: str, value: Any, low: int, high: int) -> None:
         raise ExperimentError(
             f'{name} is {_show(value)}; it must be a whole number from {low} to {high}'
         )
-
-
-def _quote(value: Any) -> str:
-    """Return a plain value so that YAML reads the same."""
-    if not isinstance(value, str):
-        return str(value)
-    try:
-        is_same = load_yaml(value) == value
-    except TactileError:  # it looks like a number and is none: 0b_
-        is_same = False
-    return value if is_same else f'"{value}"'
 
 
 def _show(value: Any) -> str:

@@ -25,7 +25,7 @@ def run(**changes):
 
 
 def test_the_truth_of_a_simulated_load_cell_is_found_and_written(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(module, 'SETTLED_S', 0.5)
+    monkeypatch.setattr(module, 'SETTLED_S', 0.25)
     monkeypatch.setattr(
         pty_server, 'WeightStand', lambda seed: WeightStand(seed=seed, hysteresis_n=0.2)
     )
@@ -35,7 +35,7 @@ def test_the_truth_of_a_simulated_load_cell_is_found_and_written(tmp_path, capsy
     found = json.loads(capsys.readouterr().out)
     assert found['simulated'] is True
     assert [r['is_rising'] for r in found['readings']] == [True, True, True, False, False]
-    # Noise of a mean is 0.7 mN. The truth is 1.03 and -0.2 N, and the readings on the way down
+    # Noise of a mean is 1 mN. The truth is 1.03 and -0.2 N, and the readings on the way down
     # turn the least-squares line to these.
     assert found['hysteresis_n'] == pytest.approx(0.2, abs=0.02)
     assert found['scale'] == pytest.approx(1.039, abs=5e-3)

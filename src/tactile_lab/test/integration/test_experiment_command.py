@@ -8,8 +8,8 @@ import io
 import pytest
 from tactile_command import ask_tactile, hear_tactile
 
-from tactile_lab.commands.experiment import Terminal
 from tactile_lab.experiment.folder import ExperimentFolder
+from tactile_lab.experiment.loop import Terminal
 from tactile_lab.experiment.plan import ExperimentPlan
 from tactile_lab.output import Output
 

@@ -39,14 +39,15 @@ def archive(tmp_path):
 
 
 def test_evaluate_states_split_and_scaling_and_speaks_json(archive):
-    done = tactile('evaluate', archive, '--task', 'texture')
+    quick = ('evaluate', archive, '--task', 'texture', '--repetitions', '2')
+    done = tactile(*quick)
     assert done.returncode == 0, done.stderr
-    for text in ('stratified 6-fold, 10 times', 'not scaled', '100.0'):
+    for text in ('stratified 6-fold, 2 times', 'not scaled', '100.0'):
         assert text in done.stdout
-    done = tactile('evaluate', archive, '--task', 'texture', '--group', 'session', '--json')
+    done = tactile(*quick, '--group', 'session', '--json')
     (found,) = json.loads(done.stdout)['sets']
     plain, grouped = found['evaluations']
-    assert plain['split'] == 'stratified 6-fold, 10 times'
+    assert plain['split'] == 'stratified 6-fold, 2 times'
     assert grouped['split'] == 'one session held out'
     assert {score['scaling'] for score in grouped['scores']} == {'standard', 'none'}
 
@@ -72,7 +73,8 @@ def test_evaluate_refuses_with_one_sentence(archive, arguments, sentence):
 
 
 def test_too_many_folds_are_told_beside_the_sessions(archive):
-    done = tactile('evaluate', archive, '--task', 'texture', '--folds', '13')
+    quick = ('--folds', '13', '--repetitions', '1')
+    done = tactile('evaluate', archive, '--task', 'texture', *quick)
     assert done.returncode == 0
     assert 'fewer than the 13 folds' in ' '.join(done.stdout.split())
     assert 'one session held out' in ' '.join(done.stdout.split())
@@ -114,14 +116,14 @@ def test_trials_that_are_interrupted_say_what_they_recorded_and_replay_equal(
     rewrite, trained, quick, tmp_path
 ):
     bag = tmp_path / 'bag'
-    command = ['trials', 'stiffness', '--object', 'none', '--count', '5', '--simulated', *quick]
+    command = ['trials', 'stiffness', '--object', 'none', '--count', '2', '--simulated', *quick]
     command += ['--models', trained, '-o', bag, '--session', 's', '--mounting', 'm', '--json']
     with program(*command) as process:
         wait_until(lambda: has_begun(bag, '-0002', 'hold'), timeout_s=60.0, poll_s=0.05)
         process.send_signal(signal.SIGINT)
         out, errors = process.communicate(timeout=60)
     assert process.returncode == 130, errors
-    assert '1 of 5 trials on none, flexion; SIMULATED; ended early' in errors
+    assert '1 of 2 trials on none, flexion; SIMULATED; ended early' in errors
     document = json.loads(out)
     assert (document['simulated'], document['ended_early']) == (True, 'interrupted')
     (trial,) = document['trials']

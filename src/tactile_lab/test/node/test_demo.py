@@ -13,6 +13,7 @@ pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
 from tactile_lab.commands import train
 from tactile_lab.experiment import live_rig
+from tactile_testing.simulated_rigs import let_rigs_home_fast
 
 
 def test_short_demo_agrees_bit_for_bit_and_leaves_its_results(tmp_path, monkeypatch):
@@ -20,24 +21,22 @@ def test_short_demo_agrees_bit_for_bit_and_leaves_its_results(tmp_path, monkeypa
     monkeypatch.setattr(train, 'train_models', partial(train.train_models, repetitions=1))
     quick = {'trial_runner': {'approach_speed_m_s': 0.1}}
     monkeypatch.setattr(live_rig, 'LiveSetup', partial(live_rig.LiveSetup, parameters=quick))
+    let_rigs_home_fast(monkeypatch.setattr)
     folder = tmp_path / 'demo'
     summary = ask_tactile(
-        'demo', '-o', folder, '--seed', 3, '--short', '--trials', 3, '--no-watch'
+        'demo', '-o', folder, '--seed', 3, '--short', '--trials', 2, '--no-watch'
     )
     assert summary == json.loads((folder / 'summary.json').read_text())
     assert summary['simulated'] is True
-    assert [trial['protocol'] for trial in summary['live_trials']] == [
-        'texture',
-        'stiffness',
-        'texture',
-    ]
+    protocols = [trial['protocol'] for trial in summary['live_trials']]
+    assert protocols == ['texture', 'stiffness']
     for trial in summary['live_trials']:  # a label, or "unknown" at its rate of false rejection
         assert trial['answer'] or 'unlike all' in trial['reason'], trial
     (report,) = summary['replay']
     assert report['equal']
     for comparison in report['comparisons'].values():
         # More when a busy computer had a trial run a second time.
-        assert comparison['window_count'] == comparison['classification_count'] >= 3
+        assert comparison['window_count'] == comparison['classification_count'] >= 2
     assert len(list((folder / 'models').glob('*.onnx'))) == 4
     for plot in ('strain_trace.png', 'texture_spectra.png'):
         assert (folder / plot).read_bytes().startswith(b'\x89PNG')

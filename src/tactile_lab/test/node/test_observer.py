@@ -9,9 +9,10 @@ import pytest
 
 from tactile_bringup.nodes.operator_node import StoppedError
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_lab.experiment.live_rig import LiveBench, ObserverNode, OneRetry
-from tactile_lab.experiment.loop import TrialOrder
+from tactile_lab.experiment.live_rig import LiveBench, ObserverNode
+from tactile_lab.experiment.loop import Operator, TrialOrder
 from tactile_lab.experiment.plan import ExperimentError, PlannedTrial
+from tactile_lab.output import Output
 from tactile_msgs.msg import StrainBlock
 from tactile_ros.errors import TactileError
 
@@ -62,7 +63,7 @@ def test_a_trial_that_somebody_stopped_ends_the_loop(bench):
 
 
 def test_a_trial_is_run_once_more_and_not_twice():
-    operator = OneRetry(lambda text: None)
+    operator = Operator(Output(as_json=False))
     first, second = (TrialOrder(PLANNED, name, 'm', 1, 1) for name in ('t', 't-again1'))
     assert operator.choose(first, 'failed', 'no samples') == 'again'
     with pytest.raises(TactileError, match='no samples'):

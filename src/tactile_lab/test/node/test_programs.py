@@ -4,7 +4,6 @@
 """The programs of nodes and the `tactile` command: how they begin and end."""
 
 import ctypes
-from importlib.metadata import entry_points
 import itertools
 import os
 from pathlib import Path
@@ -15,14 +14,12 @@ import sys
 from ament_index_python.packages import get_package_prefix
 import pytest
 
-from tactile_ros.node_program import find_node_class, GROUP
+from tactile_ros.node_program import find_node_class
 from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 60.0
 HEAP_BYTES = 64 * 2**20
-EXECUTABLES = sorted({entry.name for entry in entry_points(group=GROUP)})
 TACTILE = str(Path(get_package_prefix('tactile_lab'), 'bin', 'tactile'))
-NUMBERS = [signal.SIGINT, signal.SIGTERM]
 
 
 def program_of(executable):
@@ -49,14 +46,20 @@ def wait_until_held(process):
 
 
 FINGERS = str(Path(get_package_prefix('tactile_bringup'), 'lib', 'tactile_bringup', 'finger_node'))
-COMMANDS = (['rig'], ['sense'], ['hand', '--fingers', 'index'])
-PROGRAMS = {executable: (program_of(executable),) for executable in EXECUTABLES} | {
-    command[0]: (TACTILE, *command, '--simulated') for command in COMMANDS
+PROGRAMS = {
+    'tendon_sensor_node': (program_of('tendon_sensor_node'),),
+    'slip_detector_node': (program_of('slip_detector_node'),),
+    'finger_node': (FINGERS, '/tendon_sensor', '/tactile_features'),
+    'rig': (TACTILE, 'rig', '--simulated'),
+    'hand': (TACTILE, 'hand', '--fingers', 'index', '--simulated'),
 }
-PROGRAMS['finger_node'] = (FINGERS, '/tendon_sensor', '/tactile_features')
+"""Nodes of one program each, of several, and commands that run nodes or a rig besides."""
 
 
-@pytest.mark.parametrize(('name', 'number'), zip(PROGRAMS, itertools.cycle(NUMBERS), strict=False))
+@pytest.mark.parametrize(
+    ('name', 'number'),
+    zip(PROGRAMS, itertools.cycle([signal.SIGINT, signal.SIGTERM]), strict=False),
+)
 def test_a_signal_before_the_nodes_are_made_ends_a_program_with_zero(name, number):
     process = start(*PROGRAMS[name])
     wait_until_held(process)
@@ -93,7 +96,7 @@ def count_thread_heaps(pid):
 @pytest.mark.skipif(not hasattr(ctypes.CDLL(None), 'malloc_info'), reason='needs glibc')
 @pytest.mark.parametrize(
     'arguments',
-    [PROGRAMS['slip_detector_node'], PROGRAMS['sense']],
+    [PROGRAMS['slip_detector_node'], (TACTILE, 'sense', '--simulated')],
     ids=['node', 'sense'],
 )
 def test_no_thread_of_a_program_has_a_heap_of_its_own(arguments):

@@ -3,17 +3,17 @@
 
 """A force that somebody else publishes, to a label: SIMULATED tension, over real DDS."""
 
-import os
+from contextlib import contextmanager
 import signal
-import subprocess
-import sys
 import time
 
 from geometry_msgs.msg import WrenchStamped
+import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.time import Time
+from tactile_command import program
 
 from tactile_bags import EVENT, Recording, STRAIN, TactileBag
 from tactile_bags.message_records import read_records
@@ -24,7 +24,6 @@ from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, Trial
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 from tactile_testing.waiting import wait_until
 
-PROGRAM = 'import sys; sys.argv[0] = "tactile"; from tactile_lab.__main__ import main; main()'
 ANSWERS = 'tactile_classifier/classification'
 SECOND_NS = 1_000_000_000
 
@@ -66,7 +65,7 @@ class Hand(Node):
 
 
 def read_trial(path):
-    """Return samples and events of the first trial in a bag, with their times [ns]."""
+    """Return samples and events of a bag's first trial from its contact on, with times [ns]."""
     samples, events = [], []
     with TactileBag(path) as bag:
         for message, record in read_records(bag.messages()):
@@ -79,8 +78,39 @@ def read_trial(path):
                 if events and record.trial_id != events[0][1].trial_id:
                     break
                 events.append((record.stamp_ns, event_to_msg(record)))
-    last_ns = events[-1][0] + SECOND_NS // 10
-    return [(at_ns, value) for at_ns, value in samples if at_ns <= last_ns], events
+    events = [entry for entry in events if entry[1].phase != 'approach']
+    first_ns, last_ns = events[0][0] - SECOND_NS // 2, events[-1][0] + SECOND_NS // 10
+    return [(at_ns, value) for at_ns, value in samples if first_ns <= at_ns <= last_ns], events
+
+
+@pytest.fixture(autouse=True)
+def _domain(context, monkeypatch):
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(context.get_domain_id()))
+
+
+@contextmanager
+def sensing(context, node, *options):
+    """Run `tactile sense`, and a node; give what spins it until a condition holds."""
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    with program('sense', *options) as process:
+
+        def spin_until(condition):
+            def step():
+                assert process.poll() is None, process.communicate()
+                executor.spin_once(timeout_sec=0.05)
+
+            wait_until(condition, timeout_s=60.0, step=step)
+
+        assert 'running: ' in process.stdout.readline()
+        try:
+            yield spin_until
+        finally:
+            executor.shutdown()
+            node.destroy_node()
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+    assert process.returncode == 0, errors
 
 
 def test_somebody_elses_wrenches_become_a_label_and_replay_equal(
@@ -90,38 +120,13 @@ def test_somebody_elses_wrenches_become_a_label_and_replay_equal(
     (label,) = {what.object_label for _, send, what in hand.waiting if send == hand.send_event}
     params, bag = tmp_path / 'params.yaml', tmp_path / 'bag'
     params.write_text('tendon_sensor: {ros__parameters: {scale: -2.0}}')
-    command = ['sense', '--sensor-topic', '/ft/wrench:fx', '--models', str(trained)]
-    process = subprocess.Popen(
-        [sys.executable, '-c', PROGRAM, *command, '--params', str(params), '--record', str(bag)],
-        env={**os.environ, 'ROS_DOMAIN_ID': str(context.get_domain_id())},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(hand)
-
-    def spin_until(condition):
-        def step():
-            assert process.poll() is None, process.communicate()
-            executor.spin_once(timeout_sec=0.05)
-
-        wait_until(condition, timeout_s=60.0, step=step)
-
-    try:
-        assert 'running: ' in process.stdout.readline()
+    options = ('--sensor-topic', '/ft/wrench:fx', '--models', trained)
+    with sensing(context, hand, *options, '--params', params, '--record', bag) as spin_until:
         spin_until(hand.force.get_subscription_count)
         spin_until(lambda: hand.events.get_subscription_count() >= 2)  # features, recorder
         spin_until(lambda: hand.count_publishers(ANSWERS))
         hand.start()
         spin_until(lambda: hand.answers)
-        process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=60)
-    finally:
-        process.kill()
-        executor.shutdown()
-        hand.destroy_node()
-    assert process.returncode == 0, errors
     (answer,) = hand.answers
     assert answer.outcome == Classification.OUTCOME_LABEL, answer.reason
     assert answer.label == label
@@ -133,29 +138,12 @@ def test_somebody_elses_wrenches_become_a_label_and_replay_equal(
 def test_a_simulated_finger_marks_all_that_comes_of_it(context, tmp_path):
     """The program of docs/on_your_hand.md says nothing of a simulation: the samples do."""
     bag = tmp_path / 'bag'
-    command = ['sense', '--simulated', '--slip', '--record', str(bag)]
-    process = subprocess.Popen(
-        [sys.executable, '-c', PROGRAM, *command],
-        env={**os.environ, 'ROS_DOMAIN_ID': str(context.get_domain_id())},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
     hand = Node('hand', context=context)
     events = hand.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
     windows, blocks = [], []
     features = 'tactile_features/features'
     hand.create_subscription(TactileFeatures, features, windows.append, RESULTS)
     hand.create_subscription(StrainBlock, 'tendon_sensor/strain', blocks.append, STREAM)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(hand)
-
-    def spin_until(condition):
-        def step():
-            assert process.poll() is None, process.communicate()
-            executor.spin_once(timeout_sec=0.05)
-
-        wait_until(condition, timeout_s=60.0, step=step)
 
     def state(phase):
         event = TrialEvent(trial_id='grasp-1', protocol='stiffness', phase=phase)
@@ -163,24 +151,16 @@ def test_a_simulated_finger_marks_all_that_comes_of_it(context, tmp_path):
         event.header.stamp = hand.get_clock().now().to_msg()
         events.publish(event)
 
-    try:
-        assert 'running: ' in process.stdout.readline()
+    with sensing(context, hand, '--simulated', '--slip', '--record', bag) as spin_until:
         spin_until(lambda: events.get_subscription_count() >= 3)  # features, slip, recorder
         spin_until(lambda: hand.count_publishers(features))
         spin_until(lambda: blocks)
         state('hold')
         held = len(blocks)
-        spin_until(lambda: len(blocks) >= held + 180)
+        spin_until(lambda: len(blocks) >= held + 165)  # a window has 156
         state('release')
         state('done')
         spin_until(lambda: windows)
-        process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=60)
-    finally:
-        process.kill()
-        executor.shutdown()
-        hand.destroy_node()
-    assert process.returncode == 0, errors
     (window,) = windows
     assert window.simulated
     assert all(block.status & StrainBlock.STATUS_SIMULATED for block in blocks)

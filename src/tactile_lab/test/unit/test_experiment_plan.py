@@ -8,6 +8,7 @@ from contextlib import suppress
 import dataclasses
 from itertools import pairwise
 import json
+import resource
 
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -172,6 +173,24 @@ def test_a_journal_goes_on_after_half_a_line_and_has_one_writer(tmp_path):
     with Journal(path) as journal:
         journal.append('c')
     assert read_journal(path) == [{'kind': 'a', 'n': 1}, {'kind': 'c'}]
+
+
+def test_a_journal_on_a_full_disk_says_so_and_loses_half_a_line_alone(tmp_path):
+    path = tmp_path / 'journal.jsonl'
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with Journal(path) as journal:
+        journal.append('a')
+        resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 5, limits[1]))
+        try:
+            with pytest.raises(ExperimentError, match='cannot write the journal .*too large'):
+                journal.append('b')
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        with pytest.raises(ExperimentError, match='is closed'):
+            journal.append('c')
+    with Journal(path) as journal:
+        assert journal.append('d') == {'kind': 'd'}
+    assert [entry['kind'] for entry in read_journal(path)] == ['a', 'd']
 
 
 @settings(max_examples=30)
