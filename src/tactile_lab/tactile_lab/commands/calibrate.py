@@ -6,7 +6,7 @@
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from itertools import pairwise
 import math
 from pathlib import Path
@@ -214,12 +214,9 @@ class _Listener:
 
 
 def _config(stated: dict[str, object]) -> 'TendonSensorConfig':
-    from tendon_sensor_driver.records import TendonSensorConfig
+    from tactile_lab.devices.checks import make_config
 
-    try:
-        config = replace(TendonSensorConfig(**stated), scale=1.0, offset_n=0.0)  # type: ignore[arg-type]
-    except (TypeError, ValueError) as error:
-        raise TactileError(f'the parameters of {NODE} cannot be used: {error}') from error
+    config: TendonSensorConfig = make_config(NODE, {**stated, 'scale': 1.0, 'offset_n': 0.0})
     if config.sensor != 'line':
         raise TactileError(
             f'a {config.sensor} has the calibration of its maker; this is for lines'

@@ -3,9 +3,9 @@
 
 """`tactile check`: exercise each device and say what it found."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import ExitStack
-import dataclasses
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Optional, TYPE_CHECKING
 
@@ -84,7 +84,7 @@ def check(
         {
             'simulated': simulated or any('simulated' in report.facts for report in reports),
             'fit': is_fit,
-            'devices': [dataclasses.asdict(report) for report in reports],
+            'devices': [asdict(report) for report in reports],
         }
     )
     raise typer.Exit(0 if is_fit else 1)
@@ -128,39 +128,22 @@ def _list_checks(
     stack: ExitStack,
 ) -> Iterator['CheckReport']:
     """Check one device after the other."""
-    from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
-    from tactile_lab.devices.checks import check_guide, check_sensor, check_tendon, MakeSensor
-    from tendon_sensor_driver.records import TendonSensorConfig
+    from tactile_lab.devices import checks
     from tendon_sensor_driver.sensors import make_sensor
 
-    kinds = {
-        'sensor': TendonSensorConfig,
-        'guide': LinearGuideConfig,
-        'tendon': TendonActuatorConfig,
-    }
-    configs: dict[str, Any] = {
-        name: _make_config(kinds[name], name, wanted[name]) for name in wanted
-    }
+    # All first: what is wrong with the parameters of one device is said before another is asked.
+    configs = {name: checks.make_config(_NODES[name], of_node) for name, of_node in wanted.items()}
     if sensor := configs.get('sensor'):
-        make: MakeSensor = make_sensor
+        make: checks.MakeSensor = make_sensor
         if sensor.sensor == 'topic':
             from tactile_lab.force_topics import sensors_on_topics  # rclpy
 
             make = stack.enter_context(sensors_on_topics(namespace))
-        yield check_sensor(sensor, seconds, make)
+        yield checks.check_sensor(sensor, seconds, make)
     if guide := configs.get('guide'):
-        yield check_guide(guide, may_move)
+        yield checks.check_guide(guide, may_move)
     if tendon := configs.get('tendon'):
-        yield check_tendon(tendon, may_move)
-
-
-def _make_config(kind: type[Any], device: str, stated: Mapping[str, Any]) -> Any:
-    """Return the parameters of a device's node, without those of ROS itself."""
-    known = {field.name for field in dataclasses.fields(kind)}
-    try:
-        return kind(**{name: value for name, value in stated.items() if name in known})
-    except (TypeError, ValueError) as error:
-        raise TactileError(f'parameters of {_NODES[device]}: {error}') from error
+        yield checks.check_tendon(tendon, may_move)
 
 
 def _as_table(report: 'CheckReport') -> 'Table':

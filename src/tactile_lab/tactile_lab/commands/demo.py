@@ -182,11 +182,11 @@ def draw_plots(
         for trial in live
         if trial.request.protocol == 'stiffness' and trial.request.object_label != 'none'
     ]
-    with RecordedBag(folder / 'recording') as bag:
-        if touched:
+    if touched:
+        with RecordedBag(folder / 'recording') as bag:
             draw_trace(folder / 'strain_trace.png', bag, touched[0])
     for model in trained:
-        if model.table.task == 'texture' and model.table.column('contact')[0] == 'flexion':
+        if (model.table.task, model.manifest.contact) == ('texture', 'flexion'):
             draw_spectra(folder / 'texture_spectra.png', model.table)
 
 
@@ -199,9 +199,8 @@ def draw_trace(path: Path, bag: 'RecordedBag', request: 'TrialRequest') -> None:
     assert trial.begin_ns is not None
     assert trial.signal.time_s is not None
     (window,) = (w for w in recorded_results(bag).windows if w.trial_id == request.trial_id)
-    start_s, end_s = (
-        (ns - trial.begin_ns) * 1e-9 for ns in (window.window_start_ns, window.window_end_ns)
-    )
+    start_s = (window.window_start_ns - trial.begin_ns) * 1e-9
+    end_s = (window.window_end_ns - trial.begin_ns) * 1e-9
     plot_strain(
         path,
         trial.signal.time_s,

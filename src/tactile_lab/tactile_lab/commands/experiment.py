@@ -3,8 +3,8 @@
 
 """`tactile experiment`: a plan of trials, run with prompts, a journal and resume."""
 
-from contextlib import ExitStack
 from dataclasses import asdict
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, Optional, TYPE_CHECKING
@@ -17,6 +17,7 @@ from tactile_lab.output import named_errors, Output, refuse_to_replace, write_at
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
+    from tactile_bringup.trial_protocols import TrialRequest
     from tactile_lab.experiment.folder import ExperimentFolder
     from tactile_lab.experiment.loop import TrialOrder
     from tactile_lab.experiment.plan import ExperimentPlan, PlannedTrial
@@ -133,18 +134,14 @@ def run(
         block = _draw_block(home, append, output) if append else []
         try:
             if block or home.read_progress().left():
-                with ExitStack() as stack:
-                    setup = open_rig(
-                        Ports(guide, tendon, sensor, sensor_topic),
-                        simulated,
-                        seed,
-                        stack,
-                        output,
-                        models=models,
-                        params=params,
-                        watch=watch,
+                ports = Ports(guide, tendon, sensor, sensor_topic)
+                places = {'models': models, 'params': params}
+                with open_rig(ports, simulated, seed, output, **places, watch=watch) as setup:
+                    make_request, number = (
+                        partial(_make_request, planned),
+                        partial(_number, planned),
                     )
-                    bench = LiveBench(setup, output, _requests_of(planned), _numbers_of(planned))
+                    bench = LiveBench(setup, output, make_request, number)
                     _, ended = run_experiment(home, bench, operator, journal, block)
             else:
                 ended = ''
@@ -156,31 +153,26 @@ def run(
     raise typer.Exit(1 if operator.has_given_up else 0)
 
 
-def _requests_of(plan: 'ExperimentPlan') -> Any:
+def _make_request(plan: 'ExperimentPlan', order: 'TrialOrder') -> 'TrialRequest':
     from tactile_bringup.trial_protocols import TrialRequest
 
-    def make_request(order: 'TrialOrder') -> TrialRequest:
-        planned = order.planned
-        return TrialRequest(
-            plan.protocol,
-            planned.contact,
-            planned.object_label,
-            order.trial_id,
-            planned.session_id,
-            glide_speed_m_s=plan.glide_speed_m_s,
-            hold_s=plan.hold_s,
-            mounting_id=order.mounting_id,
-        )
-
-    return make_request
-
-
-def _numbers_of(plan: 'ExperimentPlan') -> Any:
-    return lambda order: (
-        plan.session_ids.index(order.planned.session_id),
-        order.mounting_number,
-        order.number_in_mounting,
+    planned = order.planned
+    return TrialRequest(
+        plan.protocol,
+        planned.contact,
+        planned.object_label,
+        order.trial_id,
+        planned.session_id,
+        glide_speed_m_s=plan.glide_speed_m_s,
+        hold_s=plan.hold_s,
+        mounting_id=order.mounting_id,
     )
+
+
+def _number(plan: 'ExperimentPlan', order: 'TrialOrder') -> tuple[int, int, int]:
+    """Return session, mounting and trial, by which a simulated rig deviates."""
+    session = plan.session_ids.index(order.planned.session_id)
+    return session, order.mounting_number, order.number_in_mounting
 
 
 def _draw_block(

@@ -3,7 +3,6 @@
 
 """`tactile trials`: a session of trials on one plate or object, recorded."""
 
-from contextlib import ExitStack
 from pathlib import Path
 import time
 from typing import Annotated, TYPE_CHECKING
@@ -79,17 +78,9 @@ def trials(
     live: list[LiveTrial] = []
     ended_early = ''
     try:
-        with ExitStack() as stack:
-            setup = open_rig(
-                Ports(guide, tendon, sensor, sensor_topic),
-                simulated,
-                seed,
-                stack,
-                output,
-                models=models,
-                params=params,
-                watch=watch,
-            )
+        ports = Ports(guide, tendon, sensor, sensor_topic)
+        places = {'models': models, 'params': params}
+        with open_rig(ports, simulated, seed, output, **places, watch=watch) as setup:
             run_live_trials(setup, bag, requests, output, live)
     except BaseException as error:
         ended_early = str(error) or 'interrupted'

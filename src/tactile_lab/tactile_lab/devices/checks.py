@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 import time
 from typing import Any
 
@@ -19,6 +19,8 @@ from linear_guide_driver.dynamixel.servo import arm_watchdog, set_up_servo
 from linear_guide_driver.errors import LinearGuideDriverError
 from linear_guide_driver.grbl.guide_client import LinearGuideClient
 from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
+from tactile_bringup.launch_config.parameter_files import CONFIGS
+from tactile_ros.errors import TactileError
 from tactile_ros.strain import StrainBlock, StrainStatus
 from tendon_sensor_driver.client import NowNs, OnBlock, SensorClient
 from tendon_sensor_driver.errors import TendonSensorError
@@ -41,6 +43,18 @@ _STATUS_REMEDIES = {
         'check the cable between load cell and amplifier; a coarse sensor needs stuck_s = 0',
     ),
 }
+
+
+def make_config(node: str, stated: Mapping[str, Any]) -> Any:
+    """Return the parameters of a device's node from those stated, without those of every node.
+
+    Raises `TactileError` when a value is not usable.
+    """
+    known = {field.name for field in fields(CONFIGS[node])}
+    try:
+        return CONFIGS[node](**{name: value for name, value in stated.items() if name in known})
+    except (TypeError, ValueError) as error:
+        raise TactileError(f'parameters of {node}: {error}') from error
 
 
 def check_sensor(

@@ -142,28 +142,28 @@ class LiveSetup:
     watch: WatchOptions | None = None
 
 
+@contextmanager
 def open_rig(
     given: Ports,
     simulated: bool,
     seed: int,
-    stack: ExitStack,
     output: Output,
     *,
     models: Path | None,
     params: Path | None,
     watch: bool,
-) -> LiveSetup:
-    """Return the rig that a command is to run trials on; the stack ends a simulated one.
+) -> Iterator[LiveSetup]:
+    """Give the rig that a command is to run trials on; a simulated one ends after the block.
 
     Raises `TactileError` when ports are missing, or the parameters do not fit.
     """
-    ports, simulated_rig = open_ports(given, simulated, seed, stack)
-    if simulated_rig is not None:
-        output.say('SIMULATED rig: no number is a measurement.')
-    parameters = read_rig_parameters(params, '')
-    return LiveSetup(
-        ports, models, simulated_rig, parameters, watch=WatchOptions() if watch else None
-    )
+    with ExitStack() as stack:
+        ports, simulated_rig = open_ports(given, simulated, seed, stack)
+        if simulated_rig is not None:
+            output.say('SIMULATED rig: no number is a measurement.')
+        parameters = read_rig_parameters(params, '')
+        page = WatchOptions() if watch else None
+        yield LiveSetup(ports, models, simulated_rig, parameters, watch=page)
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,6 @@ class LiveRig:
         Raises `TactileError` when the trial or the recording fails. Raises `StoppedError` when
         somebody has pressed Stop on a live page.
         """
-        check_recording(self.recorder)
         listening = [
             model
             for model in self.models
@@ -291,10 +290,8 @@ class ObserverNode(Node):  # type: ignore[misc]
 
     def end(self, trial_id: str) -> tuple[FeatureWindow | None, NDArray[np.float64]]:
         """Return the feature window of a trial, once it has come, and the tension in it [N]."""
-        deadline = time.monotonic() + FEATURES_TIMEOUT_S
         with self._arrived:
-            while trial_id not in self._windows and (left_s := deadline - time.monotonic()) > 0:
-                self._arrived.wait(left_s)
+            self._arrived.wait_for(lambda: trial_id in self._windows, FEATURES_TIMEOUT_S)
             window = self._windows.get(trial_id)
             values = [
                 value

@@ -13,7 +13,7 @@ from rosgraph_msgs.msg import Clock
 
 from tactile_bags import EVENT, STRAIN, TactileBag
 from tactile_bringup.launch_config.graph import NodeDescription
-from tactile_bringup.nodes.graph_runner import create_node, running_graph
+from tactile_bringup.nodes.graph_runner import create_node
 from tactile_msgs.msg import StrainBlock, TrialEvent
 from tactile_ros.errors import TactileError
 from tactile_ros.node_group import NodeGroup
@@ -59,9 +59,13 @@ def test_the_very_bytes_are_played_and_the_clock_is_that_of_the_bag(context, sti
     listener = Listener(context)
     follower = Node('follower', context=context)
     follower.set_parameters([Parameter('use_sim_time', value=True)])
-    graph = [player(stiffness_bag, rate=100.0, start_delay_s=0.5)]
-    with running_graph(graph, context, others=[listener.node, follower]) as nodes:
-        node = nodes['bag_player']
+    node = create_node(player(stiffness_bag, rate=100.0, start_delay_s=0.0), context)
+    with NodeGroup([node, listener.node, follower], context=context):
+        node.trigger_configure()
+        # The player waits for subscribers; these must know the player, too.
+        readers = [*listener.node.subscriptions, *follower.subscriptions]
+        wait_until(lambda: all(reader.get_publisher_count() for reader in readers))
+        node.trigger_activate()
         wait_until(lambda: node.is_finished)
         wait_until(lambda: len(listener.received[STRAIN]) == len(expected[STRAIN]))
         wait_until(lambda: len(listener.received[EVENT]) == len(expected[EVENT]))
@@ -111,21 +115,17 @@ def test_what_goes_wrong_while_it_plays_ends_it_as_failed(context, stiffness_bag
 
 def test_its_process_ends_with_0_at_the_end_of_the_bag(context, stiffness_bag):
     program = 'import sys; from tactile_bags.nodes.bag_player_node import main; sys.exit(main())'
-    environment = {**os.environ, 'ROS_DOMAIN_ID': str(context.get_domain_id())}
-    arguments = [
-        '--ros-args',
-        '-p',
-        f'bag:={stiffness_bag}',
-        '-p',
-        'rate:=1000.0',
-        '-p',
-        'start_delay_s:=0.1',
-    ]
+    parameters = (f'bag:={stiffness_bag}', 'rate:=1000.0', 'start_delay_s:=0.1')
     done = subprocess.run(
-        [sys.executable, '-c', program, *arguments],
-        env=environment,
+        [
+            sys.executable,
+            '-c',
+            program,
+            '--ros-args',
+            *(word for each in parameters for word in ('-p', each)),
+        ],
+        env={**os.environ, 'ROS_DOMAIN_ID': str(context.get_domain_id())},
         timeout=DEADLINE_S,
-        check=False,
         capture_output=True,
         text=True,
     )

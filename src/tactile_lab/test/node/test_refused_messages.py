@@ -93,6 +93,8 @@ def test_the_operator_waits_on_after_an_unknown_answer(context):
     answers = peer.create_publisher(Classification, f'{CLASSIFIER_NODE}/classification', RESULTS)
     with NodeGroup([operator], context=context) as group, NodeGroup([peer], context=context):
         wait_until(answers.get_subscription_count)
+        (reader,) = [s for s in operator.subscriptions if s.topic_name == answers.topic_name]
+        wait_until(reader.get_publisher_count)
         answers.publish(Classification(trial_id='a', outcome=9))
         answers.publish(Classification(trial_id='a', outcome=1, scores=[1.0]))
         answers.publish(Classification(trial_id='a', outcome=1))

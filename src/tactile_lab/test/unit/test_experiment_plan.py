@@ -182,7 +182,7 @@ def test_a_journal_on_a_full_disk_says_so_and_loses_half_a_line_alone(tmp_path):
         journal.append('a')
         resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 5, limits[1]))
         try:
-            with pytest.raises(ExperimentError, match='cannot write the journal .*too large'):
+            with pytest.raises(ExperimentError, match=r'cannot write the journal .*too large'):
                 journal.append('b')
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, limits)
