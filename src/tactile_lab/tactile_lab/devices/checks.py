@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
+import functools
+import operator
 import time
 from typing import Any
 
@@ -137,22 +139,12 @@ def judge_blocks(
     if not blocks:
         return {'samples': 0}, []
     tension_n = np.concatenate([block.tension_n for block in blocks])
-    time_s = np.concatenate(
-        [
-            (
-                block.stamp_ns
-                - blocks[0].stamp_ns
-                + block.period_ns * np.arange(block.tension_n.size)
-            )
-            * 1e-9
-            for block in blocks
-        ]
-    )
+    first_ns = blocks[0].stamp_ns
+    time_ns = [b.stamp_ns - first_ns + b.period_ns * np.arange(b.tension_n.size) for b in blocks]
+    time_s = np.concatenate(time_ns) * 1e-9
     # The first block may count what was lost before anybody listened.
     lost = sum(block.lost_before for block in blocks[1:])
-    status = StrainStatus.OK
-    for block in blocks:
-        status |= block.status
+    status = functools.reduce(operator.or_, (block.status for block in blocks))
     span_s = float(time_s[-1] - time_s[0])
     rate_hz = (tension_n.size + lost - 1) / span_s if span_s > 0 else 0.0
     noise_n = _compute_noise_n(time_s, tension_n)
@@ -276,9 +268,9 @@ def _exercise_guide(
     rest_m = client.move_to(target_m, speed_m_s).position_m or 0.0
     took_s = time.monotonic() - start_s
     client.move_to(home_m, speed_m_s)
-    facts['move of 5 mm took [s]'] = round(took_s, 2)
-    facts['error at rest [mm]'] = round((rest_m - target_m) * 1e3, 3)
     off_mm, least_s = (rest_m - target_m) * 1e3, MOVE_M / speed_m_s
+    facts['move of 5 mm took [s]'] = round(took_s, 2)
+    facts['error at rest [mm]'] = round(off_mm, 3)
     return _list_problems(
         (
             abs(rest_m - target_m) > MOVE_TOLERANCE_M,

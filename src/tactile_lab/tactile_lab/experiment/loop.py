@@ -424,20 +424,13 @@ class TrialLoop:
             verdict = OUTLIER if unlike else GOOD
         sentence = '; '.join(part for part in (result.problem, unlike, result.sentence) if part)
         end(verdict, sentence, result.statistics)
-        self._say(trial, verdict, sentence)
-        return verdict == GOOD or self._offer(order, verdict, sentence)
-
-    def _say(self, trial: PlannedTrial, verdict: str, sentence: str) -> None:
-        progress = self.progress
-        left_s = progress.estimate_left_s()
         self.operator.say(
-            f'trial {progress.done_count + (verdict != GOOD)} of {len(progress.order)}: '
-            f'{trial.object_label}, {trial.contact}: {verdict}: {sentence}; '
-            f'{format_seconds(left_s)} left'
+            f'trial {self.progress.done_count + (verdict != GOOD)} of '
+            f'{len(self.progress.order)}: {trial.object_label}, {trial.contact}: {verdict}: '
+            f'{sentence}; {format_seconds(self.progress.estimate_left_s())} left'
         )
-
-    def _offer(self, order: TrialOrder, verdict: str, sentence: str) -> bool:
-        """Ask what to do about a trial; return whether to go on."""
+        if verdict == GOOD:
+            return True
         choice = self.operator.choose(order, verdict, sentence)
         if choice == KEEP and verdict == OUTLIER:
             self.note(KEPT, trial_id=order.trial_id)

@@ -3,11 +3,10 @@
 
 """An experiment on the simulated rig: interrupted, killed, gone on with, read."""
 
-import json
 import signal
 import time
 
-from tactile_command import program, SHORT_HOLD, tactile
+from tactile_command import ask_tactile, hear_tactile, program, SHORT_HOLD
 
 from tactile_bags import EVENT, TactileBag
 from tactile_bags.message_records import read_records
@@ -54,18 +53,16 @@ def phases(folder, trial_id):
     return [event.phase for event in events if event.trial_id == trial_id]
 
 
-def test_an_experiment_survives_ctrl_c_and_kill_and_its_trials_are_read(tmp_path, monkeypatch):
+def test_an_experiment_survives_ctrl_c_and_kill_and_its_trials_are_read(
+    tmp_path, monkeypatch, parameter_file
+):
     let_rigs_home_fast(monkeypatch.setattr)
-    parameters = tmp_path / 'quick.yaml'
-    parameters.write_text(SHORT_HOLD)
-    quick = ('--params', parameters)
+    quick = ('--params', parameter_file(SHORT_HOLD))
     plan = tmp_path / 'soft.yaml'
-    options = ['--task', 'stiffness', '--objects', 'pla', '--sessions', '2']
-    done = tactile('experiment', 'new', plan, *options, '--mountings', '1', '--trials', '1')
-    assert done.returncode == 0, done.stderr
+    options = ['--task', 'stiffness', '--objects', 'pla', '--sessions', 2]
+    hear_tactile('experiment', 'new', plan, *options, '--mountings', 1, '--trials', 1)
     folder = ExperimentFolder(tmp_path / 'soft')
-    done = tactile('experiment', plan, '--yes')
-    assert (done.returncode, '--yes is for --simulated' in done.stderr) == (2, True)
+    assert '--yes is for --simulated' in hear_tactile('experiment', plan, '--yes', code=2)
     assert not folder.path.exists()
 
     out, errors, code = run_until_done(folder, quick, 0, signal.SIGINT)
@@ -75,16 +72,14 @@ def test_an_experiment_survives_ctrl_c_and_kill_and_its_trials_are_read(tmp_path
     assert code == -signal.SIGKILL
     assert 'trial 1 of 2: ' in out
     # The rest, and one more block of a session from the rig's start on.
-    more = ('--append', 'soft-s01', '--simulated', '--yes', '--json', *quick)
-    done = tactile('experiment', folder.path, *more)
-    assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)
+    more = ('--append', 'soft-s01', '--simulated', '--yes', *quick)
+    found = ask_tactile('experiment', folder.path, *more)
     assert (found['done'], found['interrupted'], len(folder.read_order())) == (3, 2, 3)
     assert found['attempts'] == 5 + found['failed']
     assert found['sessions_left'] == []
     assert len(found['bags']) == 5
-    done = tactile('experiment', folder.path, '--simulated', '--yes')
-    assert (done.returncode, 'Complete. Train on it' in done.stdout) == (0, True)
+    said = hear_tactile('experiment', folder.path, '--simulated', '--yes')
+    assert 'Complete. Train on it' in said
 
     # What is in the bags: the trials of the order, each once, mountings never shared.
     events = []
@@ -98,8 +93,7 @@ def test_an_experiment_survives_ctrl_c_and_kill_and_its_trials_are_read(tmp_path
     )
     mounted = {(event.mounting_id, event.object_label) for event in events}
     assert len(mounted) == len({mounting for mounting, _ in mounted}) == 5
-    done = tactile('replay', folder.list_bags()[0], '--no-nodes')
-    assert (done.returncode, done.stderr) == (0, ''), done.stdout
+    hear_tactile('replay', folder.list_bags()[0], '--no-nodes')
 
     (table,) = read_tables(folder.list_bags()).tables.values()
     assert set(table.column('trial_id')) == set(kept)

