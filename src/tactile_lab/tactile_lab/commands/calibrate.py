@@ -173,6 +173,7 @@ class _Listener:
         self._config = config
         self._count = max(4, round(SETTLED_S * config.rate_hz))
         self._samples: deque[float] = deque(maxlen=self._count)
+        self._since_ns = 0
 
     def take(self, block: 'StrainBlock') -> None:
         from tactile_ros.strain import NO_MEASUREMENT
@@ -180,7 +181,7 @@ class _Listener:
         with self._arrived:
             if block.status & NO_MEASUREMENT:
                 self._samples.clear()
-            else:
+            elif block.stamp_ns >= self._since_ns:
                 self._samples.extend(float(value) for value in block.tension_n)
             self._arrived.notify_all()
 
@@ -188,6 +189,7 @@ class _Listener:
         """Return mean and standard deviation of the second after a settled one [N]."""
         deadline_s = time.monotonic() + SETTLE_TIMEOUT_S
         with self._arrived:
+            self._since_ns = time.time_ns()  # a busy computer may still hold older samples back
             for _ in range(2):  # the first one still has the end of the motion in it
                 self._samples.clear()
                 left_s = deadline_s - time.monotonic()
