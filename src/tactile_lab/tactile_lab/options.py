@@ -260,8 +260,6 @@ ClusterOption = Annotated[
         'These packages must be installed there, too. The results are equal, bit for bit.',
     ),
 ]
-GuideOption = Annotated[str, typer.Option(help='Serial port of the linear guide (Grbl).')]
-TendonOption = Annotated[str, typer.Option(help='Serial port of the Dynamixel.')]
 SensorOption = Annotated[str, typer.Option(help='Serial port of the load cell.')]
 SensorTopicOption = Annotated[
     str,
@@ -282,6 +280,25 @@ ModelOption = Annotated[
         'computed as the models require.',
     ),
 ]
+ParamsOption = Annotated[
+    Optional[Path],
+    typer.Option(exists=True, help='YAML file with ROS parameters for the nodes.'),
+]
+
+
+@dataclasses.dataclass(frozen=True)
+class RigOptions:
+    """Options on a rig: its ports, and the parameters of its nodes."""
+
+    guide: Annotated[str, typer.Option(help='Serial port of the linear guide (Grbl).')] = ''
+    tendon: Annotated[str, typer.Option(help='Serial port of the Dynamixel.')] = ''
+    sensor: SensorOption = ''
+    sensor_topic: SensorTopicOption = ''
+    simulated: SimulatedOption = False
+    params: ParamsOption = None
+
+
+RIG = RigOptions()
 NamespaceOption = Annotated[str, typer.Option(help='Namespace of all nodes.')]
 RecordOption = Annotated[
     Optional[Path], typer.Option(help='Record into this bag; must not exist yet.')
@@ -294,10 +311,6 @@ WatchOption = Annotated[
 ]
 QuietOption = Annotated[
     bool, typer.Option('--quiet', help='Print no line for each classification.')
-]
-ParamsOption = Annotated[
-    Optional[Path],
-    typer.Option(exists=True, help='YAML file with ROS parameters for the nodes.'),
 ]
 ProtocolArgument = Annotated[
     str, typer.Argument(**choice('texture', 'stiffness'), help='Which kind of trial.')

@@ -133,16 +133,16 @@ class LazyGroup(TyperGroup):
 @functools.cache
 def load_command(name: str) -> Any:
     """Import a command of the table; return it as Typer makes it."""
+    from tactile_lab.options import expand
+
     function = load_function(name)
     if isinstance(function, typer.Typer):  # it has commands of its own
         app = function
         for command in app.registered_commands:
             assert command.callback is not None
-            command.callback = _guard(command.callback, name)
+            command.callback = _guard(expand(command.callback), name)
             command.cls = StrictCommand
     else:
-        from tactile_lab.options import expand
-
         app = typer.Typer(rich_markup_mode='markdown', add_completion=False)
         app.command(name, cls=StrictCommand)(_guard(expand(function), name))
     return typer.main.get_command(app)

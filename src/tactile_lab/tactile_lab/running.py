@@ -28,11 +28,12 @@ from tactile_sim.descriptions.catalogue import list_objects
 from tactile_sim.rig_process import SimulatedRig
 
 if TYPE_CHECKING:
+    from tactile_lab.options import RigOptions
     from tactile_lab.watch.watching import Watch
 
 
 def open_ports(
-    given: Ports, simulated: bool, seed: int, stack: ExitStack
+    given: RigOptions, seed: int, stack: ExitStack
 ) -> tuple[Ports, SimulatedRig | None]:
     """Return the ports, and the simulated rig behind them if it is one.
 
@@ -41,7 +42,7 @@ def open_ports(
     """
     refuse_two_sensors(given)
     named = {'--guide': given.guide, '--tendon': given.tendon, '--sensor': given.sensor}
-    if simulated:
+    if given.simulated:
         if any(named.values()):
             raise TactileError('--simulated brings its own ports; leave the others out')
         rig = stack.enter_context(SimulatedRig(seed=seed))
@@ -50,10 +51,10 @@ def open_ports(
         del named['--sensor']
     if missing := [option for option, port in named.items() if not port]:
         raise TactileError(f'name the ports: {", ".join(missing)}; or use --simulated')
-    return given, None
+    return Ports(given.guide, given.tendon, given.sensor, given.sensor_topic), None
 
 
-def refuse_two_sensors(given: Ports) -> None:
+def refuse_two_sensors(given: RigOptions) -> None:
     """Refuse a sensor's port beside a topic."""
     if given.sensor and given.sensor_topic:
         raise TactileError('there are a --sensor and a --sensor-topic; give one')

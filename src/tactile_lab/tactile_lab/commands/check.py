@@ -5,9 +5,8 @@
 
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import asdict
-from pathlib import Path
-from typing import Annotated, Any, Optional, TYPE_CHECKING
+from dataclasses import asdict, replace
+from typing import Annotated, Any, TYPE_CHECKING
 
 import typer
 
@@ -18,19 +17,13 @@ from tactile_ros.errors import TactileError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from tactile_bringup.launch_config.graph import Ports
     from tactile_lab.devices.checks import CheckReport
 
 _NODES = {'sensor': 'tendon_sensor', 'guide': 'linear_guide', 'tendon': 'tendon_actuator'}
 
 
 def check(
-    guide: options.GuideOption = '',
-    tendon: options.TendonOption = '',
-    sensor: options.SensorOption = '',
-    sensor_topic: options.SensorTopicOption = '',
-    simulated: options.SimulatedOption = False,
-    params: options.ParamsOption = None,
+    given: options.RigOptions = options.RIG,
     namespace: Annotated[str, typer.Option(help='Namespace of the nodes in --params.')] = '',
     seconds: Annotated[
         float, typer.Option(min=1.0, max=3600.0, help='How long to listen to the sensor.')
@@ -62,19 +55,18 @@ def check(
 
     Each fault comes with its remedy.
     """
-    from tactile_bringup.launch_config.graph import Ports
     from tactile_lab.running import open_ports, refuse_two_sensors
 
     output = Output(as_json)
-    given = Ports(guide, tendon, sensor, sensor_topic)
     refuse_two_sensors(given)
-    if simulated:
+    if given.simulated:
         output.say('SIMULATED rig: no number is a measurement.')
     reports = []
     with ExitStack() as stack:
-        if simulated:
-            given, _ = open_ports(given, True, seed, stack)
-        wanted = _read_parameters(given, params, namespace)
+        if given.simulated:
+            ports, _ = open_ports(given, seed, stack)
+            given = replace(given, **asdict(ports))
+        wanted = _read_parameters(given, namespace)
         for report in _list_checks(wanted, namespace, seconds, may_move, stack):
             reports.append(report)
             output.say(_as_table(report))
@@ -82,7 +74,7 @@ def check(
     output.say('All fit.' if is_fit else 'Not fit for trials.')
     output.result(
         {
-            'simulated': simulated or any('simulated' in report.facts for report in reports),
+            'simulated': given.simulated or any('simulated' in report.facts for report in reports),
             'fit': is_fit,
             'devices': [asdict(report) for report in reports],
         }
@@ -90,14 +82,12 @@ def check(
     raise typer.Exit(0 if is_fit else 1)
 
 
-def _read_parameters(
-    given: 'Ports', params: Optional[Path], namespace: str
-) -> dict[str, dict[str, Any]]:
+def _read_parameters(given: options.RigOptions, namespace: str) -> dict[str, dict[str, Any]]:
     """Return the parameters of each device that is named."""
     from tactile_bringup.launch_config.graph import PORTLESS_SENSORS, sensor_parameters
     from tactile_bringup.launch_config.parameter_files import ParameterFile
 
-    file = ParameterFile(params)
+    file = ParameterFile(given.params)
     wanted: dict[str, dict[str, Any]] = {}
     for name, node in _NODES.items():
         port = getattr(given, name)

@@ -66,12 +66,7 @@ def run(
         ),
     ] = '',
     models: options.ModelOption = None,
-    guide: options.GuideOption = '',
-    tendon: options.TendonOption = '',
-    sensor: options.SensorOption = '',
-    sensor_topic: options.SensorTopicOption = '',
-    simulated: options.SimulatedOption = False,
-    params: options.ParamsOption = None,
+    given: options.RigOptions = options.RIG,
     yes: Annotated[
         bool,
         typer.Option(
@@ -104,21 +99,20 @@ def run(
     later.
     """
     from tactile_bags.experiment_journal import is_experiment
-    from tactile_bringup.launch_config.graph import Ports
     from tactile_lab.experiment.folder import ExperimentFolder
     from tactile_lab.experiment.live_rig import LiveBench, open_rig
     from tactile_lab.experiment.loop import Nobody, run_experiment, Terminal
     from tactile_lab.experiment.plan import read_plan
 
     output = Output(as_json)
-    if yes and not simulated:
+    if yes and not given.simulated:
         raise TactileError('--yes is for --simulated: a real plate is put there by a person')
     if is_experiment(plan):
         home = ExperimentFolder(plan)
         planned = home.read_plan()
     else:
         home, planned = ExperimentFolder(folder or plan.with_suffix('')), read_plan(plan)
-    if simulated:
+    if given.simulated:
         from tactile_sim.descriptions.catalogue import default_catalogue
 
         for label, contact in product(planned.objects, planned.contacts):
@@ -134,9 +128,7 @@ def run(
         block = _draw_block(home, append, output) if append else []
         try:
             if block or home.read_progress().left():
-                ports = Ports(guide, tendon, sensor, sensor_topic)
-                places = {'models': models, 'params': params}
-                with open_rig(ports, simulated, seed, output, **places, watch=watch) as setup:
+                with open_rig(given, models, output, seed=seed, watch=watch) as setup:
                     make_request, number = (
                         partial(_make_request, planned),
                         partial(_number, planned),

@@ -11,12 +11,7 @@ from tactile_lab import options
 def rig(
     models: options.ModelOption = None,
     recalibrate: options.RecalibrateOption = 0,
-    guide: options.GuideOption = '',
-    tendon: options.TendonOption = '',
-    sensor: options.SensorOption = '',
-    sensor_topic: options.SensorTopicOption = '',
-    simulated: options.SimulatedOption = False,
-    params: options.ParamsOption = None,
+    given: options.RigOptions = options.RIG,
     namespace: options.NamespaceOption = '',
     record: options.RecordOption = None,
     watch: options.WatchOption = False,
@@ -29,18 +24,19 @@ def rig(
     trials with the action ``trial_runner/run_trial``. To run trials without another program, use
     `tactile trials`.
     """
-    from tactile_bringup.launch_config.graph import ModelChoice, Ports, recorder_node, rig_graph
+    from tactile_bringup.launch_config.graph import ModelChoice, recorder_node, rig_graph
     from tactile_lab.running import open_ports, read_rig_parameters, run_nodes
     from tactile_ros.process import hold_signals
 
     if hold_signals().received:
         return
-    parameters = read_rig_parameters(params, namespace)
+    parameters = read_rig_parameters(given.params, namespace)
     choice = ModelChoice.of_finger(str(models or ''), parameters, recalibrate=recalibrate)
     with ExitStack() as stack:
-        given = Ports(guide, tendon, sensor, sensor_topic)
-        ports, simulated_rig = open_ports(given, simulated, seed, stack)
-        nodes = rig_graph(ports, choice, parameters, simulated=simulated, namespace=namespace)
+        ports, simulated_rig = open_ports(given, seed, stack)
+        nodes = rig_graph(
+            ports, choice, parameters, simulated=given.simulated, namespace=namespace
+        )
         if record:
             nodes.append(recorder_node(record, namespace, classifier=choice is not None))
         run_nodes(nodes, 'rig', watch=watch, quiet=quiet, simulated_rig=simulated_rig)

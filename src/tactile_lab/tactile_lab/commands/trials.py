@@ -41,12 +41,7 @@ def trials(
         ),
     ] = '',
     models: options.ModelOption = None,
-    guide: options.GuideOption = '',
-    tendon: options.TendonOption = '',
-    sensor: options.SensorOption = '',
-    sensor_topic: options.SensorTopicOption = '',
-    simulated: options.SimulatedOption = False,
-    params: options.ParamsOption = None,
+    given: options.RigOptions = options.RIG,
     watch: options.WatchOption = False,
     seed: options.SeedOption = 1,
     as_json: options.JsonOption = False,
@@ -61,7 +56,6 @@ def trials(
     For several objects use `tactile experiment`: with one object a session, a model may learn
     the session instead of the object.
     """
-    from tactile_bringup.launch_config.graph import Ports
     from tactile_bringup.trial_protocols import TrialRequest
     from tactile_lab.experiment.live_rig import open_rig, run_live_trials
 
@@ -78,9 +72,7 @@ def trials(
     live: list[LiveTrial] = []
     ended_early = ''
     try:
-        ports = Ports(guide, tendon, sensor, sensor_topic)
-        places = {'models': models, 'params': params}
-        with open_rig(ports, simulated, seed, output, **places, watch=watch) as setup:
+        with open_rig(given, models, output, seed=seed, watch=watch) as setup:
             run_live_trials(setup, bag, requests, output, live)
     except BaseException as error:
         ended_early = str(error) or 'interrupted'
@@ -89,13 +81,13 @@ def trials(
         is_there = bag.exists()
         parts = [
             f'{len(live)} of {count} trials on {label}, {contact}',
-            *(['SIMULATED'] if simulated else []),
+            *(['SIMULATED'] if given.simulated else []),
             *(['ended early'] if ended_early else []),
         ]
         output.say(f'{bag if is_there else "no bag"}: {"; ".join(parts)}')
         output.result(
             {
-                'simulated': simulated,
+                'simulated': given.simulated,
                 'bag': str(bag) if is_there else '',
                 'asked': count,
                 'ended_early': ended_early,

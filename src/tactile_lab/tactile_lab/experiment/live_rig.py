@@ -39,6 +39,7 @@ from tactile_lab.experiment.loop import (
     TrialResult,
 )
 from tactile_lab.experiment.plan import ExperimentError, PlannedTrial
+from tactile_lab.options import RigOptions
 from tactile_lab.output import Output
 from tactile_lab.running import open_ports, read_rig_parameters, say_address
 from tactile_lab.watch.access import WatchOptions
@@ -144,24 +145,17 @@ class LiveSetup:
 
 @contextmanager
 def open_rig(
-    given: Ports,
-    simulated: bool,
-    seed: int,
-    output: Output,
-    *,
-    models: Path | None,
-    params: Path | None,
-    watch: bool,
+    given: RigOptions, models: Path | None, output: Output, *, seed: int, watch: bool
 ) -> Iterator[LiveSetup]:
     """Give the rig that a command is to run trials on; a simulated one ends after the block.
 
     Raises `TactileError` when ports are missing, or the parameters do not fit.
     """
     with ExitStack() as stack:
-        ports, simulated_rig = open_ports(given, simulated, seed, stack)
+        ports, simulated_rig = open_ports(given, seed, stack)
         if simulated_rig is not None:
             output.say('SIMULATED rig: no number is a measurement.')
-        parameters = read_rig_parameters(params, '')
+        parameters = read_rig_parameters(given.params, '')
         page = WatchOptions() if watch else None
         yield LiveSetup(ports, models, simulated_rig, parameters, watch=page)
 
