@@ -304,14 +304,3 @@ def test_a_trial_needs_a_homing_however_slow_and_a_sensor(rig, context):
         watcher.wait_for_phase('aborted')
         assert 'No valid sample' in watcher.events[-1].message
         assert truth_at_rest(rig)['tendon_displacement_m'] == pytest.approx(0.0, abs=1e-4)
-
-
-def test_rig_that_dies_in_a_trial_aborts_it(rig, context):
-    with running_rig(rig, context) as (operator, watcher, _):
-        operator.home_guide()
-        rig.mount('stiffness', 'pla', 'flexion')
-        handle = watcher.start_trial('stiffness')
-        watcher.wait_for_phase('contact')
-        rig.close()
-        assert 'ended in' in watcher.result_of(handle).message
-        watcher.wait_for_phase('aborted')
