@@ -181,10 +181,9 @@ def test_parameters_reach_the_nodes_and_unknown_ones_are_refused(parameter_file,
     ('command', 'bags'),
     [
         (['rig'], ['']),
-        (['sense', '--phases', 'stiffness', '--slip'], ['']),
         (['hand', '--fingers', 'index,middle', '--namespace', 'left'], ['index', 'middle']),
     ],
-    ids=['rig', 'sense', 'hand'],
+    ids=['rig', 'hand'],
 )
 def test_nodes_run_and_record_until_interrupted(command, bags, tmp_path):
     recording = tmp_path / 'recording'
@@ -192,7 +191,6 @@ def test_nodes_run_and_record_until_interrupted(command, bags, tmp_path):
         line = process.stdout.readline()
         assert 'SIMULATED' in line
         assert 'running: ' in line
-        assert ('slip_detector' in line) == ('--slip' in command)
         process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=60)
     assert process.returncode == 0, errors

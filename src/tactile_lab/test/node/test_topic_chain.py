@@ -102,7 +102,9 @@ def sensing(context, node, *options):
 
             wait_until(condition, timeout_s=60.0, step=step)
 
-        assert 'running: ' in process.stdout.readline()
+        line = process.stdout.readline()
+        assert 'running: ' in line
+        assert ('slip_detector' in line) == ('--slip' in options)
         try:
             yield spin_until
         finally:

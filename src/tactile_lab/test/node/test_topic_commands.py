@@ -77,7 +77,7 @@ def test_what_is_wrong_with_a_topic_is_told_with_its_remedy(context):
     }
     configs = [TendonSensorConfig(**{**MEASURED, **values}) for values in topics.values()]
     with publishing(context, *nodes), sensors_on_topics() as make, ThreadPoolExecutor() as pool:
-        reports = pool.map(lambda config: asdict(check_sensor(config, 6.0, make)), configs)
+        reports = pool.map(lambda config: asdict(check_sensor(config, 4.0, make)), configs)
         found = dict(zip(topics, reports, strict=True))
     facts, problems = found['sound']['facts'], describe(found['sound']['problems'])
     assert 'rate [Hz]' in facts, problems
