@@ -3,17 +3,21 @@
 
 """`tactile calibrate` on a simulated load cell with a known truth, over a real pty."""
 
+from concurrent.futures import ThreadPoolExecutor
 import io
 import json
 
+import numpy as np
 import pytest
 import yaml
 
 from tactile_lab.commands import calibrate as module
 from tactile_lab.commands.calibrate import calibrate
 from tactile_ros.errors import TactileError
+from tactile_ros.strain import StrainBlock
 from tactile_sim import pty_server
 from tactile_sim.pty_server import WeightStand
+from tactile_testing.waiting import wait_until
 from tendon_sensor_driver.records import TendonSensorConfig
 
 GRAVITY = 9.81
@@ -25,7 +29,7 @@ def run(**changes):
 
 
 def test_the_truth_of_a_simulated_load_cell_is_found_and_written(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(module, 'SETTLED_S', 0.25)
+    monkeypatch.setattr(module, 'SETTLED_S', 0.5)
     monkeypatch.setattr(
         pty_server, 'WeightStand', lambda seed: WeightStand(seed=seed, hysteresis_n=0.2)
     )
@@ -35,7 +39,7 @@ def test_the_truth_of_a_simulated_load_cell_is_found_and_written(tmp_path, capsy
     found = json.loads(capsys.readouterr().out)
     assert found['simulated'] is True
     assert [r['is_rising'] for r in found['readings']] == [True, True, True, False, False]
-    # Noise of a mean is 1 mN. The truth is 1.03 and -0.2 N, and the readings on the way down
+    # Noise of a mean is 0.7 mN. The truth is 1.03 and -0.2 N, and the readings on the way down
     # turn the least-squares line to these.
     assert found['hysteresis_n'] == pytest.approx(0.2, abs=0.02)
     assert found['scale'] == pytest.approx(1.039, abs=5e-3)
@@ -45,6 +49,24 @@ def test_the_truth_of_a_simulated_load_cell_is_found_and_written(tmp_path, capsy
     parameters = yaml.safe_load(text)['tendon_sensor']['ros__parameters']
     assert TendonSensorConfig(**parameters).scale == found['scale']
     assert parameters['offset_n'] == found['offset_n']
+
+
+def test_a_sample_of_the_weight_before_that_comes_late_does_not_count():
+    listener = module._Listener(TendonSensorConfig())
+
+    def feed(at_ns, tension_n):
+        listener.take(StrainBlock(at_ns, 0, 1, np.full(60, tension_n)))
+
+    with ThreadPoolExecutor() as pool:
+        found = pool.submit(listener.wait_settled, 0.5)
+        began_ns = wait_until(lambda: listener._since_ns)
+
+        def feed_both():
+            feed(began_ns - 1, 1.0)
+            feed(began_ns, 2.0)
+
+        wait_until(found.done, step=feed_both)
+    assert found.result() == (2.0, 0.0)
 
 
 def test_what_cannot_be_calibrated_is_refused(tmp_path, monkeypatch):
