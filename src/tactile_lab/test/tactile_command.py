@@ -11,6 +11,9 @@ from types import SimpleNamespace
 
 from typer.testing import CliRunner
 
+from tactile_sim.rig_process import SimulatedRig
+from tactile_testing.simulated_rigs import home_fast
+
 QUICK = 'trial_runner:\n  ros__parameters:\n    approach_speed_m_s: 0.1\n'
 """A file of parameters that shortens trials where the way to the object is not looked at."""
 
@@ -52,6 +55,17 @@ def hear_tactile(*arguments, code=0):
     return said
 
 
+def let_rigs_home_fast(set_attribute):
+    """Let every rig that is started from now on home fast; takes ``monkeypatch.setattr``."""
+    start = SimulatedRig.__init__
+
+    def start_and_hasten(rig, *arguments, **options):
+        start(rig, *arguments, **options)
+        home_fast(rig)
+
+    set_attribute(SimulatedRig, '__init__', start_and_hasten)
+
+
 @contextmanager
 def program(*arguments):
     """Run the command in a process of its own, whose rigs home fast; end it after the block."""
@@ -70,7 +84,6 @@ def program(*arguments):
 
 if __name__ == '__main__':
     from tactile_lab.__main__ import main
-    from tactile_testing.simulated_rigs import let_rigs_home_fast
 
     let_rigs_home_fast(setattr)
     sys.argv[0] = 'tactile'

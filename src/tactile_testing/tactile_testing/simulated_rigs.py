@@ -26,19 +26,6 @@ def home_fast(rig):
     home_at(rig, slow_mm_min=1000, fast_mm_min=6000)
 
 
-def let_rigs_home_fast(set_attribute):
-    """Let every rig that is started from now on home fast; takes ``monkeypatch.setattr``."""
-    from tactile_sim.rig_process import SimulatedRig
-
-    start = SimulatedRig.__init__
-
-    def start_and_hasten(rig, *arguments, **options):
-        start(rig, *arguments, **options)
-        home_fast(rig)
-
-    set_attribute(SimulatedRig, '__init__', start_and_hasten)
-
-
 def home_at(rig, slow_mm_min, fast_mm_min):
     """Let the guide home at these speeds: settings 24 and 25 of Grbl, kept when it restarts."""
     with serial.Serial(rig.ports.guide, 115200, timeout=DEADLINE_S) as port:

@@ -7,13 +7,12 @@ from functools import partial
 import json
 
 import pytest
-from tactile_command import ask_tactile
+from tactile_command import ask_tactile, let_rigs_home_fast
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
 from tactile_lab.commands import train
 from tactile_lab.experiment import live_rig
-from tactile_testing.simulated_rigs import let_rigs_home_fast
 
 
 def test_short_demo_agrees_bit_for_bit_and_leaves_its_results(tmp_path, monkeypatch):

@@ -6,14 +6,19 @@
 import signal
 import time
 
-from tactile_command import ask_tactile, hear_tactile, program, SHORT_HOLD
+from tactile_command import (
+    ask_tactile,
+    hear_tactile,
+    let_rigs_home_fast,
+    program,
+    SHORT_HOLD,
+)
 
 from tactile_bags import EVENT, TactileBag
 from tactile_bags.message_records import read_records
 from tactile_lab.datasets.feature_tables import read_tables
 from tactile_lab.experiment.folder import ExperimentFolder
 from tactile_lab.experiment.journal import read_journal
-from tactile_testing.simulated_rigs import let_rigs_home_fast
 from tactile_testing.waiting import wait_until
 
 

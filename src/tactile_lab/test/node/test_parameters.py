@@ -1,12 +1,16 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A parameter is applied or refused, of every node."""
+"""A parameter is applied or refused: every node, through its services."""
 
 import dataclasses
 from importlib.metadata import entry_points
+import threading
 
+from domain_coordinator import domain_id
 import pytest
+from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from tactile_bringup.launch_config.graph import (
@@ -17,11 +21,12 @@ from tactile_bringup.launch_config.graph import (
     rig_graph,
     slip_node,
 )
-from tactile_bringup.nodes.graph_runner import create_node
+from tactile_bringup.nodes.graph_runner import create_node, ros_context
 from tactile_ros.node_group import NodeGroup
 from tactile_ros.node_program import GROUP
 from tactile_sim.rig_process import SimulatedRig
 
+DEADLINE_S = 20.0
 EXECUTABLES = sorted({entry.name for entry in entry_points(group=GROUP)})
 
 
@@ -38,6 +43,34 @@ def descriptions(stiffness_bag, trained, tmp_path_factory):
             NodeDescription('bag_player', {'bag': str(stiffness_bag)}),
         ]
         yield {node.executable: node for node in nodes}
+
+
+class Peer:
+    """Sets and reads the parameters of a node as another process does."""
+
+    def __init__(self, node, name):
+        self._set = node.create_client(SetParameters, f'/{name}/set_parameters')
+        self._get = node.create_client(GetParameters, f'/{name}/get_parameters')
+
+    def _call(self, client, request):
+        assert client.wait_for_service(timeout_sec=DEADLINE_S)
+        future, done = client.call_async(request), threading.Event()
+        future.add_done_callback(lambda _: done.set())
+        assert done.wait(DEADLINE_S)
+        return future.result()
+
+    def set(self, parameters):
+        """Return, by name, why each was refused; an empty text when it was set."""
+        request = SetParameters.Request(parameters=[p.to_parameter_msg() for p in parameters])
+        results = self._call(self._set, request).results
+        return {
+            p.name: '' if r.successful else r.reason
+            for p, r in zip(parameters, results, strict=True)
+        }
+
+    def get(self, names):
+        values = self._call(self._get, GetParameters.Request(names=names)).values
+        return dict(zip(names, values, strict=True))
 
 
 def changed(field, value):
@@ -66,39 +99,39 @@ def present(node, field):
 
 
 @pytest.mark.parametrize('executable', EXECUTABLES)
-def test_a_parameter_changes_between_configurations_only(executable, descriptions, context):
+def test_a_parameter_changes_between_configurations_only(executable, descriptions):
     assert executable in descriptions, f'describe {executable} above'
     description = descriptions[executable]
-    node = create_node(description, context)
-    fields = dataclasses.fields(node._config_class)
-    own = [present(node, field) for field in fields]
-    others = [
-        Parameter(p.name, p.type_, changed(field, p.value))
-        for field, p in zip(fields, own, strict=True)
-    ]
-
-    def refusals(parameters):
-        results = node.set_parameters(parameters)
-        return {p.name: r.reason for p, r in zip(parameters, results, strict=True)}
-
-    with NodeGroup([node], context=context):
-        assert not any(refusals(others).values())  # unconfigured: each is taken
-        assert not any(refusals(own).values())
-        assert node.bring_up()
-        live = {field.name for field in fields if field.metadata.get('live')}
-        for name, reason in refusals(others).items():
-            if name in live:
-                assert not reason
-            else:
-                assert f'{name} is read when the node is configured' in reason
-                assert 'clean up the node first' in reason
-        assert [present(node, f).value for f in fields if f.name not in live] == [
-            p.value for p in own if p.name not in live
+    with domain_id() as domain, ros_context(int(domain)) as context:
+        node, other = create_node(description, context), Node('other', context=context)
+        fields = dataclasses.fields(node._config_class)
+        names = [field.name for field in fields]
+        own = [present(node, field) for field in fields]
+        others = [
+            Parameter(p.name, p.type_, changed(field, p.value))
+            for field, p in zip(fields, own, strict=True)
         ]
-        qos = [name for name in node._parameters if name.startswith('qos_overrides')]
-        for name in ('autostart', *qos):
-            assert refusals([node.get_parameter(name)])[name], name
-        assert not any(refusals([Parameter('use_sim_time', value=False)]).values())
-        node.trigger_deactivate()
-        node.trigger_cleanup()
-        assert not any(refusals(others).values())
+        peer = Peer(other, description.name)
+        with NodeGroup([other], context=context), NodeGroup([node], context=context):
+            assert not any(peer.set(others).values())  # unconfigured: each is taken
+            assert not any(peer.set(own).values())
+            before = peer.get(names)
+            assert node.bring_up()
+            live = {field.name for field in fields if field.metadata.get('live')}
+            for name, reason in peer.set(others).items():
+                if name in live:
+                    assert not reason
+                else:
+                    assert f'{name} is read when the node is configured' in reason
+                    assert 'clean up the node first' in reason
+            after = peer.get(names)
+            assert {n: after[n] for n in names if n not in live} == {
+                n: before[n] for n in names if n not in live
+            }
+            qos = [name for name in node._parameters if name.startswith('qos_overrides')]
+            for name in ('autostart', *qos):
+                assert peer.set([node.get_parameter(name)])[name], name
+            assert not any(peer.set([Parameter('use_sim_time', value=False)]).values())
+            node.trigger_deactivate()
+            node.trigger_cleanup()
+            assert not any(peer.set(others).values())
