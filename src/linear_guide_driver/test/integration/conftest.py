@@ -11,8 +11,7 @@ from linear_guide_driver import TendonActuatorClient, TendonActuatorConfig
 
 @pytest.fixture
 def config(servo):
-    # A loaded machine may pause a test for longer than the watchdog of a real rig.
-    return TendonActuatorConfig(port=servo.port, watchdog_s=1.0, speed_m_s=0.04, unguarded=True)
+    return TendonActuatorConfig(port=servo.port, watchdog_s=0.4, speed_m_s=0.04, unguarded=True)
 
 
 @pytest.fixture

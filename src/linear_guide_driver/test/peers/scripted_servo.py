@@ -11,6 +11,10 @@ from pty_peer import PtyPeer
 
 VELOCITY_UNIT_COUNTS_S = 0.229 / 60 * 4096
 
+STALL_S = 0.05
+"""A turn that comes later than this: a busy computer gave this servo no core, and a real one
+would have heard its driver meanwhile. Its watchdog does not count that time."""
+
 TABLE = (
     (0, 2, 1020), (6, 1, 45), (7, 1, 1), (11, 1, 3), (31, 1, 80), (38, 2, 1193), (44, 4, 200),
     (68, 1, 2), (132, 4, 2048), (144, 2, 121), (146, 1, 31),
@@ -87,6 +91,7 @@ class ServoModel:
     def _turn(self):
         now, before = self._clock(), self._turned_s
         self._turned_s = now
+        self._heard_s += max(0.0, now - before - STALL_S)
         watchdog = self.get(98, 1, signed=False)
         if self.table[64] and 1 <= watchdog <= 127 and now - self._heard_s > watchdog * 0.02:
             self.put(98, 1, 255)

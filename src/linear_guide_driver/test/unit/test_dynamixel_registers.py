@@ -12,19 +12,11 @@ from linear_guide_driver.dynamixel import registers
 RADII = st.floats(0.001, 0.1)
 
 
-@given(st.integers(-1_048_575, 1_048_575), RADII)
-def test_counts_survive_metres(counts, radius_m):
+@given(st.integers(-1_048_575, 1_048_575), st.integers(1, 1023), st.integers(-1193, 1193), RADII)
+def test_raw_values_survive_their_units(counts, velocity, current, radius_m):
     assert registers.m_to_counts(registers.counts_to_m(counts, radius_m), radius_m) == counts
-
-
-@given(st.integers(1, 1023), RADII)
-def test_velocities_survive_metres_per_second(velocity, radius_m):
     speed_m_s = registers.velocity_to_m_s(velocity, radius_m)
     assert registers.m_s_to_velocity(speed_m_s, radius_m) == velocity
-
-
-@given(st.integers(-1193, 1193))
-def test_currents_survive_amperes(current):
     assert registers.a_to_current(registers.current_to_a(current)) == current
 
 
@@ -36,10 +28,7 @@ def test_units_against_exact_arithmetic():
     speed = Fraction(229, 1000) / 60 * turn_m * 200
     assert registers.velocity_to_m_s(200, 0.01) == pytest.approx(float(speed), rel=1e-15)
     assert registers.current_to_a(1193) == pytest.approx(3.20917, rel=1e-12)
-
-
-def test_a_slow_speed_never_becomes_zero_which_means_unlimited():
-    assert registers.m_s_to_velocity(1e-9, 0.01) == 1
+    assert registers.m_s_to_velocity(1e-9, 0.01) == 1  # 0 would mean unlimited
 
 
 def test_the_polled_block_by_hand():
