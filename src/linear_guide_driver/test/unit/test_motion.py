@@ -66,22 +66,19 @@ def test_a_second_motion_is_refused_and_the_first_goes_on():
     assert device.told == [0, 1, 2, 'closed', 'finish']
 
 
-def test_a_refusal_of_the_device_passes_and_leaves_it_free():
+def test_a_refusal_of_the_device_or_a_stop_that_has_come_already_moves_nothing():
     def refuse():
         raise MotionRefusedError('too far')
 
     device = Device()
     with pytest.raises(MotionRefusedError, match='too far'):
         device.run(begin=refuse)
-    assert device.told == ['finish']
-    assert device.run() == 'there'
-
-
-def test_a_stop_that_has_come_already_moves_nothing():
-    device = Device()
     with pytest.raises(MotionStoppedError, match='not begun'):
         device.run(should_stop=lambda: True)
-    assert device.told == ['finish']
+    assert device.told == ['finish', 'finish']
+    with device.motions.no_motion(0.0), pytest.raises(MotionRefusedError, match='busy'):
+        device.run()
+    assert device.run() == 'there'
 
 
 @pytest.mark.parametrize('step', [0, 1, 2])
@@ -144,11 +141,4 @@ def test_a_fault_of_the_caller_stops_the_device():
     with pytest.raises(ZeroDivisionError):
         device.run(fail)
     assert device.told == [0, 'closed', 'abandon', 'finish']
-    assert device.run() == 'there'
-
-
-def test_no_motion_begins_while_the_device_is_closed():
-    device = Device()
-    with device.motions.no_motion(0.0), pytest.raises(MotionRefusedError, match='busy'):
-        device.run()
     assert device.run() == 'there'
