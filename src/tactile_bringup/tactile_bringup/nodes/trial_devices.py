@@ -81,7 +81,10 @@ class RunningTrial:
 POLL_S = 0.02
 """Period at which waits check for a reason to end [s]."""
 
-TRACK_S = 1.0
+REPORT_S = 0.5
+"""Largest delay of the joint states of a motion behind the result of its goal [s]."""
+
+TRACK_S = 2 * REPORT_S
 """Time after the end of a goal in which joint states still belong to its motion [s]."""
 
 REASON_S = 0.3

@@ -20,6 +20,7 @@ from linear_guide_driver.grbl.guide_client import MotionTrack
 from tactile_bringup.nodes.trial_devices import (
     ContactLost,
     POLL_S,
+    REPORT_S,
     RunningTrial,
     StrainWatch,
     TrialDevice,
@@ -42,9 +43,6 @@ from tactile_ros.health import Heartbeat, HeartbeatWatch, ReadinessPublisher
 from tactile_ros.periodic import Periodic
 from tactile_ros.polling import PollingNode
 from tactile_ros.qos import EVENTS
-
-REPORT_S = 0.5
-"""Largest delay of the joint states of a motion behind the result of its goal [s]."""
 
 STOP_S = 1.0
 """Longest wait for a driver to answer a stop [s]."""

@@ -3,6 +3,7 @@
 
 """Trials that end early, on devices that a test can take away."""
 
+from contextlib import contextmanager
 import re
 import signal
 import threading
@@ -16,15 +17,11 @@ from sensor_msgs.msg import JointState
 from trial_bench import DEADLINE_S
 
 from tactile_bringup.nodes import trial_devices
-from tactile_bringup.nodes.trial_runner_node import REPORT_S
 from tactile_msgs.action import MoveGuide
 from tactile_ros.goals import send
 from tactile_ros.health import Heartbeat, HeartbeatWatch
 from tactile_ros.qos import STREAM
 from tactile_testing.waiting import wait_until
-
-LOSS_S = 1.0
-"""A trial whose driver has died must end within this."""
 
 
 def test_slip_is_refused_before_anything_moves(bench):
@@ -44,54 +41,55 @@ def test_a_device_whose_action_server_goes_away_ends_the_trial(bench):
     bench.wait_until_released()
 
 
-@pytest.mark.parametrize(
-    ('protocol', 'dead'), [('texture', 'guide'), ('texture', 'tendon'), ('stiffness', 'tendon')]
-)
-def test_a_driver_that_falls_silent_ends_the_trial_within_a_second(bench, protocol, dead):
+@pytest.mark.parametrize(('protocol', 'dead'), [('texture', 'guide'), ('stiffness', 'tendon')])
+def test_a_driver_that_falls_silent_ends_the_trial_with_its_reason(bench, protocol, dead):
     handle = bench.touch(protocol)
     device = getattr(bench, dead)
+    device.say_ready('It does not answer; check its cable.')
     device.beats = False  # as when it is killed: its action server seems to be there for long
-    silent_s = time.monotonic()
     bench.wait_for_phase('aborted')
-    assert time.monotonic() - silent_s < LOSS_S
-    assert f'Nothing was heard on {device.get_name()}/heartbeat' in bench.end(handle).message
+    message = bench.end(handle).message
+    assert f'Nothing was heard on {device.get_name()}/heartbeat' in message
+    assert message.endswith('It does not answer; check its cable.')
     bench.wait_until_released()  # by a tendon driver without heartbeat, too, if it still hears
+
+
+@contextmanager
+def second_node(bench, context, name):
+    """Let a second node of a name be alive."""
+    node = Node(name, context=context)
+    heart = Heartbeat(node, lambda: True)
+    timer = bench.client.create_timer(0.02, heart.beat)
+    yield
+    bench.client.destroy_timer(timer)
+    heart.close()
+    node.destroy_node()
 
 
 def test_a_second_tendon_driver_ends_the_trial_and_refuses_the_next(bench, context):
     handle = bench.touch('stiffness')
     goals = len(bench.tendon.goals)
-    twin = Node('tendon_actuator', context=context)
-    heart = Heartbeat(twin, lambda: True)
-    timer = bench.client.create_timer(0.02, heart.beat)
     sentence = '2 nodes are alive on tendon_actuator/heartbeat (/tendon_actuator): two rigs share'
-    assert sentence in bench.end(handle).message
-    bench.wait_until_released()
-    assert goals + 1 == len(bench.tendon.goals)
-    assert sentence in bench.end(bench.start('stiffness')).message
-    assert all(goal.displacement_m == 0.0 for goal in bench.tendon.goals[goals:])
-    bench.client.destroy_timer(timer)
+    with second_node(bench, context, 'tendon_actuator'):
+        assert sentence in bench.end(handle).message
+        bench.wait_until_released()
+        assert goals + 1 == len(bench.tendon.goals)
+        assert sentence in bench.end(bench.start('stiffness')).message
+        assert all(goal.displacement_m == 0.0 for goal in bench.tendon.goals[goals:])
     wait_until(lambda: bench.readiness[-1].ready)
-    heart.close()
-    twin.destroy_node()
 
 
 def test_of_two_trial_runners_none_runs_a_trial(bench, context):
-    twin = Node('trial_runner', context=context)
-    heart = Heartbeat(twin, lambda: True)
-    timer = bench.client.create_timer(0.02, heart.beat)
-    wait_until(
-        lambda: bench.readiness and 'two rigs share' in ' '.join(bench.readiness[-1].missing)
-    )
-    message = bench.end(bench.start('stiffness')).message
+    with second_node(bench, context, 'trial_runner'):
+        wait_until(
+            lambda: bench.readiness and 'two rigs share' in ' '.join(bench.readiness[-1].missing)
+        )
+        message = bench.end(bench.start('stiffness')).message
     assert '2 nodes are alive on trial_runner/heartbeat (/trial_runner)' in message
     assert (bench.guide.goals, bench.tendon.goals) == ([], [])
-    bench.client.destroy_timer(timer)
-    heart.close()
-    twin.destroy_node()
 
 
-def test_a_runner_whose_executor_hangs_gives_no_sign_of_life(bench):
+def test_a_runner_whose_executor_or_trial_hangs_gives_no_sign_of_life(bench):
     watch = HeartbeatWatch(bench.client, 'trial_runner/heartbeat')
     wait_until(lambda: not watch.format_loss(), watch.format_loss)
     end = threading.Event()
@@ -99,12 +97,7 @@ def test_a_runner_whose_executor_hangs_gives_no_sign_of_life(bench):
     wait_until(watch.format_loss)
     end.set()
     wait_until(lambda: not watch.format_loss())
-    watch.close()
 
-
-def test_a_trial_whose_thread_hangs_gives_no_sign_of_life(bench):
-    watch = HeartbeatWatch(bench.client, 'trial_runner/heartbeat')
-    wait_until(lambda: not watch.format_loss())
     format_loss, looks, end = bench.runner._contact.format_loss, [], threading.Event()
 
     def hang():
@@ -135,20 +128,12 @@ def test_a_trial_waits_for_a_tendon_that_is_still_let_out_after_the_last_one(ben
     assert [goal.displacement_m > 0 for goal in bench.tendon.goals] == [True, False, True, False]
 
 
-def test_the_result_carries_the_reason_of_a_driver_that_falls_silent(bench):
+def test_strain_that_ends_in_contact_ends_the_trial(bench):
     handle = bench.touch('stiffness')
-    bench.tendon.say_ready('The servo does not answer; check its cable.')
-    bench.tendon.beats = False
-    assert bench.end(handle).message.endswith('The servo does not answer; check its cable.')
-
-
-@pytest.mark.parametrize('protocol', ['texture', 'stiffness'])
-def test_strain_that_ends_in_contact_ends_the_trial(bench, protocol):
-    handle = bench.touch(protocol)
     bench.sensor.is_alive = False
     message = bench.end(handle).message
     assert 'No valid sample came on tendon_sensor/strain for 0.5 s' in message
-    assert bench.phases[-1] == 'aborted'
+    bench.wait_for_phase('aborted')
     assert 'tendon_sensor/strain' in bench.events[-1].message
     bench.wait_until_released()
 
@@ -160,14 +145,13 @@ def test_a_device_that_ignores_a_cancel_does_not_keep_the_trial(bench):
     wait_until(lambda: bench.guide._runner.is_busy)
     send(bench.client, handle.cancel_goal_async).result(DEADLINE_S)
     assert bench.end(handle).message.endswith('cancelled')
-    assert bench.phases[-1] == 'aborted'
+    bench.wait_for_phase('aborted')
     stuck.set()
 
 
 @pytest.mark.parametrize('protocol', ['texture', 'stiffness'])
 def test_a_tendon_that_is_let_go_in_contact_ends_the_trial_with_its_reason(bench, protocol):
     handle = bench.touch(protocol)
-    bench.tendon.position_m = 0.0045  # the load yields
     bench.tendon.position_m = 0.0020
     wait_until(lambda: bench.tendon.stopped.is_set())
     bench.tendon.say_ready('The tension exceeded 15 N.')
@@ -178,26 +162,17 @@ def test_a_tendon_that_is_let_go_in_contact_ends_the_trial_with_its_reason(bench
     bench.wait_until_released()
 
 
-@pytest.mark.parametrize(
-    ('position_m', 'sentence'),
-    [
-        (0.0020, 'by 0.0020 m instead of 0.0049 m'),
-        (0.0049, "the tendon actuator's host was set back by"),
-    ],
-)
-def test_a_clock_that_is_set_back_in_the_hold_hides_nothing(bench, position_m, sentence):
-    handle = bench.start('stiffness', hold_s=3.0)
-    bench.wait_for_phase('hold')
+def test_a_clock_that_is_set_back_in_the_hold_hides_nothing(bench):
+    handle = bench.touch('stiffness')
 
     def publish(_):
         state = JointState(position=[bench.tendon.position_m], velocity=[0.0])
         state.header.stamp = Time(nanoseconds=time.time_ns() - 10**10).to_msg()
         bench.tendon.states.publish(state)
 
-    bench.tendon.position_m = position_m
     bench.tendon.publish = publish
-    assert sentence in bench.end(handle).message
-    assert bench.phases[-1] == 'aborted'
+    assert "the tendon actuator's host was set back by" in bench.end(handle).message
+    bench.wait_for_phase('aborted')
 
 
 def test_a_runner_that_stood_still_while_it_looked_blames_nobody_else(bench):
@@ -211,22 +186,22 @@ def test_a_runner_that_stood_still_while_it_looked_blames_nobody_else(bench):
     assert 'the trial runner stood still for' in bench.end(handle).message
 
 
-@pytest.mark.parametrize('phase', ['glide', 'hold'])
-def test_a_phase_in_which_the_runner_was_frozen_does_not_succeed(bench_apart, phase):
+def test_a_phase_in_which_the_runner_was_frozen_does_not_succeed(bench_apart):
     bench = bench_apart
-    handle = bench.start('texture' if phase == 'glide' else 'stiffness', hold_s=1.0)
-    bench.wait_for_phase(phase)
-    bench.process.send_signal(signal.SIGSTOP)
-    frozen_s = time.monotonic()
-    # Until the phase is long over. The devices here do not mind, and go on as commanded.
-    wait_until(lambda: time.monotonic() > frozen_s + 2.0)
-    bench.process.send_signal(signal.SIGCONT)
-    message = bench.end(handle).message
-    assert re.search(rf'the trial runner stood still for \d\.\d+ s in the {phase}', message), (
-        message
-    )
-    bench.wait_for_phase('aborted')
-    bench.wait_until_released()
+    for protocol, phase in (('texture', 'glide'), ('stiffness', 'hold')):
+        bench.events.clear()
+        handle = bench.start(protocol, hold_s=1.0)
+        bench.wait_for_phase(phase)
+        bench.process.send_signal(signal.SIGSTOP)
+        frozen_s = time.monotonic()
+        # Until the phase is over. The devices here do not mind, and go on as commanded.
+        wait_until(lambda frozen_s=frozen_s: time.monotonic() > frozen_s + 1.2)
+        bench.process.send_signal(signal.SIGCONT)
+        message = bench.end(handle).message
+        stood_still = rf'the trial runner stood still for \d\.\d+ s in the {phase}'
+        assert re.search(stood_still, message), message
+        bench.wait_for_phase('aborted')
+        bench.wait_until_released()
 
 
 def test_a_hold_whose_tendon_is_reported_no_more_does_not_succeed(bench):
@@ -269,10 +244,6 @@ def test_a_tendon_that_holds_inside_its_path_is_not_tracked_for_ever(bench, monk
     assert_is_tracked_no_more(bench, bench.runner._tendon)
     send(bench.client, handle.cancel_goal_async).result(DEADLINE_S)
     bench.end(handle)
-
-
-def test_a_motion_is_tracked_for_longer_than_anybody_waits_for_its_reports():
-    assert trial_devices.TRACK_S >= 2 * REPORT_S
 
 
 def test_a_release_that_fails_is_tried_again(bench):

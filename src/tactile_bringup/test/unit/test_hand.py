@@ -1,11 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-from pathlib import Path
-
 import pytest
 
-from tactile_bringup.launch_config.hand import find_fingers, hand_graph, parse_finger_names
+from tactile_bringup.launch_config.hand import find_fingers, hand_graph
 from tactile_bringup.launch_config.parameter_files import ParameterFile
 from tactile_ros.errors import TactileError
 
@@ -68,11 +66,15 @@ def test_fingers_by_name_have_namespaces_ports_and_bags_of_their_own(graph, tmp_
         assert recorder['bag'] == str(tmp_path / 'bags' / finger)
 
 
-def test_a_hand_is_found_below_its_namespace(graph):
-    for text in (f'left:\n{HAND[HAND.index("index") :]}'.replace('\n', '\n  '), '/**/' + 'index'):
-        if text.startswith('/**'):
-            text += '/tendon_sensor: {ros__parameters: {scale: 1.0}}'
-        assert next(iter(graph('', text, namespace='left'))) == 'left/index/tendon_sensor'
+@pytest.mark.parametrize(
+    'text',
+    [
+        f'left:\n{HAND[HAND.index("index") :]}'.replace('\n', '\n  '),
+        '/**/index/tendon_sensor: {ros__parameters: {scale: 1.0}}',
+    ],
+)
+def test_a_hand_is_found_below_its_namespace(graph, text):
+    assert next(iter(graph('', text, namespace='left'))) == 'left/index/tendon_sensor'
 
 
 def test_a_simulated_finger_without_a_port_gets_one(graph):
@@ -108,6 +110,8 @@ def test_a_simulated_finger_without_a_port_gets_one(graph):
             '/right/a/tendon_sensor, which is not started; there are /a/tendon_sensor',
         ),
         ('', 'fingers: {index: {sensor_port: /dev/x}}', 'hand file of version 0.1'),
+        ('index, index', '', 'index is named twice'),
+        ('ring finger', '', '"ring finger" is no name'),
     ],
 )
 def test_a_hand_that_cannot_be_is_refused(graph, fingers, text, sentence):
@@ -115,26 +119,8 @@ def test_a_hand_that_cannot_be_is_refused(graph, fingers, text, sentence):
         graph(fingers, text)
 
 
-def test_a_port_for_two_fingers_is_refused(graph):
+def test_a_port_has_one_finger_and_two_net_ft_need_none(graph):
     with pytest.raises(TactileError, match='a sensor port is for one finger'):
         graph('a,b', sensor_port='/dev/x')
-
-
-def test_two_net_ft_need_no_port(graph):
     sensor = '{tendon_sensor: {ros__parameters: {sensor: net_ft, host: 10.0.0.%d}}}'
-    nodes = graph('', f'a: {sensor % 1}\nb: {sensor % 2}', simulate=None)
-    assert len(nodes) == 4
-
-
-def test_names_in_a_list():
-    assert parse_finger_names('index, middle') == ('index', 'middle')
-    assert parse_finger_names('') == ()
-    with pytest.raises(TactileError, match='index is named twice'):
-        parse_finger_names('index,index')
-    with pytest.raises(TactileError, match='"ring finger" is no name'):
-        parse_finger_names('ring finger')
-
-
-def test_a_file_that_is_not_there_is_named():
-    with pytest.raises(TactileError, match='nowhere'):
-        ParameterFile(Path('nowhere.yaml'))
+    assert len(graph('', f'a: {sensor % 1}\nb: {sensor % 2}', simulate=None)) == 4

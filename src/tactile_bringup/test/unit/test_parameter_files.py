@@ -1,6 +1,8 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+from pathlib import Path
+
 import pytest
 
 from tactile_bringup.launch_config.parameter_files import ParameterFile
@@ -50,29 +52,26 @@ thumb:
     ('text', 'message'),
     [
         ('tendon_senser: {ros__parameters: {rate_hz: 60.0}}', 'did you mean tendon_sensor?'),
+        (
+            '/**/stiffness_classifier: {ros__parameters: {recalibration_trials: 5}}',
+            'is now called tactile_classifier',
+        ),
         ('tendon_sensor: {ros__parameters: {prot: x}}', 'does not have; did you mean port?'),
         ('a: {tendon_sensor: {ros__parameters: {colour: 1}}}', 'parameter colour, which tendon'),
         ('tendon_sensor: !!python/object/apply:os.system [true]', 'cannot read'),
-        ('[' * 5000, 'cannot read'),
+        pytest.param('[' * 5000, 'cannot read', id='deep'),
         ('tendon_sensor: {rate_hz: 60.0}', '/tendon_sensor/rate_hz has no ros__parameters'),
         ('tendon_sensor:', '/tendon_sensor has no ros__parameters'),
         ('tendon_sensor: {ros__parameters: 3}', 'have no names'),
         ('- tendon_sensor', 'node names are expected'),
         ('tendon_sensor: {', 'cannot read'),
         ('a: &x {ros__parameters: {b: 1}}\nc: *x', 'aliases'),
-        (' ' * (2**20 + 1), 'larger than'),
+        pytest.param(' ' * (2**20 + 1), 'larger than', id='large'),
     ],
 )
 def test_what_is_no_parameter_file_for_these_nodes_is_refused(parameter_file, text, message):
     with pytest.raises(TactileError, match=message):
         ParameterFile(parameter_file(text))
-
-
-@pytest.mark.parametrize('name', ['texture_flexion_classifier', '/**/stiffness_classifier'])
-def test_parameters_of_a_classifier_of_version_0_1_are_refused(parameter_file, name):
-    path = parameter_file(f'{name}: {{ros__parameters: {{recalibration_trials: 5}}}}')
-    with pytest.raises(TactileError, match='is now called tactile_classifier'):
-        ParameterFile(path)
 
 
 def test_nodes_of_others_may_stand_in_the_file(parameter_file):
@@ -96,17 +95,17 @@ def test_nested_parameters_have_the_names_that_ros_gives_them(parameter_file):
     assert ParameterFile(parameter_file(text)).of('tendon_sensor') == {name: 7}
 
 
-def test_a_place_of_models_counts_from_the_file(parameter_file, tmp_path):
-    path = parameter_file('tactile_features: {ros__parameters: {models: models/a.onnx}}')
-    assert ParameterFile(path).of('tactile_features') == {
-        'models': str(tmp_path / 'models/a.onnx')
-    }
-    path = parameter_file('tactile_features: {ros__parameters: {models: /models}}')
-    assert ParameterFile(path).of('tactile_features') == {'models': '/models'}
+@pytest.mark.parametrize(('place', 'above'), [('models/a.onnx', True), ('/models', False)])
+def test_a_place_of_models_counts_from_the_file(parameter_file, tmp_path, place, above):
+    path = parameter_file(f'tactile_features: {{ros__parameters: {{models: {place}}}}}')
+    found = ParameterFile(path).of('tactile_features')
+    assert found == {'models': str(tmp_path / place) if above else place}
 
 
-def test_without_a_file_nothing_is_said():
+def test_without_a_file_nothing_is_said_and_one_that_is_not_there_is_named():
     file = ParameterFile()
     file.refuse_others([''])
     assert file.of('tendon_sensor') == {}
     assert file.fingers() == ()
+    with pytest.raises(TactileError, match='nowhere'):
+        ParameterFile(Path('nowhere.yaml'))

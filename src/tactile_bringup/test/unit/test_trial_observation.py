@@ -9,7 +9,7 @@ import pytest
 
 from linear_guide_driver.dynamixel import registers
 from linear_guide_driver.grbl.guide_client import MotionSummary
-from tactile_bringup.nodes.trial_runner_node import REPORT_S
+from tactile_bringup.nodes.trial_devices import REPORT_S
 from tactile_bringup.trial_observation import judge_glide, TendonContact
 from tactile_bringup.trial_protocols import TrialConfig
 from tactile_features.config import FeatureConfig
@@ -37,7 +37,7 @@ def test_a_contact_begins_with_the_first_state_at_rest():
     assert contact(*PULL).rest_ns is None
 
 
-@pytest.mark.parametrize('speed_m_s', [0.0001, 0.0002, 0.0004, 0.0005, 0.001, 0.01, 0.1])
+@pytest.mark.parametrize('speed_m_s', [0.0001, 0.0004, 0.0005, 0.001, 0.1])
 def test_a_tendon_that_still_moves_is_not_at_rest(speed_m_s):
     watched, end_s = contact(), 0.0049 / speed_m_s
     for poll in range(round((end_s + 0.5) * 60)):
@@ -48,9 +48,9 @@ def test_a_tendon_that_still_moves_is_not_at_rest(speed_m_s):
     assert 0.0 <= watched.rest_ns / S - end_s <= 1.01 / 60
 
 
-@pytest.mark.parametrize('poll_rate_hz', [5, 25, 60, 200])
-@pytest.mark.parametrize('radius_m', [0.001, 0.003, 0.01, 0.03, 0.1])
-@pytest.mark.parametrize('speed_m_s', [0.0001, 0.0003, 0.0005, 0.001, 0.003, 0.01])
+@pytest.mark.parametrize('poll_rate_hz', [5, 25, 60])
+@pytest.mark.parametrize('radius_m', [0.001, 0.01, 0.1])
+@pytest.mark.parametrize('speed_m_s', [0.0001, 0.0005, 0.001, 0.01])
 def test_the_rest_is_right_with_the_resolution_of_the_servo(speed_m_s, radius_m, poll_rate_hz):
     """Speeds are read in units of 0.229 rpm and are wrong by up to one, positions in counts."""
     random = np.random.default_rng(0)

@@ -42,8 +42,7 @@ def test_stiffness_holds_for_four_seconds_and_releases():
 
 def test_request_overrides_speed_and_hold():
     fast = TrialRequest('texture', 'flexion', glide_speed_m_s=0.03)
-    assert glide_speed_m_s(CONFIG, fast) == 0.03
-    assert trial_steps(CONFIG, fast)[3].speed_m_s == 0.03
+    assert glide_speed_m_s(CONFIG, fast) == trial_steps(CONFIG, fast)[3].speed_m_s == 0.03
     long = TrialRequest('stiffness', 'flexion', hold_s=10.0)
     assert trial_steps(CONFIG, long)[2].duration_s == 10.0
     assert glide_speed_m_s(CONFIG, long) == 0.0
@@ -57,30 +56,19 @@ def test_a_trial_may_take_as_long_as_it_was_asked_to_hold(hold_s):
     assert longest_trial_s(CONFIG, slow) > 65
 
 
-def test_slip_pulls_the_object_while_the_tendon_is_held():
-    steps = simulated_steps(CONFIG, TrialRequest('slip', 'flexion'))
-    assert list(dict.fromkeys(step.phase for step in steps)) == [
-        'approach',
-        'contact',
-        'pull',
-        'release',
-    ]
+def test_slip_is_simulated_alone_and_pulls_the_object_while_the_tendon_is_held():
+    request = TrialRequest('slip', 'flexion')
+    steps = simulated_steps(CONFIG, request)
     kinds = [type(step) for step in steps]
-    pull = kinds.index(PullStep)
-    assert kinds[:pull].count(TendonStep) == 1
-    assert steps[pull - 1] == WaitStep('contact', CONFIG.settle_s)
-    assert kinds[pull + 1 :] == [WaitStep, TendonStep]
-
-
-def test_the_rig_refuses_slip_and_says_what_to_do():
+    assert kinds == [GuideStep, TendonStep, WaitStep, PullStep, WaitStep, TendonStep]
+    assert [steps[i].phase for i in (0, 1, 2, 3, 5)] == [
+        'approach', 'contact', 'contact', 'pull', 'release',
+    ]  # fmt: skip
     with pytest.raises(ProtocolError, match=r'nothing on it pulls.*tactile simulate slip'):
-        trial_steps(CONFIG, TrialRequest('slip', 'flexion'))
-
-
-@pytest.mark.parametrize('protocol', ['texture', 'stiffness'])
-def test_what_the_rig_runs_is_simulated_alike(protocol):
-    request = TrialRequest(protocol, 'abduction')
-    assert simulated_steps(CONFIG, request) == trial_steps(CONFIG, request)
+        trial_steps(CONFIG, request)
+    for protocol in ('texture', 'stiffness'):
+        request = TrialRequest(protocol, 'abduction')
+        assert simulated_steps(CONFIG, request) == trial_steps(CONFIG, request)
 
 
 @pytest.mark.parametrize(
