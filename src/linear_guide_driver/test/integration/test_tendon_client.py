@@ -217,6 +217,7 @@ def test_lost_packets_lose_no_stop(tendon, servo):
     assert servo.position < 2500
 
 
+@pytest.mark.parametrize('looks', [0, 1])  # before the begin, and while it waits for the bus
 def test_a_stop_before_the_goal_is_written_moves_nothing(tendon, servo, looks):
     count = len(servo.writes)
     answers = iter([False] * looks)
