@@ -479,7 +479,7 @@ class _KnownPosition:
     def last(self) -> tuple[GuideState, int] | None:
         """The last state, and when it came by the monotonic clock [ns]; None before the first."""
         last = self._last
-        return None if last is None else (self._to_state(*last[:2]), last[2])
+        return None if last is None else (self.to_state(*last[:2]), last[2])
 
     def lose(self, reason: str) -> None:
         """Note why the position is unknown. The first reason is the cause of the others."""
@@ -497,7 +497,7 @@ class _KnownPosition:
             self.take_fault('the controller is locked in Alarm')
         self._last = (report, self._clock_ns(), time.monotonic_ns())
         try:
-            self._on_state(self._to_state(*self._last[:2]))
+            self._on_state(self.to_state(*self._last[:2]))
         except Exception:  # the reader must outlive it: it sees alarms and answers
             _logger.exception('the consumer of the guide states failed')
 
@@ -505,14 +505,11 @@ class _KnownPosition:
         """Return the position in the guide's frame [m]; None when the report has none."""
         return None if report.mpos_mm is None else report.mpos_mm[0] / 1e3 + self._travel_m
 
-    def to_state(self, report: grbl.StatusReport) -> GuideState:
-        """Return the state that a report tells now."""
-        return self._to_state(report, self._clock_ns())
-
-    def _to_state(self, report: grbl.StatusReport, received_at_ns: int) -> GuideState:
+    def to_state(self, report: grbl.StatusReport, received_at_ns: int | None = None) -> GuideState:
+        """Return the state of a report that came at a time of the node's clock [ns], or now."""
         return GuideState(
             position_m=None if self.trouble else self.to_m(report),
             velocity_m_s=self.direction * (report.feed_mm_min or 0.0) / 60e3,
             state=report.state,
-            received_at_ns=received_at_ns,
+            received_at_ns=self._clock_ns() if received_at_ns is None else received_at_ns,
         )

@@ -10,6 +10,7 @@ from topic_peers import Peers
 
 from linear_guide_driver import tendon_actuator_node
 from linear_guide_driver.dynamixel import servo_monitor
+from linear_guide_driver.motion_node import FEEDBACK_PERIOD_S
 from linear_guide_driver.safety import Zero
 from linear_guide_driver.tendon_actuator_node import TendonActuatorNode
 from tactile_msgs.action import HomeTendon, PullTendon
@@ -52,8 +53,8 @@ def test_pull_and_release_succeed_with_feedback_joint_states_and_diagnostics(
     assert (status, result.stopped_by_tension) == ('succeeded', False)
     assert result.message.startswith('The tendon rests at 0.0')
     assert result.displacement_m == pytest.approx(0.008, abs=0.0005)
-    assert 0.3 < result.duration_s < 2.0
-    assert 2 <= len(tendon.feedback) <= 8
+    assert result.duration_s > 0.3
+    assert 1 <= len(tendon.feedback) <= result.duration_s / FEEDBACK_PERIOD_S + 2
     wait_until(lambda: joints and joints[-1].position[0] == pytest.approx(0.008, abs=0.0005))
     assert joints[-1].name == ['tendon_joint']
     assert joints[-1].header.frame_id == 'tendon_link'

@@ -23,22 +23,13 @@ if TYPE_CHECKING:
     from tactile_bags.bag_reader import TactileBag
 
 SENSOR_NODE = 'tendon_sensor'
-"""Name of the node that reads the load cell."""
-
 FEATURES_NODE = 'tactile_features'
-"""Name of the node that computes features."""
-
-CLASSIFIER_NODE = 'tactile_classifier'
-"""Name of the node that answers with every model of a finger, where there are models."""
-
-SLIP_NODE = 'slip_detector'
-"""Name of the node that finds a slip, where one is wanted."""
+CLASSIFIER_NODE = 'tactile_classifier'  # where there are models
+SLIP_NODE = 'slip_detector'  # where one is wanted
+PLAYER = 'bag_player'
 
 RIG_NODES = (SENSOR_NODE, FEATURES_NODE, 'linear_guide', 'tendon_actuator', 'trial_runner')
 """Names of the nodes of the whole rig, but for its classifier."""
-
-PLAYER = 'bag_player'
-"""Name of the node that plays a recording."""
 
 NO_PORT = 'none'
 """Sensor port of a finger that has no serial sensor."""

@@ -78,6 +78,7 @@ class Device(TactileNode):
         self.pauses = {}
         self.slowness = {}
         self.moved_at_ns = {}
+        self.rested_at_ns = []  # stamps of the reports at rest away from slack
         self.rest_period_s = 0.0
         self._reported_s = time.monotonic()
         self.beats = True
@@ -113,6 +114,8 @@ class Device(TactileNode):
         state = JointState(position=[self.position_m], velocity=[self.velocity_m_s])
         state.header.stamp = now.to_msg()
         self.states.publish(state)
+        if self.position_m > 0.0 and self.velocity_m_s == 0.0:
+            self.rested_at_ns.append(now.nanoseconds)
 
     def _work(self, goal):
         self.goals.append(goal.request)
