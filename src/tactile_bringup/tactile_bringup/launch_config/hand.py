@@ -23,7 +23,7 @@ from tactile_bringup.launch_config.graph import (
     SLIP_NODE,
     slip_node,
 )
-from tactile_bringup.launch_config.parameter_files import merge_parameters, ParameterFile
+from tactile_bringup.launch_config.parameter_files import ParameterFile
 from tactile_features.records import PHASES_STATED
 from tactile_ros.errors import TactileError
 
@@ -144,22 +144,21 @@ def hand_graph(
         is_stated = {'port', 'sensor'} & stated[SENSOR_NODE].keys()
         if simulate is not None and not (port or sensor_topic or is_stated):
             port = simulate(number, finger)
-        parameters = merge_parameters(
-            {SENSOR_NODE: {'port': str(DEVICES / (finger or 'sensor'))}}, stated
-        )
+        default_port = str(DEVICES / (finger or 'sensor'))
+        stated[SENSOR_NODE] = {'port': default_port, **stated[SENSOR_NODE]}
         if found != PHASES_STATED:
-            told = {'phases': found, **({'detected_contact': contact} if contact else {})}
-            parameters = merge_parameters(parameters, {FEATURES_NODE: told})
+            stated[FEATURES_NODE] |= {'phases': found}
+            stated[FEATURES_NODE] |= {'detected_contact': contact} if contact else {}
         nodes += sensing_graph(
             port,
             choice,
-            parameters,
+            stated,
             sensor_topic=sensor_topic,
             simulated=simulate is not None,
             namespace=place,
         )
         if slip or file.says_of(SLIP_NODE, place):
-            nodes.append(slip_node(parameters, namespace=place))
+            nodes.append(slip_node(stated, namespace=place))
         if record is not None:
             has = {'rig': False, 'classifier': choice is not None}
             nodes.append(recorder_node(record / finger, place, **has))

@@ -174,15 +174,6 @@ def has_parameter(node: str, key: str) -> bool:
     return key.startswith('qos_overrides.') or key in _names(node)
 
 
-def merge_parameters(*layers: NodeParameters) -> dict[str, dict[str, Any]]:
-    """Return the parameters of all layers; of the same parameter, the last layer's."""
-    merged: dict[str, dict[str, Any]] = {}
-    for layer in layers:
-        for node, parameters in layer.items():
-            merged.setdefault(node, {}).update(parameters)
-    return merged
-
-
 def _names(node: str) -> list[str]:
     return [field.name for field in dataclasses.fields(CONFIGS[node])] + [*_OF_EVERY_NODE]
 

@@ -95,22 +95,20 @@ class TrialDevice:
     """One motion driver: its action, its stop, its signs of life, its reports.
 
     ``node`` polls joint states; an executor on another thread than that of the calls spins it.
-    ``name`` is that of the driver's node, ``words`` what it is called in sentences, and its action
-    is ``name/verb``. ``on_state`` is called with stamp [ns], position [m] and speed [m/s] of each
-    joint state, while the node polls.
+    ``name`` is that of the driver's node, and its action is ``name/verb``. ``on_state`` is called
+    with stamp [ns], position [m] and speed [m/s] of each joint state, while the node polls.
     """
 
     def __init__(
         self,
         node: PollingNode,
         name: str,
-        words: str,
         action_type: Any,
         verb: str,
         config: TrialConfig,
         on_state: Callable[[int, float, float], None] = lambda *_: None,
     ) -> None:
-        self._node, self.name, self._words = node, name, words
+        self._node, self.name, self._words = node, name, name.replace('_', ' ')
         self._config, self._on_state = config, on_state
         self._heartbeat = HeartbeatWatch(node, f'{name}/heartbeat', config.heartbeat_timeout_s)
         self._readiness: Readiness | None = None

@@ -107,10 +107,9 @@ class TrialRunnerNode(PollingNode):
     def set_up(self, config: TrialConfig) -> None:
         self._events = self.create_lifecycle_publisher(TrialEvent, '~/events', EVENTS)
         self._parts.callback(self.destroy_lifecycle_publisher, self._events)
-        guide = ('linear_guide', 'linear guide', MoveGuide, 'move', config)
-        self._guide = TrialDevice(self, *guide)
+        self._guide = TrialDevice(self, 'linear_guide', MoveGuide, 'move', config)
         self._parts.callback(self._guide.close)
-        tendon = ('tendon_actuator', 'tendon actuator', PullTendon, 'pull', config)
+        tendon = ('tendon_actuator', PullTendon, 'pull', config)
         self._tendon = TrialDevice(self, *tendon, self._contact.take)
         self._parts.callback(self._tendon.close)
         self._strain = StrainWatch(self, config.strain_timeout_s)
@@ -150,7 +149,7 @@ class TrialRunnerNode(PollingNode):
             # Not for long: with the executor waiting here, the trial gets no more answers.
             self._runner.close(timeout_s=0.5)
             if self._runner.is_busy and self._trial and self._tendon and self.context.ok():
-                self._tendon.client.send_goal_async(self._release(self._trial.request))
+                self._tendon.client.send_goal_async(self._pull(self._trial.request))
             self._runner = None
         self._parts.close()
         self._ready = self._heartbeat = self._rivals = self._telling = None
@@ -271,7 +270,7 @@ class TrialRunnerNode(PollingNode):
 
     def _carry_out_tendon(self, step: TendonStep, trial: RunningTrial, is_new: bool) -> None:
         assert self._tendon is not None
-        pull = self._pull(step, trial.request)
+        pull = self._pull(trial.request, step.displacement_m)
         track = self._tendon.track(step.displacement_m, step.speed_m_s)
         if step.displacement_m > 0:
             self._contact.begin(step.displacement_m, self.config.displacement_tolerance_m)
@@ -411,10 +410,10 @@ class TrialRunnerNode(PollingNode):
                 time.sleep(RELEASE_PAUSE_S)
             try:
                 if problem := tendon.format_loss():
-                    tendon.send(self._release(request))
+                    tendon.send(self._pull(request))
                     break
                 timeout_s = seconds + self.config.server_timeout_s
-                tendon.call(self._release(request), timeout_s=timeout_s)
+                tendon.call(self._pull(request), timeout_s=timeout_s)
                 return
             except Exception as error:  # whatever it is, the trial must still tell its end
                 problem = str(error)
@@ -422,15 +421,10 @@ class TrialRunnerNode(PollingNode):
 
     # -- messages ------------------------------------------------------------------------
 
-    def _release(self, request: TrialRequest) -> PullTendon.Goal:
-        step = TendonStep(TrialEvent.PHASE_RELEASE, 0.0, self.config.pull_speed_m_s)
-        return self._pull(step, request)
-
-    def _pull(self, step: TendonStep, request: TrialRequest) -> PullTendon.Goal:
+    def _pull(self, request: TrialRequest, displacement_m: float = 0.0) -> PullTendon.Goal:
+        speed_m_s = self.config.pull_speed_m_s
         return PullTendon.Goal(
-            displacement_m=step.displacement_m,
-            speed_m_s=step.speed_m_s,
-            contact=request.contact,
+            displacement_m=displacement_m, speed_m_s=speed_m_s, contact=request.contact
         )
 
     def _begin(self, trial: RunningTrial, stamp_ns: int | None) -> None:
