@@ -5,7 +5,7 @@ import dataclasses
 import threading
 import time
 
-from pulls import begin_pull
+from background import begin_pull
 import pytest
 from scripted_servo import compute_crc
 

@@ -6,8 +6,7 @@
 from functools import partial
 import time
 
-from background import Background
-from pulls import begin_pull
+from background import Background, begin_pull
 import pytest
 
 from linear_guide_driver import MotionFailedError, MotionRefusedError

@@ -5,6 +5,8 @@
 
 import threading
 
+from tactile_testing.waiting import wait_until
+
 
 class Background:
     """Runs a call on a thread and keeps how it ended."""
@@ -30,3 +32,10 @@ class Background:
         error = self.end()
         assert isinstance(error, kind)
         assert words in str(error)
+
+
+def begin_pull(tendon, servo, *arguments):
+    """Return a pull by 20 mm that is on its way."""
+    pull = Background(tendon.pull_to, 0.02, 0.01, *arguments)
+    wait_until(lambda: servo.position > 2100)
+    return pull

@@ -8,6 +8,7 @@ TENDON_SEQUENCES to the number of sequences.
 """
 
 from contextlib import contextmanager, suppress
+import logging
 import os
 
 from hypothesis import Phase, settings
@@ -24,6 +25,7 @@ from linear_guide_driver.safety import Order, Pull, SLACK_M, TopicWatchdog, Zero
 
 SEQUENCES = int(os.environ.get('TENDON_SEQUENCES', '30'))
 SPEED_M_S = 0.02
+SILENT = logging.Logger('silent', logging.CRITICAL)
 HEALED_S = 6.0
 """After an outage: the longest back-off, and the servo comes to rest."""
 
@@ -56,7 +58,7 @@ class Tendon(RuleBasedStateMachine):
         self.patch = pytest.MonkeyPatch()
         for module in (servo, servo_monitor, tendon_client):
             self.patch.setattr(module, 'time', self.time)
-            self.patch.setattr(module, '_logger', SilentLogger())
+            self.patch.setattr(module, '_logger', SILENT)
         self.patch.setattr(tendon_client, 'open_servo', self.open_servo)
         self.patch.setattr(ServoMonitor, 'start', lambda _: None)
         self.patch.setattr(ServoMonitor, 'wait_poll', lambda *_: self.poll())
@@ -389,15 +391,6 @@ class Tendon(RuleBasedStateMachine):
                 self.client.supervise()
             if self.bus.table[98] != 255:
                 assert self.bus.get(116) <= max(0, self.bus.get(132) + ON_THE_WAY_COUNTS)
-
-
-class SilentLogger:
-    """Takes messages of the driver."""
-
-    def warning(self, *_):
-        pass
-
-    error = exception = warning
 
 
 TestTendon = pytest.mark.filterwarnings('ignore')(Tendon.TestCase)
