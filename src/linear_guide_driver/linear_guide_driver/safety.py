@@ -274,6 +274,10 @@ class TendonSafety:
     slack tendon at rest, and after each sample that matters, and carries the order out.
 
     ``watches`` are those of the signs of life that must be there while the tendon is taut.
+
+    ``state`` was entered for the sentence ``reason``, empty after a pull was admitted. ``ending``
+    is the end that safety has put to the present pull; None while it has not. ``zero`` is what is
+    known of the zero, ``limit_n`` the limit in force [N].
     """
 
     def __init__(self, config: TendonActuatorConfig, watches: Sequence[Watch] = ()) -> None:
@@ -286,41 +290,26 @@ class TendonSafety:
         self._slack_after_ns = round(config.slack_after_s * 1e9)
         self._lock = threading.RLock()
         # Before the first pull names a contact, the tendon has no business being tight.
-        self._limit_n = min(self._limits_n.values())
+        self.limit_n = min(self._limits_n.values())
         self._level = TensionLevel(config.guard_timeout_s)
-        self._state = State.FREE
+        self.state = State.FREE
         self._release_at_ns: int | None = None
-        self._reason = ''
+        self.reason = ''
         self._loss = ''  # for which the tendon is held
         self._cause = Ending.STOPPED
         self._pull: Pull | None = None
         self._winds_in = False
-        self._ending: Ending | None = None
-        self._zero = Zero.UNKNOWN
+        self.ending: Ending | None = None
+        self.zero = Zero.UNKNOWN
         self._zero_reason = 'the driver is not connected'
         self._at_zero_since_ns: int | None = None
 
     # -- what is known -------------------------------------------------------------------
 
     @property
-    def state(self) -> State:
-        """See the table of this module."""
-        return self._state
-
-    @property
-    def reason(self) -> str:
-        """The sentence for which the state was entered; empty after a pull was admitted."""
-        return self._reason
-
-    @property
-    def ending(self) -> Ending | None:
-        """The end that safety has put to the present pull; None while it has not."""
-        return self._ending
-
-    @property
     def is_alarm(self) -> bool:
         """True when the state was entered for a reason that nobody has commanded."""
-        return self._state is not State.FREE and self._cause is not Ending.STOPPED
+        return self.state is not State.FREE and self._cause is not Ending.STOPPED
 
     @property
     def is_pulling(self) -> bool:
@@ -334,16 +323,6 @@ class TendonSafety:
         return no_sample or not all(watch.was_heard for watch in self._watches)
 
     @property
-    def zero(self) -> Zero:
-        """Knowledge of the zero."""
-        return self._zero
-
-    @property
-    def limit_n(self) -> float:
-        """Limit in force [N]."""
-        return self._limit_n
-
-    @property
     def strictest_contact(self) -> str:
         """The contact with the lowest limit."""
         return min(self._limits_n, key=self._limits_n.__getitem__)
@@ -355,7 +334,7 @@ class TendonSafety:
         Without a known zero it may let out as much as any pull may have wound in. A tendon that is
         further out already is held: no release winds in.
         """
-        return -self._config.max_displacement_m if self._zero is Zero.UNKNOWN else 0.0
+        return -self._config.max_displacement_m if self.zero is Zero.UNKNOWN else 0.0
 
     @property
     def tension_n(self) -> float | None:
@@ -376,12 +355,12 @@ class TendonSafety:
             if displacement_m <= self.slack_m + SLACK_M:
                 return True
             slack_n = SLACK_SHARE * self._config.taut_tension_n
-            return self._zero is Zero.UNKNOWN and self._level.is_below(slack_n, now_ns)
+            return self.zero is Zero.UNKNOWN and self._level.is_below(slack_n, now_ns)
 
     def is_at_rest(self, displacement_m: float, now_ns: int) -> bool:
         """Return whether no pull and no order is in force, and the tendon is slack [m]."""
         with self._lock:
-            is_free = self._pull is None and self._state is State.FREE
+            is_free = self._pull is None and self.state is State.FREE
             return is_free and self.is_slack(displacement_m, now_ns)
 
     def find_obstacle(self, displacement_m: float, now_ns: int) -> str:
@@ -389,7 +368,7 @@ class TendonSafety:
         with self._lock:
             obstacle = self._find_zero_obstacle(displacement_m)
             needs_samples = not self._config.unguarded
-            return obstacle or self._find_obstacle(needs_samples, self._limit_n, now_ns)
+            return obstacle or self._find_obstacle(needs_samples, self.limit_n, now_ns)
 
     # -- what is heard ---------------------------------------------------------------------
 
@@ -406,19 +385,17 @@ class TendonSafety:
                 return False
             pull, highest_n = self._pull, max(tension_n)
             is_reached = (
-                pull is not None
-                and self._ending is None
-                and 0.0 < pull.stop_tension_n <= highest_n
+                pull is not None and self.ending is None and 0.0 < pull.stop_tension_n <= highest_n
             )
             if is_reached:
-                self._ending = Ending.REACHED
-                self._reason = f'The tension reached {highest_n:.2f} N.'
-            return is_reached or self._level.is_above(self._limit_n, now_ns)
+                self.ending = Ending.REACHED
+                self.reason = f'The tension reached {highest_n:.2f} N.'
+            return is_reached or self._level.is_above(self.limit_n, now_ns)
 
     def set_zero(self, zero: Zero, reason: str = '') -> None:
         """Note what is known of the zero, and why nothing is. Later samples confirm it."""
         with self._lock:
-            self._zero, self._zero_reason = zero, reason
+            self.zero, self._zero_reason = zero, reason
             self._at_zero_since_ns = None
             if zero is Zero.UNCONFIRMED:
                 self._level.forget()
@@ -450,7 +427,7 @@ class TendonSafety:
         pull winds in. With ``fault``, a sentence, of the servo it must not.
         """
         with self._lock:
-            limit_n = self._limit_n if pull.lets_out else self.check_pull(pull)
+            limit_n = self.limit_n if pull.lets_out else self.check_pull(pull)
             self._confirm_zero(start_m, now_ns)
             winds_in = not pull.lets_out and (pull.is_homing or pull.displacement_m > start_m)
             if winds_in:
@@ -462,12 +439,12 @@ class TendonSafety:
                 )
                 if obstacle:
                     raise MotionRefusedError(obstacle)
-                self._limit_n = limit_n  # a pull that lets out leaves the limit alone
-                if self._zero is Zero.UNCONFIRMED:  # without a sensor nothing else confirms it
-                    self._zero = Zero.KNOWN
+                self.limit_n = limit_n  # a pull that lets out leaves the limit alone
+                if self.zero is Zero.UNCONFIRMED:  # without a sensor nothing else confirms it
+                    self.zero = Zero.KNOWN
             self._pull, self._winds_in = pull, winds_in
-            self._state, self._release_at_ns = State.FREE, None
-            self._ending, self._reason = None, ''
+            self.state, self._release_at_ns = State.FREE, None
+            self.ending, self.reason = None, ''
 
     def finish(self) -> None:
         """Forget the pull: it has ended. Limit and state stay in force."""
@@ -477,7 +454,7 @@ class TendonSafety:
     def stop(self) -> None:
         """Hold from now on; above the limit `decide` turns it into letting out at once."""
         with self._lock:
-            if self._state is State.HOLDING and self._release_at_ns is not None:
+            if self.state is State.HOLDING and self._release_at_ns is not None:
                 return  # held for a loss, and let out soon
             self._enter(State.HOLDING, 'The tendon was stopped.', Ending.STOPPED)
 
@@ -491,7 +468,7 @@ class TendonSafety:
         with self._lock:
             if self._pull is not None and not self._winds_in:
                 self._enter(State.RELEASING, reason, Ending.LOST)
-            elif self._state is not State.RELEASING:
+            elif self.state is not State.RELEASING:
                 self._hold_then_release(reason, now_ns)
 
     # -- what is to be done ------------------------------------------------------------------
@@ -500,15 +477,15 @@ class TendonSafety:
         """Return the order that holds now, at this displacement [m]."""
         with self._lock:
             is_slack = self.is_slack(displacement_m, now_ns)
-            if self._level.is_above(self._limit_n, now_ns):
+            if self._level.is_above(self.limit_n, now_ns):
                 self._enter(
                     State.RELEASING,
-                    f'{self._level.format_above(self._limit_n)}: the tendon is let out.',
+                    f'{self._level.format_above(self.limit_n)}: the tendon is let out.',
                     Ending.OVER_LIMIT,
                 )
-            elif self._state is not State.FREE and is_slack and self._pull is None:
-                self._state, self._release_at_ns = State.FREE, None
-            elif self._state is not State.RELEASING:
+            elif self.state is not State.FREE and is_slack and self._pull is None:
+                self.state, self._release_at_ns = State.FREE, None
+            elif self.state is not State.RELEASING:
                 if self._release_at_ns is None and (loss := self._find_loss(is_slack, now_ns)):
                     self._hold_then_release(loss, now_ns)
                 if self._release_at_ns is not None and now_ns >= self._release_at_ns:
@@ -516,21 +493,21 @@ class TendonSafety:
                     sentence = f'{self._loss} The tendon was held for {held_s:g} s and is let out.'
                     self._enter(State.RELEASING, sentence, Ending.LOST)
             self._confirm_zero(displacement_m, now_ns)
-            if self._state is State.RELEASING:
+            if self.state is State.RELEASING:
                 return Order.RELEASE
-            is_held = self._state is State.HOLDING or self._ending is Ending.REACHED
+            is_held = self.state is State.HOLDING or self.ending is Ending.REACHED
             return Order.HOLD if is_held else Order.FOLLOW
 
     # -- inside ------------------------------------------------------------------------------
 
     def _enter(self, state: State, reason: str, ending: Ending) -> None:
-        if state is self._state and state is State.RELEASING:
+        if state is self.state and state is State.RELEASING:
             return
         if state is State.RELEASING:
             self._release_at_ns = None  # a stop that ends the letting out holds for good
-        self._state, self._reason, self._cause = state, reason, ending
+        self.state, self.reason, self._cause = state, reason, ending
         pull = self._pull
-        is_final = self._ending is not None and (self._ending, ending) != (
+        is_final = self.ending is not None and (self.ending, ending) != (
             Ending.REACHED,
             Ending.OVER_LIMIT,
         )
@@ -538,7 +515,7 @@ class TendonSafety:
             return
         if state is State.RELEASING and pull.lets_out:
             return  # it lets out to slack itself
-        self._ending = ending
+        self.ending = ending
 
     def _hold_then_release(self, loss: str, now_ns: int) -> None:
         if self._release_at_ns is None:  # a second loss postpones nothing, and the first is told
@@ -549,7 +526,7 @@ class TendonSafety:
 
     def _find_loss(self, is_slack: bool, now_ns: int) -> str:
         """Return what a taut tendon, or a pull that winds in, lacks; empty when nothing."""
-        lets_out = self._pull is not None and self._ending is None
+        lets_out = self._pull is not None and self.ending is None
         if not self._winds_in and (is_slack or lets_out):
             return ''  # a slack tendon needs nothing, and letting out goes on
         needs_samples = self._needs_samples(self._pull or Pull(0.0))
@@ -560,26 +537,26 @@ class TendonSafety:
 
     def _confirm_zero(self, displacement_m: float, now_ns: int) -> None:
         """Believe a zero that was taken at rest if the sensor reads a slack tendon there."""
-        if self._zero is not Zero.UNCONFIRMED or not self._level.is_live(now_ns):
+        if self.zero is not Zero.UNCONFIRMED or not self._level.is_live(now_ns):
             return
-        if displacement_m > SLACK_M or self._state is not State.FREE:
+        if displacement_m > SLACK_M or self.state is not State.FREE:
             self._at_zero_since_ns = None
         elif self._level.is_below(self._config.taut_tension_n, now_ns):
-            self._zero = Zero.KNOWN
+            self.zero = Zero.KNOWN
         elif self._at_zero_since_ns is None:
             self._at_zero_since_ns = now_ns
         elif now_ns - self._at_zero_since_ns >= SETTLED_NS:
-            self._zero = Zero.UNKNOWN
+            self.zero = Zero.UNKNOWN
             self._zero_reason = (
                 f'the sensor read {self._level.latest_n:.2f} N where the tendon should be slack'
             )
 
     def _find_zero_obstacle(self, displacement_m: float) -> str:
-        if self._zero is Zero.UNKNOWN:
+        if self.zero is Zero.UNKNOWN:
             return f'The zero is unknown: {self._zero_reason}; home the tendon.'
-        if self._zero is Zero.UNCONFIRMED and displacement_m > SLACK_M:
+        if self.zero is Zero.UNCONFIRMED and displacement_m > SLACK_M:
             return 'The tendon was taut when the driver started; let it out first.'
-        if self._zero is Zero.UNCONFIRMED and self._at_zero_since_ns is not None:
+        if self.zero is Zero.UNCONFIRMED and self._at_zero_since_ns is not None:
             return 'The sensor reads tension at the zero of the tendon; wait until it is slack.'
         return ''
 
