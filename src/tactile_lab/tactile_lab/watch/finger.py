@@ -156,7 +156,6 @@ class Finger:
         self.version = 0
         self.epoch = 0
         self.rate_hz = 0.0
-        self.lost_count = 0
         self.status = 0
         self.simulated = False
         self._points: deque[Point] = deque(maxlen=MOST_POINTS)
@@ -170,7 +169,6 @@ class Finger:
         self._models: tuple[ModelInfo, ...] = ()
         self._windows: dict[str, FeatureWindow] = {}  # of the trial, by specification
         self._slip: dict[str, Any] | None = None
-        self._tare: dict[str, Any] | None = None
 
     # -- what comes ----------------------------------------------------------------
 
@@ -188,7 +186,6 @@ class Finger:
         points = self._decimator.add(block)
         self._points.extend(points)
         self.point_count += len(points)
-        self.lost_count += block.lost_before
         rate_hz = 1e9 / block.period_ns if block.period_ns > 0 else self.rate_hz
         if (rate_hz, block.status) != (self.rate_hz, self.status):
             self.rate_hz, self.status = rate_hz, block.status
@@ -253,19 +250,9 @@ class Finger:
         self.simulated = self.simulated or window.simulated
         self.version += 1
 
-    def take_slip(self, motion: str, onset_ns: int, statistic: float, tension_n: float) -> None:
+    def take_slip(self, motion: str, onset_ns: int, tension_n: float) -> None:
         """Take a change of what a held object does."""
-        self._slip = {
-            'motion': motion,
-            'at': onset_ns,
-            'statistic': rounded(statistic),
-            'tension_n': rounded(tension_n),
-        }
-        self.version += 1
-
-    def take_tare(self, is_set: bool, bias_n: float) -> None:
-        """Take what the sensor subtracts from every sample."""
-        self._tare = {'is_set': is_set, 'bias_n': rounded(bias_n)}
+        self._slip = {'motion': motion, 'at': onset_ns, 'tension_n': rounded(tension_n)}
         self.version += 1
 
     # -- what is shown ---------------------------------------------------------------
@@ -291,8 +278,6 @@ class Finger:
             'name': self.name,
             'rate_hz': rounded(self.rate_hz),
             'faults': [sentence for bit, sentence in SIGNAL_FAULTS if self.status & bit],
-            'lost': self.lost_count,
-            'simulated': self.simulated,
             'trial': event
             and {
                 'id': event.trial_id,
@@ -308,7 +293,6 @@ class Finger:
             'answers': [describe_answer(*answer) for answer in self._answers.values()],
             'window': self._describe_window(),
             'slip': self._slip and {**self._slip, 'at': self._seconds(self._slip['at'])},
-            'tare': self._tare,
         }
 
     def _seconds(self, stamp_ns: int) -> float:
@@ -335,9 +319,6 @@ class Finger:
             return None
         window = next(reversed(self._windows.values()))
         return {
-            'set': window.feature_set,
-            'partial': window.partial,
-            'reason': window.reason,
             'from': self._seconds(window.window_start_ns),
             'to': self._seconds(window.window_end_ns),
             'measures': [
@@ -418,7 +399,6 @@ def describe_answer(answer: ClassificationResult, true_label: str) -> dict[str, 
         'scores': [[label, rounded(score)] for label, score in scores],
         'kind': answer.score_kind,
         'partial': answer.partial,
-        'decided': answer.decided,
         'model': answer.model_id,
         'simulated': answer.simulated,
     }

@@ -32,7 +32,6 @@ from tactile_msgs.msg import (
     Slip,
     StrainBlock,
     TactileFeatures,
-    Tare,
     TrialEvent,
 )
 from tactile_ros.errors import MessageError
@@ -70,7 +69,6 @@ PROFILES = {
     ModelInfos: LATEST,
     Readiness: LATEST,
     Slip: RESULTS,
-    Tare: LATEST,
 }
 
 KINDS: dict[str, type] = {f'tactile_msgs/msg/{kind.__name__}': kind for kind in PROFILES}
@@ -220,13 +218,8 @@ class WatchNode(Node):  # type: ignore[misc]
             TrialEvent: lambda m: update(Finger.take_event, event_from_msg(m)),
             Readiness: lambda m: state.take_readiness(device, list(m.missing)),
             Slip: lambda m: update(
-                Finger.take_slip,
-                m.motion,
-                m.onset.sec * 10**9 + m.onset.nanosec,
-                m.statistic,
-                m.tension_n,
+                Finger.take_slip, m.motion, m.onset.sec * 10**9 + m.onset.nanosec, m.tension_n
             ),
-            Tare: lambda m: update(Finger.take_tare, m.is_set, m.bias_n),
         }
         self._listen_to(kind, topic, takes[kind], PROFILES[kind])
 

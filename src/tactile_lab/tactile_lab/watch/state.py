@@ -12,7 +12,7 @@ import time
 from typing import Any
 
 from tactile_classifier.records import ClassificationResult
-from tactile_lab.watch.finger import Finger, format_answer, SHOWN_S
+from tactile_lab.watch.finger import Finger, format_answer
 
 MOST_FINGERS = 16
 MOST_DEVICES = 64
@@ -62,7 +62,7 @@ class WatchState:
         self._devices: dict[str, tuple[float, dict[str, Any]]] = {}
         self._missing: dict[str, tuple[str, ...]] = {}
         self._sentences: deque[dict[str, Any]] = deque(maxlen=MOST_SENTENCES)
-        self._progress: dict[str, Any] | None = None
+        self._progress = ''
         self._version = 0
         self.was_stopped = False
         self.on_answer: Callable[[str], None] = lambda _: None
@@ -104,16 +104,12 @@ class WatchState:
             if device not in self._devices and len(self._devices) >= MOST_DEVICES:
                 return
             name = LEVELS[level] if 0 <= level < len(LEVELS) else 'error'
-            health = {'level': name, 'message': message, 'values': dict(values)}
+            health = {'level': name, 'message': message}
             if self._devices.get(device, (0.0, {}))[1] != health:
                 self._version += 1
             self._devices[device] = (self._clock(), health)
-            if 'trials' in values:
-                self._progress = {
-                    'trial': values.get('trial', ''),
-                    'trials': values['trials'],
-                    'text': message,
-                }
+            if 'trials' in values:  # an operator counts them
+                self._progress = message
 
     def take_readiness(self, device: str, missing: Sequence[str]) -> None:
         """Take what keeps a device from accepting a goal, a sentence with its remedy each."""
@@ -154,7 +150,6 @@ class WatchState:
         """Return all but samples and spectra, as what JSON can hold."""
         with self._lock:
             return {
-                'shown_s': SHOWN_S,
                 'where': self._where,
                 'simulated': self._simulated or any(f.simulated for f in self.fingers),
                 'objects': self._objects,

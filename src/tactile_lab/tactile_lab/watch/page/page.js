@@ -195,9 +195,8 @@
     $('below').hidden = !(state.devices.length || state.said.length);
     $('simulated').hidden = !state.simulated;
     set($('where'), state.where ? `No finger on ${state.where}.` : 'No finger yet.');
-    const progress = state.progress;
-    $('progress').hidden = !progress;
-    if (progress) set($('progress'), progress.text);
+    $('progress').hidden = !state.progress;
+    set($('progress'), state.progress);
     showDevices();
     showSaid();
     const line = stopped && state.said.find((said) => said.id === stopped.id);
