@@ -195,23 +195,6 @@ def test_unplugging_mid_line_reconnects_and_joins_nothing(sensor, make_client, b
     assert client.health().rejected_lines == 0
 
 
-def test_a_board_that_restarts_with_the_cable_begins_anew(sensor, make_client, blocks):
-    client = make_client()
-    sensor.write(b'\n' + encode_reading(90_000, 0.5))
-    wait_until(lambda: len(blocks) == 1)
-    sensor.unplug()
-    wait_until(lambda: not client.health().is_connected)
-    sensor.plug_in()
-    wait_until(lambda: client.health().reconnects == 1)
-    sensor.write(b'\nReadings:\r\n' + encode_reading(12, 0.5) + encode_reading(29, 0.5))
-    wait_until(lambda: len(blocks) == 3)
-    assert blocks[1].status == (
-        StrainStatus.RECONNECTED | StrainStatus.RESTARTED | StrainStatus.RESYNCHRONISED
-    )
-    assert [(b.sequence, b.lost_before) for b in blocks] == [(0, 0), (1, 0), (2, 0)]
-    assert blocks[0].stamp_ns < blocks[1].stamp_ns < blocks[2].stamp_ns
-
-
 def test_close_does_not_wait_for_a_sensor_that_is_away(sensor, make_client, monkeypatch):
     monkeypatch.setattr(module, 'FIRST_DELAY_S', 30.0)
     client = make_client()

@@ -109,37 +109,31 @@ def test_scale_indicators_with_words_that_alternate_are_read(lines, options, is_
     assert {value for _, value in readings} == {-12.34 if is_negative else 12.34}
 
 
+AMBIGUOUS = 'its comma may be a decimal mark or separate columns: set decimal_mark'
+OVERLOAD = 'the device reports an overload or an error: unload it'
+REFUSED = [
+    (b'12.34 mN/12.34mN', 'N', 'its unit is mN, and "unit" is N: set unit to mN'),
+    (b'mN: 12.34/Force [mN]: 12.34', 'N', 'set unit to mN'),
+    (b'0.01234 kN', 'N', 'set unit to kN'),
+    (b'12.34 oz', 'g', 'set unit to oz'),
+    (b'12.34 t', 'kg', 'set unit to t'),
+    (b'12.34,,g/12.34 | g', 'kg', 'set unit to g'),
+    (b'12.34 lbs', 'kg', 'set unit to lbf'),
+    (b'12.34 units', 'kg', 'the word "units" after the value is no unit that is known here'),
+    (b'12.34 \xb5N', 'N', 'the word "\\xb5N" after the value'),
+    (b'12.34 %', 'g', 'the word "%" after the value'),
+    (b'12.34 \x1b[31m', 'g', 'the word "\\x1b[31m" after the value'),
+    (b'12,34/12,34,56/12,34 N/F:12,34N/1.234,5', 'N', AMBIGUOUS),
+    (b'1,234.5', 'N', 'commas between thousands cannot be read'),
+    (b'OL/OL,GS,+  12.34 kg/12.34 kg Overload', 'kg', OVERLOAD),
+    (b'OL,+999999.9 g/S +/S -', 'g', OVERLOAD),
+    (b'reading', 'kg', 'its value_column holds no number'),
+]
+
+
 @pytest.mark.parametrize(
     ('line', 'unit', 'reason'),
-    [
-        (b'12.34 mN', 'N', 'its unit is mN, and "unit" is N: set unit to mN'),
-        (b'12.34mN', 'N', 'its unit is mN, and "unit" is N: set unit to mN'),
-        (b'mN: 12.34', 'N', 'set unit to mN'),
-        (b'Force [mN]: 12.34', 'N', 'set unit to mN'),
-        (b'0.01234 kN', 'N', 'set unit to kN'),
-        (b'12.34 oz', 'g', 'set unit to oz'),
-        (b'12.34 t', 'kg', 'set unit to t'),
-        (b'12.34,,g', 'kg', 'set unit to g'),
-        (b'12.34 | g', 'kg', 'set unit to g'),
-        (b'12.34 lbs', 'kg', 'set unit to lbf'),
-        (b'12.34 units', 'kg', 'the word "units" after the value is no unit that is known here'),
-        (b'12.34 \xb5N', 'N', 'the word "\\xb5N" after the value'),
-        (b'12.34 %', 'g', 'the word "%" after the value'),
-        (b'12.34 \x1b[31m', 'g', 'the word "\\x1b[31m" after the value'),
-        (b'12,34', 'N', 'its comma may be a decimal mark or separate columns: set decimal_mark'),
-        (b'12,34,56', 'N', 'its comma may be'),
-        (b'12,34 N', 'N', 'its comma may be'),
-        (b'F:12,34N', 'N', 'its comma may be'),
-        (b'1,234.5', 'N', 'commas between thousands cannot be read'),
-        (b'1.234,5', 'N', 'its comma may be'),
-        (b'OL', 'kg', 'the device reports an overload or an error: unload it'),
-        (b'OL,GS,+  12.34 kg', 'kg', 'the device reports an overload'),
-        (b'OL,+999999.9 g', 'g', 'the device reports an overload'),
-        (b'12.34 kg Overload', 'kg', 'the device reports an overload'),
-        (b'S +', 'g', 'the device reports an overload'),
-        (b'S -', 'g', 'the device reports an overload'),
-        (b'reading', 'kg', 'its value_column holds no number'),
-    ],
+    [(line, unit, reason) for lines, unit, reason in REFUSED for line in lines.split(b'/')],
 )
 def test_a_line_that_may_hold_another_value_is_refused_with_the_remedy(line, unit, reason):
     numbers = [i for i, text in enumerate(line.replace(b',', b' ').split()) if b'12' in text]

@@ -140,17 +140,6 @@ def test_a_thousand_a_second_with_jitter_and_drops_become_numbered_blocks(sample
     assert {block.status for block in blocks} == {StrainStatus.OK}
 
 
-def test_without_a_stamp_the_arrival_is_the_time_and_says_so():
-    stream = TopicStream(configure())
-    blocks = []
-    for number in (1, 2, 5):
-        blocks += stream.add(TopicReading(None, 1.0), START_NS + number, number)
-    assert {block.status for block in blocks} == {StrainStatus.HOST_TIME}
-    assert [block.lost_before for block in blocks] == [0, 0, 2]
-    assert [block.stamp_ns - START_NS for block in blocks] == [1, 2, 5]
-    assert {block.stamp_error_s for block in blocks} == {-1.0}
-
-
 def test_arrival_is_taken_where_it_is_wanted_and_the_offset_added():
     stream = TopicStream(configure(topic_stamps='arrival', offset_n=0.25))
     (block,) = stream.add(TopicReading(START_NS, 1.5), START_NS + 7)
