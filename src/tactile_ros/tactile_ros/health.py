@@ -119,11 +119,7 @@ class ReadinessPublisher:
 
     ``find_missing`` returns a sentence for each thing that is missing. It is asked ten times a
     second on the thread of periodic calls, and by `update`, but not after `close` has returned.
-
-    Attributes
-    ----------
-    missing : list of str or None
-        The sentences published last; None: none yet.
+    ``missing`` has the sentences published last; None: none yet.
     """
 
     def __init__(self, node: TactileNode, find_missing: Callable[[], Sequence[str]]) -> None:
@@ -216,17 +212,9 @@ class HeartbeatWatch:
     each other's goals. A publisher that was killed is alive no longer than the lease, although
     it stays in the graph for many seconds.
 
-    Parameters
-    ----------
-    timeout_s : float
-        Lease [s]: a publisher that is silent for longer is not alive. At least `LEASE_S`.
-    is_own : bool
-        The topic is the node's own, which may be silent: only a second publisher is a loss.
-
-    Raises
-    ------
-    TactileError
-        When the middleware does not tell of liveliness.
+    A publisher that is silent for longer than the lease ``timeout_s``, at least `LEASE_S`, is not
+    alive [s]. The node's own topic may be silent: only a second publisher is a loss. TactileError:
+    the middleware does not tell of liveliness.
     """
 
     def __init__(

@@ -47,14 +47,8 @@ class MessageGuard:
     """Keeps a node running when a message cannot be converted.
 
     A callback that raises `MessageError` ends with that message. Every other exception is a
-    fault of the program and ends the node.
-
-    Attributes
-    ----------
-    refused_count : int
-        Messages refused since the node was made.
-    last_reason : str
-        The topic of the last one, and why it was refused; empty when there is none.
+    fault of the program and ends the node. ``refused_count`` counts the messages refused since the
+    node was made; ``last_reason`` has the topic of the last one, and why it was refused.
     """
 
     def __init__(self, node: Node) -> None:
@@ -134,12 +128,8 @@ def describe_field(field: dataclasses.Field[Any]) -> ParameterDescriptor:
 def declare_config(node: Node, config_class: type[Config]) -> None:
     """Declare a parameter for every field of ``config_class``.
 
-    While the node's ``is_configured`` is true, only fields that are live can change.
-
-    Raises
-    ------
-    rclpy.exceptions.InvalidParameterValueException
-        When an override is out of range or of the wrong type.
+    While the node's ``is_configured`` is true, only fields that are live can change. rclpy's
+    InvalidParameterValueException: an override is out of range or of the wrong type.
     """
     for field in dataclasses.fields(config_class):  # type: ignore[arg-type]
         default = list(field.default) if isinstance(field.default, tuple) else field.default
@@ -160,12 +150,10 @@ def declare_config(node: Node, config_class: type[Config]) -> None:
     node.add_pre_set_parameters_callback(convert)
 
     def check(parameters: list[Parameter]) -> SetParametersResult:
-        for parameter in parameters:
-            field = fields.get(parameter.name)
-            reason = _find_objection(node, field, parameter) if field else ''
-            if reason:
-                return SetParametersResult(successful=False, reason=reason)
-        return SetParametersResult(successful=True)
+        known = ((fields[p.name], p) for p in parameters if p.name in fields)
+        reasons = (_find_objection(node, field, parameter) for field, parameter in known)
+        reason = next(filter(None, reasons), '')
+        return SetParametersResult(successful=not reason, reason=reason)
 
     node.add_on_set_parameters_callback(check)
 
@@ -193,11 +181,7 @@ def _find_objection(node: Node, field: dataclasses.Field[Any], parameter: Parame
 def read_config(node: Node, config_class: type[Config]) -> Config:
     """Return a Config that holds the parameters' present values.
 
-    Raises
-    ------
-    ValueError
-        When a value is not one of the field's choices, or whatever the Config's
-        own ``__post_init__`` refuses.
+    ValueError: a value is not one of the field's choices, or ``__post_init__`` refuses it.
     """
     values = {}
     for field in dataclasses.fields(config_class):  # type: ignore[arg-type]

@@ -135,14 +135,8 @@ class PollingNode(TactileNode):
     """A `TactileNode` with polled subscriptions, whose callbacks hold its lock.
 
     An exception of a callback, but for `MessageError`, ends the node's executor and so its
-    process.
-
-    Attributes
-    ----------
-    lock : threading.RLock
-        Held by every callback of a subscription.
-    poll_s : float or None
-        Period of asking; None: only `poll_now` asks. See `poll_every`.
+    process. Every callback of a subscription holds ``lock``. ``poll_s`` is the period of asking
+    [s]; None: only `poll_now` asks. See `poll_every`.
     """
 
     is_quiet = True

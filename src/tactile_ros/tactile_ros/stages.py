@@ -62,14 +62,9 @@ class Stage:
 
 
 class StageNode(PollingNode):
-    """A `PollingNode` around one stage, which a subclass makes.
+    """A `PollingNode` around one ``stage``, which a subclass makes; None while not configured.
 
-    Attributes
-    ----------
-    stage : Stage or None
-        None while the node is not configured.
-    is_fed_by_calls : bool
-        Another node of the process calls the stage. Set before the node is configured.
+    ``is_fed_by_calls``: another node of the process calls it. Set before the node is configured.
     """
 
     def __init__(self, name: str, config_class: type, **node_options: Any) -> None:
