@@ -251,17 +251,9 @@ class SampleClock:
     device rate a little off the nominal one never add up to a false gap; a gap of some thousand
     samples is still counted exactly at 100 ppm.
 
-    Parameters
-    ----------
-    period_ns : int
-        Nominal time between two samples [ns].
-
-    Attributes
-    ----------
-    duplicates, late_samples, outliers : int
-        Samples without a place.
-    restarts : int
-        Times that the device's clock began anew.
+    ``period_ns`` is the nominal time between two samples [ns]. ``duplicates``, ``late_samples``
+    and ``outliers`` count the samples without a place, ``restarts`` the times that the device's
+    clock began anew.
     """
 
     def __init__(self, period_ns: int) -> None:
@@ -368,12 +360,7 @@ class DeviceClock(SampleClock):
     next one continues it: then the device has restarted. After a reconnection one such
     reading is enough, or one that is more than 1 s behind: nothing old survives in the port.
 
-    Parameters
-    ----------
-    tick_s : float
-        Device time of one tick [s].
-    period_ns : int
-        Nominal time between two samples [ns].
+    ``tick_s`` is the device time of one tick [s].
     """
 
     def __init__(self, tick_s: float, period_ns: int) -> None:

@@ -44,11 +44,6 @@ class CounterClock(SampleClock):
     The ticks from one sample to the next are taken from the records themselves, because a
     box rounds the rate that it reports; until two measurements agree, ``ticks_per_sample``
     stands in.
-
-    Attributes
-    ----------
-    ticks_per_sample : int
-        Ticks from one sample to the next.
     """
 
     def __init__(self) -> None:

@@ -73,20 +73,9 @@ class Stream(Generic[Clock]):
     A sample is saturated from ``saturation_n``, and stuck when it and those before it have been
     exactly equal for ``stuck_s``, at least ten of them.
 
-    Parameters
-    ----------
-    config : TendonSensorConfig
-    clock : SampleClock
-        What gives the samples their time.
-    status : StrainStatus
-        What holds for every sample, such as HOST_TIME.
-
-    Attributes
-    ----------
-    clock : SampleClock
-        Counts the samples that have no place in time.
-    readings, lost_samples : int
-        Samples handed on, and samples missing between them.
+    ``clock`` gives the samples their time, and counts those that have no place in it. ``status``
+    holds for every sample, such as HOST_TIME. ``readings`` samples were handed on,
+    ``lost_samples`` are missing between them.
     """
 
     def __init__(
@@ -114,10 +103,7 @@ class Stream(Generic[Clock]):
     def add(self, batch: Batch) -> list[StrainBlock]:
         """Take samples that were read together; return the blocks that they complete.
 
-        Raises
-        ------
-        CounterRestartError
-            When a counter jumps within a session; begin another one.
+        CounterRestartError: a counter jumped within a session; begin another one.
         """
         outliers = self.clock.outliers
         runs = self.clock.place_batch(batch)

@@ -220,13 +220,8 @@ class TendonSensorNode(StageNode):
     configure opens the link, activate lets the samples out, deactivate holds them back
     while the link stays open, cleanup closes it. ``~/tare`` and ``~/clear_tare`` set the tare,
     which is latched on ``~/tare_state``. The link is looked at five times a second:
-    a change for better or worse is on ``/diagnostics`` at once.
-
-    Attributes
-    ----------
-    emit : callable
-        Given each block while the node is active, on the thread of the sensor. Set before the
-        node is configured.
+    a change for better or worse is on ``/diagnostics`` at once. While the node is active,
+    ``emit``, set before it is configured, is given each block on the thread of the sensor.
     """
 
     def __init__(self, node_name: str = 'tendon_sensor', **node_options: Any) -> None:

@@ -153,17 +153,8 @@ class StampClock(SampleClock):
     meanwhile are not known.
 
     A sample without a stamp has its arrival as time, of unknown error. The middleware's number
-    of the message, where there is one, tells what was lost on the way.
-
-    Parameters
-    ----------
-    period_ns : int
-        Nominal time between two samples [ns].
-
-    Attributes
-    ----------
-    steps : int
-        Times that the publisher's clock was set.
+    of the message, where there is one, tells what was lost on the way. ``steps`` counts the times
+    that the publisher's clock was set.
     """
 
     def __init__(self, period_ns: int) -> None:
@@ -325,16 +316,9 @@ class TopicStream:
     """Turns the readings of one topic into blocks.
 
     A value that is not finite is handed on as not a number and marked ``DEVICE_ERROR``. With
-    ``rate_hz`` 0 the rate is measured first; the readings until then make no blocks.
-
-    Attributes
-    ----------
-    readings : int
-        Readings that were taken.
-    meter : RateMeter
-        Measures the rate all the time.
-    is_value_finite : bool
-        Whether the newest value was a number.
+    ``rate_hz`` 0 the rate is measured first; the readings until then make no blocks. ``readings``
+    counts all that were taken; ``meter`` measures the rate all the time; ``is_value_finite`` tells
+    whether the newest value was a number.
     """
 
     def __init__(self, config: TendonSensorConfig) -> None:
