@@ -30,6 +30,9 @@ from tactile_sim.descriptions.description import (
 from tactile_sim.errors import DescriptionError
 
 _T = TypeVar('_T')
+_Files = dict[str, tuple[str, dict[str, Any]]]
+"""A user's files by name: path and values."""
+
 _DEEPEST = 8
 _LONGEST_SHOWN = 40
 _WHOLE = re.compile(r'[-+]?[0-9]{1,18}\Z')
@@ -217,9 +220,9 @@ class Catalogue:
         rig = _parse_keyed(Rig, 'rig.yaml', files)
         fingers = []
         for contact in CONTACTS:
-            file_name = f'finger_{contact}.yaml'
-            finger = _parse_keyed(Finger, file_name, files)
-            _check_finger(finger, rig, _name_file(file_name, files))
+            name = f'finger_{contact}.yaml'
+            finger = _parse_keyed(Finger, name, files)
+            _check_finger(finger, rig, files.get(name, (name,))[0])
             fingers.append((contact, finger))
         values = {
             '_fingers': tuple(fingers),
@@ -302,8 +305,8 @@ def _find(shelf: tuple[tuple[str, _T], ...], label: str, what: str) -> _T:
     raise DescriptionError(f'no {what} {show(label)}; there are {labels}')
 
 
-def _read_folder(folder: Path) -> dict[str, tuple[str, dict[str, Any]]]:
-    """Values of a user's files: file name to path and mapping."""
+def _read_folder(folder: Path) -> _Files:
+    """Read a user's files."""
     known = sorted((*_KEYED, *_LABELLED.values()))
     try:
         names = sorted(path.name for path in folder.iterdir() if not path.name.startswith('.'))
@@ -345,13 +348,9 @@ def _read_packaged(name: str) -> Mapping[str, Any]:
     return parse_text((_PACKAGED / name).read_text(encoding='utf-8'), name)
 
 
-def _name_file(name: str, files: Mapping[str, tuple[str, Any]]) -> str:
-    return files[name][0] if name in files else name
-
-
-def _parse_keyed(kind: type[_T], name: str, files: Mapping[str, tuple[str, dict[str, Any]]]) -> _T:
-    own = files[name][1] if name in files else {}
-    return parse_description(kind, _lay_over(_read_packaged(name), own), _name_file(name, files))
+def _parse_keyed(kind: type[_T], name: str, files: _Files) -> _T:
+    where, own = files.get(name, (name, {}))
+    return parse_description(kind, _lay_over(_read_packaged(name), own), where)
 
 
 def _lay_over(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
@@ -364,11 +363,8 @@ def _lay_over(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, A
     return merged
 
 
-def _parse_labelled(
-    kind: type[_T], name: str, files: Mapping[str, tuple[str, dict[str, Any]]]
-) -> tuple[tuple[str, _T], ...]:
-    packaged, where = _read_packaged(name), _name_file(name, files)
-    own = files[name][1] if name in files else {}
+def _parse_labelled(kind: type[_T], name: str, files: _Files) -> tuple[tuple[str, _T], ...]:
+    where, own = files.get(name, (name, {}))
     if len(own) > _MOST_LABELS:
         raise DescriptionError(f'{where} has {len(own)} labels; at most {_MOST_LABELS} are read')
     for label in own:
@@ -377,10 +373,9 @@ def _parse_labelled(
                 f'{where}: the label {show(label)} must be 1 to 64 letters, digits, _, - and ., '
                 'and start with a letter or digit'
             )
-    shelf = {**packaged, **own}
     return tuple(
         (label, parse_description(kind, values, f'{where if label in own else name}: {label}'))
-        for label, values in shelf.items()
+        for label, values in {**_read_packaged(name), **own}.items()
     )
 
 

@@ -11,6 +11,7 @@ import pytest
 from scenery import CONTACT_GUIDE_M, draw, plate_scene, ramp, run
 
 from tactile_sim.descriptions.catalogue import default_catalogue, list_objects
+from tactile_sim.descriptions.description import Plate
 from tactile_sim.physics import layout as at
 from tactile_sim.physics.scene import (
     build_plate_surface,
@@ -150,6 +151,13 @@ def test_profile_has_the_stated_grooves(label):
     assert len(cut) == int(plate.grooved_mm / plate.pitch_mm + 1e-9)
     assert np.diff(x[cut]) == pytest.approx(plate.pitch_mm * 1e-3, abs=1.01 * SPACING_M)
     assert bare.min() == pytest.approx(-plate.depth_mm * 1e-3, rel=0.02)
+
+
+def test_a_profile_of_ones_own_is_a_polyline_over_the_grooved_zone():
+    plate = Plate('profile', 10.0, 20.0, 0.4, points_mm=((0.0, 0.0), (5.0, -1.0), (20.0, 0.0)))
+    x_m = np.array([0.005, 0.010, 0.0125, 0.015, 0.0225, 0.031])
+    height_m = compute_plate_profile(plate, x_m, 2e-3)
+    np.testing.assert_allclose(height_m, [0.0, 0.0, -0.5e-3, -1e-3, -0.5e-3, 0.0], atol=1e-15)
 
 
 def test_circular_groove_is_an_arc():
