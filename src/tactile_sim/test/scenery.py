@@ -80,19 +80,24 @@ def run(
     euler=False,
     tolerance_nm=TOLERANCE_NM,
     trusted_nm=0.0,
+    state=None,
+    failed=None,
 ):
-    """Advance from rest; inputs are given before the first step and at the end of each.
+    """Advance from rest or a state; inputs are given before the first step and at each end.
 
-    With ``euler`` each step is as one of another length than the one before.
+    With ``euler`` each step is as one of another length than the one before. ``failed``: steps at
+    which trials failed before.
     """
     tendon_m = np.asarray(tendon_m)
     steps = len(tendon_m) - 1
     guide_m, pulled_m = (np.broadcast_to(v, steps + 1) for v in (guide_m, pulled_m))
     inputs = scene.compute_inputs(tendon_m, guide_m, pulled_m)
     variation = variation or Variation.none()
-    failed = np.full(len(variation.phase), -1, dtype=np.int64)
+    if failed is None:
+        failed = np.full(len(variation.phase), -1, dtype=np.int64)
     with numpy_solver.in_use(solver):
-        state = scene.start_trials(variation, inputs[0])
+        if state is None:
+            state = scene.start_trials(variation, inputs[0])
         out = advance_trials(
             state,
             scene.parameters,

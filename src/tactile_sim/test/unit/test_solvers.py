@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The solver and its NumPy reference: same bytes, independent trials, honest failures."""
+"""The solver: same bytes as its NumPy reference, independent trials, failures, order of error."""
 
 import dataclasses
 import sys
@@ -9,13 +9,23 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scenery import change, CONTACT_GUIDE_M, draw, free_scene, plate_scene, PULL_M, ramp, run
+from scenery import (
+    change,
+    CONTACT_GUIDE_M,
+    draw,
+    free_scene,
+    object_scene,
+    plate_scene,
+    PULL_M,
+    ramp,
+    run,
+)
 
+from tactile_sim.descriptions.description import Body, Branch
 from tactile_sim.errors import SolverError
 from tactile_sim.physics import layout as at
 from tactile_sim.physics import solver as solver_module
 from tactile_sim.physics.scene import build_scene
-from tactile_sim.physics.solver import advance_trials
 
 STEP_S = 1 / 600
 TIMES_S = STEP_S * np.arange(301)
@@ -87,23 +97,13 @@ def test_a_trial_does_not_depend_on_its_neighbours(trusted_nm):
 
 def test_a_trial_that_failed_before_is_left_alone():
     scene, tendon, guide, _, variation = make_trial('texture', 'R3', 'flexion', 3)
-    inputs = scene.compute_inputs(tendon, guide)
-    state = scene.start_trials(variation, inputs[0])
-    before, failed = state.copy(), np.array([-1, 7, -1])
-    advance_trials(
-        state,
-        scene.parameters,
-        np.zeros(30, dtype=np.int64),
-        inputs[0],
-        inputs[1:31],
-        scene.compute_coefficients((STEP_S,)),
-        (),
-        failed,
-    )
+    failed = np.array([-1, 7, -1])
+    few = slice(31)
+    rows = run(scene, STEP_S, tendon[few], guide[few], variation=variation, failed=failed).rows
     assert failed.tolist() == [-1, 7, -1]
-    kept = [row for row in range(at.TRIAL_ROWS) if row != at.FRESH]
-    assert np.array_equal(state[kept, 1], before[kept, 1])
-    assert (state[at.MODES, [0, 2]] != before[at.MODES, [0, 2]]).all()
+    kept = [row for row in range(at.STATE_ROWS) if row != at.FRESH]
+    assert np.array_equal(rows[kept, 1, -1], rows[kept, 1, 0])
+    assert (rows[at.MODES, [0, 2], -1] != rows[at.MODES, [0, 2], 0]).all()
 
 
 def test_no_balance_is_a_failure_from_that_step_on():
@@ -164,3 +164,56 @@ def test_without_a_folder_for_its_cache_numba_compiles_all_the_same():
 
     assert solver_module._make_advance(SimpleNamespace(njit=njit), 16).__name__ == 'advance'
     assert asked == [True, False]
+
+
+# -- steps of time ---------------------------------------------------------------------------
+
+ROWS = [at.TENSION, at.FORCE, at.SENSED, at.MODES + 1, at.CREEP, at.SQUEEZED, at.BRANCHES]
+
+
+def compute_error(scene, euler, steps):
+    """Of several rows against many more steps, relative to how far they go, shape (rows,)."""
+
+    def sample(count, euler):
+        times_s = np.linspace(0.0, 0.3, count + 1)
+        tendon_m = 0.0049 + 0.0003 * np.sin(2 * np.pi * times_s / 0.3) ** 2
+        result = run(scene, 0.3 / count, tendon_m, euler=euler, tolerance_nm=1e-11)
+        assert result.failed.tolist() == [-1]
+        return result.rows[ROWS, 0, :: count // 50]
+
+    fine = sample(6400, euler=False)
+    assert (fine[1] > 0).all()  # it is touched all the time
+    error = np.abs(sample(steps, euler) - fine).max(axis=1)
+    return error / np.maximum(np.ptp(fine, axis=1), 1e-12)
+
+
+@pytest.mark.parametrize(('euler', 'within'), [(True, 0.15), (False, 0.3)])
+@pytest.mark.parametrize('label', ['rubber_shell', 'F'])
+def test_order_of_convergence_is_the_one_claimed(euler, within, label):
+    protocol = 'texture' if label == 'F' else 'stiffness'
+    scene = build_scene(protocol, label, 'flexion')
+    scene = dataclasses.replace(change(scene, tendon_friction=0.0), friction=0.0)
+    errors = np.array([compute_error(scene, euler, steps) for steps in (400, 800)])
+    if label == 'F':
+        errors = errors[:, :-1]  # a plate has no branches
+    orders = np.log2(errors[:-1] / errors[1:])
+    np.testing.assert_allclose(orders, 1 if euler else 2, atol=within)
+    assert errors[-1].max() < (2e-2 if euler else 1e-3)
+
+
+@pytest.mark.parametrize('step_s', [1e-3, 0.1])
+def test_a_pressed_object_recovers_alone_once_it_is_out_of_reach(step_s):
+    body = Body(200.0, (Branch(300.0, 2.0),), 0.0, 0.0)
+    scene = object_scene(body)
+    press = ramp(1e-3 * np.arange(1001), 0.0, 0.0, 0.006, 0.1)
+    pressed = run(scene, 1e-3, press).state
+    assert pressed[at.FORCE, 0] > 0.1
+    # Taken from under the tip, its compression falls with the time 2 s (200 + 300) / 200.
+    count = round(2.0 / step_s)
+    result = run(scene, step_s, np.full(count + 1, 0.006), 0.090, state=pressed)
+    branch, left, force = result.rows[[at.BRANCHES, at.PRESSED, at.FORCE], 0]
+    assert force[1:].max() == 0.0
+    assert result.failed.tolist() == [-1]
+    expected = branch[1] * np.exp(-step_s * np.arange(count) / 5.0)
+    np.testing.assert_allclose(branch[1:], expected, rtol=2e-5 if step_s < 0.01 else 2e-3)
+    np.testing.assert_allclose(left[1:], 0.6 * branch[1:], rtol=1e-9)
