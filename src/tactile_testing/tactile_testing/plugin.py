@@ -35,22 +35,16 @@ def domain_of_programs():
         yield
 
 
-def _fixture_for(name):
-    """Return a fixture: a function that writes a file of this name and returns its path."""
+@pytest.fixture
+def parameter_file(tmp_path):
+    """Return a function that writes a file of parameters and returns its path."""
 
-    @pytest.fixture
-    def write_file(tmp_path):
-        def write(text):
-            path = tmp_path / name
-            path.write_text(text)
-            return path
+    def write(text):
+        path = tmp_path / 'params.yaml'
+        path.write_text(text)
+        return path
 
-        return write
-
-    return write_file
-
-
-parameter_file = _fixture_for('params.yaml')
+    return write
 
 
 @pytest.fixture
