@@ -89,7 +89,7 @@ def plan_features(config: FeatureConfig, models: str | Path, contact: str = '') 
     def load(path: Path) -> ModelContract:
         contract = read_contract(path)
         with refusals_of(path):
-            _bind(contract.wanted, config)
+            contract.wanted.bind(config)
         return contract
 
     contracts, refused = load_usable(models, contact, load)
@@ -120,7 +120,7 @@ def read_contract(path: Path) -> ModelContract:
     with refusals_of(path):
         fields = check_version(open_container(read_limited(path)).manifest)
         wanted = parse_wanted(fields)
-        _bind(wanted, FeatureConfig(buffer_s=LONGEST_BUFFER_S))
+        wanted.bind(FeatureConfig(buffer_s=LONGEST_BUFFER_S))
         return ModelContract(path, fields['task'], fields['contact'], wanted)
 
 
@@ -267,15 +267,8 @@ def refusals_of(path: str | Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise ModelFileError(f'cannot read model {path}: {error.strerror}') from error
-    except ModelFileError as error:
-        raise ModelFileError(f'model {path} is refused: {error}') from error
-
-
-def _bind(wanted: WantedFeatures, config: FeatureConfig) -> FeatureConfig:
-    try:
-        return wanted.bind(config)
     except FeatureError as error:
-        raise ModelFileError(str(error)) from error
+        raise ModelFileError(f'model {path} is refused: {error}') from error
 
 
 def _find_overruled(config: FeatureConfig, wanted: Sequence[WantedFeatures]) -> tuple[str, ...]:

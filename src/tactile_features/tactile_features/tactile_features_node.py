@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterable
 import dataclasses
 import time
@@ -68,7 +67,6 @@ class FeaturesStage(Stage):
         if plan.overruled:
             node.get_logger().info(f'the models decide: {", ".join(plan.overruled)}')
         self._begun_ns, self._begun_s = time.time_ns(), time.monotonic()
-        self._window_counts: Counter[Outcome] = Counter()
         self._assessed_blocks = 0
         self._features, self._partial = (
             RecordPublisher(node, TactileFeatures, topic, feature_window_to_msg, RESULTS)
@@ -148,8 +146,6 @@ class FeaturesStage(Stage):
                 self._node.get_logger().warning(
                     f'no features of trial {window.trial_id}: {window.reason}'
                 )
-            if not window.partial:
-                self._window_counts[window.outcome] += 1
             (self._partial if window.partial else self._features).publish(window)
             if self._node.is_active:
                 self._emit(window)
@@ -157,7 +153,7 @@ class FeaturesStage(Stage):
     def _assess(self) -> Health:
         blocks = self.extractor.block_count
         is_fed, self._assessed_blocks = blocks > self._assessed_blocks, blocks
-        windows = self._window_counts
+        windows = self.extractor.window_counts
         sentence = 'samples come in' if is_fed else f'no samples on {STRAIN_TOPIC}'
         return Health(
             WARN if self._refused or not is_fed else OK,

@@ -107,21 +107,22 @@ class SampleBuffer:
         return int(self._columns['step_ns'][self._end - self.new_count]) if self.new_count else 0
 
     @property
-    def _latest_ns(self) -> NDArray[np.int64]:
-        return self._columns['latest_ns'][self._start : self._end]
-
-    @property
     def is_simulated(self) -> bool:
         """True when the newest sample is from a simulated sensor."""
         return bool(self._last_status & _SIMULATED)
 
     def first_at(self, stamp_ns: int) -> int:
         """Return the index of the first sample with this stamp or a later one."""
-        return bisect_left(self._latest_ns, stamp_ns)
+        return (
+            bisect_left(self._columns['latest_ns'], stamp_ns, self._start, self._end) - self._start
+        )
 
     def first_beyond(self, stamp_ns: int) -> int:
         """Return the index of the first sample with a later stamp than this."""
-        return bisect_right(self._latest_ns, stamp_ns)
+        return (
+            bisect_right(self._columns['latest_ns'], stamp_ns, self._start, self._end)
+            - self._start
+        )
 
     def add(self, block: StrainBlock) -> bool:
         """Append a block; return whether the clock was set back and the past is gone."""

@@ -99,5 +99,6 @@ def check_choice(parameter: str, name: str, phase: str) -> type[FeatureSet]:
 def task_of(name: str) -> str:
     """Return the task of a set, ``texture`` or ``stiffness``; empty: there is no such set."""
     found = find_feature_set(name)
-    tasks = {phase: task for task, phase in PHASE_OF_TASK.items()}
-    return tasks[found.phase] if found else ''
+    return next(
+        (task for task, phase in PHASE_OF_TASK.items() if found and found.phase == phase), ''
+    )

@@ -21,7 +21,7 @@ from tactile_features import (
     TrialFeatureExtractor,
     WantedFeatures,
 )
-from tactile_features.phases import measure_step, SignalPhases
+from tactile_features.phases import estimate_noise_n, locate_step, measure_step, SignalPhases
 from tactile_features.windows import SAMPLE
 from tactile_ros.strain import StrainStatus
 
@@ -358,7 +358,23 @@ def test_a_stream_is_not_joined_late_where_its_first_sample_is_seen():
         assert len({event.trial_id for event in found}) == count
 
 
-# -- a jump, against numpy ------------------------------------------------------------------
+# -- noise and a jump, against numpy --------------------------------------------------------
+
+
+def test_noise_is_told_from_level_slope_and_what_happens_once():
+    noise = np.random.default_rng(0).normal(0.0, 0.1, 20_000)
+    signal = 7.0 + 1e-4 * np.arange(20_000) + 50.0 * (np.arange(20_000) > 9_999) + noise
+    assert estimate_noise_n(signal) == pytest.approx(0.1, rel=0.05)
+    assert estimate_noise_n(signal[:1]) == 0.0
+
+
+def test_a_jump_that_takes_some_samples_begins_with_the_first():
+    share = np.clip((np.arange(20) - 8) / 4, 0.0, 1.0)
+    noise = np.random.default_rng(0).normal(0.0, 0.004, 20)
+    assert locate_step(np.arange(20) / 60, 3.0 - np.arange(20) / 30 - 0.5 * share + noise, 6) in (
+        8,
+        9,
+    )
 
 
 def test_a_jump_and_its_uncertainty_are_those_of_least_squares():

@@ -52,10 +52,12 @@ def test_a_stamp_that_steps_back_does_not_hide_samples():
 
 
 def test_interpolation_is_linear_in_time_and_tension():
-    blocks = block(0, [1, 2], status=1), block(4, [8], status=4, stamp_ns=41)
+    last = block(4, [8], status=4, stamp_ns=41, stamp_error_s=0.3)
+    blocks = block(0, [1, 2], status=1, stamp_error_s=0.1), last
     buffer = make_buffer(*blocks, max_gap_samples=2)
     assert columns(buffer, 'tension_n', 'stamp_ns') == [[1, 2, 4, 6, 8], [0, 10, 20, 30, 41]]
     assert columns(buffer, 'status') == [[1, 1, 5, 5, 4]]
+    assert columns(buffer, 'stamp_error_s') == [[0.1, 0.1, 0.3, 0.3, 0.3]]
     assert columns(buffer, 'interpolated') == [[False, False, True, True, False]]
 
 
