@@ -3,7 +3,6 @@
 
 """The node over DDS: what it publishes is what the core computes."""
 
-import dataclasses
 from functools import partial
 import gc
 import json
@@ -170,43 +169,31 @@ def test_samples_that_do_not_come_are_told_in_time(make_bench):
     assert [w.outcome for w in bench.windows] == [Outcome.GAP, Outcome.OK]
 
 
-def compute_expected(count=1000):
+def compute_expected(**parameters):
     """The core's answer to the trial, over the same messages in another order."""
-    extractor = TrialFeatureExtractor(FeatureConfig())
-    windows = extractor.add_block(strain_block_from_msg(block(0, count)))
+    extractor = TrialFeatureExtractor(FeatureConfig(**parameters))
+    windows = extractor.add_block(strain_block_from_msg(block(0, 1000)))
     for msg in TRIAL:
         windows += extractor.add_event(event_from_msg(msg))
     return windows
 
 
-def test_publishes_the_bits_of_the_core(make_bench):
-    bench = make_bench()
+def test_publishes_the_bits_of_the_core_and_what_still_fills_on_a_topic_of_its_own(make_bench):
+    bench = make_bench(partial_samples=[60, 120])
+    partial = bench.hear(TactileFeatures, '~/partial_features', feature_window_from_msg)
     bench.bring_up()
     for i, msg in enumerate(TRIAL):
         bench.send_blocks(200 * i, 200)
         bench.events.publish(msg)
     bench.spin_until(lambda: len(bench.windows) == 2)
-    assert bench.windows == compute_expected()
+    expected = compute_expected(partial_samples=(60, 120))
+    assert bench.windows == [window for window in expected if not window.partial]
     assert [w.outcome for w in bench.windows] == [Outcome.OK, Outcome.OK]
+    bench.spin_until(lambda: len(partial) == 2)
+    assert partial == [window for window in expected if window.partial]
     extractor = bench.node.extractor
     assert (extractor.block_count, extractor.sample_count, extractor.event_count) == (800, 800, 4)
     assert extractor.window_counts[Outcome.OK] == 2
-
-
-def test_what_still_fills_goes_to_a_topic_of_its_own(make_bench):
-    bench = make_bench(partial_samples=[60, 120])
-    partial = bench.hear(TactileFeatures, '~/partial_features', feature_window_from_msg)
-    bench.bring_up()
-    bench.events.publish(TRIAL[1])
-    bench.send_blocks(0, 300)
-    bench.spin_until(lambda: len(partial) == 2)
-    assert [(w.partial, w.sample_count) for w in partial] == [(True, 60), (True, 120)]
-    assert not bench.windows
-    bench.events.publish(TRIAL[2])
-    bench.send_blocks(300, 200)
-    bench.spin_until(lambda: bench.windows)
-    assert bench.windows == compute_expected()[:1]
-    assert len(partial) == 2
 
 
 def test_publishes_the_phases_that_it_finds_itself(make_bench):
@@ -290,54 +277,38 @@ def test_parameters_that_cannot_work_are_refused(make_bench):
     assert not bench.node.bring_up()
 
 
-def listen(bench):
-    """Return what a node says after it was configured: its specifications and its health."""
-    announced = bench.hear(
-        FeatureSpecifications, '~/specifications', specifications_from_msg, LATEST
-    )
-    health = bench.hear(DiagnosticArray, '/diagnostics', lambda msg: msg.status[0], 10)
-    bench.spin_until(lambda: announced and health)
-    return announced[-1], health[-1]
-
-
-def test_the_specifications_are_there_for_who_comes_late_to_an_inactive_node(make_bench):
-    bench = make_bench(texture_samples=120, partial_samples=[60])
-    bench.node.trigger_configure()
-    announced, _ = listen(bench)
-    config = FeatureConfig(texture_samples=120, partial_samples=(60,))
-    assert announced.wanted == TrialFeatureExtractor(config).wanted
-    assert FeatureConfig(**announced.config) == config
-    assert announced.stamp_ns > 0
-
-
-def test_the_models_decide_and_a_broken_file_is_named(
+def test_the_models_decide_and_an_inactive_node_says_so_to_who_comes_late(
     make_bench, make_model_file, tmp_path, capfd
 ):
     make_model_file(tmp_path / 'a.onnx', FULL)
     make_model_file(tmp_path / 'b.onnx', SHORT)
     make_model_file(tmp_path / 'c.onnx', SHORT, 'abduction')
-    (tmp_path / 'broken.onnx').write_bytes(b'hello')
+    broken = tmp_path / 'broken.onnx'
+    broken.write_bytes(b'hello')
     bench = make_bench(
         models=str(tmp_path), contact='flexion', texture_samples=240, samples_timeout_s=2.0
     )
-    assert bench.node.bring_up()
-    announced, health = listen(bench)
+    assert bench.node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    announced = bench.hear(
+        FeatureSpecifications, '~/specifications', specifications_from_msg, LATEST
+    )
+    health = bench.hear(DiagnosticArray, '/diagnostics', lambda msg: msg.status[0], 10)
+    bench.spin_until(lambda: announced and health)
+    (announced,) = announced
     hold = WantedFeatures(spec_for('stiffness', FeatureConfig()))
     assert announced.wanted == (FULL, SHORT, hold)
+    assert announced.stamp_ns > 0
     # A replay takes what was announced, and nothing else.
     config = FeatureConfig(**json.loads(json.dumps(announced.config)))
+    assert config == FeatureConfig(texture_samples=240, samples_timeout_s=2.0)
     again = TrialFeatureExtractor(config, announced.wanted)
     assert (again.config, again.wanted) == (bench.node.extractor.config, announced.wanted)
-    assert config.samples_timeout_s == 2.0
-    assert dataclasses.replace(config, texture_samples=180, samples_timeout_s=5.0) == (
-        FeatureConfig()
-    )
     log = capfd.readouterr().err
-    assert f'model {tmp_path / "broken.onnx"} is refused' in log
+    assert f'model {broken} is refused' in log
     assert 'the models decide: texture_samples 180 and 90 (not 240)' in log
-    assert health.level == DiagnosticStatus.WARN
-    assert str(tmp_path / 'broken.onnx') in health.message
-    values = {pair.key: pair.value for pair in health.values}
+    assert health[-1].level == DiagnosticStatus.WARN
+    assert str(broken) in health[-1].message
+    values = {pair.key: pair.value for pair in health[-1].values}
     assert (values['refused model files'], values['specifications']) == ('1', '3')
 
 
