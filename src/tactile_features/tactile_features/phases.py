@@ -12,8 +12,7 @@ often and how exactly they are found: docs/phases.md.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from enum import Enum
+from collections.abc import Callable, Iterator
 import math
 from typing import NamedTuple
 
@@ -243,14 +242,6 @@ class ReducedSignal:
         return first + locate_bend(elapsed_s, np.array(self.tension_n[first:last]))
 
 
-class _State(Enum):
-    LEARN = 'learn what rest is'
-    REST = 'rest'
-    RISE = 'rise'
-    HELD = 'held'
-    FALL = 'fall'
-
-
 class SignalPhases:
     """Samples in, the phases that begin in them out.
 
@@ -273,19 +264,13 @@ class SignalPhases:
         self._config = config
         self._is_simulated = False
         self._signal = ReducedSignal(config.rate_hz)
-        self._steps = {
-            _State.LEARN: self._learn,
-            _State.REST: self._rest,
-            _State.RISE: self._rise,
-            _State.HELD: self._hold,
-            _State.FALL: self._fall,
-        }
+        self._state: Callable[[], list[TrialEvent]]  # takes in one more mean
         self.reset()
         self._is_settled = False
 
     def abort(self, message: str) -> list[TrialEvent]:
         """Forget everything; return the end of the trial that was under way, if any."""
-        is_silent = self._state in (_State.LEARN, _State.REST) or not self._is_settled
+        is_silent = self._is_at_rest or not self._is_settled
         events = (
             [] if is_silent else [self._event(PHASE_ABORTED, self._signal.stamp_ns[-1], message)]
         )
@@ -309,19 +294,22 @@ class SignalPhases:
         return events
 
     def _add(self, samples: Samples, is_simulated: bool) -> list[TrialEvent]:
-        is_at_rest = self._state in (_State.LEARN, _State.REST)
-        self._is_simulated = is_simulated or (self._is_simulated and not is_at_rest)
+        self._is_simulated = is_simulated or (self._is_simulated and not self._is_at_rest)
         events: list[TrialEvent] = []
         if self._signal.group < 0:
             self._is_settled |= bool(samples['sequence'][0] == 0)
         for _ in self._signal.add(samples):
             was_settled = self._is_settled
-            new = self._steps[self._state]()
+            new = self._state()
             events += new if was_settled else []
         return events
 
+    @property
+    def _is_at_rest(self) -> bool:
+        return self._state in (self._learn, self._rest)
+
     def _start_learning(self) -> None:
-        self._state = _State.LEARN
+        self._state = self._learn
         self._signal.forget()
 
     def _learn(self) -> list[TrialEvent]:
@@ -332,7 +320,7 @@ class SignalPhases:
         third = _REST_LEARN // 3
         moved_n = abs(float(np.median(some[-third:]) - np.median(some[:third])))
         if moved_n < self._threshold_n / 2:
-            self._state = _State.REST
+            self._state = self._rest
             self._off_count = self._rest_count = 0
         return []
 
@@ -372,7 +360,7 @@ class SignalPhases:
         return [self._event(PHASE_CONTACT, self._signal.stamp_ns[at])]
 
     def _start_rise(self) -> None:
-        self._state = _State.RISE
+        self._state = self._rise
         self._steepest_n_s = 0.0
         self._flat_count = self._off_count = 0
 
@@ -389,7 +377,7 @@ class SignalPhases:
         steep = np.flatnonzero(slopes[steepest:] > _BEND_SHARE * slopes[steepest])
         last_steep = steepest + (int(steep[-1]) if len(steep) else 0)
         at = self._signal.locate_bend(last_steep + 1 + SLOPE_STEPS // 2)
-        self._state = _State.HELD
+        self._state = self._hold
         self._held_ns = self._signal.stamp_ns[at]
         self._level_n = max(self._signal.tension_n[at] - self._rest_n, self._threshold_n)
         self._glide_ns: int | None = None
@@ -448,7 +436,7 @@ class SignalPhases:
         gentle = np.flatnonzero(slopes[:steepest] > _BEND_SHARE * self._steepest_n_s)
         near = int(gentle[-1]) if len(gentle) else steepest
         at = self._signal.locate_bend(near + 1 + SLOPE_STEPS // 2)
-        self._state = _State.FALL
+        self._state = self._fall
         if self._config.phases == PROTOCOL_TEXTURE and not self._has_glide:
             message = 'no glide was found between contact and release'
             return [self._event(PHASE_ABORTED, self._signal.stamp_ns[at], message)]

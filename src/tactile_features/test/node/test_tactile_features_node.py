@@ -220,7 +220,7 @@ def test_listens_when_configured_speaks_when_active_and_lets_go_at_cleanup(
     bench = make_bench()
     assert bench.node.trigger_configure() == TransitionCallbackReturn.SUCCESS
     bench.wait_for_match()
-    for msg in (*TRIAL, event(13.0, 'hold', 't2'), event(15.0, 'done', 't2')):
+    for msg in (*TRIAL, event(13.0, 'hold', 't2'), event(17.0, 'done', 't2')):
         bench.events.publish(msg)
     bench.send_blocks(0, 500)
     bench.spin_until(lambda: bench.node.extractor.event_count == 6)
