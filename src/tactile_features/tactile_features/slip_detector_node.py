@@ -19,7 +19,6 @@ from tactile_features.slip import SlipConfig, SlipDetector, SMALLEST_RATE_HZ
 from tactile_msgs.msg import Slip, StrainBlock
 from tactile_msgs.msg import TrialEvent as TrialEventMsg
 from tactile_ros.health import Diagnostics, Health, OK, WARN
-from tactile_ros.node_group import run_node
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 from tactile_ros.stages import Stage, StageNode
 from tactile_ros.strain import StrainBlock as StrainRecord
@@ -119,8 +118,3 @@ class SlipDetectorNode(StageNode):
     def add_event(self) -> Callable[[TrialEvent], None]:
         """The input for events that the features of this process have found."""
         return self.input(EVENT_TOPICS[1], lambda stage, event: stage.add_event(event))
-
-
-def main() -> int:
-    """Run the node."""
-    return run_node(SlipDetectorNode)

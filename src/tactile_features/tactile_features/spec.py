@@ -65,7 +65,10 @@ class FeatureSpec:
         Canonical: keys in order, no spaces, ASCII, each number as the shortest text of its
         double. So it is the same on every platform, and for 60 as for 60.0.
         """
-        parameters = {name: _plain(value) for name, value in self.parameters.items()}
+        parameters = {  # the sum takes the sign from a zero
+            name: value if isinstance(value, str) else float(value) + 0.0
+            for name, value in self.parameters.items()
+        }
         values = {**self.to_dict(), 'parameters': parameters}
         text = json.dumps(values, sort_keys=True, separators=(',', ':'), ensure_ascii=True)
         return hashlib.sha256(text.encode()).hexdigest()[:_DIGEST_DIGITS]
@@ -238,11 +241,6 @@ class FeatureSpecifications:
     def specs(self) -> tuple[FeatureSpec, ...]:
         """The specifications without their partial windows."""
         return tuple(each.spec for each in self.wanted)
-
-
-def _plain(value: float | str) -> float | str:
-    # The sum takes the sign from a zero.
-    return value if isinstance(value, str) else float(value) + 0.0
 
 
 def _describe(

@@ -27,7 +27,6 @@ from tactile_msgs.msg import FeatureSpecifications as FeatureSpecificationsMsg
 from tactile_msgs.msg import StrainBlock, TactileFeatures
 from tactile_msgs.msg import TrialEvent as TrialEventMsg
 from tactile_ros.health import Diagnostics, Health, OK, WARN
-from tactile_ros.node_group import run_node
 from tactile_ros.qos import EVENTS, LATEST, RESULTS, STREAM
 from tactile_ros.stages import ignore, RecordPublisher, Stage, StageNode
 from tactile_ros.strain import StrainBlock as StrainRecord
@@ -208,8 +207,3 @@ class TactileFeaturesNode(StageNode):
     def add_block(self) -> Callable[[StrainRecord], None]:
         """The input for blocks of the sensor of this process."""
         return self.input(STRAIN_TOPIC, lambda stage, block: stage.add_block(check_record(block)))
-
-
-def main() -> int:
-    """Run the node."""
-    return run_node(TactileFeaturesNode)

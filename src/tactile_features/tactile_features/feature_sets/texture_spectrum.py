@@ -38,7 +38,10 @@ class TextureSpectrum(FeatureSet):
     count_field = 'texture_samples'
 
     def describe(self, sample_count: int, rate_hz: float) -> tuple[Feature, ...]:
-        return tuple(Feature(name, 'N') for name in spectrum_names(sample_count, rate_hz))
+        return tuple(
+            Feature(f'tension__spectrum__hz_{k * rate_hz / sample_count:.3f}', 'N')
+            for k in range(sample_count // 2 + 1)
+        )
 
     def compute(self, samples: WindowSamples) -> FloatArray:
         config = self.config
@@ -47,14 +50,6 @@ class TextureSpectrum(FeatureSet):
     def compute_part(self, samples: WindowSamples, sample_count: int) -> FloatArray:
         options = self.config.spectrum_detrend, self.config.spectrum_window
         return compute_spectrum(samples.tension_n, *options, sample_count)
-
-
-def spectrum_names(sample_count: int, rate_hz: float) -> tuple[str, ...]:
-    """Return the names of the components of a window, such as ``tension__spectrum__hz_0.333``."""
-    return tuple(
-        f'tension__spectrum__hz_{k * rate_hz / sample_count:.3f}'
-        for k in range(sample_count // 2 + 1)
-    )
 
 
 def compute_spectrum(
