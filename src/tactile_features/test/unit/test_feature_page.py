@@ -340,7 +340,8 @@ def test_a_constant_has_no_spectrum(value, n):
 def test_a_line_under_any_offset_has_no_spectrum_once_it_is_taken_off(offset, slope):
     x = offset + slope * np.arange(180)
     rounding = np.spacing(abs(offset) + 180 * slope)
-    assert compute_spectrum(x, 'linear').max() <= rounding
+    # Where the line is exact, a second pass leaves less than one would.
+    assert compute_spectrum(x, 'linear').max() <= (rounding if offset else rounding / 4)
     assert compute_spectrum(x, 'mean').max() >= 20 * slope - rounding
 
 
