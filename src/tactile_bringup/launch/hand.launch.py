@@ -12,6 +12,7 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from tactile_bringup.launch_config.graph import (
     DEVICES,
     ModelChoice,
+    Ports,
     recorder_parameters,
     sensor_parameters,
 )
@@ -109,8 +110,8 @@ def launch_setup(context):
     places = place_fingers(fingers, file, hand, arguments['sensor_port'])
     simulated = arguments['rig'] == 'simulated'
     common = arguments.of_every_node
-    rigs, nodes, recorders = [], [], []
-    for index, (finger, namespace) in enumerate(zip(fingers, places, strict=True)):
+    links, nodes, recorders = [], [], []
+    for finger, namespace in zip(fingers, places, strict=True):
         process = {'namespace': namespace, **arguments.process}
         stated = {
             name: file.of(name, namespace)
@@ -134,8 +135,8 @@ def launch_setup(context):
         port, topic = arguments['sensor_port'], arguments['sensor_topic']
         is_stated = {'port', 'sensor'} & stated['tendon_sensor'].keys()
         if simulated and not (port or topic or is_stated):
-            rigs.append(SimulatedRig(arguments.scratch / f'rig_{finger or "finger"}', index + 1))
-            port = rigs[-1].ports.sensor
+            links.append(arguments.scratch / f'rig_{finger or "finger"}')
+            port = Ports.in_folder(links[-1]).sensor
         sensor = sensor_parameters(stated, models, port=port, topic=topic, simulated=simulated)
 
         # -- the nodes -------------------------------------------------------------------------
@@ -208,7 +209,8 @@ def launch_setup(context):
     refuse_shared_ports(node.description for node in nodes)
     processes = arguments['processes']
     together = in_processes(nodes, processes, arguments)
-    return start(arguments, rigs, [*together, *in_processes(recorders, processes, arguments)])
+    rig = SimulatedRig(links) if links else None
+    return start(arguments, rig, [*together, *in_processes(recorders, processes, arguments)])
 
 
 def generate_launch_description():

@@ -105,7 +105,7 @@ def launch_setup(context):
         parameters=[file, player_parameters(path, rate, arguments['namespace'])],
         **{**process, 'respawn': False},
     )
-    return start(arguments, [], [*nodes, player], ends_with=player)
+    return start(arguments, None, [*nodes, player], ends_with=player)
 
 
 def generate_launch_description():

@@ -14,6 +14,7 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from tactile_bringup.launch_config.graph import (
     ModelChoice,
     NO_PORT,
+    Ports,
     recorder_parameters,
     sensor_parameters,
 )
@@ -118,13 +119,15 @@ def launch_setup(context):
     given = [name for name, port in ports.items() if port and port != NO_PORT]
     missing = [f'{name}_port' for name in ('guide', 'tendon') if not ports[name]]
     missing += [] if has_sensor else ['sensor_port']
-    rigs = []
+    rig = None
     if simulated and not given:
         touched = arguments['object'] or {'texture': 'R1', 'stiffness': 'rubber_shell'}[protocol]
-        rigs.append(SimulatedRig(arguments.scratch / 'rig', 1, (protocol, touched, contact)))
-        ports['guide'], ports['tendon'] = rigs[0].ports.guide, rigs[0].ports.tendon
+        links = arguments.scratch / 'rig'
+        rig = SimulatedRig([links], (protocol, touched, contact))
+        of_rig = Ports.in_folder(links)
+        ports['guide'], ports['tendon'] = of_rig.guide, of_rig.tendon
         if not has_sensor:
-            ports['sensor'] = rigs[0].ports.sensor
+            ports['sensor'] = of_rig.sensor
     elif simulated and missing:
         raise TactileError(
             f'name all ports of a simulated rig that runs already, also {", ".join(missing)}; '
@@ -222,7 +225,7 @@ def launch_setup(context):
             )
         )
     refuse_shared_ports(node.description for node in nodes)
-    return start(arguments, rigs, nodes)
+    return start(arguments, rig, nodes)
 
 
 def generate_launch_description():

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import contextlib
 import json
 import os
@@ -37,8 +38,9 @@ class SimulatedRig:
     """A running simulated rig; a context manager.
 
     ``seed``: of variations and noise. ``links``: directory for the ports, symbolic links named
-    guide, tendon and sensor; default: a new one. ``description``: folder of descriptions that are
-    laid over the packaged ones, see `Catalogue`.
+    guide, tendon and sensor; default: a new one. Of several, each gets a rig, with the next seed;
+    these take no requests. ``description``: folder of descriptions that are laid over the packaged
+    ones, see `Catalogue`.
 
     Raises `RigError`: the process does not start, or refuses the description.
     """
@@ -46,12 +48,13 @@ class SimulatedRig:
     def __init__(
         self,
         seed: int = 0,
-        links: str | Path | None = None,
+        links: str | Path | Sequence[str | Path] | None = None,
         description: str | Path | None = None,
     ) -> None:
         command = [sys.executable, '-m', 'tactile_sim.rig_server', '--seed', str(seed)]
-        if links is not None:
-            command += ['--links', str(links)]
+        folders = [links] if isinstance(links, (str, Path)) else links
+        if folders is not None:
+            command += ['--links', *map(str, folders)]
         if description is not None:
             command += ['--description', str(description)]
         self._complaints = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
@@ -69,7 +72,9 @@ class SimulatedRig:
         self._catalogue: Catalogue | None = None
         self._own_folder: Path | None = None
         try:
-            self.ports = RigPorts(**self._read_answer(_START_S))
+            self.ports, *_ = [
+                RigPorts(**self._read_answer(_START_S)) for _ in folders or ['a new one']
+            ]
             if links is None:
                 self._own_folder = Path(self.ports.guide).parent
         except BaseException:

@@ -6,7 +6,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 import json
 import math
 import os
@@ -34,8 +35,8 @@ _USAGE = (
 def main() -> int:
     """Serve until the end of standard input, SIGINT or SIGTERM.
 
-    Prints the ports as one line of JSON when ready. Understands the lines of JSON that `_USAGE`
-    has; for faults see `tactile_sim.devices.faults`.
+    Prints the ports as one line of JSON when ready, of several rigs one line each. A single rig
+    understands the lines of JSON that `_USAGE` has; for faults see `tactile_sim.devices.faults`.
     """
     parser = argparse.ArgumentParser(
         prog='tactile_sim_rig', description='Serve a simulated palpation rig on pseudo-terminals.'
@@ -44,8 +45,11 @@ def main() -> int:
     parser.add_argument(
         '--links',
         type=Path,
-        help='directory for the ports, symbolic links named guide, tendon and sensor; '
-        'default: a new one',
+        nargs='+',
+        default=[None],
+        metavar='DIR',
+        help='directory for the ports, symbolic links named guide, tendon and sensor; of several '
+        'each gets a rig, with the next seed. Default: a new one',
     )
     parser.add_argument(
         '--description',
@@ -73,22 +77,24 @@ def main() -> int:
     ending = _Ending(arguments.linger)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, ending.on_signal)
-    server = None
+    servers: list[PtyServer] = []
     try:
-        rig = PalpationRig(arguments.seed, catalogue=Catalogue(arguments.description))
-        if arguments.mount:
-            rig.mount(*arguments.mount)
-        server = PtyServer(rig, arguments.links, arguments.seed)
-        server.start()
-        _say(server.ports)
-        for line in _read_lines(server, ending):
-            _say(_answer(server, line))
+        catalogue = Catalogue(arguments.description)
+        with ExitStack() as stack:
+            for seed, links in enumerate(arguments.links, arguments.seed):
+                rig = PalpationRig(seed, catalogue=catalogue)
+                if arguments.mount:
+                    rig.mount(*arguments.mount)
+                servers.append(PtyServer(rig, links, seed))
+                stack.callback(servers[-1].close)
+                servers[-1].start()
+            for server in servers:
+                _say(server.ports)
+            for line in _read_lines(servers, ending):
+                _say(_answer(servers, line))
     except TactileSimError as error:
         sys.stderr.write(f'tactile_sim_rig: {error}\n')
         return 1
-    finally:
-        if server is not None:
-            server.close()
     return 0
 
 
@@ -118,12 +124,13 @@ def _say(message: object) -> None:
     sys.stdout.flush()
 
 
-def _read_lines(server: PtyServer, ending: _Ending) -> Iterator[bytes]:
-    """Lines of standard input; RigError if the server's thread dies."""
+def _read_lines(servers: Sequence[PtyServer], ending: _Ending) -> Iterator[bytes]:
+    """Lines of standard input; RigError if a server's thread dies."""
     pending = b''
     while not ending.is_due:
-        if server.failure is not None:
-            raise RigError(f'the simulation stopped: {server.failure}')
+        for failure in (server.failure for server in servers):
+            if failure is not None:
+                raise RigError(f'the simulation stopped: {failure}')
         if not select.select([0], [], [], _POLL_S)[0]:
             continue
         data = os.read(0, 4096)
@@ -133,7 +140,10 @@ def _read_lines(server: PtyServer, ending: _Ending) -> Iterator[bytes]:
         yield from (line for line in lines if line.strip())
 
 
-def _answer(server: PtyServer, line: bytes) -> dict[str, Any]:
+def _answer(servers: Sequence[PtyServer], line: bytes) -> dict[str, Any]:
+    if len(servers) > 1:
+        return {'error': f'{len(servers)} rigs take no requests; start one a process'}
+    (server,) = servers
     try:
         request = json.loads(line)
     except ValueError as error:

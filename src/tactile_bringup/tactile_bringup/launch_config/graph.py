@@ -75,6 +75,11 @@ class Ports:
     sensor: str
     sensor_topic: str = ''
 
+    @classmethod
+    def in_folder(cls, links: Path) -> Ports:
+        """Return the ports of a simulated rig whose links are in this folder."""
+        return cls(*(str(links / name) for name in ('guide', 'tendon', 'sensor')))
+
 
 @dataclass(frozen=True)
 class ModelChoice:

@@ -98,7 +98,7 @@ def hand_graph(
     *,
     sensor_port: str = '',
     sensor_topic: str = '',
-    simulate: Callable[[int, str], str] | None = None,
+    simulate: Callable[[str], str] | None = None,
     models: str = '',
     recalibrate: str | int = 0,
     phases: str = '',
@@ -116,8 +116,8 @@ def hand_graph(
     Parameters
     ----------
     simulate : callable, optional
-        The sensors are simulated. Called with number and name of each finger that is given no
-        port and no topic; returns the port of its simulated sensor.
+        The sensors are simulated. Called with the name of each finger that is given no port and
+        no topic; returns the port of its simulated sensor.
     phases : str
         Empty: as the file says.
     slip : bool
@@ -131,7 +131,7 @@ def hand_graph(
     """
     places = place_fingers(fingers, file, namespace, sensor_port)
     nodes: list[NodeDescription] = []
-    for number, (finger, place) in enumerate(zip(fingers, places, strict=True)):
+    for finger, place in zip(fingers, places, strict=True):
         stated = {
             name: file.of(name, place)
             for name in (SENSOR_NODE, FEATURES_NODE, SLIP_NODE, CLASSIFIER_NODE)
@@ -143,7 +143,7 @@ def hand_graph(
         port = sensor_port
         is_stated = {'port', 'sensor'} & stated[SENSOR_NODE].keys()
         if simulate is not None and not (port or sensor_topic or is_stated):
-            port = simulate(number, finger)
+            port = simulate(finger)
         default_port = str(DEVICES / (finger or 'sensor'))
         stated[SENSOR_NODE] = {'port': default_port, **stated[SENSOR_NODE]}
         if found != PHASES_STATED:

@@ -32,7 +32,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import ExecutableInPackage
 import yaml
 
-from tactile_bringup.launch_config.graph import NodeDescription, Ports
+from tactile_bringup.launch_config.graph import NodeDescription
 from tactile_bringup.launch_config.parameter_files import ParameterFile
 from tactile_ros.errors import TactileError
 
@@ -262,13 +262,14 @@ def _type_of(value: Any) -> Any:
 
 
 class SimulatedRig(ExecuteProcess):
-    """The simulated devices of a finger or a rig, behind serial ports.
+    """The simulated devices of a rig or of several fingers, behind serial ports.
 
-    Its ``ports`` are in the folder ``links``. ``mount`` is protocol, object and contact of what
-    lies under the finger; empty: nothing. Raises `TactileError` when nothing of this name can.
+    Each folder of ``links`` has the ports of one (`Ports.in_folder`). ``mount`` is protocol,
+    object and contact of what lies under the finger; empty: nothing. Raises `TactileError` when
+    nothing of this name can.
     """
 
-    def __init__(self, links: Path, seed: int, mount: tuple[str, ...] = ()) -> None:
+    def __init__(self, links: Sequence[Path], mount: tuple[str, ...] = ()) -> None:
         if mount:
             from tactile_sim.descriptions.catalogue import list_objects  # the simulator is needed
 
@@ -277,15 +278,14 @@ class SimulatedRig(ExecuteProcess):
                 raise TactileError(
                     f'object is "{mount[1]}"; for {mount[0]} there are {", ".join(known)}'
                 )
-        self.ports = Ports(*(str(links / name) for name in ('guide', 'tendon', 'sensor')))
         super().__init__(
             cmd=[
                 ExecutableInPackage(package='tactile_sim', executable='tactile_sim_rig'),
-                *('--links', str(links), '--seed', str(seed)),
+                *('--seed', '1', '--links', *map(str, links)),
                 *('--linger', str(RIG_LINGERS_S if mount else 0.0)),
                 *(('--mount', *mount) if mount else ()),
             ],
-            name=links.name,
+            name='simulated_rig',
             output='screen',
             sigterm_timeout=ENDS_WITHIN_S,
         )
@@ -293,11 +293,11 @@ class SimulatedRig(ExecuteProcess):
 
 def start(
     arguments: Arguments,
-    rigs: Sequence[SimulatedRig],
+    rig: SimulatedRig | None,
     nodes: Sequence[launch_ros.actions.Node],
     ends_with: launch_ros.actions.Node | None = None,
 ) -> list[Any]:
-    """Return the launch actions: simulated rigs first, then the nodes, then the end of all."""
+    """Return the launch actions: simulated rig first, then the nodes, then the end of all."""
     # It also keeps the scratch folder for as long as the launch goes on.
     clean_up = OnShutdown(on_shutdown=lambda *_: arguments.clean_up())
     actions: list[Any] = [RegisterEventHandler(clean_up)]
@@ -306,16 +306,18 @@ def start(
             period=AFTER_END_S, actions=[EmitEvent(event=Shutdown(reason='the end was reached'))]
         )
         actions.append(RegisterEventHandler(OnProcessExit(target_action=ends_with, on_exit=end)))
-    waiting = set(rigs)
+    if rig is None:
+        return [*actions, *nodes]
+    waiting = list(nodes)
 
-    def on_output(rig: SimulatedRig) -> list[Any] | None:
-        """Start the nodes with the first line of the last rig: its ports are there."""
-        if rig not in waiting:
-            return None
-        waiting.discard(rig)
-        return None if waiting else list(nodes)
+    def on_output(_: Any) -> list[Any] | None:
+        """Start the nodes with the rig's first line: its ports are there."""
+        started = list(waiting)
+        waiting.clear()
+        return started or None
 
-    for rig in rigs:
-        handler = OnProcessIO(target_action=rig, on_stdout=lambda _, rig=rig: on_output(rig))
-        actions += [RegisterEventHandler(handler), rig]
-    return actions if rigs else [*actions, *nodes]
+    return [
+        *actions,
+        RegisterEventHandler(OnProcessIO(target_action=rig, on_stdout=on_output)),
+        rig,
+    ]

@@ -109,6 +109,7 @@ def run_fingers(
     """
     import tempfile
 
+    from tactile_bringup.launch_config.graph import Ports
     from tactile_bringup.launch_config.hand import find_fingers, hand_graph
     from tactile_bringup.launch_config.parameter_files import ParameterFile
     from tactile_lab.running import run_nodes
@@ -122,9 +123,11 @@ def run_fingers(
     with ExitStack() as stack:
         scratch = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix='tactile_')))
 
-        def simulate(number: int, finger: str) -> str:
-            links = scratch / f'rig_{finger or "finger"}'
-            return str(stack.enter_context(SimulatedRig(number + 1, links)).ports.sensor)
+        links: list[Path] = []
+
+        def simulate(finger: str) -> str:
+            links.append(scratch / f'rig_{finger or "finger"}')
+            return Ports.in_folder(links[-1]).sensor
 
         nodes = hand_graph(
             names,
@@ -134,4 +137,6 @@ def run_fingers(
             models=str(models or ''),
             **choices,
         )
+        if links:
+            stack.enter_context(SimulatedRig(1, links))
         run_nodes(nodes, 'sensor nodes', watch=watch, quiet=quiet, simulated=simulated)
