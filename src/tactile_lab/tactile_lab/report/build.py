@@ -50,12 +50,9 @@ def report_path(path: Path) -> Path:
 
 
 def build_page(
-    results: Sequence[SetResult],
-    sources: Sequence[Source],
-    settings: Mapping[str, str],
-    versions: Mapping[str, str] | None = None,
+    results: Sequence[SetResult], sources: Sequence[Source], settings: Mapping[str, str]
 ) -> str:
-    """Return the report as HTML; the numbers depend on settings and versions of libraries.
+    """Return the report as HTML. It states the settings, and the versions of libraries.
 
     The templates escape all text. They call the functions of this package that make texts and
     figures of results.
@@ -83,7 +80,7 @@ def build_page(
         results=results,
         sources=sources,
         settings=settings,
-        versions=find_versions() if versions is None else versions,
+        versions=find_versions(),
         contents=[],
     )
 

@@ -102,7 +102,7 @@ def test_a_report_compares_the_paper_s_features_whatever_else_it_shows(archive):
         'spectrum_detrend': 'linear',
         'spectrum_window': 'none',
     }
-    page = build_page([found], [], {}, {})
+    page = build_page([found], [], {})
     assert 'features: texture_spectrum, spectrum_detrend linear, spectrum_window none' in page
     assert 'so do the texture features of this comparison' in page
     # The comparison is made with the mean alone.

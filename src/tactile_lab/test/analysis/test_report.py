@@ -88,7 +88,7 @@ def textures():
 
 @pytest.fixture(scope='module')
 def page(textures):
-    return build_page([textures], [], {'folds': '3'}, {'python': '3'})
+    return build_page([textures], [], {'folds': '3'})
 
 
 class LinkCollector(html.parser.HTMLParser):
@@ -273,7 +273,7 @@ def test_papers_statements_stand_beside_the_papers_labels_alone(easy_holds, page
     result = with_table(easy_holds, labels=labels)
     tied = dataclasses.replace(result.plain, warnings=('labels and sessions coincide',))
     result = dataclasses.replace(result, evaluations=(tied,), not_done=('no session is left',))
-    other = build_page([result], [], {}, {})
+    other = build_page([result], [], {})
     for text in ('Comparison with the paper', *tied.warnings, *result.not_done):
         assert text in other
 

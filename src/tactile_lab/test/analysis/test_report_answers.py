@@ -62,7 +62,7 @@ def answered(simulate_bag):
         sets = make_sets(features, answers=True)
     options = {'folds': 2, 'repetitions': 1, 'details': False}
     results = analyse(sets, **options, random_state=0, jobs=1)
-    return results, build_page(results, [], {}, {})
+    return results, build_page(results, [], {})
 
 
 def test_unknown_twin_is_missed_and_a_far_label_is_not():

@@ -30,7 +30,7 @@ def browser(tmp_path_factory):
     recordings = RecordingSet('stiffness', '', True, table, (('session_id',),), 'N')
     results = analyse([recordings], folds=2, repetitions=1, random_state=0, jobs=1)
     file = tmp_path_factory.mktemp('report') / 'report.html'
-    file.write_text(build_page(results, [], {'folds': '2'}, {}), encoding='utf-8')
+    file.write_text(build_page(results, [], {'folds': '2'}), encoding='utf-8')
     with Chromium() as browser:
         browser.open(file.as_uri())
         assert browser.console == []
