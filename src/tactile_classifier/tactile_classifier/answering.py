@@ -46,12 +46,11 @@ class LiveRecalibration:
     stays until a window states another ``session_id``. The answers are those of the file that
     `recalibrate` would write for the same trials, to the last bit.
 
-    Full windows and each length of partial windows count by themselves, because they arrive
-    on topics of their own. So the answers depend on the order of each topic alone, and a replay
-    repeats them. The model and its file stay as they are.
+    Full windows and each length of partial windows count by themselves: they have topics of their
+    own, and a replay repeats the order of each topic alone.
 
-    With 0 ``trials`` to wait for, the model answers as it is. Raises ModelFileError when it cannot
-    be recalibrated, or there are fewer than `TRIALS`.
+    With 0 ``trials`` the model answers as it is. Raises ModelFileError when it cannot be
+    recalibrated, or there are fewer than `TRIALS`.
     """
 
     def __init__(self, model: TactileModel, trials: int) -> None:
@@ -176,11 +175,7 @@ class ModelSet:
         )
 
     def set_specifications(self, specs: Iterable[FeatureSpec]) -> None:
-        """Take in the specifications of the windows to come, as the feature node announces them.
-
-        A model of ready-cut windows does not state how they were cut: it answers the windows of
-        each announced specification that does not contradict its own.
-        """
+        """Take in the specifications that the feature node announces for the windows to come."""
         announced = tuple(specs)
         self._digests = frozenset(spec.digest for spec in announced)
         for model in self.models:
@@ -223,29 +218,21 @@ def _info_of(model: TactileModel, recalibration_trials: int, contact: str) -> Mo
 class Answering:
     """Answers windows by a `ModelSet`, counts them and notes what people want to know.
 
-    Attributes
-    ----------
-    seen_count, ignored_count : int
-        Full windows that came in; those that no model answers: of another feature set, contact or
-        specification.
-    published_count, partial_count : int
-        Answers on full and on partial windows.
-    refused_count : int
-        Windows, partial ones too, whose features are of another specification than the model
-        that answers them with the reason.
-    is_told : bool
-        The specifications of the feature node have been announced.
-    mismatch : str
-        That reason of the last window; empty where it fitted.
+    ``counts`` are by name, as in the diagnostics; windows for others are full windows that no
+    model answers. ``mismatch`` says why the features of the last window are of another
+    specification than its model's; empty where they are not. ``is_told``: the specifications of
+    the feature node have been announced.
     """
 
     def __init__(self, models: ModelSet) -> None:
         self.models = models
-        self.seen_count = 0
-        self.ignored_count = 0
-        self.published_count = 0
-        self.partial_count = 0
-        self.refused_count = 0
+        self.counts = {
+            'windows': 0,
+            'answers': 0,
+            'windows for others': 0,
+            'windows of another specification': 0,
+            'answers on partial windows': 0,
+        }
         self.is_told = False
         self.mismatch = ''
         self._by_id = {model.model_id: model for model in models.models}
@@ -263,15 +250,15 @@ class Answering:
         """Return the answers on a window."""
         results = self.models.classify(window)
         if window.partial:
-            self.partial_count += len(results)
+            self.counts['answers on partial windows'] += len(results)
         else:
-            self.seen_count += 1
-            self.ignored_count += not results
-            self.published_count += len(results)
+            self.counts['windows'] += 1
+            self.counts['windows for others'] += not results
+            self.counts['answers'] += len(results)
         if results:
             reasons = [self._by_id[each.model_id].format_mismatch(window) for each in results]
             self.mismatch = next(filter(None, reasons), '')
-            self.refused_count += bool(self.mismatch)
+            self.counts['windows of another specification'] += bool(self.mismatch)
         for result in results:
             self._note(result, window)
         return results
@@ -284,11 +271,7 @@ class Answering:
     def values(self) -> dict[str, object]:
         """Return the counts by name, for diagnostics."""
         return {
-            'windows': self.seen_count,
-            'answers': self.published_count,
-            'windows for others': self.ignored_count,
-            'windows of another specification': self.refused_count,
-            'answers on partial windows': self.partial_count,
+            **self.counts,
             'recalibrated with trials': max(self._recalibrated.values(), default=0),
             'models': len(self.models.models),
             'refused model files': len(self.models.refused),

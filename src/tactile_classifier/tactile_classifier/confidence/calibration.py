@@ -49,9 +49,8 @@ Indices = npt.NDArray[np.intp]
 class GroupFolds:
     """Folds of whole groups, such as sessions, of repeats or of single trials; held out in turn.
 
-    ``split`` names them in words. ``fold`` is the fold that each trial is held out with, and
-    ``session`` the group of each trial, shapes (trials,); None when folds are of repeats or of
-    single trials.
+    ``split`` names them in words. ``fold`` is that of each trial, and ``session`` its group,
+    shapes (trials,); None when folds are of repeats or of single trials.
     """
 
     split: str
@@ -72,11 +71,11 @@ class GroupFolds:
 def make_group_folds(table: FeatureTable, columns: Sequence[str] = ('session_id',)) -> GroupFolds:
     """Return folds of whole groups where each label comes in two groups or more, else of trials.
 
-    Trials that agree in all columns are one group; columns that the table does not have do not
-    count; no columns: single trials. The groups of each label are spread over the folds, so that a
-    model fitted on the other folds knows every label of the one that is held out. Trials without
-    groups are near copies where conditions were repeated (`find_cells`): the trials of a condition
-    stay in one fold. Raises TooFewTrialsError when a label has one trial only.
+    Trials that agree in all columns are one group; columns that the table lacks do not count; no
+    columns: single trials. The groups of each label are spread over the folds, so that a model
+    fitted on the other folds knows every label of the one that is held out. Trials without groups
+    are near copies where conditions were repeated (`find_cells`): those of a condition stay in one
+    fold. Raises TooFewTrialsError when a label has one trial only.
     """
     labels, codes, counts = np.unique(table.labels, return_inverse=True, return_counts=True)
     if (folds := _hold_groups_out(table, codes, columns)) is not None:
@@ -97,10 +96,7 @@ def make_group_folds(table: FeatureTable, columns: Sequence[str] = ('session_id'
 def _hold_groups_out(
     table: FeatureTable, codes: Indices, columns: Sequence[str]
 ) -> GroupFolds | None:
-    """Return folds of whole groups; None where all trials of a label are in one group.
-
-    ``codes`` are the labels of the trials, shape (trials,).
-    """
+    """Return folds of whole groups; None where all trials of a label, by ``codes``, are in one."""
     group: Indices = np.zeros(len(table), dtype=np.intp)
     for column in columns:
         if column in table.columns:
@@ -120,9 +116,9 @@ def _hold_groups_out(
 def _spread(contains: npt.NDArray[np.bool_]) -> Indices:
     """Return the fold of each group, so that no label has all its groups in one fold.
 
-    Groups are assigned one by one, those with the most labels first, each to the fold that has the
-    fewest groups of its labels. Groups of the same labels are assigned in turn. ``contains``,
-    shape (groups, labels), has each label in two groups or more.
+    Groups are assigned one by one, those with the most labels first, each to the fold with the
+    fewest groups of its labels. ``contains``, shape (groups, labels), has each label in two groups
+    or more.
     """
     groups, labels = contains.shape
     folds = min(MAX_FOLDS, groups)
@@ -156,10 +152,7 @@ def score_held_out(
 def hold_out_scores(
     table: FeatureTable, classifier: str, scaling: str, fold: Indices
 ) -> tuple[Matrix, Indices]:
-    """Return raw scores by models that were fitted on the other folds, shape (trials, labels).
-
-    With them the column of each true label, shape (trials,).
-    """
+    """Return raw scores by models of the other folds, shape (trials, labels), and true columns."""
     classes, true = np.unique(table.labels, return_inverse=True)
     scores = np.zeros((len(table), len(classes)))
     for i in np.unique(fold):
@@ -191,10 +184,9 @@ def fit_novelty(
 ) -> tuple[NoveltyMeasure, Matrix, float]:
     """Return the measure fitted to all trials, the held-out novelties, and their threshold.
 
-    This is not split conformal prediction: each fold has a measure of its own, the one that is
-    returned is fitted to all, and the metric was chosen on the same trials. More references bring
-    the nearest closer, so that novelties of new trials are lower rather than higher. Raises
-    TooFewTrialsError when there are too few for the rate.
+    This is not split conformal prediction: each fold has a measure of its own, and the metric was
+    chosen on the same trials. The measure of all has more references, so that novelties of new
+    trials are lower rather than higher. Raises TooFewTrialsError when there are too few.
     """
     fold = folds.fold
     metric = choose_metric(table.values, table.labels, fold)
@@ -208,7 +200,7 @@ class UnlearnedLabels:
     """Rejection of labels that were left out of the training, one after another.
 
     ``auroc`` is the probability that a trial of such a label is more novel than one of a known
-    label, ``miss_rate`` the share of their trials below the threshold, which get a known name [1].
+    label, ``miss_rate`` the share of their trials that get a known name [1].
     """
 
     labels: int
@@ -221,8 +213,7 @@ def leave_labels_out(
 ) -> UnlearnedLabels | None:
     """Return what a model without one of the labels would make of it, for each label in turn.
 
-    The trials are those of a fold that is held out, too. None where fewer than two labels would
-    be left, or too few trials for the rate.
+    None where fewer than two labels would be left, or too few trials for the rate.
     """
     missed, areas = [], []
     labels = np.unique(table.labels)
@@ -264,8 +255,7 @@ class Calibration:
         """Return the map under which held-out labels are likeliest.
 
         Scores have shape (trials, labels); ``true`` are positions, shape (trials,). One imagined
-        miss among the trials, as in Platt's targets, keeps a classifier that made none from
-        claiming certainty.
+        miss, as in Platt's targets, keeps a classifier that made none from claiming certainty.
         """
         trials, labels = scores.shape
         doubt = 1.0 / (trials + 2.0)
@@ -297,8 +287,8 @@ class Calibration:
 def compute_calibration_error(probabilities: Matrix, true: Indices) -> float:
     """Return the expected calibration error of the answers [1].
 
-    Mean over the trials of the distance between the share of right answers and their mean
-    probability, in ten bins of equal width of that probability (Naeini et al. 2015). Probabilities
+    The distance between the share of right answers and their mean probability, in ten bins of
+    equal width of that probability, as a mean over the trials (Naeini et al. 2015). Probabilities
     have shape (trials, labels); ``true`` are positions, shape (trials,).
     """
     answer = probabilities.argmax(axis=1)
@@ -327,17 +317,10 @@ class CalibratedStage:
     """Calibration of one length of window by held-out trials.
 
     ``calibration`` is fitted to all held-out scores, ``novelty`` to all trials; the threshold
-    comes from ``held_out_novelty``, shape (trials,), by measures fitted on the other folds.
-
-    Attributes
-    ----------
-    error_before, error_after : float
-        Expected calibration error; after: of ``confidence`` [1].
-    confidence : ndarray of shape (trials,)
-        Probability of the answer, by a map that was fitted on the other folds; -1 where the
-        trial is rejected as unknown.
-    wrong : ndarray of bool, shape (trials,)
-        Whether the answer is not the label.
+    comes from ``held_out_novelty``, shape (trials,), by measures of the other folds. The errors
+    are expected calibration errors before and after calibration [1]. ``confidence``, shape
+    (trials,), is the probability of the answer by a map of the other folds, -1 where the trial is
+    rejected as unknown; ``wrong`` tells whether the answer is not the label.
     """
 
     calibration: Calibration

@@ -38,31 +38,21 @@ class NoveltyMeasure:
     """Distance to the nearest training trial times the relative distance to the nearest label.
 
     The distance to the nearest trial is divided by the median distance that trials of its label
-    have to the nearest of another fold of the training, such as another session. The second
-    factor is d / D: the Mahalanobis distance to the nearest label's mean, with one covariance
-    within labels, over that to the mean of all, with the covariance of all. Both covariances are
-    shrunk after Ledoit and Wolf.
+    have to the nearest of another fold of the training, such as another session. The second factor
+    is d / D: the Mahalanobis distance to the nearest label's mean, with one covariance within
+    labels, over that to the mean of all, with the covariance of all. Both covariances are shrunk
+    after Ledoit and Wolf.
 
-    The metric `RELATIVE` has the difference of the squares alone, r = (d^2 - D^2) / 2k (Ren et
-    al. 2021, "A simple fix to Mahalanobis distance", arXiv:2106.09022), as the positive
-    r + sqrt(1 + r^2).
+    The metric `RELATIVE` has the difference of the squares alone, r = (d^2 - D^2) / 2k (Ren et al.
+    2021, "A simple fix to Mahalanobis distance", arXiv:2106.09022), as the positive r + sqrt(1 +
+    r^2).
 
-    Attributes
-    ----------
-    centre : ndarray of shape (k,)
-        Mean of all training trials, in the features' units.
-    transform : ndarray of shape (k,) or (k, k)
-        From features to the space of the distance to trials, factors or a matrix; see `METRICS`.
-    references : ndarray of shape (trials, k)
-        The training trials in that space.
-    scale : ndarray of shape (trials,)
-        What the distance to each of them is divided by.
-    within, total : ndarray of shape (k, k)
-        From features to the spaces in which their covariance within labels, or of all, is one.
-    means : ndarray of shape (labels, k)
-        Means of the labels in the space of ``within``.
-    metric : str
-        One of `METRICS`.
+    ``centre``, shape (k,), is the mean of all trials, in the features' units. ``transform``,
+    factors (k,) or a matrix (k, k), leads to the space of the distance to trials, in which
+    ``references``, shape (trials, k), are the trials and ``scale`` what each distance is divided
+    by. ``within`` and ``total``, shape (k, k), lead to the spaces in which the covariance within
+    labels, or of all, is one; ``means`` are those of the labels in the first. ``metric`` is one of
+    `METRICS`.
     """
 
     centre: Matrix
@@ -85,9 +75,8 @@ class NoveltyMeasure:
     ) -> NoveltyMeasure:
         """Return the measure for training trials of shape (trials, k).
 
-        A feature that never varies within a label has no scale and does not count. ``fold`` is
-        that of each trial, such as its session, shape (trials,); ``metric`` one of `METRICS`.
-        ``spaces`` are fitted to the same trials, or to these and more.
+        A feature that never varies within a label does not count. ``fold`` is that of each trial,
+        such as its session. ``spaces`` are fitted to the same trials, or to these and more.
         """
         classes, owner = np.unique(labels, return_inverse=True)
         spaces = spaces or Spaces.fit(values, labels)
@@ -168,10 +157,9 @@ def _relate(to_label: Matrix, to_all: Matrix, features: int) -> Matrix:
 def choose_metric(values: Matrix, labels: npt.NDArray[np.str_], fold: Indices) -> str:
     """Return the metric that best tells trials of one label when it is left out.
 
-    On the training alone, given as in `NoveltyMeasure.fit`: folds are held out in turn, and in
-    each fold every label once has no training trials. The first of `METRICS` is kept unless
-    another has a larger area under the receiver operating characteristic, by more than one
-    standard error over the labels.
+    Folds of the training are held out in turn, and in each every label once has no training
+    trials. The first of `METRICS` is kept unless another has a larger area under the receiver
+    operating characteristic, by more than one standard error over the labels.
     """
     classes = np.unique(labels)
     is_small = values.shape[1] <= MOST_FEATURES
@@ -240,8 +228,7 @@ def _leave_labels_out(
 def compute_auroc(is_new: npt.NDArray[np.bool_], novelty: Matrix) -> float:
     """Return the area under the receiver operating characteristic [1].
 
-    This is the share of pairs in which the new trial has the higher novelty than the known
-    one; an equal pair counts half. There is at least one trial of both.
+    The share of pairs in which the new trial has the higher novelty; an equal pair counts half.
     """
     known, new = np.sort(novelty[~is_new]), novelty[is_new]
     ranks = np.searchsorted(known, new) + np.searchsorted(known, new, side='right')
@@ -249,10 +236,7 @@ def compute_auroc(is_new: npt.NDArray[np.bool_], novelty: Matrix) -> float:
 
 
 def _whiten(residuals: Matrix, scale: Matrix) -> Matrix:
-    """Return the matrix to the space in which the shrunk covariance of residuals is one.
-
-    Features with a scale of 0 do not count.
-    """
+    """Return the matrix to the space in which the shrunk covariance of residuals is one."""
     counts = scale > 0.0
     transform = np.zeros((len(scale), len(scale)))
     if counts.any():
@@ -273,10 +257,7 @@ def _squares(rows: Matrix, references: Matrix) -> Matrix:
 
 
 def _median_distance(references: Matrix, fold: Indices) -> float:
-    """Return the median distance to the nearest of another fold, or of all if there is one fold.
-
-    1 where all trials are the same.
-    """
+    """Return the median distance to the nearest of another fold, or of all; 1 of equal trials."""
     distance = np.sqrt(_squares(references, references))
     same = fold[:, np.newaxis] == fold
     distance[np.eye(len(fold), dtype=bool) if same.all() else same] = np.inf
@@ -298,9 +279,9 @@ SESSIONS_BEYOND = 0.1
 def rank_of_sessions(count: int) -> int:
     """Return which of the sorted values of so many sessions bounds a new session's.
 
-    A further session, exchangeable with them, has a value at most that one with probability
-    ``rank / (count + 1)``: 1 - `SESSIONS_BEYOND` where there are nine sessions or more, and
-    ``count / (count + 1)``, by the largest, where there are fewer.
+    A further session, exchangeable with them, has a value at most that one with probability ``rank
+    / (count + 1)``: 1 - `SESSIONS_BEYOND` of nine sessions or more, and by the largest ``count /
+    (count + 1)`` of fewer.
     """
     return min(count, math.ceil(round((count + 1) * (1.0 - SESSIONS_BEYOND), 9)))
 

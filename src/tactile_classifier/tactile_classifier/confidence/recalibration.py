@@ -35,10 +35,9 @@ Indices = npt.NDArray[np.intp]
 
 
 class Correction(NamedTuple):
-    """Correction of a session by its known trials.
+    """Offset of a session's features, shape (k,), and its threshold of novelty.
 
-    The offset, shape (k,), is taken off the features, in their units; the threshold of novelty
-    stands in place of the model's. ``trials`` counts the known trials behind them.
+    ``trials`` counts the known trials behind them.
     """
 
     offset: Matrix
@@ -50,19 +49,12 @@ class Correction(NamedTuple):
 class SessionStatistics:
     """Effects of sessions on features and novelty, and how far known trials mend them.
 
-    Attributes
-    ----------
-    means : ndarray of shape (labels, k)
-        Mean features of each label over the training, in the order of the labels.
-    share : ndarray of shape (k,)
-        Part of the mean deviation of `TRIALS` known trials from their labels' means that is taken
-        for the session's: its variance over that plus the variance of the mean (empirical
-        Bayes, one factor a feature) [1].
-    weight, centre : float
-        Weight of the known trials' mean log novelty in the threshold, by least squares [1], and
-        the mean of that in training sessions.
-    log_threshold : float
-        Logarithm of the threshold where the known trials lie at ``centre``.
+    ``means``, shape (labels, k), are the mean features of each label over the training. ``share``,
+    shape (k,), is the part of the mean deviation of `TRIALS` known trials from these that is the
+    session's: its variance over that plus the variance of the mean (empirical Bayes) [1].
+    ``weight`` is that of the known trials' mean log novelty in the threshold, by least squares
+    [1]; ``centre`` the mean of that in training sessions, and ``log_threshold`` the logarithm of
+    the threshold there.
     """
 
     means: Matrix
@@ -77,8 +69,8 @@ class SessionStatistics:
         """Return the correction of a session.
 
         Known trials have features of shape (trials, k) and the position of each label among the
-        model's, shape (trials,); ``compute_novelty`` is the model's. Raises TooFewTrialsError when
-        there are fewer than `TRIALS`.
+        model's; ``compute_novelty`` is the model's. Raises TooFewTrialsError for fewer than
+        `TRIALS`.
         """
         if len(values) < TRIALS:
             raise TooFewTrialsError(
@@ -95,10 +87,7 @@ class SessionStatistics:
 
     @classmethod
     def from_dict(cls, entry: Mapping[str, Any], labels: int, features: int) -> SessionStatistics:
-        """Return what `to_dict` gave.
-
-        Raises ModelFileError when a number is missing or not finite, or a shape does not fit.
-        """
+        """Return what `to_dict` gave; raise ModelFileError where it is damaged or does not fit."""
         with refuse_damage('its statistics of sessions are'):
             means, share = (np.array(entry[name], dtype=np.float64) for name in ('means', 'share'))
             rest = [float(entry[name]) for name in ('weight', 'centre', 'log_threshold')]
@@ -114,9 +103,8 @@ def fit_session_statistics(
     """Return the statistics of a training, or None where it has no sessions.
 
     Each held-out session is recalibrated with `TRIALS` of its own trials, several times. The
-    threshold is the quantile of its other trials' novelties, pooled over all, that rejects a share
-    ``false_alarm_rate`` of known trials, on average over sessions [1]. ``metric`` is that of the
-    model's `NoveltyMeasure`.
+    threshold rejects a share ``false_alarm_rate`` of its other trials, on average over sessions
+    [1]. ``metric`` is that of the model's `NoveltyMeasure`.
     """
     from tactile_classifier.confidence.novelty import NoveltyMeasure
     from tactile_classifier.estimators.classifiers import RANDOM_STATE
@@ -157,10 +145,7 @@ def fit_session_statistics(
 
 
 def _fit_offsets(values: Matrix, label: Indices, session: Indices) -> tuple[Matrix, Matrix]:
-    """Return the labels' means, and the share of a deviation that is the session's.
-
-    Labels that do not occur have a mean of 0.
-    """
+    """Return the labels' means, 0 of absent ones, and the share that is the session's."""
     counts = np.bincount(label)
     means = np.zeros((len(counts), values.shape[1]))
     np.add.at(means, label, values)

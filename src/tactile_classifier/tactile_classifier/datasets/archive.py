@@ -151,10 +151,9 @@ class LabelledTrials:
         )
 
     def drop(self, bad: Mapping[int, str]) -> LabelledTrials:
-        """Return the trials without some that cannot be used, and remember why.
+        """Return the trials without those that are bad, by place among these, and remember why.
 
-        ``bad`` has the reasons by place among these trials; empty drops nothing. Raises
-        DatasetError when ``skip_bad`` is not set, or no trial is left.
+        Raises DatasetError when ``skip_bad`` is not set, or no trial is left.
         """
         if not bad:
             return self
@@ -214,8 +213,8 @@ class LabelledTrials:
 
         Its low-pass against aliasing has linear phase and no delay: a Kaiser window with beta 5,
         ten periods of the slower rate on each side. Beyond both ends, the line through the first
-        and last sample goes on. Raises DatasetError when the ratio of the rates is not that of two
-        whole numbers up to 10,000.
+        and last sample goes on. Raises DatasetError when the rates have no ratio of whole numbers
+        up to 10,000.
         """
         from scipy.signal import resample_poly  # half a second
 
@@ -276,7 +275,7 @@ def load_archive(
 
 
 def read_arrays(path: Path) -> dict[str, Array]:
-    """Return the arrays of an archive by name, none of them looked at.
+    """Return the arrays of an archive by name, unchecked.
 
     Raises DatasetError when it is no archive, too large, or holds pickled objects.
     """
@@ -353,10 +352,7 @@ def trials_from_arrays(
     skip_bad: bool,
     rate_hz: float | None = None,
 ) -> LabelledTrials:
-    """Return the trials of arrays as an archive holds them; see `load_archive`.
-
-    ``path`` names their source in messages.
-    """
+    """Return the trials of arrays as `load_archive` does; ``path`` names their source."""
     x, label, rate, steps = _find_arrays(path, arrays, rate_hz)
     x, lengths = _unpack_signals(path, x, arrays)
     trials = len(x)
@@ -401,9 +397,8 @@ def _find_arrays(
 ) -> tuple[Array, Array, Array, tuple[str, ...]]:
     """Take signals, labels and rate out of the arrays, under our names or other usual ones.
 
-    Returns them with sentences on what was taken for what, where the names or shapes are not ours.
-    ``rate_hz`` stands in where the arrays state none. Raises DatasetError when one is missing, or
-    the stated rate differs from that of the arrays.
+    With them come sentences on what was taken for what. ``rate_hz`` stands in where the arrays
+    state none. Raises DatasetError when one is missing, or the rate is stated twice.
     """
     named = {key: _find_name(key, arrays) for key in ('x', 'label', 'rate_hz')}
     if rate_hz is not None and not named['rate_hz']:
@@ -428,10 +423,7 @@ def _find_arrays(
 
 
 def _take_unit(path: Path, arrays: dict[str, Array]) -> str:
-    """Return the unit of the signals, and take it out of the arrays; a column of units stays.
-
-    Raises DatasetError when it is no string.
-    """
+    """Take the unit of the signals out of the arrays; a column of units stays."""
     if 'unit' not in arrays or arrays['unit'].ndim:
         return ''
     unit = _decode_text(path, 'unit', arrays.pop('unit'))
@@ -447,9 +439,8 @@ def _find_name(key: str, arrays: dict[str, Array]) -> str:
 def _unpack_signals(path: Path, x: Array, arrays: dict[str, Array]) -> tuple[Array, Indices]:
     """Return signals of shape (trials, channels, samples) and the samples of each that count.
 
-    Takes ``length`` and ``offsets`` out of the arrays. A ``length`` that is not of integers is
-    an ordinary column and stays. Raises DatasetError when shapes or numbers do not fit, or the
-    padded signals take more than `MAX_ARCHIVE_BYTES`.
+    Takes ``length`` and ``offsets`` out of the arrays. A ``length`` that is not of integers is an
+    ordinary column and stays.
     """
     if 'offsets' in arrays:
         return _unpack_joined(path, x, arrays.pop('offsets'))
@@ -500,10 +491,7 @@ def _unpack_joined(path: Path, x: Array, offsets: Array) -> tuple[Array, Indices
 
 
 def _decode_text(path: Path, name: str, column: Array) -> Array:
-    """Return a column of byte strings as text; others as they are.
-
-    Raises DatasetError when one is not UTF-8.
-    """
+    """Return a column of byte strings as text; others as they are."""
     if column.dtype.kind != 'S':
         return column
     try:
@@ -539,11 +527,7 @@ def _find_unusable(path: Path, x: Array, lengths: Indices) -> dict[int, str]:
 
 
 def _format_doubts(path: Path, x: Array, lengths: Indices, rows: Indices) -> tuple[str, ...]:
-    """Return what is odd about trials that can be used: constant channels, very few samples.
-
-    Raises DatasetError when every channel of every trial is constant, or all trials hold the same
-    samples.
-    """
+    """Return what is odd about trials that can be used; raise DatasetError if all hold nothing."""
     # A channel that keeps its first value up to the trial's end is constant.
     padding = np.arange(x.shape[2]) >= lengths[:, None, None]
     constant = ((x == x[:, :, :1]) | padding).all(axis=2)

@@ -50,8 +50,7 @@ class Cells:
 def find_cells(table: FeatureTable) -> Cells | None:
     """Return the cells of near copies, or None when most trials have a cell of their own.
 
-    A condition is a column with two values or more, of which one label has several. Columns that
-    number trials or tell their time, such as ``repetition``, are none.
+    A condition is a column with several values for one label; `_NUMBERS` are none.
     """
     cell = np.unique(table.labels, return_inverse=True)[1]
     columns: list[str] = []
@@ -78,10 +77,10 @@ def find_strata(table: FeatureTable) -> npt.NDArray[np.intp] | None:
 def find_tied_labels(table: FeatureTable) -> list[str]:
     """Return a warning for each grouping column in which labels and groups coincide.
 
-    A label is tied when all its trials are of one group that has no other label. What is
-    learnt then may be the group: random folds flatter, and with that group held out nobody
-    knows the label. A label of one session or mounting that other labels share, while there
-    are several, has the second fault alone, and is told, too.
+    A label is tied when all its trials are of one group that has no other label. What is learnt
+    then may be the group: random folds flatter, and with that group held out nobody knows the
+    label. A label of one group that other labels share has the second fault alone, and is told,
+    too.
     """
     labels, label = np.unique(table.labels, return_inverse=True)
     warnings = []

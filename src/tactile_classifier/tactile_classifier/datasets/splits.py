@@ -31,7 +31,7 @@ class Split:
     """The trials divided once or several times.
 
     ``name`` stands beside every result. ``repeats`` are the folds of each repetition, within which
-    each trial is tested once. ``groups`` is the group of each trial, shape (trials,), where whole
+    each trial is tested once. ``groups``, shape (trials,), is the group of each trial where whole
     groups are held out.
     """
 
@@ -64,8 +64,8 @@ class Split:
         """Divide the trials of one fold's training once more, to choose something on them.
 
         Groups stay whole where the split holds groups out and each part then has trials of all
-        classes to train on; otherwise trials are divided at random. Indices are into the table,
-        not into ``train``. Raises EvaluationError when too few trials of a class are left.
+        classes to train on; otherwise trials are divided at random. Indices are into the table.
+        Raises EvaluationError when too few trials of a class are left.
         """
         inner = self._divide_groups_again(train, labels, random_state, folds)
         if not inner:
@@ -105,9 +105,9 @@ LARGE_TABLE = 2_000_000_000
 def choose_repetitions(table: FeatureTable, wanted: int | None) -> tuple[int, str]:
     """Return how often the trials are divided anew, and a sentence where that is less than usual.
 
-    The time of a fit grows with trials squared times features. With many trials, a repetition
-    changes the mean little against the interval over the trials. ``wanted`` counts where stated;
-    else `REPETITIONS` do, or 1 for a table beyond `LARGE_TABLE`.
+    The time of a fit grows with trials squared times features, and with many trials a repetition
+    changes the mean little. ``wanted`` counts where stated; else `REPETITIONS` do, or 1 for a
+    table beyond `LARGE_TABLE`.
     """
     trials, features = table.values.shape
     if wanted is not None or trials**2 * features <= LARGE_TABLE:
@@ -180,11 +180,10 @@ def stated_split(
     train_is: str,
     test_is: str,
 ) -> Split:
-    """Return a split that trains on some trials and tests on others, once.
+    """Return a split that trains on some trials, by a mask, and tests on others, once.
 
-    Masks of shape (trials,) choose them; ``train_is`` and ``test_is`` name them in words. Raises
-    EvaluationError when a trial is in both, a class is in ``test`` only, or there is one class to
-    train on.
+    ``train_is`` and ``test_is`` name them in words. Raises EvaluationError when a trial is in
+    both, a class is in ``test`` only, or there is one class to train on.
     """
     both = np.flatnonzero(train & test)
     if len(both):

@@ -158,9 +158,9 @@ _Result = TypeVar('_Result')
 def on_one_thread(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
     """Decorate a function so that linear algebra keeps to one thread while it runs.
 
-    The matrices of this package are small. OpenBLAS shares even these out among threads, which
-    then wait for each other: on two busy cores that took five times as long as one thread. One
-    thread also gives the same bits whatever the number of cores.
+    Matrices are small here. OpenBLAS shares even these out among threads, which wait for each
+    other: on two busy cores that took five times as long. One thread also gives the same bits
+    whatever the number of cores.
     """
 
     @functools.wraps(function)

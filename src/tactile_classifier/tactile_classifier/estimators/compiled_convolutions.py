@@ -76,18 +76,10 @@ def _add(common: Any, extra: Any, source: Any, kernel: Any, fitting: Any, sums: 
 def add_chosen(
     x: Any, rows: Any, dilation: Any, sources: Any, kernels: Any, order: Any, sums: Any
 ) -> None:
-    """Fill each kernel's sums on the signal that was chosen for it, as in the fit.
+    """Fill each kernel's sums, shape (kernels, samples), on the signal chosen for it.
 
-    Parameters
-    ----------
-    x : ndarray of float32, shape (trials, channels, samples)
-    rows : ndarray of int, shape (kernels,)
-        Which signal each kernel is laid over.
-    dilation : int
-    sources, kernels : ndarrays of int, shapes (kernels, channels) and (kernels, 3)
-    order : ndarray of int
-        As in `_shift`.
-    sums : ndarray of float32, shape (kernels, samples)
+    Signals ``x`` have shape (trials, channels, samples), float32; ``rows`` is the signal of each
+    kernel, ``sources`` its channels and ``kernels`` its weights of 2; ``order`` as in `_shift`.
     """
     channels, samples = x.shape[1:]
     common = np.empty((channels, samples), dtype=np.float32)
@@ -102,15 +94,10 @@ def count_above(
     x: Any, dilation: Any, parity: Any, biases: Any, sources: Any, kernels: Any, order: Any,
     shares: Any,
 ) -> None:  # fmt: skip
-    """Fill the shares of samples above each bias, at one dilation; see `add_chosen`.
+    """Fill the shares of samples above each bias, shape (trials, kernels, biases).
 
-    Parameters
-    ----------
-    parity : int
-        Kernels with this remainder by two count all samples, the others those where the kernel
-        does not reach over an end.
-    biases : ndarray of float32, shape (kernels, biases)
-    shares : ndarray of shape (trials, kernels, biases)
+    Kernels with the remainder ``parity`` by two count all samples, the others those where the
+    kernel does not reach over an end; the other arguments as in `add_chosen`.
     """
     channels, samples = x.shape[1:]
     edge = (9 // 2) * dilation

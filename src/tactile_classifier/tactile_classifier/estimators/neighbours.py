@@ -38,7 +38,7 @@ class NearestNeighbours(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
     def fit(self, values: npt.ArrayLike, labels: npt.ArrayLike) -> NearestNeighbours:
         """Keep the training trials, shape (trials, k), and one label a trial.
 
-        Raises TooFewTrialsError when there are fewer than three, ValueError when a value is not
+        Raises TooFewTrialsError when there are fewer than three, ValueError when one is not
         finite.
         """
         self.values_ = check_array(values, dtype=np.float64, copy=True)
@@ -66,8 +66,8 @@ class NearestNeighbours(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
 def halve(size: int) -> Iterator[tuple[int, int]]:
     """Yield where a sum of ``size`` terms is folded, until one term is left.
 
-    Of each pair ``(half, size)``, the terms from ``half`` on are added to the first ones, and
-    ``half`` terms remain: the largest power of two below ``size``, then halves of it.
+    Of each pair ``(half, size)``, the terms from ``half`` on are added to the first ones: the
+    largest power of two below ``size``, then halves of it.
     """
     while size > 1:
         half = 1 << (size - 1).bit_length() - 1

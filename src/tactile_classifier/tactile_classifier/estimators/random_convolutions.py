@@ -77,9 +77,8 @@ class RandomConvolutions:
     ) -> RandomConvolutions:
         """Choose channels by chance, and biases as quantiles of what training signals give.
 
-        Signals have shape (trials, channels, samples); the number of features is rounded down to a
-        multiple of 84. Raises DatasetError when a signal is too short or a value is not finite in
-        single precision.
+        Signals have shape (trials, channels, samples); ``features`` is rounded down to a multiple
+        of 84. Raises DatasetError when a signal is too short or not finite in single precision.
         """
         # Here, because numba takes half a second to load: only who trains pays for it.
         from tactile_classifier.estimators.compiled_convolutions import add_chosen
@@ -106,8 +105,8 @@ class RandomConvolutions:
     def transform(self, signals: npt.ArrayLike) -> Matrix:
         """Return the features, shape (trials, features), of signals (trials, channels, samples).
 
-        A signal gives the same bits alone and among others. Raises DatasetError when the shape is
-        not that of the fit or a value is not finite in single precision.
+        A signal gives the same bits alone and among others. Raises DatasetError as `fit`, and when
+        the shape is not that of the fit.
         """
         from tactile_classifier.estimators.compiled_convolutions import count_above
 
@@ -198,16 +197,8 @@ class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: igno
     that one keeps its digits under any offset, and tells levels apart that differ little against
     their mean.
 
-    Attributes
-    ----------
-    classes_ : ndarray of str, shape (labels,)
-    references_ : ndarray of shape (2, channels)
-        What is subtracted from the waveforms, for each half of the kernels.
-    convolutions_ : list of RandomConvolutions
-        One for each reference.
-    coef_ : ndarray of shape (labels, features)
-        Weight of each feature; one row, for the second label, where there are two.
-    intercept_ : ndarray of shape (labels,)
+    ``references_``, shape (2, channels), is what each half of ``convolutions_`` subtracts;
+    ``coef_``, shape (labels, features), has one row, for the second label, where there are two.
     """
 
     def __init__(self, channels: int = 1, random_state: int = 0) -> None:
@@ -252,8 +243,8 @@ class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: igno
     ) -> list[npt.NDArray[np.str_]]:
         """Return the answers on the tests of each fold, by a linear classifier of its own.
 
-        The convolutions stay those of this classifier, whose training had the waveforms of the
-        tests, too, but not their labels.
+        The convolutions stay those of this classifier, which have seen the tests' waveforms, not
+        their labels.
         """
         shares = self._transform(self._check(values))
         answers = []

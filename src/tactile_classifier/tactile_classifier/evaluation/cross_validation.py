@@ -72,11 +72,10 @@ class Score(Result):
 class NestedChoice(Result):
     """Accuracy of the best classifier and scaling when each fold picks them without its tests.
 
-    The largest of several means is too good on average, because chance decided too. Here folds
-    inside each fold's training trials pick, and the fold's tests only judge (nested
-    cross-validation; Varma and Simon 2006). ``mean`` is over the folds [1]; ``interval`` as in
-    `Score`. ``picks`` are classifiers and scalings with the number of folds that picked them, the
-    most frequent first.
+    The largest of several means is too good on average. Here folds inside each fold's training
+    trials pick, and the fold's tests only judge (nested cross-validation; Varma and Simon 2006).
+    ``mean`` is over the folds [1]; ``picks`` are classifiers and scalings with the number of folds
+    that picked them, the most frequent first.
     """
 
     picks: tuple[tuple[str, str, int], ...]
@@ -124,9 +123,8 @@ class Evaluation(Result):
 class AccuracyPlan:
     """The cross-validation of a table under one split; a `Plan` of an `Evaluation`.
 
-    Classifiers and scalings as in `evaluate`. ``random_state`` is that of the folds inside the
-    folds for the nested choice; None: no such choice. ``no_choice`` says why there is none
-    although it was asked for.
+    ``random_state`` is that of the folds inside the folds for the nested choice; None: no such
+    choice. ``no_choice`` says why there is none although it was asked for.
     """
 
     def __init__(
@@ -320,8 +318,7 @@ def list_pairs(
 ) -> list[tuple[str, str]]:
     """Return the pairs of classifier and scaling that go with a table.
 
-    Unless others are named: the four of the paper, and random convolutions where the features are
-    a waveform. These take it without scaling alone.
+    Unless others are named: the four of the paper, and random convolutions for waveforms.
     """
     if classifiers is None:
         classifiers = ALL_CLASSIFIERS if table.is_waveform else CLASSIFIERS

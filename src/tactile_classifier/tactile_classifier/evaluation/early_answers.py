@@ -14,6 +14,7 @@ from scipy.stats import binom
 
 from tactile_classifier.confidence.calibration import (
     calibrate_stage,
+    CalibratedStage,
     make_group_folds,
     score_held_out,
 )
@@ -39,8 +40,7 @@ THRESHOLDS = (
 def find_first_stop(confidence: Matrix, threshold: float) -> npt.NDArray[np.intp]:
     """Return the first stage at which each trial is decided; the number of stages where none.
 
-    The confidence, shape (stages, trials), is the probability of the answer; negative where the
-    window is rejected as unknown.
+    The confidence, shape (stages, trials), is the probability of the answer; negative: unknown.
     """
     decided = confidence >= threshold
     return np.where(decided.any(axis=0), decided.argmax(axis=0), len(confidence))
@@ -54,17 +54,15 @@ def fit_stop_threshold(
 ) -> float | None:
     """Return the lowest threshold whose early answers are proven good enough, if any is.
 
-    Learn then test (Angelopoulos et al. 2021): for each of `THRESHOLDS`, the exact binomial
-    test of "more than ``error_rate`` of the early answers are wrong", with
-    Bonferroni's correction for their number; the same as a one-sided Clopper-Pearson bound
-    at most ``error_rate``. An early answer is the first one of a trial that reaches the
-    threshold, at whatever stage. The bound holds with probability `CONFIDENCE`
-    for further trials that are drawn as these were, independently.
+    Learn then test (Angelopoulos et al. 2021): for each of `THRESHOLDS`, the exact binomial test
+    of "more than ``error_rate`` of the early answers are wrong", with Bonferroni's correction. An
+    early answer is the first one of a trial that reaches the threshold, at whatever stage. The
+    bound holds with probability `CONFIDENCE` for further trials that are drawn as these were,
+    independently.
 
-    Trials of one session are not independent. Where sessions are known, the threshold is no
-    lower than the one that keeps the error in most of them: each session has a lowest threshold
-    from which on its own early answers keep ``error_rate``, and of these the one of
-    `rank_of_sessions` counts. It holds in ``rank / (count + 1)`` of new sessions.
+    Trials of one session are not independent. Where sessions are known, each has a lowest
+    threshold from which on its own early answers keep ``error_rate``, and the one of
+    `rank_of_sessions` bounds the result: it holds in ``rank / (count + 1)`` of new sessions.
 
     The confidence is as in `find_first_stop`, of trials that the models were not fitted on;
     ``wrong`` tells which answers are, shape (stages, trials); ``session`` is that of each trial.
@@ -83,6 +81,16 @@ def fit_stop_threshold(
         if threshold >= lowest and bound <= level:
             return threshold
     return None
+
+
+def fit_rule(
+    stages: Sequence[CalibratedStage], error_rate: float, session: npt.NDArray[np.intp] | None
+) -> float | None:
+    """Return the threshold of calibrated partial windows; see `fit_stop_threshold`."""
+    confidence = np.stack([stage.confidence for stage in stages])
+    return fit_stop_threshold(
+        confidence, np.stack([stage.wrong for stage in stages]), error_rate, session
+    )
 
 
 def _find_safe_threshold(confidence: Matrix, wrong: Flags, error_rate: float) -> float:
@@ -107,12 +115,11 @@ def _find_mistakes(confidence: Matrix, wrong: Flags, threshold: float) -> Flags:
 class RuleEvaluation(Result):
     """Results of a stopping rule on trials that were held out.
 
-    ``error_rate`` is the share of wrong answers that was asked for; ``early_error`` is that among
-    the trials which were decided before their window was full, 0 when there are none, and
-    ``worst_part_error`` that of the worst fold. ``early_share`` counts these trials, and
-    ``accuracy`` the right answers, early or at the end [all 1]. ``mean_s`` is the mean time of
-    signal behind an answer, ``full_s`` that of the full window [s]. For ``parts_without_rule``
-    folds the other trials proved no threshold.
+    ``error_rate`` is the share of wrong answers that was asked for, ``early_error`` that among the
+    trials decided before their window was full (0: none), ``worst_part_error`` that of the worst
+    fold. ``early_share`` counts these trials, ``accuracy`` all right answers [all 1]. ``mean_s``
+    is the mean time of signal behind an answer, ``full_s`` that of the full window [s]. For
+    ``parts_without_rule`` folds the other trials proved no threshold.
     """
 
     error_rate: float
@@ -201,12 +208,7 @@ def evaluate_stopping(
             scores, true = score_held_out(table, test, classifier, scaling)
             wrong[-1, test] = scores.argmax(axis=1) != true
             for r, rate in enumerate(error_rates):
-                threshold = fit_stop_threshold(
-                    np.stack([calibrated.confidence for calibrated in held_out]),
-                    np.stack([calibrated.wrong for calibrated in held_out]),
-                    rate,
-                    inner.session,
-                )
+                threshold = fit_rule(held_out, rate, inner.session)
                 without[r] += threshold is None
                 found = np.full(len(confidence[0]), len(stages))
                 stop[r, test] = (

@@ -39,8 +39,8 @@ class SelectionResult(Result):
     """One classifier with all features, and with those selected inside each fold.
 
     ``chosen_counts`` are the features kept in each fold, ``all_mean`` and ``selected_mean`` the
-    accuracies [1], ``difference`` is that of the second less the first, paired over trials or
-    held-out groups.
+    accuracies [1], ``difference`` the second less the first, paired over trials or held-out
+    groups.
     """
 
     classifier: str
@@ -68,8 +68,7 @@ class SelectionResult(Result):
 class SelectionPlan:
     """The comparison under one split; a `Plan` of a tuple of `SelectionResult`.
 
-    The table has two features or more; of the split the first repetition is used. Raises
-    EvaluationError when a fold's training trials cannot be divided once more.
+    The table has two features or more; of the split the first repetition is used.
     """
 
     def __init__(
@@ -133,10 +132,7 @@ class FoldSelection:
 
 
 def choose_counts(features: int) -> tuple[int, ...]:
-    """Return the numbers of features to choose from: about doubling, and all of them.
-
-    From a twentieth of all to about half; of fewer than ten, each step.
-    """
+    """Return the numbers of features to choose from: a twentieth to half, doubling, and all."""
     doubling = (1, 2, 5, 10, 20, 40, 80, 160, 320, 640)
     most = features - 1 if features < 10 else 0.6 * features
     return (*(count for count in doubling if features / 20 <= count <= most), features)

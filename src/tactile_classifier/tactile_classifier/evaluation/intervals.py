@@ -57,24 +57,18 @@ class Interval(Result):
 def accuracy_interval(
     parts: npt.ArrayLike, parts_are: str, weights: npt.ArrayLike | None = None
 ) -> Interval:
-    """Return the interval of a mean accuracy.
+    """Return the interval of a mean accuracy, from those of trials, cells or groups [1].
 
     The score interval of Wilson with the effective number of trials that the spread between the
-    parts implies, and the quantile of Student's t with one degree of freedom less than there
-    are parts (the modified Wilson interval of Dean and Pagano 2015 for clustered samples). It
-    covers the chance in which parts were tested. It does not cover that of the training.
+    parts implies, and the quantile of Student's t with one degree of freedom less than there are
+    parts (the modified Wilson interval of Dean and Pagano 2015 for clustered samples). It covers
+    the chance in which parts were tested. It does not cover that of the training.
 
-    Trials that are all right, or all wrong, have no spread: their interval is the exact
-    binomial one. Other parts without spread get none.
+    Trials that are all right, or all wrong, have no spread: their interval is the exact binomial
+    one. Other parts without spread get none.
 
-    Parameters
-    ----------
-    parts : array_like of shape (n,)
-        Accuracy of each trial (over repetitions), cell or group [1].
-    parts_are : str
-        ``trials``, or what the parts are, such as ``groups``.
-    weights : array_like of shape (n,), optional
-        Trials in each part, where the mean is over trials; equal when left out.
+    ``parts_are`` is ``trials``, or names the parts, such as ``groups``. ``weights`` are the trials
+    in each part, where the mean is over trials.
     """
     values, share = _shares(parts, weights)
     count, mean = len(values), float(share @ values)
@@ -124,8 +118,8 @@ def _spread(
     """Return the variance of the weighted mean, from the parts, and Student's quantile.
 
     Without bias, and with Satterthwaite's degrees of freedom, for parts of equal variance (Bell
-    and McCaffrey 2002). With equal shares these are Student's. A part with a large share pulls
-    the mean towards itself, so its residual alone would say too little.
+    and McCaffrey 2002); with equal shares these are Student's. A part with a large share pulls the
+    mean towards itself, so its residual alone would say too little.
     """
     residuals = values - share @ values
     squares = float(share @ share)

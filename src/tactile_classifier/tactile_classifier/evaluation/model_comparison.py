@@ -57,11 +57,11 @@ class Confusion(Result):
 class Comparison(Result):
     """Two models, A and B, on the same trials.
 
-    ``difference`` is the accuracy of B less that of A [1], with its ``interval``. ``only_a`` and
-    ``only_b`` count the trials that only one of the two names correctly; ``p_value`` is McNemar's
-    test on these, as if trials were independent [1]. ``agreement`` is the share of trials with the
-    same answer [1], with several groups the mean over these; 0 groups: none are told apart.
-    ``confusions`` are the wrong answers whose counts differ, the largest difference first.
+    ``difference`` is the accuracy of B less that of A [1]. ``only_a`` and ``only_b`` count the
+    trials that only one of the two names correctly; ``p_value`` is McNemar's test on these, as if
+    trials were independent [1]. ``agreement`` is the share of trials with the same answer [1],
+    with several groups the mean over these; 0 groups: none are told apart. ``confusions`` are the
+    wrong answers whose counts differ, the largest difference first.
     """
 
     trials: int
@@ -98,14 +98,13 @@ def compare_answers(
 ) -> Comparison:
     """Compare the answers of two models on the same trials.
 
-    With two groups or more, each group counts once, whatever the number of its trials: shares are
-    means over the groups, and the interval is Student's over the differences of the groups. So it
-    covers with groups of unequal size, too. Otherwise, or where all groups have the same
-    difference, it is that of `paired_interval` over trials.
+    With two groups or more, such as the session of each trial, each group counts once: shares are
+    means over the groups, and the interval is Student's over the groups' differences. Otherwise,
+    or where all groups have the same difference, it is that of `paired_interval` over trials.
 
-    Labels and answers have shape (trials,); answers are labels, `UNKNOWN` or `NO_ANSWER`. Groups,
-    shape (trials,), are such as the session of each trial; ``parts_are`` names them in the plural.
-    Raises EvaluationError when there are no trials, or the shapes do not fit.
+    Labels, answers and groups have shape (trials,); answers are labels, `UNKNOWN` or `NO_ANSWER`;
+    ``parts_are`` names the groups in the plural. Raises EvaluationError when there are no trials,
+    or the shapes do not fit.
     """
     true, says_a, says_b = (
         np.asarray(each).astype(str) for each in (labels, answers_a, answers_b)
@@ -147,11 +146,10 @@ def compare_answers(
 def paired_interval(only_a: int, only_b: int, trials: int) -> Interval:
     """Return the score interval of the difference of two models on independent trials.
 
-    Tango (1998), Statistics in Medicine 17, 891: all differences of accuracy whose score test
-    does not reject the counts. It leaves 0 out exactly when McNemar's test has a p-value below
-    0.05. It covers 95 % on average, and somewhat less at its worst; ``docs/evaluation.md`` has
-    the coverage by enumeration. ``only_a`` and ``only_b`` count the trials that only A, or only B,
-    names correctly, of all.
+    Tango (1998), Statistics in Medicine 17, 891: all differences of accuracy whose score test does
+    not reject the counts. It leaves 0 out exactly when McNemar's test has a p-value below 0.05.
+    ``docs/evaluation.md`` has its coverage. ``only_a`` and ``only_b`` count the trials that only
+    A, or only B, names correctly.
     """
     limit = float(ndtri(0.5 * (1.0 + LEVEL)))
     seen = (only_b - only_a) / trials

@@ -32,8 +32,7 @@ class UnknownLabel(Result):
     """Answers on the trials of one label that was left out of training.
 
     ``auroc`` is the probability that a trial of it is more novel than one of a known label, mean
-    over the folds [1]; ``miss_rate`` the share of its trials that are named as something known
-    [1].
+    over the folds; ``miss_rate`` the share of its trials that are named as something known [1].
     """
 
     label: str
@@ -46,22 +45,12 @@ class UnknownLabel(Result):
 class OpenSetEvaluation(Result):
     """Rejection of unknown labels and calibration of scores, under one split.
 
-    Attributes
-    ----------
-    split, calibration_split : str
-        How trials were held out for testing, and among the others for calibration.
-    false_alarm_rate, realised_false_alarm_rate : float
-        Share of held-out trials of known labels that were rejected, all labels being known: as
-        asked for, and as it was [1].
-    group_false_alarm_rates : tuple of float
-        The same for each fold [1].
-    accuracy : float
-        Share of right answers among those not rejected [1].
-    auroc, miss_rate : float
-        Means over ``unknown`` [1].
-    calibration_error_before, calibration_error_after : float
-        Expected calibration error on held-out trials; after: of what a model file trained on
-        the other folds would state [1].
+    ``split`` and ``calibration_split`` say how trials were held out for testing, and among the
+    others for calibration. The false alarm rates are the shares of held-out trials of known labels
+    that were rejected: as asked for, as it was, and of each fold [1]. ``accuracy`` is the share of
+    right answers among those not rejected; ``auroc`` and ``miss_rate`` are means over ``unknown``
+    [1]. The calibration errors are expected ones on held-out trials, before and after calibration
+    [1].
     """
 
     classifier: str

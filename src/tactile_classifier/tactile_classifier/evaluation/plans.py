@@ -41,10 +41,10 @@ def run_plans(
 ) -> list[Any]:
     """Run the parts of all plans and return the plans' results, in their order.
 
-    Threads are asked for, since most of the time is spent in compiled code, and processes
-    would spend seconds on importing it; `joblib.parallel_config` may say otherwise. Linear
-    algebra keeps to one thread meanwhile: matrices are small, and its threads beside those of
-    the pool wait for each other most of the time.
+    Threads are asked for: most of the time is spent in compiled code, and processes would spend
+    seconds on importing it; `joblib.parallel_config` may say otherwise. Linear algebra keeps to
+    one thread meanwhile: its threads beside those of the pool wait for each other most of the
+    time.
 
     ``jobs`` is as joblib takes it: -1 is all cores. ``progress(done, total)`` is called after each
     part.

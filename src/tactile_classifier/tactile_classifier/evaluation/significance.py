@@ -172,10 +172,10 @@ def _count_pairs(
 def _count_ties(below: FloatArray, new: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
     """Return the counts below each value with half of its equals, and the ties of the pairs.
 
-    Ties are the sum of t^3 - t over the groups of t = a + b equal values, a and b of the
-    two classes. All numbers are integers or halves, and so exact. ``below`` are running counts in
-    the order of the values, shape (k, trials + 1, classes); ``new`` tells whether a value differs
-    from the one before, shape (k, trials - 1).
+    Ties are the sum of t^3 - t over the groups of t = a + b equal values, a and b of the two
+    classes. All numbers are integers or halves, and so exact. ``below`` are running counts in the
+    order of the values, shape (k, trials + 1, classes); ``new`` tells, of all but the first,
+    whether a value differs from the one before.
     """
     k, n = below.shape[0], below.shape[1] - 1
     begins, ends = np.ones((k, n), dtype=bool), np.ones((k, n), dtype=bool)

@@ -37,19 +37,12 @@ KNOWN_NOVELTY = 'held_out_novelty'
 
 @dataclasses.dataclass(frozen=True)
 class Stage:
-    """Thresholds of the answers on one length of window.
+    """Thresholds of the answers on one length of window, of ``sample_count`` samples (0: all).
 
-    Attributes
-    ----------
-    sample_count : int
-        Samples in the window; 0: the full window.
-    novelty_threshold : float
-        Novelty above which the answer is "unknown" [1]; negative: there is no novelty.
-    stop_threshold : float
-        Probability of the answer from which one need not wait for more samples [1];
-        negative: never.
-    calibration_error_before, calibration_error_after, accuracy : float
-        Expected calibration error and accuracy on held-out trials [1]; negative: not calibrated.
+    ``novelty_threshold`` is the novelty above which the answer is "unknown" [1]; negative: none.
+    ``stop_threshold`` is the probability from which one need not wait for more samples [1];
+    negative: never. Calibration errors (expected) and accuracy are on held-out trials [1];
+    negative: not calibrated.
     """
 
     sample_count: int = 0
@@ -68,14 +61,8 @@ FULL_WINDOW = Stage()
 class TrainingTrials:
     """Conditions under which the training trials were recorded.
 
-    Attributes
-    ----------
-    sessions, mountings, speeds : int
-        How many different ones the trials name; 0: none.
-    slowest_m_s, fastest_m_s : float
-        Of the sliding speeds [m/s]; negative: none is stated.
-    simulated : int
-        How many of the trials were simulated.
+    How many sessions, mountings and speeds they name (0: none), the sliding speeds [m/s]
+    (negative: none is stated), and how many trials were simulated.
     """
 
     sessions: int = 0

@@ -55,10 +55,9 @@ _REMEDY = 'name its file in the parameter models of the feature node, or train i
 class Answers(NamedTuple):
     """Answers of a model on many windows of one length.
 
-    ``answer``, shape (windows,), is the position among the labels of the first largest score
-    before calibration. Of ``scores``, shape (windows, labels), the larger is likelier; the
-    manifest's ``score_kind`` names them. ``novelty``, shape (windows,), is empty when the model
-    has none.
+    ``answer``, shape (windows,), is the position of the first largest score before calibration. Of
+    ``scores``, shape (windows, labels), the larger is likelier; ``score_kind`` of the manifest
+    names them. ``novelty``, shape (windows,), is empty when the model has none.
     """
 
     answer: npt.NDArray[np.int64]
@@ -211,7 +210,7 @@ class TactileModel:
     def set_specifications(self, specs: Iterable[FeatureSpec]) -> None:
         """Take in the specifications of the windows to come, as the feature node announces them.
 
-        A model of ready-cut windows does not state how they were cut. It answers windows of each
+        A model of ready-cut windows does not state how they were cut: it answers those of each
         announced specification that does not contradict its own; of any while none is announced.
         """
         self._announced = {spec.digest: spec for spec in specs}
@@ -415,8 +414,8 @@ class TactileModel:
     def format_mismatch(self, window: FeatureWindow) -> str:
         """Return why a window has features of another specification, or an empty string.
 
-        Its fields are compared one by one. When the digest alone differs, the difference is named
-        if the window's specification is announced; otherwise all parameters of the model are.
+        When the digest alone differs, the difference is named if the window's specification is
+        announced; otherwise all parameters of the model are.
         """
         spec = self.spec
         pairs = [
@@ -587,8 +586,8 @@ def find_training_trials(
 ) -> npt.NDArray[np.bool_] | None:
     """Return which trials of features, shape (trials, k), the model was trained on.
 
-    None when its file does not tell: a calibrated model measures novelty from its training trials,
-    so these have none; one without novelty, or recalibrated for a session, does not tell.
+    None when its file does not tell: one without novelty, or recalibrated for a session. The
+    others measure novelty from their training trials, so these have none.
     """
     if RECALIBRATED in model.manifest.calibration or not len(values):
         return None

@@ -64,9 +64,9 @@ class FeatureChoice(Result):
     """The choice, and the candidates that it was made from.
 
     The ``ranking`` has all candidates, the best first; of equals the one that was named first.
-    ``nested_accuracy``, with its ``interval``, is that when each fold's training trials choose,
-    and its tests only judge [1]; ``picks`` are what the folds chose, and how many of them.
-    ``chance`` is the accuracy of always naming the commonest label [1].
+    ``nested_accuracy``, with its ``interval``, is that when each fold's training trials choose
+    [1]; ``picks`` are what the folds chose, and how many of them. ``chance`` is the accuracy of
+    always naming the commonest label [1].
     """
 
     split: str
@@ -121,16 +121,16 @@ class FeatureChoice(Result):
 
 
 class ChoicePlan:
-    """The choice among tables of the same trials and classifiers; a `Plan` of a `FeatureChoice`.
+    """The choice among tables of the same trials, by feature set; a `Plan` of a `FeatureChoice`.
 
-    Folds inside each fold's training trials choose for that fold (nested cross-validation), which
-    says how good the choice is. The choice itself is made by the folds of all repetitions; the
-    accuracy of such a choice is that of the first one's.
+    The choice is made by the folds of all repetitions. Folds inside each fold's training trials
+    choose for that fold (nested cross-validation of the first repetition), which says how good it
+    is.
 
-    Tables are by feature set; of equally good ones the first is chosen, so cheap ones come first.
-    ``random_state`` is that of the folds inside the folds; ``scaling`` the only one that is tried;
-    empty: all. Raises DatasetError when the tables are not of the same trials, EvaluationError
-    when a fold's training trials cannot be divided once more.
+    Of equally good tables the first is chosen, so cheap ones come first. ``random_state`` is that
+    of the folds inside the folds; ``scaling`` the only one that is tried; empty: all. Raises
+    DatasetError when the tables are not of the same trials, EvaluationError when a fold's training
+    trials cannot be divided once more.
     """
 
     def __init__(
@@ -205,12 +205,7 @@ class ChoicePlan:
 
 @dataclasses.dataclass(frozen=True)
 class FoldAnswer:
-    """One candidate in one fold.
-
-    ``right`` tells which tests are named correctly, shape (tests,), and ``inner_right`` how many
-    tests of the folds inside the training trials are. ``time_s`` is the time to train and test the
-    fold, without those inside it [s].
-    """
+    """One candidate in one fold: right tests, how many inside the training, the time [s]."""
 
     right: npt.NDArray[np.bool_]
     inner_right: int
@@ -222,8 +217,7 @@ def check_candidate(
 ) -> FoldAnswer:
     """Return the answers of a candidate in one fold and in those inside it.
 
-    Random convolutions are fitted once to the training trials of the fold, without labels; the
-    folds inside it share them.
+    Random convolutions are fitted once to the fold's training trials; the folds inside share them.
     """
     train, test = fold
     pair = candidate.classifier, candidate.scaling

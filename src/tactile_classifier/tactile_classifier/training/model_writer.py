@@ -146,8 +146,7 @@ def _add_stages(
 ) -> None:
     """Add what answers windows of several lengths, of which the input says which it is.
 
-    Halves, and halves of these, are branches: only one stage is computed, and none lies
-    deeply nested.
+    Halves, and halves of these, are branches: only one stage is computed.
     """
     names = [graph.name(name) for name in shapes]
     if len(stages) == 1:

@@ -37,7 +37,7 @@ from tactile_classifier.estimators.classifiers import (
     warn_of_labels_never_given,
 )
 from tactile_classifier.evaluation.cross_validation import Score
-from tactile_classifier.evaluation.early_answers import fit_stop_threshold
+from tactile_classifier.evaluation.early_answers import fit_rule
 from tactile_classifier.model_file.manifest import FULL_WINDOW, Manifest, Stage, TrainingTrials
 from tactile_classifier.records import PROBABILITY, ROCKET
 from tactile_classifier.training.feature_choice import Candidate, FeatureChoice
@@ -47,10 +47,10 @@ LIBRARIES = ('numpy', 'scikit-learn', 'skl2onnx', 'onnx', 'onnxruntime')
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class FittedStage:
-    """The fitted parts that answer windows of one length.
+    """The fitted parts that answer windows of ``sample_count`` samples; 0: the full window.
 
-    ``sample_count`` is that of the window; 0: the full window. ``values``, shape (trials, k), are
-    the features that the estimator was fitted on. Without a calibration raw scores are given.
+    ``values``, shape (trials, k), are the features that the estimator was fitted on. Without a
+    calibration raw scores are given.
     """
 
     sample_count: int
@@ -163,7 +163,7 @@ def train(
         for (count, table), held_out in zip_longest(tables.items(), calibrated)
     ]
     warn_of_labels_never_given(stages[0].estimator, table.values)
-    stop_threshold = _fit_stop_threshold(calibrated[1:], stop_error_rate, session)
+    stop_threshold = fit_rule(calibrated[1:], stop_error_rate, session) if partial else None
     manifest = Manifest(
         task=table.task,
         contact=_only_contact(table),
@@ -184,7 +184,7 @@ def train(
             Stage(
                 sample_count=count,
                 novelty_threshold=held_out.novelty_threshold,
-                stop_threshold=stop_threshold if count else -1.0,
+                stop_threshold=stop_threshold if count and stop_threshold else -1.0,
                 calibration_error_before=held_out.error_before,
                 calibration_error_after=held_out.error_after,
                 accuracy=float(1.0 - held_out.wrong.mean()),
@@ -246,21 +246,6 @@ def _state_novelty(stage: CalibratedStage, session: npt.NDArray[np.intp] | None)
         'rank': rank_of_sessions(len(sessions)),
         'sessions': [each.tolist() for each in sessions],
     }
-
-
-def _fit_stop_threshold(
-    partial: list[CalibratedStage], error_rate: float, session: npt.NDArray[np.intp] | None
-) -> float:
-    """Return the stopping rule's threshold; -1, which never decides, when none is proven."""
-    if not partial:
-        return -1.0
-    threshold = fit_stop_threshold(
-        np.stack([stage.confidence for stage in partial]),
-        np.stack([stage.wrong for stage in partial]),
-        error_rate,
-        session,
-    )
-    return -1.0 if threshold is None else threshold
 
 
 def describe_training(table: FeatureTable) -> TrainingTrials:

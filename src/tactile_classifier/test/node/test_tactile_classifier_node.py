@@ -41,13 +41,16 @@ def test_windows_are_classified_over_the_wire(make_finger, model_path, make_wind
         make_window(30),
     ]
     finger.send(*windows)
-    finger.spin_until(lambda: finger.answering.seen_count == 6 and len(finger.heard) == 4)
+    finger.spin_until(lambda: finger.answering.counts['windows'] == 6 and len(finger.heard) == 4)
     answers = finger.answers
     model = load_model(model_path)
     assert answers == [model.classify_window(windows[i]) for i in (0, 3, 4, 5)]
     assert [a.label for a in answers] == ['plate 0', '', '', 'plate 2']
     assert 'rate in Hz is 100.0' in answers[1].reason
-    assert (finger.answering.ignored_count, finger.answering.published_count) == (2, 4)
+    assert (finger.answering.counts['windows for others'], finger.answering.counts['answers']) == (
+        2,
+        4,
+    )
     assert finger.wait_for_count('answers', '4').hardware_id == model.model_id
     assert finger.classifier.get_parameter(depth).value == 7
 
@@ -68,7 +71,7 @@ def test_partial_windows_are_answered_on_a_topic_of_their_own(
     assert answers == [model.classify_window(windows[0]), model.classify_window(windows[2])]
     assert all(answer.partial and answer.decided for answer in answers)
     assert not finger.answers[0].partial
-    assert finger.answering.partial_count == 2
+    assert finger.answering.counts['answers on partial windows'] == 2
     assert capfd.readouterr().err.count('plate 0 after') == 1  # the first decided answer alone
 
 
@@ -82,7 +85,7 @@ def test_only_an_active_node_answers_and_it_can_be_configured_again(make_finger,
     finger.send(make_window(30))
     finger.spin_until(lambda: finger.heard)
     assert [a.trial_id for a in finger.answers] == ['trial-30']
-    assert finger.answering.seen_count == 1
+    assert finger.answering.counts['windows'] == 1
     classifier.trigger_deactivate()
     classifier.trigger_cleanup()
     finger.bring_up()
@@ -158,7 +161,7 @@ def test_equal_parameters_or_the_same_models_are_answered(
     finger.play(*make_trials())
     finger.spin_until(lambda: finger.heard)
     assert finger.answers[0].outcome in (Outcome.LABEL, Outcome.UNKNOWN)
-    assert finger.answering.refused_count == 0
+    assert finger.answering.counts['windows of another specification'] == 0
 
 
 def test_a_parameter_of_the_feature_node_alone_is_noticed(

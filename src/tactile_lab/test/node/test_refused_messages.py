@@ -83,7 +83,7 @@ def test_nodes_outlive_unknown_values_and_tell_of_them(context, trained, tmp_pat
         window = {'feature_set': model.spec.feature_set, 'specification_digest': model.spec.digest}
         features.publish(TactileFeatures(outcome=1, **window))
         wait_until(lambda: nodes['tactile_features'].extractor.block_count == 1)
-        wait_until(lambda: nodes[CLASSIFIER_NODE].answering.published_count == 1)
+        wait_until(lambda: nodes[CLASSIFIER_NODE].answering.counts['answers'] == 1)
         # One a message on each recorded topic: four blocks, one event, two feature windows.
         wait_until(lambda: nodes['bag_recorder'].message_count >= 7)
 
