@@ -2,21 +2,21 @@
 # SPDX-License-Identifier: Apache-2.0
 
 from collections import Counter
+import dataclasses
 import json
+import threading
 
+from classifier_tables import make_table
 import numpy as np
 import pytest
 from sklearn.model_selection import StratifiedKFold
 from sklearn.svm import SVC
 
-from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import grouped_split, stratified_split
 from tactile_classifier.errors import DatasetError, EvaluationError
 from tactile_classifier.estimators.classifiers import build_estimator
 from tactile_classifier.evaluation.cross_validation import AccuracyPlan, evaluate
 from tactile_classifier.evaluation.plans import run_plans
-from tactile_features.config import FeatureConfig
-from tactile_features.spec import array_spec, spec_for
 
 
 @pytest.fixture
@@ -24,12 +24,8 @@ def noisy_table(stiffness_table):
     """Same labels, features that overlap: accuracies differ from fold to fold."""
     rng = np.random.default_rng(1)
     values = stiffness_table.values + rng.normal(0.0, [0.4, 3.0, 0.2], (36, 3))
-    return FeatureTable(
-        values,
-        stiffness_table.labels,
-        stiffness_table.spec,
-        {'session_id': np.arange(36) % 4, 'day': np.arange(36) % 2, 'all': np.zeros(36)},
-    )
+    columns = {'session_id': np.arange(36) % 4, 'day': np.arange(36) % 2, 'all': np.zeros(36)}
+    return dataclasses.replace(stiffness_table, values=values, columns=columns)
 
 
 def test_scores_agree_with_folds_done_by_hand(noisy_table):
@@ -74,18 +70,15 @@ def test_result_depends_neither_on_jobs_nor_on_the_other_classifiers(noisy_table
 def test_held_out_group_is_never_trained_on():
     # The label follows from the number of the group, and neighbouring groups differ:
     # easy for a tree that has seen the group, impossible for one that has not.
-    group = np.repeat(np.arange(4), 6)
-    labels = np.array(['a', 'b', 'a', 'b'])[group]
-    labels = np.where(np.arange(24) % 6 == 0, np.where(labels == 'a', 'b', 'a'), labels)
-    values = np.stack([10.0 * group, np.arange(24) % 6 == 0, np.zeros(24)], axis=1)
-    table = FeatureTable(values, labels, spec_for('stiffness', FeatureConfig()), {'group': group})
+    group, odd = np.repeat(np.arange(4), 6), np.arange(24) % 6 == 0
+    labels = np.where((group % 2 == 1) ^ odd, 'b', 'a')
+    table = make_table(labels, np.stack([10.0 * group, odd, np.zeros(24)], axis=1), group=group)
     mixed = evaluate(table, ['tree'], ['none'], folds=2, repetitions=2)
     held_out = evaluate(table, ['tree'], ['none'], hold_out=['group'])
     assert mixed.scores[0].mean > 0.8
     assert held_out.scores[0].mean < 0.6
     assert held_out.scores[0].fold_accuracies.shape == (1, 4)
-    assert held_out.split == 'one group held out'
-    assert held_out.scores[0].spread_of == 'groups'
+    assert (held_out.split, held_out.scores[0].spread_of) == ('one group held out', 'groups')
 
 
 def test_groups_of_two_columns(noisy_table):
@@ -94,54 +87,44 @@ def test_groups_of_two_columns(noisy_table):
     assert evaluation.scores[0].fold_accuracies.shape == (1, 4)  # day follows from session
 
 
-def test_what_cannot_be_split_is_refused(noisy_table):
-    one = noisy_table.take(noisy_table.labels == 'pla')
-    with pytest.raises(EvaluationError, match='one class only, "pla"'):
-        evaluate(one)
-    few = noisy_table.take(np.r_[0:4, 12:36])
-    with pytest.raises(EvaluationError, match='class "pla" has 4 trials, fewer than the 6 folds'):
-        evaluate(few)
-    with pytest.raises(EvaluationError, match='two folds or more'):
-        evaluate(noisy_table, folds=1)
-    with pytest.raises(EvaluationError, match='2 trials would be left to train on'):
-        evaluate(noisy_table.take([0, 1, 12, 13]), folds=2)
-
-
-def test_what_cannot_be_held_out_is_refused(noisy_table):
-    with pytest.raises(EvaluationError, match='all trials have the same all'):
-        evaluate(noisy_table, hold_out=['all'])
-    with pytest.raises(DatasetError, match='no column "speed"'):
-        evaluate(noisy_table, hold_out=['speed'])
-    sponge_today = (noisy_table.labels != 'sponge') | (noisy_table.column('day') == 1)
-    with pytest.raises(EvaluationError, match='class "sponge" have the same day'):
-        evaluate(noisy_table.take(sponge_today), hold_out=['day'])
-
-
-def test_wrong_name_fails_before_any_work(noisy_table):
-    with pytest.raises(ValueError, match='classifier is "forest"'):
-        evaluate(noisy_table, ['knn', 'forest'])
+@pytest.mark.parametrize(
+    ('trials', 'options', 'message'),
+    [
+        (np.arange(12), {}, 'one class only, "pla"'),
+        (np.r_[0:4, 12:36], {}, 'class "pla" has 4 trials, fewer than the 6 folds'),
+        (np.arange(36), {'folds': 1}, 'two folds or more'),
+        ([0, 1, 12, 13], {'folds': 2}, '2 trials would be left to train on'),
+        (np.arange(36), {'hold_out': ['all']}, 'all trials have the same all'),
+        (np.arange(36), {'hold_out': ['speed']}, 'no column "speed"'),
+        (np.r_[0:24, 25:36:2], {'hold_out': ['day']}, 'class "sponge" have the same day'),
+        (np.arange(36), {'classifiers': ['knn', 'forest']}, 'classifier is "forest"'),
+    ],
+)
+def test_what_cannot_be_split_or_held_out_is_refused(noisy_table, trials, options, message):
+    with pytest.raises((EvaluationError, DatasetError, ValueError), match=message):
+        evaluate(noisy_table.take(trials), **options)
 
 
 def test_choice_inside_the_folds_is_that_done_by_hand(noisy_table):
     split = grouped_split(noisy_table, ['session_id'])
     plan = AccuracyPlan(noisy_table, split, ['knn', 'tree'], ['none'], random_state=3)
     (evaluation,) = run_plans([plan], 1)
-    pairs = [(score.classifier, score.scaling) for score in evaluation.scores]
+    x, y = noisy_table.values, noisy_table.labels
     accuracies, picks = [], []
+
+    def judge(pair, train, test):
+        return np.sum(build_estimator(*pair).fit(x[train], y[train]).predict(x[test]) == y[test])
+
     for train, test in split.repeats[0]:
-        inner = split.divide_again(train, noisy_table.labels, 3)
-        right = [
-            sum(
-                np.sum(build_estimator(*pair).fit(x[a], y[a]).predict(x[b]) == y[b])
-                for a, b in inner
+        inner = split.divide_again(train, y, 3)
+        right = {
+            (score.classifier, score.scaling): sum(
+                judge((score.classifier, score.scaling), *fold) for fold in inner
             )
-            for pair in pairs
-            for x, y in [(noisy_table.values, noisy_table.labels)]
-        ]
-        picks.append(pairs[int(np.argmax(right))])
-        x, y = noisy_table.values, noisy_table.labels
-        chosen = build_estimator(*picks[-1]).fit(x[train], y[train])
-        accuracies.append(np.mean(chosen.predict(x[test]) == y[test]))
+            for score in evaluation.scores
+        }
+        picks.append(max(right, key=right.get))
+        accuracies.append(judge(picks[-1], train, test) / len(test))
         assert not any(np.isin(test, part).any() for fold in inner for part in fold)
     nested = evaluation.nested
     assert nested.mean == pytest.approx(np.mean(accuracies), abs=1e-15)
@@ -154,14 +137,42 @@ def test_the_best_of_classifiers_that_know_nothing_is_chance_when_chosen_inside(
     generator = np.random.default_rng(4)
     best, inside = [], []
     for _ in range(8):
-        table = FeatureTable(
-            generator.normal(size=(60, 3)),
-            generator.permutation(np.repeat(['a', 'b'], 30)),
-            array_spec('stiffness', 50, 60.0),
-        )
+        values = generator.normal(size=(60, 3))
+        table = make_table(generator.permutation(np.repeat(['a', 'b'], 30)), values)
         split = stratified_split(table, 6, 1)
         (found,) = run_plans([AccuracyPlan(table, split, ['knn', 'tree'], random_state=0)], 1)
         best.append(max(score.mean for score in found.scores))
         inside.append(found.nested.mean)
     assert np.mean(best) > 0.55
     assert np.mean(inside) == pytest.approx(0.5, abs=0.05)
+
+
+class TwoParts:
+    """One part ends at once; the other one still computes when the interrupt comes."""
+
+    def __init__(self):
+        self.begun, self.interrupted, self.ended = (threading.Event() for _ in range(3))
+
+    def tasks(self):
+        return [(self.begun.wait, (10.0,)), (self.compute, ())]
+
+    def compute(self):
+        self.begun.set()
+        assert self.interrupted.wait(10.0)
+        threading.Event().wait(0.2)
+        self.ended.set()
+
+    def finish(self, answers):
+        raise AssertionError('it was interrupted')
+
+
+def test_an_interrupt_waits_for_the_parts_that_are_under_way():
+    plan = TwoParts()
+
+    def interrupt(done, total):
+        plan.interrupted.set()
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_plans([plan], 2, interrupt)
+    assert plan.ended.is_set()

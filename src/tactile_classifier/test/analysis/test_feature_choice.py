@@ -20,8 +20,7 @@ from tactile_features.spec import spec_for
 
 def make_table(name, separation, seed, trials=48):
     rng = np.random.default_rng(seed)
-    config = FeatureConfig(texture_features=name)
-    spec = spec_for('texture', config)
+    spec = spec_for('texture', FeatureConfig(texture_features=name))
     labels = np.array(['a', 'b', 'c'])[np.arange(trials) % 3]
     values = rng.normal(size=(trials, len(spec.names)))
     values += separation * (np.arange(trials) % 3)[:, None]
@@ -77,12 +76,8 @@ def test_a_stated_scaling_is_the_only_one():
     table = make_table('texture_spectrum', 1.0, 1, trials=24)
     choice = choose({'one': table}, stratified_split(table, 3, 1), scaling='standard')
     scalings = {s.candidate.classifier: s.candidate.scaling for s in choice.ranking}
-    assert scalings == {
-        'knn': 'standard',
-        'svm_linear': 'standard',
-        'svm_rbf': 'standard',
-        'tree': 'none',
-    }
+    scaled = dict.fromkeys(('knn', 'svm_linear', 'svm_rbf'), 'standard')
+    assert scalings == {**scaled, 'tree': 'none'}
 
 
 def test_folds_inside_share_convolutions_and_nothing_of_the_labels(monkeypatch):
@@ -91,12 +86,10 @@ def test_folds_inside_share_convolutions_and_nothing_of_the_labels(monkeypatch):
     split = stratified_split(table, 3, 1)
     (fold, *_) = split.repeats[0]
     inner = split.divide_again(fold[0], table.labels, 0, 6)
-    named = [
-        check_candidate(Candidate('glide_waveform', 'rocket', 'none'), each, fold, inner)
-        for each in (
-            dataclasses.replace(table, labels=np.random.default_rng(i).permutation(table.labels))
-            for i in range(20)
-        )
-    ]
-    share = np.mean([answer.inner_right for answer in named]) / len(fold[0])
+    candidate, named = Candidate('glide_waveform', 'rocket', 'none'), []
+    for i in range(20):
+        labels = np.random.default_rng(i).permutation(table.labels)
+        mixed = dataclasses.replace(table, labels=labels)
+        named.append(check_candidate(candidate, mixed, fold, inner).inner_right)
+    share = np.mean(named) / len(fold[0])
     assert share == pytest.approx(1 / 3, abs=0.07)

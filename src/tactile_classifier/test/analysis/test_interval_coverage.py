@@ -19,9 +19,12 @@ SHARES = np.array([0.01, 0.02, *np.arange(0.05, 0.96, 0.05)])
 
 
 def tango(only_a, only_b, trials):
-    pairs = zip(only_a.tolist(), only_b.tolist(), strict=True)
-    found = [paired_interval(*pair, trials) for pair in pairs]
-    return np.array([[each.low, each.high] for each in found]).T
+    ends = np.empty((2, len(only_a)))
+    for i in np.flatnonzero(only_a <= only_b):  # the others by exchange of A and B
+        found = paired_interval(int(only_a[i]), int(only_b[i]), trials)
+        ends[:, (only_a == only_b[i]) & (only_b == only_a[i])] = [[-found.high], [-found.low]]
+        ends[:, i] = found.low, found.high
+    return ends
 
 
 def agresti_min(only_a, only_b, trials):
@@ -84,13 +87,17 @@ def cover_sessions(sizes):
             population = expit(centre + spread * generator.standard_normal(200_000)).mean()
             a, b = generator.binomial(sizes, shares) / sizes
             sets = (
-                (a, population, lambda row: accuracy_interval(row, 'sessions')),
-                (b - a, 0.0, lambda row: difference_interval(row, 'sessions')),
+                (np.sort(a), population, lambda row: accuracy_interval(row, 'sessions')),
+                (np.sort(b - a), 0.0, lambda row: difference_interval(row, 'sessions')),
                 (a, population, lambda row: accuracy_interval(row, 'groups of repeats', sizes)),
             )
             for rows, true, interval in sets:
-                found = [interval(row) for row in rows if np.ptp(row) > 0]
-                covered.append(np.mean([each.low <= true <= each.high for each in found]))
+                rows, counts = np.unique(
+                    rows[np.ptp(rows, axis=1) > 0], axis=0, return_counts=True
+                )
+                found = map(interval, rows)
+                inside = [each.low <= true <= each.high for each in found]
+                covered.append(np.average(inside, weights=counts))
     return 100.0 * np.reshape(covered, (-1, 3))
 
 

@@ -1,8 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+import dataclasses
 import json
 
+from classifier_tables import make_table
 import numpy as np
 import pytest
 
@@ -13,13 +15,12 @@ from tactile_classifier.confidence.calibration import (
     make_group_folds,
 )
 from tactile_classifier.datasets.archive import LabelledTrials
-from tactile_classifier.datasets.dataset import ALL, FeatureTable, table_from_trials
+from tactile_classifier.datasets.dataset import ALL, table_from_trials
 from tactile_classifier.errors import EvaluationError
 from tactile_classifier.estimators import random_convolutions
 from tactile_classifier.evaluation.open_set import evaluate_open_set
 from tactile_classifier.records import MARGIN
 from tactile_features.config import FeatureConfig
-from tactile_features.spec import array_spec
 
 
 @pytest.fixture(scope='module')
@@ -32,12 +33,9 @@ def few(texture_table):
 def three_features(few):
     """Return every second trial, with three features that tell the labels apart."""
     half = few.take(np.arange(0, 120, 2))
-    means = np.stack(
-        [half.values[half.labels == label].mean(axis=0) for label in set(half.labels)]
-    )
-    chosen = np.sort(np.argsort(means.std(axis=0))[-3:])
-    spec = array_spec('stiffness', 50, 60.0)
-    return FeatureTable(half.values[:, chosen], half.labels, spec, half.columns)
+    means = [half.values[half.labels == label].mean(axis=0) for label in set(half.labels)]
+    chosen = np.sort(np.argsort(np.std(means, axis=0))[-3:])
+    return make_table(half.labels, half.values[:, chosen], **half.columns)
 
 
 def test_textures_far_apart_are_all_found_out(few):
@@ -57,7 +55,7 @@ def test_textures_far_apart_are_all_found_out(few):
 def test_two_names_for_one_thing_cannot_be_told_apart(few):
     twin = np.where(np.arange(120) % 2, 'twin', few.labels)
     labels = np.where(few.labels == 'plate 0', twin, few.labels)
-    table = FeatureTable(few.values, labels, few.spec, few.columns)
+    table = dataclasses.replace(few, labels=labels)
     found = {u.label: u for u in evaluate_open_set(table, 'tree').unknown}
     assert found['twin'].auroc < 0.7
     assert found['twin'].miss_rate > 0.8
@@ -68,7 +66,7 @@ def test_label_that_is_always_held_out_alone_is_refused(three_features):
     known = three_features.take(three_features.labels != 'plate 3')
     day = np.arange(len(known)) % 2
     sessions = np.array([f'{label} {i}' for label, i in zip(known.labels, day, strict=True)])
-    table = FeatureTable(known.values, known.labels, known.spec, {'session_id': sessions})
+    table = dataclasses.replace(known, columns={'session_id': sessions})
     with pytest.raises(EvaluationError, match=r'"plate 0" is never held out together.*record'):
         evaluate_open_set(table, 'knn', false_alarm_rate=0.1)
     # Single trials held out leave nothing to ask for.
@@ -79,9 +77,8 @@ def test_calibration_says_each_way_it_held_out(three_features):
     # Two sessions with all plates and five more of three: what is left differs from part to part.
     session = np.arange(60) % 7
     kept = (three_features.labels != 'plate 3') | (session < 2)
-    table = three_features.take(kept)
     columns = {'session_id': session[kept]}
-    table = FeatureTable(table.values, table.labels, table.spec, columns)
+    table = dataclasses.replace(three_features.take(kept), columns=columns)
     found = evaluate_open_set(table, 'knn', false_alarm_rate=0.1)
     assert found.split == 'session held out in 6 folds'
     assert 'stratified' in found.calibration_split
