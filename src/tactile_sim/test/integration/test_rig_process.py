@@ -3,6 +3,7 @@
 
 """The rig as a process: its ports, its requests, its end."""
 
+from contextlib import ExitStack
 import json
 import os
 import signal
@@ -131,3 +132,27 @@ def test_a_port_does_not_replace_what_is_no_link(tmp_path):
     (tmp_path / 'guide').write_text('in the way')
     with pytest.raises(RigError, match='is no symbolic link'):
         PtyPort(tmp_path / 'guide')
+
+
+def test_several_rigs_share_a_process_and_have_noise_of_their_own(tmp_path):
+    folders = [tmp_path / name for name in ('index', 'thumb')]
+    decoders = [LineDecoder(TendonSensorConfig()) for _ in folders]
+    with SimulatedRig(3, folders) as rig, ExitStack() as stack:
+        ports = [
+            stack.enter_context(serial.Serial(str(folder / 'sensor'), 115200, timeout=1.0))
+            for folder in folders
+        ]
+        readings = [[], []]
+        for port, decoder, found in zip(ports, decoders, readings, strict=True):
+            wait_until(
+                lambda port=port, decoder=decoder, found=found: found.extend(
+                    decoder.feed(port.read(max(port.in_waiting, 1)), 0)
+                )
+                or len(found) >= 30,
+                'too few lines',
+            )
+        with pytest.raises(RigError, match='2 rigs take no requests'):
+            rig.truth()
+    values = [[reading.value for reading in found[:30]] for found in readings]
+    assert values[0] != values[1]
+    assert [list(folder.iterdir()) for folder in folders] == [[], []]
