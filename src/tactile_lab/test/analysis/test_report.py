@@ -23,7 +23,7 @@ from tactile_lab.report.build import build_page, report_path
 from tactile_lab.report.drawings import draw_textures
 from tactile_lab.report.published import compare_with_paper, format_design, LABELS
 from tactile_lab.report.recordings import Example, make_sets, RecordingSet, usual_splits
-from tactile_lab.report.significance import find_components
+from tactile_lab.report.significance import find_components, format_tested_trials
 from tactile_lab.report.summary import (
     describe_sources,
     format_accuracy,
@@ -353,6 +353,13 @@ def test_components_are_known_by_the_names_of_the_features():
     assert found.title == 'spatial frequency [cycles/mm]'
     assert found.frequency[0] == pytest.approx(1 / 45, rel=1e-3)
     assert find_components(spec_for('stiffness', FeatureConfig())) is None
+
+
+def test_tests_within_sessions_are_told(easy_holds):
+    assert format_tested_trials(easy_holds) == 'over all 72 trials'
+    significance = dataclasses.replace(easy_holds.significance, strata=3)
+    within = dataclasses.replace(easy_holds, significance=significance)
+    assert format_tested_trials(within) == 'of 72 trials within their 3 sessions (van Elteren)'
 
 
 def make_grouped(**columns):
