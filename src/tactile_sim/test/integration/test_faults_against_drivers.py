@@ -89,7 +89,7 @@ SENSOR_FAULTS = {
     'garbage': ({}, loses_lines),
     'split': ({}, loses_lines),
     'wrong_baud': ({'ratio': 3.0}, lambda it: it.silence_s > 0.5),
-    'drop': ({'count': 5}, lambda it: it.gained('lost_samples') == 5),
+    'drop': ({'count': 5}, lambda it: it.gained('lost_samples') >= 5),
     'saturate': ({}, lambda it: it.has_status(StrainStatus.SATURATED)),
     'stuck': ({}, lambda it: it.has_status(StrainStatus.STUCK)),
     'restart': ({}, lambda it: it.gained('restarts') == 1),

@@ -40,8 +40,8 @@ def test_the_rigs_time_is_the_hosts_and_lines_come_at_60_hz(rig):
             or len(readings) >= 60,
             'too few lines',
         )
-        # It never runs ahead; how far it is behind depends on how busy the computer is.
-        assert rig.truth()['time_s'] - before_s <= time.monotonic() - started_s + 0.1
+        # It never runs ahead. A busy computer may leave it 0.5 s behind, which it makes up for.
+        assert rig.truth()['time_s'] - before_s <= time.monotonic() - started_s + 0.6
     assert decoder.rejected_lines == 0
     sent_ms = [reading.device_ticks for reading in readings]
     assert (sent_ms[59] - sent_ms[0]) / 59 == pytest.approx(1000 / 60, rel=1e-3)
