@@ -62,10 +62,10 @@ class RecordedFeatures:
             raise BagError(f'its features cannot be computed here: {error}') from error
         return config
 
-    def without_parts(self) -> RecordedFeatures:
-        """Return the same with full windows alone, and without measures."""
+    def without_parts(self, *, measures: bool = False) -> RecordedFeatures:
+        """Return the same with full windows alone, with measures or without."""
         return RecordedFeatures(
-            replace(self.config, measures=False, partial_samples=()),
+            replace(self.config, measures=measures, partial_samples=()),
             tuple(WantedFeatures(each.spec) for each in self.wanted),
         )
 

@@ -128,13 +128,12 @@ def _trials_before(bag: TactileBag, namespace: str) -> list[bool]:
 class ReplayedPhases:
     """Windows and phases that the feature core computes from recorded samples and events.
 
-    ``windows`` are in the order in which they became complete, ``completed_at_ns`` the arrival of
-    the message that completed each [ns], ``events`` the phases of the recording, or those found
-    in the signal.
+    ``windows`` are in the order in which they became complete, ``made_at_ns`` as those of
+    `TactileResults`, ``events`` the phases of the recording, or those found in the signal.
     """
 
     windows: list[FeatureWindow] = field(default_factory=list)
-    completed_at_ns: list[int] = field(default_factory=list)
+    made_at_ns: dict[int, int] = field(default_factory=dict)
     events: list[TrialEvent] = field(default_factory=list)
     specifications: tuple[FeatureSpec, ...] = ()
 
@@ -153,7 +152,7 @@ def replay_phases(
 
     def take(windows: list[FeatureWindow]) -> None:
         replayed.windows += windows
-        replayed.completed_at_ns += [arrived_ns] * len(windows)
+        replayed.made_at_ns |= {id(window): arrived_ns for window in windows}
 
     for message, record in read_records(sensed_messages(bag, namespace)):
         arrived_ns = message.received_at_ns
@@ -182,14 +181,14 @@ def replay_through_core(
     ``models`` that the recording is to recalibrate must not have been used before.
     """
     replayed = replay_phases(bag, features, namespace)
-    results = TactileResults(replayed.windows)
+    results = TactileResults(replayed.windows, made_at_ns=replayed.made_at_ns)
     if models is not None:
         models.set_specifications(replayed.specifications)
-    for window, at_ns in zip(replayed.windows, replayed.completed_at_ns, strict=True):
-        results.made_at_ns[id(window)] = at_ns
-        for answer in models.classify(window) if models is not None else ():
-            results.classifications.append(answer)
-            results.made_at_ns[id(answer)] = at_ns
+        for window in replayed.windows:
+            answers = models.classify(window)
+            results.classifications += answers
+            at_ns = results.made_at_ns[id(window)]
+            results.made_at_ns |= {id(answer): at_ns for answer in answers}
     return results.sort()
 
 

@@ -32,7 +32,7 @@ from tactile_features.records import (
     PROTOCOL_SLIP,
     TrialEvent,
 )
-from tactile_features.spec import FeatureSpec, WantedFeatures
+from tactile_features.spec import FeatureSpec
 from tactile_lab.datasets.feature_tables import (
     count_samples,
     FeatureTables,
@@ -124,11 +124,7 @@ class BagFeatures(RecordingFeatures):
         found = {
             (*source, window.window_start_ns, window.window_end_ns): window.measures
             for *source, window in self._replay(
-                table,
-                lambda recorded: RecordedFeatures(
-                    replace(recorded.config, measures=True, partial_samples=()),
-                    tuple(WantedFeatures(each.spec) for each in recorded.wanted),
-                ),
+                table, lambda recorded: recorded.without_parts(measures=True)
             )
         }
         trials = _list_rows(table, 'bag', 'namespace', 'window_start_ns', 'window_end_ns')
