@@ -115,7 +115,10 @@ class TactileBag:
         try:
             metadata = self._open()
             self._check_types(metadata)
-            self.damage = self._find_damage()
+            damaged = [f'{file.path.name}: {file.damage}' for file in self._files if file.damage]
+            self.damage = '; '.join(damaged)
+            if damaged:
+                self.damage = f'it was damaged after it was closed: {self.damage}'
             difference = self.damage or self._compare_counts(metadata)
             if difference and needs_all:
                 raise BagError(f'{difference}. `tactile repair` copies what is there')
@@ -245,11 +248,6 @@ class TactileBag:
                 )
         return ''
 
-    def _find_damage(self) -> str:
-        """Return where finished files are damaged; empty: nowhere."""
-        found = [f'{file.path.name}: {file.damage}' for file in self._files if file.damage]
-        return f'it was damaged after it was closed: {"; ".join(found)}' if found else ''
-
     def _format_recovery(self) -> str:
         unfinished = [file.path.name for file in self._files if not file.is_finished]
         if unfinished:
@@ -314,11 +312,6 @@ class TactileBag:
             if (not type_names or topic.type_name in type_names)
             and (finger is None or self._finger_of(topic.name, namespaces) == finger)
         }
-
-    @property
-    def foreign(self) -> frozenset[str]:
-        """Types that were recorded with another definition than the one installed here."""
-        return frozenset(self._foreign)
 
     @property
     def size_bytes(self) -> int:

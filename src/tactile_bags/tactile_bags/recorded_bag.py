@@ -61,7 +61,7 @@ class RecordedBag(TactileBag):
 
     def _keep(self, type_names: Sequence[str]) -> bool:
         """Read the messages of our types, once; return whether those asked for are there."""
-        known = [name for name in RECORDED_TYPES if name not in self.foreign]
+        known = [name for name in RECORDED_TYPES if name not in self._foreign]
         if not set(type_names) <= set(known) or self.size_bytes > MAX_KEPT_BYTES:
             return False
         if self._kept is None:
@@ -142,9 +142,8 @@ class RecordedBag(TactileBag):
 
     def rate_hz(self, namespace: str) -> float | None:
         """Return the sample rate that the recording states, or else its stamps [Hz]."""
-        return nominal_rate_hz(self, namespace) or self._measured_rate_hz(namespace)
-
-    def _measured_rate_hz(self, namespace: str) -> float | None:
+        if nominal_hz := nominal_rate_hz(self, namespace):
+            return nominal_hz
         stamps_ns = self.strain(namespace)[0]
         return RawTrial('', np.empty((1, 0)), 1e-9 * (stamps_ns - stamps_ns[:1])).rate_hz
 
