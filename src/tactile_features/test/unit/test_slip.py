@@ -119,8 +119,11 @@ def test_falls_that_were_missed_are_not_learned_as_noise():
     assert slip.onset_ns / PERIOD_NS - START == pytest.approx(1139, abs=2)
 
 
-def test_a_clock_set_back_begins_anew():
-    assert len(detect(block(slipping()), block(slipping()[:-90]))) == 2
+def test_a_clock_set_back_begins_anew_and_forgets_the_noise():
+    second = block(slipping()[:-90])
+    alone = detect(second)
+    assert len(alone) == 1
+    assert detect(block(grip(noise_n=0.04)), second) == alone
 
 
 FAST = {'at': 2500, 'fall_n': 0.02, 'seconds': 3.0, 'rate_hz': 1000.0}
