@@ -62,6 +62,7 @@ def test_a_contact_leaves_out_the_models_of_another(folder):
         ({'contact': 'thumb'}, 'contact is "thumb"; it must be flexion or abduction, or empty'),
         ({'specification_digest': '0' * 16}, 'one of them was changed'),
         ({'stages': [{'sample_count': 60}]}, 'they must be 0, for the full window'),
+        ({'stages': [{'sample_count': n} for n in (0, 120, 60)]}, 'and then rise to fewer'),
         ({'stages': [3]}, 'no valid entry "stages"'),
         ({'stages': [{'sample_count': '0'}]}, 'no valid entry "sample_count"'),
         ({'stages': [{'sample_count': 0}, {'sample_count': 20}]}, 'must rise from 30 or more'),
