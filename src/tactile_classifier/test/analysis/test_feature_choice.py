@@ -13,9 +13,17 @@ from tactile_classifier.datasets.splits import stratified_split
 from tactile_classifier.errors import DatasetError
 from tactile_classifier.estimators import random_convolutions
 from tactile_classifier.evaluation.plans import run_plans
+from tactile_classifier.training import feature_choice
 from tactile_classifier.training.feature_choice import Candidate, check_candidate, ChoicePlan
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
+
+
+@pytest.fixture(autouse=True)
+def small(monkeypatch):
+    """Fit few convolutions, and divide the training trials of a fold once."""
+    monkeypatch.setattr(random_convolutions, 'FEATURES', 168)
+    monkeypatch.setattr(feature_choice, 'INNER_REPEATS', 1)
 
 
 def make_table(name, separation, seed, trials=48):
@@ -32,8 +40,7 @@ def choose(*arguments, **options):
     return choice
 
 
-def test_the_better_set_is_chosen(monkeypatch):
-    monkeypatch.setattr(random_convolutions, 'FEATURES', 168)
+def test_the_better_set_is_chosen():
     tables = {
         'texture_spectrum': make_table('texture_spectrum', 0.05, 1, trials=24),
         'glide_waveform': make_table('glide_waveform', 3.0, 2, trials=24),
@@ -80,8 +87,7 @@ def test_a_stated_scaling_is_the_only_one():
     assert scalings == {**scaled, 'tree': 'none'}
 
 
-def test_folds_inside_share_convolutions_and_nothing_of_the_labels(monkeypatch):
-    monkeypatch.setattr(random_convolutions, 'FEATURES', 168)
+def test_folds_inside_share_convolutions_and_nothing_of_the_labels():
     table = make_table('glide_waveform', 0.0, 1, trials=48)
     split = stratified_split(table, 3, 1)
     (fold, *_) = split.repeats[0]
