@@ -392,14 +392,14 @@ class BagRecorderNode(PollingNode):
         It is ready when there are none. Optional topics are recorded when they come, and
         not waited for.
         """
-        needed = [
+        return [
             name
             for name, topic in self._topics.items()
             if not topic.optional
             and (self.config.rig or not topic.of_rig)
             and (self.config.classifier or not topic.of_classifier)
+            and not self._publisher_count(name)
         ]
-        return [name for name in needed if not self._publisher_count(name)]
 
     def _publisher_count(self, name: str) -> int:
         subscription = self._recording.get(name)

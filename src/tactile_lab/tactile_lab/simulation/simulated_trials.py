@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rosbags.typesys.store import Typestore
 
 from tactile_bags.recorded_topics import EVENT, message_store, STRAIN
 from tactile_bringup.trial_protocols import (
@@ -249,6 +250,7 @@ class _TrialRecorder:
         chunk: TrialChunk,
         i: int,
     ) -> None:
+        self._store: Typestore = message_store()
         self._plan = plan
         self._planned = planned
         self._config = config
@@ -283,13 +285,13 @@ class _TrialRecorder:
         return EPOCH_NS + round((self._first_sample + sample) * 1e9 / self._planned.rate_hz)
 
     def _header(self, stamp_ns: int, frame_id: str) -> Any:
-        types = message_store().types
+        types = self._store.types
         time_class = types['builtin_interfaces/msg/Time']
         stamp = time_class(sec=stamp_ns // 1_000_000_000, nanosec=stamp_ns % 1_000_000_000)
         return types['std_msgs/msg/Header'](stamp=stamp, frame_id=frame_id)
 
     def _block(self, first: int, values: NDArray[np.float64]) -> bytes:
-        block = message_store().types[STRAIN](
+        block = self._store.types[STRAIN](
             header=self._header(self._stamp_ns(first), 'tendon_sensor_link'),
             sequence=self._first_sample + first,
             period_ns=round(1e9 / self._planned.rate_hz),
@@ -298,10 +300,10 @@ class _TrialRecorder:
             stamp_error_s=0.0,
             status=int(StrainStatus.SIMULATED),
         )
-        return bytes(message_store().serialize_cdr(block, STRAIN))
+        return bytes(self._store.serialize_cdr(block, STRAIN))
 
     def _event(self, stamp_ns: int, phase: str, message: str) -> bytes:
-        event = message_store().types[EVENT](
+        event = self._store.types[EVENT](
             header=self._header(stamp_ns, ''),
             trial_id=self.trial_id,
             session_id=self.session_id,
@@ -317,4 +319,4 @@ class _TrialRecorder:
             detected=False,
             simulated=True,
         )
-        return bytes(message_store().serialize_cdr(event, EVENT))
+        return bytes(self._store.serialize_cdr(event, EVENT))
