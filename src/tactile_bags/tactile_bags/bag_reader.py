@@ -313,11 +313,6 @@ class TactileBag:
             and (finger is None or self._finger_of(topic.name, namespaces) == finger)
         }
 
-    @property
-    def size_bytes(self) -> int:
-        """Size of the data files [byte]."""
-        return sum(file.path.stat().st_size for file in self._files)
-
     def messages(
         self, *type_names: str, namespace: str | None = None, since_ns: int = 0
     ) -> Iterator[BagMessage]:

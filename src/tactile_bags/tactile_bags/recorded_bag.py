@@ -62,7 +62,8 @@ class RecordedBag(TactileBag):
     def _keep(self, type_names: Sequence[str]) -> bool:
         """Read the messages of our types, once; return whether those asked for are there."""
         known = [name for name in RECORDED_TYPES if name not in self._foreign]
-        if not set(type_names) <= set(known) or self.size_bytes > MAX_KEPT_BYTES:
+        size_bytes = sum(file.path.stat().st_size for file in self._files)
+        if not set(type_names) <= set(known) or size_bytes > MAX_KEPT_BYTES:
             return False
         if self._kept is None:
             self._kept = []
