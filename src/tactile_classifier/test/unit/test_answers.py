@@ -156,6 +156,7 @@ def test_too_few_trials_give_raw_scores_and_the_reason(stiffness_table, tmp_path
     expected = compute_raw_scores(trained.estimator, table.values)
     np.testing.assert_allclose(found.scores, expected, atol=1e-12)
     assert (model.manifest.score_kind, len(found.novelty)) == ('margin', 0)
+    assert model.predict(np.full((1, 3), 1.7e308)).tolist() == [NO_ANSWER]
 
 
 # -- partial windows ----------------------------------------------------------------

@@ -189,6 +189,8 @@ def test_missing_file_folder_and_trials(save, tmp_path):
     ):
         with pytest.raises(DatasetError, match=message):
             load_archive(path, folds)
+    one_label = save(label=np.full(12, 'denim'))
+    assert len(load_archive(one_label, folds=0)) == 12  # not for cross-validation
 
 
 def test_pickle_is_never_opened(tmp_path):

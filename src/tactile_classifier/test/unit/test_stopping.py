@@ -3,6 +3,7 @@
 
 import dataclasses
 import functools
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from tactile_classifier.errors import EvaluationError
 from tactile_classifier.evaluation.early_answers import (
     evaluate_stopping,
     find_first_stop,
+    fit_rule,
     fit_stop_threshold,
 )
 
@@ -46,6 +48,8 @@ def test_one_bad_session_raises_the_threshold_for_all():
     # Of all answers a sixth is wrong; from 0.95 on few are, but too many of that session.
     assert fit_stop_threshold(confidence, wrong, 0.2) == 0.5
     threshold = fit_stop_threshold(confidence, wrong, 0.2, session)
+    stage = SimpleNamespace(confidence=confidence[0], wrong=wrong[0])
+    assert fit_rule([stage], 0.2, session) == threshold
     bad = session == 4
     early = confidence[0, bad] >= threshold
     assert wrong[0, bad][early].mean() <= 0.2
