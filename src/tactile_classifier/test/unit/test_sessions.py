@@ -53,9 +53,16 @@ def codes(table):
 
 
 def test_offset_is_the_session_s_and_only_where_sessions_differ():
-    statistics, measure = fit(draw_sessions(8, 1))
+    table = draw_sessions(8, 1)
+    statistics, measure = fit(table)
     assert statistics.share[0] > 0.9
     assert statistics.share[1:].max() < 0.5
+    # One-way analysis of variance of what is left of each label's mean: 40 trials a session.
+    residuals = table.values - statistics.means[codes(table)]
+    by_session = residuals.reshape(8, 40, 3)
+    within = by_session.var(axis=1).sum(axis=0) * 40 / (320 - 8)
+    between = np.maximum(by_session.mean(axis=1).var(axis=0, ddof=1) - within / 40, 0.0)
+    assert statistics.share == pytest.approx(between / (between + within / TRIALS))
     new, move = draw_sessions(1, 2), np.array([5.0, 0.0, 0.0])
     before, *_ = statistics.recalibrate(new.values, codes(new), measure.compute)
     after, *_ = statistics.recalibrate(new.values + move, codes(new), measure.compute)
