@@ -24,6 +24,7 @@ from mcap.records import (
     Header,
     Message,
     MessageIndex,
+    Metadata,
     Schema,
     Statistics,
 )
@@ -60,7 +61,9 @@ def channel(number=1, topic=STRAIN_NAME, encoding='cdr'):
 
 
 START = MAGIC + pack(Header('ros2', ''))
-DEFINED = START + pack(Schema(1, b'', 'ros2msg', STRAIN), channel())
+SCHEMA = pack(Schema(1, b'', 'ros2msg', STRAIN))
+DEFINED = START + SCHEMA + pack(channel())
+NO_METADATA = pack(Metadata('rosbag2', {'serialized_metadata': '[1'}))
 DATA_END, FOOTER = pack(DataEnd(0)), pack(Footer(0, 0, 0)) + MAGIC
 END = DATA_END + FOOTER
 
@@ -101,6 +104,12 @@ def test_messages_are_read_in_order_however_they_are_packed(read_file, packing):
         assert read_file(DEFINED + first + second + END) == ([b'1', b'2', b'3', b'4'], '')
 
 
+def test_a_copy_of_the_metadata_that_came_in_part_keeps_no_message_back(read_file):
+    messages, recovered = read_file(DEFINED + message(b'one') + NO_METADATA)
+    assert messages == [b'one']
+    assert 'never closed' in recovered
+
+
 BOMB = zstandard.compress(bytes(2**30))
 ZEROS = bytes(2**28)
 NO_SIZE = zstandard.ZstdCompressor(write_content_size=False).compress(ZEROS)
@@ -115,6 +124,8 @@ HOSTILE_FILES = {
     'message too short': DEFINED + pack_record(Opcode.MESSAGE, b'123') + END,
     'record of an unknown kind': DEFINED + pack_record(0x45, b'') + END,
     'channel defined otherwise': DEFINED + pack(channel(encoding='xml')) + END,
+    'messages of another form': START + SCHEMA + pack(channel(encoding='xml')) + message() + END,
+    'copy of the metadata that is none': DEFINED + message() + NO_METADATA + END,
     'unknown channel': DEFINED + message(channel=7) + END,
     'unknown channel in a chunk': DEFINED + chunk(message(channel=7)) + END,
     'chunk of an exabyte': DEFINED + chunk(message(), size=HUGE) + END,

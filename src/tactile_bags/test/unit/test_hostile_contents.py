@@ -109,7 +109,10 @@ def test_a_packed_file_is_unpacked_up_to_a_limit(small_bag, monkeypatch):
     with TactileBag(small_bag) as bag:
         assert len(list(bag.messages(STRAIN))) == 5
     monkeypatch.setattr('tactile_bags.bag_reader.MAX_UNPACKED_BYTES', 100)
-    with pytest.raises(BagError, match='unpacked'):
+    with pytest.raises(BagError, match='unpacked it has more than 100 bytes'):
+        TactileBag(small_bag)
+    (small_bag / 'bag_0.mcap.zstd').write_bytes(b'rubbish')
+    with pytest.raises(BagError, match='it cannot be unpacked'):
         TactileBag(small_bag)
 
 
