@@ -150,16 +150,17 @@ def test_a_simulated_finger_marks_all_that_comes_of_it(context, tmp_path):
     def state(phase):
         event = TrialEvent(trial_id='grasp-1', protocol='stiffness', phase=phase)
         event.contact = 'flexion'
-        event.header.stamp = hand.get_clock().now().to_msg()
+        now = hand.get_clock().now()
+        event.header.stamp = now.to_msg()
         events.publish(event)
+        return now.nanoseconds
 
     with sensing(context, hand, '--simulated', '--slip', '--record', bag) as spin_until:
         spin_until(lambda: events.get_subscription_count() >= 3)  # features, slip, recorder
         spin_until(lambda: hand.count_publishers(features))
         spin_until(lambda: blocks)
-        state('hold')
-        held = len(blocks)
-        spin_until(lambda: len(blocks) >= held + 165)  # a window has 156
+        end_ns = state('hold') + 3 * SECOND_NS
+        spin_until(lambda: Time.from_msg(blocks[-1].header.stamp).nanoseconds > end_ns)
         state('release')
         state('done')
         spin_until(lambda: windows)
