@@ -16,8 +16,8 @@ from tactile_lab.experiment import live_rig
 
 
 def test_short_demo_agrees_bit_for_bit_and_leaves_its_results(tmp_path, monkeypatch):
-    # Repetitions of a cross-validation are tested where evaluations are.
-    monkeypatch.setattr(train, 'train_models', partial(train.train_models, repetitions=1))
+    # Cross-validation is tested where evaluations are.
+    monkeypatch.setattr(train, 'train_models', partial(train.train_models, repetitions=1, folds=2))
     quick = {'trial_runner': {'approach_speed_m_s': 0.1}}
     monkeypatch.setattr(live_rig, 'LiveSetup', partial(live_rig.LiveSetup, parameters=quick))
     let_rigs_home_fast(monkeypatch.setattr)
