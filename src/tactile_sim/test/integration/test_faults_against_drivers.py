@@ -211,9 +211,10 @@ def tendon(rig):
     ],
 )
 def test_a_fault_ends_a_pull_with_its_reason(rig, tendon, begin, kind, options, reason):
+    start_m = wait_until(lambda: tendon.state, 'no state').displacement_m
     motion = begin(tendon.pull_to, (0.008, 0.002))
-    # Told by the driver itself: its goal is written and answered.
-    wait_until(lambda: tendon.state and tendon.state.velocity_m_s > 0, 'it does not wind')
+    # Told by the driver itself, which polls once its goal is written and answered.
+    wait_until(lambda: tendon.state.displacement_m > start_m + 5e-4, 'it does not wind')
     rig.fault('tendon', kind, **options)
     with pytest.raises(LinearGuideDriverError, match=reason):
         motion.get(30.0)

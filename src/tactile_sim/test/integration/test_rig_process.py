@@ -96,21 +96,26 @@ def test_unplug_ends_by_itself_and_the_guide_has_kept_its_power(rig):
         assert b'<Alarm|' in again.read_until(b'>')
 
 
-@pytest.mark.parametrize('ending', [signal.SIGTERM, signal.SIGINT])
-def test_the_program_speaks_json_and_ends_cleanly(tmp_path, ending):
-    command = [sys.executable, '-m', 'tactile_sim.rig_server', '--links', tmp_path]
+def test_the_program_speaks_json_and_ends_cleanly(tmp_path):
     pipe = subprocess.PIPE
-    with subprocess.Popen(command, stdin=pipe, stdout=pipe) as process:
-        ports = json.loads(process.stdout.readline())
-        assert ports == {name: str(tmp_path / name) for name in ('guide', 'tendon', 'sensor')}
-        assert all(os.path.realpath(port).startswith('/dev/pts/') for port in ports.values())
-        process.stdin.write(b'nonsense\n{"mount": 3}\n{"fault": {"kind": "mute"}}\n')
-        process.stdin.flush()
-        for reason in ('this is no JSON', 'send {"mount"', 'a fault needs "device"'):
-            assert reason in json.loads(process.stdout.readline())['error']
-        process.send_signal(ending)
-        assert process.wait(DEADLINE_S) == 0
-    assert list(tmp_path.iterdir()) == []
+    command = [sys.executable, '-m', 'tactile_sim.rig_server', '--links']
+    running = {
+        ending: subprocess.Popen([*command, tmp_path / ending.name], stdin=pipe, stdout=pipe)
+        for ending in (signal.SIGTERM, signal.SIGINT)
+    }
+    for ending, process in running.items():
+        folder = tmp_path / ending.name
+        with process:
+            ports = json.loads(process.stdout.readline())
+            assert ports == {name: str(folder / name) for name in ('guide', 'tendon', 'sensor')}
+            assert all(os.path.realpath(port).startswith('/dev/pts/') for port in ports.values())
+            process.stdin.write(b'nonsense\n{"mount": 3}\n{"fault": {"kind": "mute"}}\n')
+            process.stdin.flush()
+            for reason in ('this is no JSON', 'send {"mount"', 'a fault needs "device"'):
+                assert reason in json.loads(process.stdout.readline())['error']
+            process.send_signal(ending)
+            assert process.wait(DEADLINE_S) == 0
+        assert list(folder.iterdir()) == []
 
 
 def test_a_rig_that_does_not_start_or_is_dead_says_why(tmp_path):
