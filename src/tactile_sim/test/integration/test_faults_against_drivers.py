@@ -184,7 +184,7 @@ def test_a_guide_gets_over_late_answers_and_a_stall(rig, guide, kind, options, t
 @pytest.fixture
 def tendon(rig):
     rig.fault('tendon', 'restart')
-    config = TendonActuatorConfig(port=rig.ports.tendon, watchdog_s=0.5, unguarded=True)
+    config = TendonActuatorConfig(port=rig.ports.tendon, watchdog_s=2.0, unguarded=True)
     client = TendonActuatorClient(config)
 
     def connect():
@@ -213,8 +213,12 @@ def tendon(rig):
 def test_a_fault_ends_a_pull_with_its_reason(rig, tendon, begin, kind, options, reason):
     start_m = wait_until(lambda: tendon.state, 'no state').displacement_m
     motion = begin(tendon.pull_to, (0.008, 0.002))
-    # Told by the driver itself, which polls once its goal is written and answered.
-    wait_until(lambda: tendon.state.displacement_m > start_m + 5e-4, 'it does not wind')
+
+    def is_winding():  # told by the driver itself, which polls once its goal is answered
+        assert not motion.ready(), motion.get(0)
+        return tendon.state.displacement_m > start_m + 5e-4
+
+    wait_until(is_winding, lambda: f'it does not wind: {tendon.state}, {tendon.trouble}')
     rig.fault('tendon', kind, **options)
     with pytest.raises(LinearGuideDriverError, match=reason):
         motion.get(30.0)
