@@ -45,16 +45,15 @@ events = st.one_of(
     st.builds(Message, words),
     reports,
 )
-garbage = st.sampled_from(
-    [
-        b'o', b'okk', b' ok', b'OK', b'error:', b'error:x', b'error:2a', b'xxerror:9', b'ALARM:',
-        b'Alarm:1', b'<Idle>', b'<Idle|MPos:1.0,nan,0.0>', b'<Idle|MPos:1.0,,0>', b'<Run|FS:1,0>',
-        b'<Idle|MPos:1,2,3', b'Idle|MPos:1,2,3>', b'<Nap|MPos:1,2,3>',
-        b'<Idle|MPos:1,2,3|FS:9x,0>',
-        b'<Idle|MPos:1,2,3|WPos:1,2,3>', b'$x=1', b'$1', b'Grb 1.1h', b'\xff\x00ok', b'[MSG:half',
-        b'ok\x00', b'x' * (MAX_LINE_BYTES + 5),
-    ]
-)  # fmt: skip
+GARBAGE = [
+    b'o', b'okk', b' ok', b'OK', b'error:', b'error:x', b'error:2a', b'xxerror:9', b'ALARM:',
+    b'Alarm:1', b'<Idle>', b'<Idle|MPos:1.0,nan,0.0>', b'<Idle|MPos:1.0,,0>', b'<Run|FS:1,0>',
+    b'<Idle|MPos:1,2,3', b'Idle|MPos:1,2,3>', b'<Nap|MPos:1,2,3>',
+    b'<Idle|MPos:1,2,3|FS:9x,0>',
+    b'<Idle|MPos:1,2,3|WPos:1,2,3>', b'$x=1', b'$1', b'Grb 1.1h', b'\xff\x00ok', b'[MSG:half',
+    b'ok\x00', b'x' * (MAX_LINE_BYTES + 5),
+]  # fmt: skip
+garbage = st.sampled_from(GARBAGE)
 
 
 def encode_event(event):
@@ -103,6 +102,13 @@ def test_random_bytes_never_raise_and_chunking_does_not_matter(data, cuts):
     whole, _ = decode_in_chunks(data, [])
     assert decode_in_chunks(data, cuts)[0] == whole
     assert b'\n' in data or whole == []
+
+
+def test_no_garbage_is_taken_for_an_event():
+    for line in GARBAGE:
+        decoder = GrblDecoder()
+        assert decoder.feed(line + b'\r\n') == [], line
+        assert decoder.garbage_lines == 1
 
 
 def test_memory_is_bounded_by_one_line():
