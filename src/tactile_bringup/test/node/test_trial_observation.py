@@ -10,7 +10,7 @@ import threading
 from types import SimpleNamespace
 
 import pytest
-from trial_bench import Device, stamp_ns
+from trial_bench import Device, SILENCE_S, stamp_ns
 
 from tactile_bringup.nodes import trial_devices
 from tactile_testing.waiting import wait_until
@@ -66,10 +66,10 @@ def test_a_glide_that_was_not_the_commanded_one_fails_with_the_numbers(bench):
 
 
 def test_a_tendon_that_reports_slowly_until_it_moves_does_for_a_trial(bench, monkeypatch):
-    monkeypatch.setattr(trial_devices, 'REST_REPORT_S', 1.0)
+    monkeypatch.setattr(trial_devices, 'REST_REPORT_S', 10.0)
     wait_until(lambda: not bench.runner._tendon.find_missing())
     bench.tendon.rest_period_s = 1e3
-    bench.tendon.delays = {1: 0.8}  # twice the silence that ends a hold
+    bench.tendon.delays = {1: 1.5 * SILENCE_S}
     assert 'done' in bench.end(bench.start('stiffness', hold_s=0.5)).message
 
 
