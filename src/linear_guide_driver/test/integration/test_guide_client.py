@@ -40,13 +40,6 @@ def move(guide, grbl):
     return move
 
 
-def test_connect_identifies_the_controller_and_knows_no_position(guide):
-    assert guide.identification == 'Grbl 1.1h.20190830'
-    assert guide.state.position_m is None
-    with pytest.raises(MotionRefusedError, match='has not been homed'):
-        guide.move_to(0.1, 0.05)
-
-
 def test_a_guide_at_rest_is_asked_slowly_and_a_moving_one_at_full_rate(guide, monkeypatch):
     monkeypatch.setattr(connection, 'REST_AFTER_S', 0.1)
     monkeypatch.setattr(connection, 'REST_REPORT_S', 1e3)  # a rest that outlasts this test

@@ -150,12 +150,6 @@ def test_a_tendon_that_another_program_took_meanwhile_is_let_go(connect, servo):
     assert tendon.safety.zero is Zero.UNKNOWN
 
 
-def test_an_unplugged_bus_ends_the_pull(tendon, servo):
-    pull = begin_pull(tendon, servo)
-    servo.close()
-    pull.ends_by(MotionFailedError, 'is lost')
-
-
 def test_a_fault_of_the_reading_itself_is_trouble(connect, servo, monkeypatch):
     def fail(_):
         raise ValueError('a bug')
