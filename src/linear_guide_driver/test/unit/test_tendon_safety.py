@@ -361,15 +361,6 @@ def test_an_alarm_is_what_nobody_has_commanded(safety):
     assert safety.is_alarm
 
 
-def test_letting_out_keeps_its_first_reason_and_the_goal_that_lets_out(safety):
-    hold_taut(safety)
-    safety.admit(Pull(0.0), TAUT_M, 0)
-    assert sense(safety, 20.0) is Order.RELEASE
-    assert safety.ending is None
-    sense(safety, 21.0)
-    assert '20.00 N' in safety.reason
-
-
 def test_a_new_zero_is_judged_anew():
     safety = make_unconfirmed()
     safety.add_samples([2.0], False, 0)
