@@ -6,6 +6,7 @@ import threading
 
 from action_msgs.msg import GoalStatus
 from diagnostic_msgs.msg import DiagnosticArray
+from dynamixel_sdk import port_handler
 import pytest
 from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
@@ -112,6 +113,12 @@ class Bench:
         if self.node is not None:
             self.node.take_down()
         self.peer.destroy_node()
+
+
+@pytest.fixture(autouse=True)
+def patience(monkeypatch):
+    """Let a busy computer answer for a servo: its thread may wait for a core [ms]."""
+    monkeypatch.setattr(port_handler, 'LATENCY_TIMER', 100)
 
 
 @pytest.fixture
