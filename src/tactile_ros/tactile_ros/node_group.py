@@ -60,20 +60,9 @@ class NodeGroup:
     lost a callback half way must not go on moving things. The traceback is logged and the
     exception kept.
 
-    Parameters
-    ----------
-    nodes : sequence of rclpy.node.Node
-    context : rclpy.context.Context, optional
-        The nodes' context; the default context when left out.
-    on_end : callable
-        Called once, when the first executor has stopped, for whatever reason, on its thread.
-
-    Attributes
-    ----------
-    ended : threading.Event
-        Set when an executor has stopped.
-    error : Exception or None
-        The first that a callback raised and that ended an executor.
+    ``on_end`` is called once, when the first executor has stopped, for whatever reason, on its
+    thread. ``ended`` is an event set then; ``error`` is the first exception that a callback raised
+    and that ended an executor.
     """
 
     def __init__(

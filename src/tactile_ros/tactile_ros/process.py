@@ -76,13 +76,9 @@ Result = TypeVar('Result')
 class Signals:
     """The signals that have come since `hold_signals`.
 
-    A process that has not ended `ENDS_WITHIN_S` after the last one hangs, as Fast DDS can at its
-    end. It is then ended with exit code 1 and a traceback.
-
-    Attributes
-    ----------
-    received : int
-        Number of the first signal that has come; 0 while there is none.
+    ``received`` is the number of the first one; 0 while there is none. A process that has not
+    ended `ENDS_WITHIN_S` after the last one hangs, as Fast DDS can at its end. It is then ended
+    with exit code 1 and a traceback.
     """
 
     def __init__(self) -> None:

@@ -46,34 +46,16 @@ class StrainBlock:
     """A run of consecutive samples of the tension on one tendon.
 
     Sample ``i`` has sequence number ``sequence + i`` and time ``stamp_ns + i * period_ns``.
-
-    Attributes
-    ----------
-    stamp_ns : int
-        Time of the first sample (ROS time) [ns].
-    sequence : int
-        Number of the first sample; lost samples are counted, too.
-    period_ns : int
-        Nominal time between two samples [ns].
-    tension_n : ndarray of float64, shape (samples,)
-        Tension [N].
-    lost_before : int
-        Samples known to be lost between the block before and this one.
-    status : StrainStatus
-        Holds for every sample.
-    stamp_error_s : float
-        Bound on the error of the stamps [s]; negative: not known.
-    wrench : ndarray of shape (samples, 6), or None
-        Fx, Fy, Fz [N], Tx, Ty, Tz [N m] in the sensor's own axes. None for a sensor of one axis
-        and outside of the driver: the message does not have it.
     """
 
-    stamp_ns: int
-    sequence: int
-    period_ns: int
-    tension_n: NDArray[np.float64]
+    stamp_ns: int  # time of the first sample (ROS time) [ns]
+    sequence: int  # number of the first sample; lost samples are counted, too
+    period_ns: int  # nominal time between two samples [ns]
+    tension_n: NDArray[np.float64]  # tension [N], shape (samples,)
     _: KW_ONLY
-    lost_before: int = 0
-    status: StrainStatus = StrainStatus.OK
-    stamp_error_s: float = -1.0
+    lost_before: int = 0  # samples known to be lost between the block before and this one
+    status: StrainStatus = StrainStatus.OK  # holds for every sample
+    stamp_error_s: float = -1.0  # bound on the error of the stamps [s]; negative: not known
+    # Fx, Fy, Fz [N], Tx, Ty, Tz [N m] in the sensor's own axes, shape (samples, 6). None for a
+    # sensor of one axis and outside of the driver: the message does not have it.
     wrench: NDArray[np.float64] | None = None
