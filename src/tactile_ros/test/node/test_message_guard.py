@@ -86,9 +86,10 @@ def test_diagnostics_show_the_count_and_warn_for_a_while(graph, monkeypatch):
 
 def test_the_log_mentions_refused_messages_now_and_then(graph, capfd, monkeypatch):
     listener, _, publisher, _ = graph
-    for number in (-1, -2, -3):
+    for number in (-1, -2, -3, 1):
         publisher.publish(Int32(data=number))
-    wait_until(lambda: listener.message_guard.refused_count == 3)
+    wait_until(lambda: listener.numbers == [1])  # the third refusal is over
+    assert listener.message_guard.refused_count == 3
     monkeypatch.setattr(lifecycle, 'LOG_PERIOD_S', 0.0)
     publisher.publish(Int32(data=-4))
     wait_until(lambda: listener.message_guard.refused_count == 4)
