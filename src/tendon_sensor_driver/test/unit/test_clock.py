@@ -206,6 +206,7 @@ def test_a_restarted_device_is_believed_from_its_second_line_on():
     assert clock.place(10, start_ns) is None
     again = clock.place(27, start_ns + 17 * MS_NS)
     assert again.is_restart
+    assert again.stamp_error_s < 0  # what was known of the delays is of another clock
     assert again.stamp_ns == start_ns + 17 * MS_NS
     assert not clock.place(43, start_ns + 33 * MS_NS).is_restart
     assert clock.outliers == 1
