@@ -51,9 +51,8 @@ def make_client(sensor, blocks):
 def test_readings_come_out_as_blocks(sensor, make_client, blocks):
     before_ns = time.time_ns()
     client = make_client()
-    sensor.write(b'34,kg,\r\n')
-    for i in range(10):
-        sensor.write_reading(1000 + i * 1000 // 60, i / 100)
+    lines = (encode_reading(1000 + i * 1000 // 60, i / 100) for i in range(10))
+    sensor.write(b'34,kg,\r\n' + b''.join(lines))
     wait_until(lambda: len(blocks) == 10)
     assert [block.sequence for block in blocks] == list(range(10))
     assert [block.tension_n.tolist() for block in blocks] == [
@@ -65,7 +64,7 @@ def test_readings_come_out_as_blocks(sensor, make_client, blocks):
     health = client.health()
     assert health.is_connected
     assert (health.lines, health.readings, health.rejected_lines) == (10, 10, 0)
-    assert health.bursts == 1
+    assert 1 <= health.bursts <= 3  # of three lines or more: a read may end between any two
     for ticks in (1150, 1133, 1167):
         sensor.write_reading(ticks, 0.9)
     wait_until(lambda: len(blocks) == 11)
