@@ -57,10 +57,19 @@ class Controls:
 
 
 @pytest.fixture
-def served():
-    state, controls = WatchState(), Controls()
+def state():
+    return WatchState()
+
+
+@pytest.fixture
+def controls():
+    return Controls()
+
+
+@pytest.fixture
+def server(state, controls):
     with WatchServer(state, controls) as server:
-        yield state, controls, server
+        yield server
 
 
 def token_of(server):
@@ -114,9 +123,9 @@ def get(server, path='/', **headers):
     return run(work())
 
 
-def test_every_file_is_served_with_a_policy_and_nothing_else(served):
+def test_every_file_is_served_with_a_policy_and_nothing_else(server):
     for path in FILES:
-        status, headers, text = get(served[2], path)
+        status, headers, text = get(server, path)
         assert (status, bool(text.strip())) == (200, True), path
         policy = headers['Content-Security-Policy']
         assert "default-src 'none'" in policy
@@ -125,12 +134,16 @@ def test_every_file_is_served_with_a_policy_and_nothing_else(served):
         assert headers['X-Content-Type-Options'] == 'nosniff'
         assert 'Access-Control-Allow-Origin' not in headers
     for path in ('/page.py', '/../server.py', '/%2e%2e/server.py', '/page/'):
-        assert get(served[2], path)[0] == 404, path
+        assert get(server, path)[0] == 404, path
 
 
-def test_foreign_pages_get_no_socket(served):
+def test_foreign_names_get_no_page_and_no_socket(server):
+    status, _, text = get(server, Host='evil.example')
+    assert status == 403
+    assert 'this host name is not served' in text
+
     async def work():
-        async with page(served[2], 'http://rebound.example:8642', 'rebound.example:8642'):
+        async with page(server, 'http://rebound.example:8642', 'rebound.example:8642'):
             pass
 
     with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
@@ -138,15 +151,7 @@ def test_foreign_pages_get_no_socket(served):
     assert refused.value.status == 403
 
 
-def test_a_rebound_name_gets_no_page(served):
-    status, _, text = get(served[2], Host='evil.example')
-    assert status == 403
-    assert 'this host name is not served' in text
-
-
-def test_without_the_token_a_page_can_stop_and_not_move(served):
-    _, controls, server = served
-
+def test_without_the_token_a_page_can_stop_and_not_move(controls, server):
     async def work():
         async with page(server) as socket:
             await socket.send_json({'do': 'home', 'finger': 'index'})
@@ -160,8 +165,7 @@ def test_without_the_token_a_page_can_stop_and_not_move(served):
     assert controls.calls == ['stop', 'home index']
 
 
-def test_what_fails_and_what_is_no_command_is_said_to_all_pages(served):
-    _, controls, server = served
+def test_what_fails_and_what_is_no_command_is_said_to_all_pages(controls, server):
     token = token_of(server)
 
     async def work():
@@ -190,8 +194,7 @@ def test_what_fails_and_what_is_no_command_is_said_to_all_pages(served):
     assert controls.calls == ['tare ', 'trial  texture R1', 'stop']
 
 
-def test_frames_are_made_only_while_a_page_is_open_and_never_too_many(served, monkeypatch):
-    state, _, server = served
+def test_frames_are_made_only_while_a_page_is_open_and_never_too_many(state, server, monkeypatch):
     frames, send = [], server._send_to_all
 
     def count(frame, **options):
@@ -222,8 +225,7 @@ def test_frames_are_made_only_while_a_page_is_open_and_never_too_many(served, mo
     assert len(frames) == made
 
 
-def test_a_page_that_comes_late_gets_everything(served):
-    state, _, server = served
+def test_a_page_that_comes_late_or_again_gets_each_point_once(state, server):
     for number in range(100):
         state.update('', Finger.take_block, block(number))
 
@@ -232,36 +234,24 @@ def test_a_page_that_comes_late_gets_everything(served):
             first = await until(one, lambda f: f.get('live'))
             async with page(server) as other:
                 second = await until(other, lambda f: f.get('live'))
-        return first, second
-
-    for frame in run(work()):
-        assert frame['begin']
-        assert len(frame['live']['']['y']) == 100
-
-
-def test_a_page_that_is_loaded_again_at_once_gets_each_point_once(served):
-    state, _, server = served
-
-    async def work():
-        for _ in range(3):
-            async with page(server) as socket:
-                await until(socket, lambda f: f.get('begin'))
-        async with page(server) as socket:
-            await until(socket, lambda f: f.get('begin'))
-            times = []
-            for number in range(30):
+        async with page(server) as socket:  # at once
+            frame = await until(socket, lambda f: f.get('begin'))
+            times = frame['live']['']['x']
+            for number in range(100, 130):
                 state.update('', Finger.take_block, block(number))
                 frame = await until(socket, lambda f: f.get('live'))
                 times += frame['live']['']['x']
-        return times
+        return first, second, times
 
-    times = run(work())
+    *frames, times = run(work())
+    for frame in frames:
+        assert frame['begin']
+        assert len(frame['live']['']['y']) == 100
     assert times == sorted(set(times))
+    assert len(times) == 130
 
 
-def test_pages_are_limited_and_the_last_place_needs_the_token(served):
-    server = served[2]
-
+def test_pages_are_limited_and_the_last_place_needs_the_token(server):
     async def work():
         async with contextlib.AsyncExitStack() as stack:
 
@@ -275,13 +265,14 @@ def test_pages_are_limited_and_the_last_place_needs_the_token(served):
                     await enter(token)
                 return refused.value.status == 503
 
+            token = token_of(server)
             for _ in range(MOST_PAGES - 1):
                 await enter()
             assert await is_refused()
-            assert await is_refused(token_of(server)[:-1])
-            last = await enter(token_of(server))
+            assert await is_refused(token[:-1])
+            last = await enter(token)
             assert last.protocol == 'tactile'
-            assert await is_refused(token_of(server))
+            assert await is_refused(token)
 
     run(work())
 
@@ -305,9 +296,7 @@ def is_closed(connection):
 
 
 @pytest.mark.parametrize('text', [b'', b'GET / HTTP/1.1\r\nHost: '])
-def test_silent_connections_are_bounded_and_keep_nobody_out(served, text):
-    server = served[2]
-
+def test_silent_connections_are_bounded_end_and_keep_nobody_out(server, monkeypatch, text):
     async def work():
         async with page(server) as socket:
             await until(socket, lambda f: f.get('begin'))
@@ -316,33 +305,20 @@ def test_silent_connections_are_bounded_and_keep_nobody_out(served, text):
                 wait_until, lambda: sum(map(is_closed, connections)) >= 2 * MOST_WAITING
             )
             assert len(list(Path('/proc/self/fd').iterdir())) < before + 5 * MOST_WAITING
-            await until(socket, lambda f: True)  # the page that was there stays
             for connection in connections:
                 connection.close()
+            monkeypatch.setattr(server_module, 'WAITING_S', 0.2)
+            (connection,) = open_connections(server, 1, text)
+            await asyncio.to_thread(wait_until, lambda: is_closed(connection))
+            await until(socket, lambda f: f == {})  # the page that was there stays
+            connection.close()
 
     before = len(list(Path('/proc/self/fd').iterdir()))
     run(work())
     assert get(server)[0] == 200
 
 
-def test_a_silent_connection_ends_and_a_page_stays(served, monkeypatch):
-    monkeypatch.setattr(server_module, 'WAITING_S', 0.2)
-    server = served[2]
-
-    async def work():
-        async with page(server) as socket:
-            (connection,) = open_connections(server, 1)
-            await asyncio.to_thread(wait_until, lambda: is_closed(connection))
-            await until(socket, lambda f: True)
-            await until(socket, lambda f: f == {})
-            connection.close()
-
-    run(work())
-    assert not server._waiting
-
-
-def test_a_second_server_takes_another_port_and_a_taken_one_is_refused(served):
-    server = served[2]
+def test_a_second_server_takes_another_port_and_a_taken_one_is_refused(server):
     with WatchServer(WatchState(), Controls()) as second:
         assert second.port != server.port
         assert token_of(second) != token_of(server)

@@ -10,11 +10,12 @@ import signal
 import threading
 
 from chromium import Chromium, find_chromium
+from domain_coordinator import domain_id
 import pytest
 from tactile_command import program
 
 from tactile_bringup.launch_config.graph import ModelChoice, Ports, rig_graph
-from tactile_bringup.nodes.graph_runner import running_graph
+from tactile_bringup.nodes.graph_runner import ros_context, running_graph
 from tactile_bringup.nodes.operator_node import OperatorNode, StoppedError
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_lab.experiment.live_rig import LiveRig
@@ -25,7 +26,12 @@ from tactile_lab.watch.watching import watching
 from tactile_ros.errors import TactileError
 from tactile_ros.node_group import NodeGroup
 from tactile_sim.rig_process import SimulatedRig
-from tactile_testing.simulated_rigs import home_fast, truth_at_rest
+from tactile_testing.simulated_rigs import (
+    home_fast,
+    let_servos_pause,
+    PATIENT,
+    truth_at_rest,
+)
 
 needs_chromium = pytest.mark.skipif(
     find_chromium() is None, reason='no Chromium is installed; apt install chromium'
@@ -48,14 +54,16 @@ def browser(chromium):
     return chromium
 
 
-@pytest.fixture
-def rig(context, trained):
-    """Return the simulated rig, its nodes and a live page beside it."""
+@pytest.fixture(scope='module')
+def rig(trained):
+    """Return the simulated rig, the ROS context of its nodes and a live page beside it."""
     with ExitStack() as stack:
+        let_servos_pause(stack.enter_context(pytest.MonkeyPatch.context()))
+        context = stack.enter_context(ros_context(int(stack.enter_context(domain_id()))))
         simulated = stack.enter_context(SimulatedRig(seed=3))
         models = ModelChoice.read(trained)
         home_fast(simulated)
-        quick = {'trial_runner': {'approach_speed_m_s': 0.1}}
+        quick = {'trial_runner': {'approach_speed_m_s': 0.1, **PATIENT}}
         graph = rig_graph(Ports(*simulated.ports), models, quick, simulated=True)
         watch = stack.enter_context(
             watching(
@@ -65,8 +73,8 @@ def rig(context, trained):
                 before_trial=lambda r: simulated.mount(r.protocol, r.object_label, r.contact),
             )
         )
-        nodes = stack.enter_context(running_graph(graph, context, quiet=True))
-        yield simulated, nodes, watch
+        stack.enter_context(running_graph(graph, context, quiet=True))
+        yield simulated, context, watch
 
 
 class Recorder:
@@ -110,36 +118,20 @@ def test_a_trial_is_seen_from_contact_to_label(rig, browser):
     browser.open(watch.address)
     click(browser, 'home')
     wait_for_log(browser, 'homed')
-    browser.evaluate(
-        'window.phases = [];'
-        'new MutationObserver(() => window.phases.push('
-        'document.querySelector(".phase").textContent)).observe('
-        'document.querySelector(".phase"), {childList: true, characterData: true, subtree: true})'
-    )
+    browser.evaluate(NOTE_PHASES)
     start_trial(browser, 'stiffness', 'none')
     browser.wait_for('/done$/.test(document.querySelector("#said li").innerText)', 60.0)
     browser.wait_for('document.querySelector(".phase").textContent === "done"')
     phases = browser.evaluate('window.phases')
-    assert [p for p in phases if p in ('contact', 'hold', 'release')] == [
-        'contact',
-        'hold',
-        'release',
-    ]
+    shown = ['contact', 'hold', 'release']
+    assert [phase for phase in phases if phase in shown] == shown
     assert text_of(browser, '.label') == 'none'
     assert 'as stated for the trial' in text_of(browser, '.verdict')
     assert browser.evaluate('document.querySelectorAll(".scores tr").length') == 5
     assert browser.evaluate('document.getElementById("simulated").hidden') is False
     assert 'linear_guide' in browser.evaluate('document.getElementById("devices").innerText')
     # Something is drawn in the colour of the trace, and the phases behind it.
-    assert (
-        browser.evaluate(
-            '(() => { const c = document.querySelector(".tension-plot canvas");'
-            'const d = c.getContext("2d").getImageData(0, 0, c.width, c.height).data;'
-            'const seen = new Set(); for (let i = 0; i < d.length; i += 4) '
-            'if (d[i + 3]) seen.add(d[i] << 16 | d[i + 1] << 8 | d[i + 2]); return seen.size })()'
-        )
-        > 20
-    )
+    assert browser.evaluate(COLOURS) > 20
     for scheme in ('light', 'dark'):
         browser.set_scheme(scheme)
         for width in (1280, 390):
@@ -161,6 +153,16 @@ def test_a_trial_is_seen_from_contact_to_label(rig, browser):
     browser.resize(1280, 900)
     assert browser.console == []
 
+
+NOTE_PHASES = """(() => { window.phases = []; const phase = document.querySelector('.phase');
+  new MutationObserver(() => window.phases.push(phase.textContent))
+    .observe(phase, {childList: true, characterData: true, subtree: true}); })()"""
+
+COLOURS = """(() => { const c = document.querySelector('.tension-plot canvas');
+  const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data, seen = new Set();
+  for (let i = 0; i < d.length; i += 4)
+    if (d[i + 3]) seen.add(d[i] << 16 | d[i + 1] << 8 | d[i + 2]);
+  return seen.size; })()"""
 
 CONTRAST = """(() => {
   const light = (c) => { const [r, g, b] = c.match(/[\\d.]+/g).map(Number).map((v) => v / 255)
@@ -190,12 +192,12 @@ STOP_IS_SEEN = """(() => { const r = document.getElementById('stop').getBounding
 
 @needs_chromium
 def test_stop_ends_the_trial_and_brings_guide_and_tendon_to_rest(rig, browser):
-    simulated, nodes, watch = rig
+    simulated, context, watch = rig
     browser.open(watch.address.split('#')[0])  # without the token
     browser.wait_for('document.querySelector(".tension")')
     assert browser.evaluate('document.getElementById("home").hidden')
-    operator = OperatorNode(nodes['trial_runner'].context)
-    with NodeGroup([operator], nodes['trial_runner'].context):
+    operator = OperatorNode(context)
+    with NodeGroup([operator], context):
         operator.home_guide()
         simulated.mount('texture', 'R1', 'flexion')
         request = TrialRequest('texture', 'flexion', 'R1', 'first')
