@@ -374,6 +374,7 @@ def test_what_is_wrong_with_specifications_is_said(change, fault):
             ({'tension_n': [1.0, 1e300]}, '1e+300'),
             ({'status': 2**31 + 4}, 'its bits 2147483648 are not known'),
             ({'stamp': (-1, 0)}, 'no ROS time'),
+            ({'stamp_error_s': float('inf')}, 'stamp_error_s is inf'),
         )
     ]
     + [
