@@ -40,43 +40,32 @@ def block(first, count):
     )
 
 
-@pytest.fixture
-def bench(context):
+@pytest.mark.parametrize('teller', ['trial_runner/events', 'tactile_features/detected_events'])
+def test_publishes_the_slips_of_the_core_with_the_trial_under_way(context, teller):
     peer = Node('peer', context=context, namespace='finger')
-    node = SlipDetectorNode(
-        context=context,
-        namespace='finger',
-        parameter_overrides=[
-            Parameter('frame_id', value='left_cell_link'),
-        ],
-    )
+    overrides = [Parameter('frame_id', value='left_cell_link')]
+    node = SlipDetectorNode(context=context, namespace='finger', parameter_overrides=overrides)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(peer)
     executor.add_node(node)
     slips = []
-    peer.create_subscription(Slip, 'slip_detector/slip', slips.append, RESULTS)
+    heard = peer.create_subscription(Slip, 'slip_detector/slip', slips.append, RESULTS)
     strain = peer.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
-    events = peer.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
-    found = peer.create_publisher(TrialEvent, 'tactile_features/detected_events', EVENTS)
+    events = peer.create_publisher(TrialEvent, teller, EVENTS)
 
     def spin_until(condition):
         wait_until(condition, step=partial(executor.spin_once, timeout_sec=0.05))
 
     assert node.bring_up()
     spin_until(
-        lambda: strain.get_subscription_count() == 1
-        and events.get_subscription_count() == 1
-        and found.get_subscription_count() == 1
-        and peer.count_publishers('slip_detector/slip') == 1
+        lambda: (
+            strain.get_subscription_count() == events.get_subscription_count() == 1
+            and peer.count_publishers(heard.topic_name) == 1
+            and node.count_subscribers(heard.topic_name) == 1
+        )
     )
-    yield strain, (events, found), slips, spin_until, node
-    node.take_down()
-    executor.shutdown()
-    peer.destroy_node()
-
-
-def test_publishes_the_slips_of_the_core(bench):
-    strain, _, slips, spin_until, _ = bench
+    events.publish(TrialEvent(header=header(START_NS), trial_id='t7', phase='hold'))
+    spin_until(lambda: node.stage.trial_id == 't7')
     for first in range(0, 600, 20):
         strain.publish(block(first, 20))
     spin_until(lambda: slips)
@@ -85,19 +74,10 @@ def test_publishes_the_slips_of_the_core(bench):
     assert slip.header.stamp.sec * 10**9 + slip.header.stamp.nanosec == found.stamp_ns
     assert slip.onset.sec * 10**9 + slip.onset.nanosec == found.onset_ns
     assert (slip.statistic, slip.tension_n) == (found.statistic, found.tension_n)
-    assert (slip.motion, slip.trial_id) == (Slip.MOTION_SLIDING, '')
+    assert (slip.motion, slip.trial_id) == (Slip.MOTION_SLIDING, 't7')
     assert (slip.simulated, slip.header.frame_id) == (True, 'left_cell_link')
-
-
-@pytest.mark.parametrize('teller', [0, 1], ids=['trial runner', 'found in the tension'])
-def test_names_the_trial_under_way(bench, teller):
-    strain, tellers, slips, spin_until, node = bench
-    events = tellers[teller]
-    events.publish(TrialEvent(header=header(START_NS), trial_id='t7', phase='hold'))
-    spin_until(lambda: node.stage.trial_id == 't7')
-    for first in range(0, 600, 20):
-        strain.publish(block(first, 20))
-    spin_until(lambda: slips)
-    assert slips[0].trial_id == 't7'
     events.publish(TrialEvent(header=header(START_NS), trial_id='t7', phase='done'))
     spin_until(lambda: node.stage.trial_id == '')
+    node.take_down()
+    executor.shutdown()
+    peer.destroy_node()

@@ -3,7 +3,6 @@
 
 """The node over DDS: what it publishes is what the core computes."""
 
-import dataclasses
 from functools import partial
 import gc
 import json
@@ -76,24 +75,28 @@ TRIAL = [event(1.0, 'approach'), event(2.0, 'glide'), event(7.0, 'hold'), event(
 class Bench:
     """The node, and a peer that plays sensor, trial runner and listener."""
 
-    def __init__(self, context, namespace='finger', **parameters):
-        self.peer = Node('peer', context=context, namespace=namespace)
+    def __init__(self, context, **parameters):
+        self.peer = Node('peer', context=context, namespace='finger')
         self.strain = self.peer.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
         self.events = self.peer.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
-        self.windows = []
-        self.peer.create_subscription(
-            TactileFeatures,
-            'tactile_features/features',
-            lambda msg: self.windows.append(feature_window_from_msg(msg)),
-            RESULTS,
-        )
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
         self.node = TactileFeaturesNode(
-            context=context, namespace=namespace, parameter_overrides=overrides
+            context=context, namespace='finger', parameter_overrides=overrides
         )
         self.executor = SingleThreadedExecutor(context=context)
         self.executor.add_node(self.peer)
         self.executor.add_node(self.node)
+        self.subscriptions = []
+        self.windows = self.hear(TactileFeatures, '~/features', feature_window_from_msg)
+
+    def hear(self, kind, topic, convert=lambda msg: msg, qos=RESULTS):
+        """Return the list that the messages of a topic of the node come to."""
+        heard = []
+        topic = self.node.resolve_topic_name(topic)
+        self.subscriptions.append(
+            self.peer.create_subscription(kind, topic, lambda msg: heard.append(convert(msg)), qos)
+        )
+        return heard
 
     def spin_until(self, condition):
         wait_until(condition, step=partial(self.executor.spin_once, timeout_sec=0.05))
@@ -103,10 +106,15 @@ class Bench:
         self.wait_for_match()
 
     def wait_for_match(self):
+        """Wait until both sides of each topic know the other."""
+        topics = [subscription.topic_name for subscription in self.subscriptions]
         self.spin_until(
-            lambda: self.strain.get_subscription_count() == 1
-            and self.events.get_subscription_count() == 1
-            and self.peer.count_publishers(self.node.resolve_topic_name('~/features')) == 1
+            lambda: (
+                self.strain.get_subscription_count() == 1
+                and self.events.get_subscription_count() == 1
+                and all(self.peer.count_publishers(topic) for topic in topics)
+                and all(self.node.count_subscribers(topic) for topic in topics)
+            )
         )
 
     def send_blocks(self, first, count):
@@ -142,12 +150,11 @@ def make_bench(context):
         bench.close()
 
 
-@pytest.mark.parametrize('lasts', [90, 400], ids=['sensor died before', 'in the hold'])
-def test_samples_that_do_not_come_are_told_in_time(make_bench, lasts):
+def test_samples_that_do_not_come_are_told_in_time(make_bench):
     """Nothing at all arrives any more, no event either."""
     bench = make_bench(samples_timeout_s=0.5)
     bench.bring_up()
-    bench.send_blocks(0, lasts)
+    bench.send_blocks(0, 400)
     bench.events.publish(event(2.0, 'hold'))
     bench.events.publish(event(11.0, 'release'))
     bench.spin_until(lambda: bench.windows)
@@ -162,65 +169,37 @@ def test_samples_that_do_not_come_are_told_in_time(make_bench, lasts):
     assert [w.outcome for w in bench.windows] == [Outcome.GAP, Outcome.OK]
 
 
-def compute_expected(count=1000):
+def compute_expected(**parameters):
     """The core's answer to the trial, over the same messages in another order."""
-    extractor = TrialFeatureExtractor(FeatureConfig())
-    windows = extractor.add_block(strain_block_from_msg(block(0, count)))
+    extractor = TrialFeatureExtractor(FeatureConfig(**parameters))
+    windows = extractor.add_block(strain_block_from_msg(block(0, 1000)))
     for msg in TRIAL:
         windows += extractor.add_event(event_from_msg(msg))
     return windows
 
 
-def test_publishes_the_bits_of_the_core(make_bench):
-    bench = make_bench()
+def test_publishes_the_bits_of_the_core_and_what_still_fills_on_a_topic_of_its_own(make_bench):
+    bench = make_bench(partial_samples=[60, 120])
+    partial = bench.hear(TactileFeatures, '~/partial_features', feature_window_from_msg)
     bench.bring_up()
     for i, msg in enumerate(TRIAL):
         bench.send_blocks(200 * i, 200)
         bench.events.publish(msg)
     bench.spin_until(lambda: len(bench.windows) == 2)
-    assert bench.windows == compute_expected()
+    expected = compute_expected(partial_samples=(60, 120))
+    assert bench.windows == [window for window in expected if not window.partial]
     assert [w.outcome for w in bench.windows] == [Outcome.OK, Outcome.OK]
+    bench.spin_until(lambda: len(partial) == 2)
+    assert partial == [window for window in expected if window.partial]
     extractor = bench.node.extractor
     assert (extractor.block_count, extractor.sample_count, extractor.event_count) == (800, 800, 4)
     assert extractor.window_counts[Outcome.OK] == 2
 
 
-def test_what_still_fills_goes_to_a_topic_of_its_own(make_bench):
-    bench = make_bench(partial_samples=[60, 120])
-    partial = []
-    bench.peer.create_subscription(
-        TactileFeatures,
-        'tactile_features/partial_features',
-        lambda msg: partial.append(feature_window_from_msg(msg)),
-        RESULTS,
-    )
-    bench.bring_up()
-    topic = bench.node.resolve_topic_name('~/partial_features')
-    bench.spin_until(lambda: bench.peer.count_publishers(topic) == 1)
-    bench.events.publish(TRIAL[1])
-    bench.send_blocks(0, 300)
-    bench.spin_until(lambda: len(partial) == 2)
-    assert [(w.partial, w.sample_count) for w in partial] == [(True, 60), (True, 120)]
-    assert not bench.windows
-    bench.events.publish(TRIAL[2])
-    bench.send_blocks(300, 200)
-    bench.spin_until(lambda: bench.windows)
-    assert bench.windows == compute_expected()[:1]
-    assert len(partial) == 2
-
-
 def test_publishes_the_phases_that_it_finds_itself(make_bench):
     bench = make_bench(phases='stiffness', detected_contact='abduction')
-    found = []
-    bench.peer.create_subscription(
-        TrialEvent,
-        'tactile_features/detected_events',
-        lambda msg: found.append(event_from_msg(msg)),
-        EVENTS,
-    )
+    found = bench.hear(TrialEvent, '~/detected_events', event_from_msg, EVENTS)
     bench.bring_up()
-    topic = bench.node.resolve_topic_name('~/detected_events')
-    bench.spin_until(lambda: bench.peer.count_publishers(topic) == 1)
     time_s = np.arange(600) * PERIOD_NS / 1e9
     tension_n = 3.0 * np.clip(np.minimum((time_s - 1.0) / 0.5, (7.0 - time_s) / 0.5), 0.0, 1.0)
     tension_n *= 1.0 - 0.05 * time_s
@@ -235,32 +214,24 @@ def test_publishes_the_phases_that_it_finds_itself(make_bench):
     assert found[1].stamp_ns == pytest.approx(START_NS + 1.5e9, abs=4e7)
 
 
-def test_listens_when_configured_and_speaks_when_active(make_bench):
+def test_listens_when_configured_speaks_when_active_and_leaves_at_cleanup(make_bench):
     bench = make_bench()
     assert bench.node.trigger_configure() == TransitionCallbackReturn.SUCCESS
     bench.wait_for_match()
-    for msg in TRIAL:
+    for msg in (*TRIAL, event(13.0, 'hold', 't2'), event(17.0, 'done', 't2')):
         bench.events.publish(msg)
     bench.send_blocks(0, 500)
-    bench.spin_until(lambda: bench.node.extractor.event_count == 4)
+    bench.spin_until(lambda: bench.node.extractor.event_count == 6)
     assert bench.node.extractor.window_counts[Outcome.OK] == 1
     assert bench.node.trigger_activate() == TransitionCallbackReturn.SUCCESS
     bench.send_blocks(500, 200)
     bench.spin_until(lambda: bench.windows)
     # The glide was over before the node became active.
     assert bench.windows == compute_expected()[1:]
-
-
-def test_says_what_is_missing_when_it_stops(make_bench):
-    bench = make_bench()
-    bench.bring_up()
-    bench.send_blocks(0, 500)
-    for msg in TRIAL:
-        bench.events.publish(msg)
-    bench.spin_until(lambda: bench.node.extractor.event_count == 4 and bench.windows)
+    # It stops in the second trial, and says what is missing.
     assert bench.node.trigger_deactivate() == TransitionCallbackReturn.SUCCESS
     bench.spin_until(lambda: len(bench.windows) == 2)
-    assert [w.outcome for w in bench.windows] == [Outcome.OK, Outcome.GAP]
+    assert (bench.windows[1].trial_id, bench.windows[1].outcome) == ('t2', Outcome.GAP)
     assert bench.node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
     bench.spin_until(lambda: bench.strain.get_subscription_count() == 0)
 
@@ -291,22 +262,14 @@ def test_trials_that_ended_before_it_was_configured_are_not_refused(make_bench):
     assert [w.trial_id for w in bench.windows] == ['t2']
 
 
-def test_the_quality_of_the_features_can_be_overridden(make_bench):
+def test_diagnostics_tell_whether_samples_come_in_on_a_topic_of_the_asked_quality(make_bench):
     topic = '/finger/tactile_features/features'
     bench = make_bench(**{f'qos_overrides.{topic}.publisher.reliability': 'best_effort'})
+    heard = bench.hear(DiagnosticArray, '/diagnostics', lambda msg: msg.status[0], 10)
     assert bench.node.bring_up()
     (info,) = bench.node.get_publishers_info_by_topic(topic)
     assert info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
-
-
-def test_diagnostics_tell_whether_samples_come_in(make_bench):
-    bench = make_bench()
-    heard = []
-    bench.peer.create_subscription(
-        DiagnosticArray, '/diagnostics', lambda message: heard.append(message.status[0]), 10
-    )
-    bench.bring_up()
-    bench.spin_until(lambda: heard)
+    bench.spin_until(lambda: heard and bench.strain.get_subscription_count() == 1)
     assert heard[-1].level == DiagnosticStatus.WARN
     assert 'no samples' in heard[-1].message
     bench.strain.publish(block(0))
@@ -322,57 +285,38 @@ def test_parameters_that_cannot_work_are_refused(make_bench):
     assert not bench.node.bring_up()
 
 
-def listen(bench):
-    """Return what a node says after it was configured: its specifications and its health."""
-    announced, health = [], []
-    bench.peer.create_subscription(
-        FeatureSpecifications, 'tactile_features/specifications', announced.append, LATEST
-    )
-    bench.peer.create_subscription(
-        DiagnosticArray, '/diagnostics', lambda message: health.append(message.status[0]), 10
-    )
-    bench.spin_until(lambda: announced and health)
-    return specifications_from_msg(announced[-1]), health[-1]
-
-
-def test_the_specifications_are_there_for_who_comes_late_to_an_inactive_node(make_bench):
-    bench = make_bench(texture_samples=120, partial_samples=[60])
-    bench.node.trigger_configure()
-    announced, _ = listen(bench)
-    config = FeatureConfig(texture_samples=120, partial_samples=(60,))
-    assert announced.wanted == TrialFeatureExtractor(config).wanted
-    assert FeatureConfig(**announced.config) == config
-    assert announced.stamp_ns > 0
-
-
-def test_the_models_decide_and_a_broken_file_is_named(
+def test_the_models_decide_and_an_inactive_node_says_so_to_who_comes_late(
     make_bench, make_model_file, tmp_path, capfd
 ):
     make_model_file(tmp_path / 'a.onnx', FULL)
     make_model_file(tmp_path / 'b.onnx', SHORT)
     make_model_file(tmp_path / 'c.onnx', SHORT, 'abduction')
-    (tmp_path / 'broken.onnx').write_bytes(b'hello')
+    broken = tmp_path / 'broken.onnx'
+    broken.write_bytes(b'hello')
     bench = make_bench(
         models=str(tmp_path), contact='flexion', texture_samples=240, samples_timeout_s=2.0
     )
-    assert bench.node.bring_up()
-    announced, health = listen(bench)
+    assert bench.node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    announced = bench.hear(
+        FeatureSpecifications, '~/specifications', specifications_from_msg, LATEST
+    )
+    health = bench.hear(DiagnosticArray, '/diagnostics', lambda msg: msg.status[0], 10)
+    bench.spin_until(lambda: announced and health)
+    (announced,) = announced
     hold = WantedFeatures(spec_for('stiffness', FeatureConfig()))
     assert announced.wanted == (FULL, SHORT, hold)
+    assert announced.stamp_ns > 0
     # A replay takes what was announced, and nothing else.
     config = FeatureConfig(**json.loads(json.dumps(announced.config)))
+    assert config == FeatureConfig(texture_samples=240, samples_timeout_s=2.0)
     again = TrialFeatureExtractor(config, announced.wanted)
     assert (again.config, again.wanted) == (bench.node.extractor.config, announced.wanted)
-    assert config.samples_timeout_s == 2.0
-    assert dataclasses.replace(config, texture_samples=180, samples_timeout_s=5.0) == (
-        FeatureConfig()
-    )
     log = capfd.readouterr().err
-    assert f'model {tmp_path / "broken.onnx"} is refused' in log
+    assert f'model {broken} is refused' in log
     assert 'the models decide: texture_samples 180 and 90 (not 240)' in log
-    assert health.level == DiagnosticStatus.WARN
-    assert str(tmp_path / 'broken.onnx') in health.message
-    values = {pair.key: pair.value for pair in health.values}
+    assert health[-1].level == DiagnosticStatus.WARN
+    assert str(broken) in health[-1].message
+    values = {pair.key: pair.value for pair in health[-1].values}
     assert (values['refused model files'], values['specifications']) == ('1', '3')
 
 
