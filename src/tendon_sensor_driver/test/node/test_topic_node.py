@@ -260,6 +260,18 @@ def test_two_publishers_and_stamps_that_stand_still_are_told(topic_graph, make_s
     graph.spin_until(lambda: is_told('2 publishers (/broadcaster, /second)'))
 
 
+def test_the_rate_is_measured_and_said(topic_graph, make_source, capfd):
+    source = make_source(WrenchStamped)
+    graph = topic_graph(rate_hz=0.0)
+    meet(graph, source)
+    start_ns = time.time_ns() - 3 * SECOND_NS
+    send_all(graph, source, [(start_ns + i * SECOND_NS // 250, float(i)) for i in range(750)])
+    graph.spin_until(lambda: graph.strain and graph.strain[-1].tension_n[-1] == 749.0)
+    assert graph.strain[0].period_ns == SECOND_NS // 250
+    assert '/force comes at 250.000 Hz, which is taken as rate_hz' in capfd.readouterr().err
+    graph.spin_until(lambda: graph.values()['rate_hz'] == '250.0')
+
+
 def test_deactivate_cleanup_and_configure_again(topic_graph, make_source):
     source = make_source(Float64)
     graph = topic_graph()
