@@ -362,9 +362,8 @@ class TactileBag:
         """Return the hash of the bag's data files, as hex digits."""
         digest = hashlib.sha256()
         for file in self._files:
-            with file.path.open('rb') as data:
-                while part := data.read(2**20):
-                    digest.update(part)
+            for part in file.read_parts():
+                digest.update(part)
         return digest.hexdigest()
 
 

@@ -159,6 +159,11 @@ class McapFile:
         """Close the file. Harmless when called twice."""
         self._file.close()
 
+    def read_parts(self) -> Iterator[bytes]:
+        """Yield the bytes of the whole file, 1 MiB at a time."""
+        for offset in range(0, self._size, 2**20):
+            yield self._read(offset, 2**20)
+
     @property
     def newest_ns(self) -> int:
         """When the last message arrived [ns]; 0: there is none."""

@@ -56,6 +56,12 @@ class SqliteFile:
         """Close the file. Harmless when called twice."""
         self._database.close()
 
+    def read_parts(self) -> Iterator[bytes]:
+        """Yield the bytes of the whole file, 1 MiB at a time."""
+        with self.path.open('rb') as data:
+            while part := data.read(2**20):
+                yield part
+
     def _read_topics(self) -> None:
         # What an untrusted file defines must not run: views, triggers, functions.
         self._database.execute('PRAGMA trusted_schema = OFF')

@@ -7,8 +7,11 @@ import serial
 
 from tactile_testing.waiting import DEADLINE_S, wait_until
 
-PATIENT = {'heartbeat_timeout_s': 10.0}
+PATIENT = {'heartbeat_timeout_s': 10.0, 'strain_timeout_s': 1.5}
 """Parameters of a trial runner that bears a computer whose cores are busy."""
+
+GUARD = {'guard_timeout_s': 2.0}
+"""The same of the tendon actuator: a busy computer holds samples back."""
 
 
 def let_servos_pause(monkeypatch):

@@ -28,7 +28,7 @@ from tactile_msgs.msg import TrialEvent
 from tactile_ros.errors import TactileError
 from tactile_ros.qos import EVENTS
 from tactile_sim.rig_process import SimulatedRig
-from tactile_testing.simulated_rigs import home_fast, let_servos_pause, PATIENT
+from tactile_testing.simulated_rigs import GUARD, home_fast, let_servos_pause, PATIENT
 from tactile_testing.waiting import wait_until
 
 
@@ -52,7 +52,8 @@ def record_until_interrupted(rig, bag, phase):
     """Record one trial until it is in this phase."""
     phases, pool = [], ThreadPoolExecutor()
     with domain_id() as domain, ros_context(int(domain)) as context:
-        quick = {'trial_runner': {'approach_speed_m_s': 0.1, 'hold_s': 2.8, **PATIENT}}
+        runner = {'approach_speed_m_s': 0.1, 'hold_s': 2.8, **PATIENT}
+        quick = {'trial_runner': runner, 'tendon_actuator': GUARD}
         graph = rig_graph(Ports(*rig.ports), None, quick, simulated=True)
         graph.append(recorder_node(bag, simulated=True))
         operator = OperatorNode(context)

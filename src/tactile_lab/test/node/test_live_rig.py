@@ -27,6 +27,7 @@ from tactile_ros.goals import send
 from tactile_ros.qos import EVENTS
 from tactile_sim.rig_process import SimulatedRig
 from tactile_testing.simulated_rigs import (
+    GUARD,
     home_at,
     home_fast,
     let_servos_pause,
@@ -37,11 +38,8 @@ from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 20.0
 
-QUICK = {'approach_speed_m_s': 0.1, 'strain_timeout_s': 1.5, **PATIENT}
+QUICK = {'approach_speed_m_s': 0.1, **PATIENT}
 """Parameters of the trial runner that shorten, or bear, what no test here looks at."""
-
-GUARD = {'guard_timeout_s': 2.0}
-"""The same of the tendon actuator: a busy computer holds samples back."""
 
 LATE_S = 0.6
 

@@ -25,9 +25,12 @@ from tactile_lab.experiment.live_rig import LiveSetup, run_live_trials
 from tactile_lab.output import Output
 from tactile_ros.errors import TactileError
 from tactile_sim.rig_process import SimulatedRig
-from tactile_testing.simulated_rigs import home_fast
+from tactile_testing.simulated_rigs import GUARD, home_fast, PATIENT
 
-QUICK = {'trial_runner': {'approach_speed_m_s': 0.1}}
+QUICK = {
+    'trial_runner': {'approach_speed_m_s': 0.1, **PATIENT},
+    'tendon_actuator': GUARD,
+}
 """Shortens what no test here looks at."""
 
 

@@ -27,6 +27,7 @@ from tactile_ros.errors import TactileError
 from tactile_ros.node_group import NodeGroup
 from tactile_sim.rig_process import SimulatedRig
 from tactile_testing.simulated_rigs import (
+    GUARD,
     home_fast,
     let_servos_pause,
     PATIENT,
@@ -63,7 +64,8 @@ def rig(trained):
         simulated = stack.enter_context(SimulatedRig(seed=3))
         models = ModelChoice.read(trained)
         home_fast(simulated)
-        quick = {'trial_runner': {'approach_speed_m_s': 0.1, **PATIENT}}
+        runner = {'approach_speed_m_s': 0.1, **PATIENT}
+        quick = {'trial_runner': runner, 'tendon_actuator': GUARD}
         graph = rig_graph(Ports(*simulated.ports), models, quick, simulated=True)
         watch = stack.enter_context(
             watching(

@@ -18,7 +18,12 @@ from linear_guide_driver import (
 )
 from tactile_sim import SimulatedRig
 from tactile_sim.devices.faults import KINDS
-from tactile_testing.simulated_rigs import advance_rig, home_fast, truth_at_rest
+from tactile_testing.simulated_rigs import (
+    advance_rig,
+    home_fast,
+    let_servos_pause,
+    truth_at_rest,
+)
 from tactile_testing.waiting import wait_until
 from tendon_sensor_driver import StrainStatus, TendonSensorConfig
 from tendon_sensor_driver.sensors import make_sensor
@@ -230,9 +235,10 @@ def test_a_fault_ends_a_pull_with_its_reason(rig, tendon, begin, kind, options, 
 
 
 @pytest.mark.parametrize(
-    ('kind', 'options'), [('drop', {'count': 1}), ('noise', {}), ('garbage', {'share': 0.2})]
+    ('kind', 'options'), [('drop', {'count': 1}), ('noise', {}), ('garbage', {'share': 0.1})]
 )
-def test_a_disturbed_bus_does_not_end_a_pull(rig, tendon, kind, options):
+def test_a_disturbed_bus_does_not_end_a_pull(rig, tendon, monkeypatch, kind, options):
+    let_servos_pause(monkeypatch)  # several answers may be spoilt one after another
     rig.fault('tendon', kind, **options)
     tendon.pull_to(0.002, 0.004)
     assert rig.truth()['tendon_displacement_m'] == pytest.approx(0.002, abs=1e-3)
