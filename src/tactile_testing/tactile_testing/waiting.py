@@ -3,10 +3,19 @@
 
 """Waiting in tests: always for a condition, never for time to pass."""
 
+import os
 import time
 
 DEADLINE_S = 20.0
 """Far more than anything needs, and less than the 30 s after which a tendon is let out anyway."""
+
+
+def read_stderr():
+    """Return all that has come on standard error under pytest's ``capfd``, and leave it there.
+
+    ``capfd.readouterr`` loses what another thread writes while it empties the file.
+    """
+    return os.pread(2, 2**20, 0).decode(errors='replace')
 
 
 def wait_until(

@@ -17,7 +17,7 @@ from tactile_ros.errors import MessageError
 from tactile_ros.polling import PollingNode
 from tactile_ros.qos import EVENTS, STREAM
 from tactile_ros.stages import RecordPublisher, Stage, StageNode
-from tactile_testing.waiting import wait_until
+from tactile_testing.waiting import read_stderr, wait_until
 
 DEADLINE_S = 10.0
 Nothing = make_dataclass('Nothing', [], frozen=True)
@@ -149,20 +149,13 @@ def test_a_publisher_whose_profile_does_not_fit_is_named_once(context, spun, mon
     listener.poll(Int32, 'numbers', listener.take, STREAM)
     spun(peer, listener)
     peer.create_publisher(Int32, 'numbers', qos_profile_sensor_data)
-    told = ''
-
-    def is_told():
-        nonlocal told
-        told += capfd.readouterr().err
-        return 'nothing comes from /peer on /numbers: its quality of service does not fit' in told
-
-    wait_until(is_told)
+    sentence = 'nothing comes from /peer on /numbers: its quality of service does not fit'
+    wait_until(lambda: sentence in read_stderr())
     looks = threading.Semaphore(0)
     listener.call_every(0.01, looks.release)
     for _ in range(5):
         assert looks.acquire(timeout=DEADLINE_S)
-    told += capfd.readouterr().err
-    assert told.count('nothing comes from /peer') == 1
+    assert capfd.readouterr().err.count('nothing comes from /peer') == 1
 
 
 def test_polling_ends_with_its_context():
