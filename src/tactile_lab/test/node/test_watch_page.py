@@ -144,6 +144,10 @@ def test_a_trial_is_seen_from_contact_to_label(rig, browser):
             for selector in ('.label', '.verdict', '.last'):
                 assert browser.evaluate(ABOVE_THE_FOLD % selector), f'{selector}, {width} pixels'
     assert text_of(browser, '.last').endswith(': done')
+    # The trace is labelled anew now and then, not with each frame.
+    browser.wait_for(
+        '/; done/.test(document.querySelector("[role=img]").getAttribute("aria-label"))'
+    )
     names = browser.evaluate(
         '[...document.querySelectorAll("[role=img]")].map(e => e.getAttribute("aria-label"))'
     )

@@ -54,6 +54,7 @@ def test_each_subscriber_gets_what_it_expects(context, spun):
     listen('e', LATCHED)
     spun(other)
     wait_until(lambda: [p.get_subscription_count() for p in publishers] == [2, 3])
+    wait_until(lambda: heard['e', id(LATCHED)])  # before later messages take its place
 
     def have_all_heard():
         for publisher in publishers:
