@@ -6,6 +6,7 @@
 A launch file is evaluated by the real ``launch``, and no process is started.
 """
 
+from pathlib import Path
 import sys
 
 import pytest
@@ -143,8 +144,10 @@ def test_a_simulated_rig_is_started_unless_ports_are_given():
     assert nodes['tendon_sensor']['topic'] == '/ft'
     with pytest.raises(TactileError, match='also tendon_port, sensor_port'):
         evaluate('texture', rig='simulated', guide_port='/tmp/guide')
-    rigs = evaluate('hand', rig='simulated', fingers='index,middle')
-    assert len({rig.ports.sensor for rig in rigs}) == 2
+    (rig,) = evaluate('hand', rig='simulated', fingers='index,middle')
+    words = [part.text for part, *_ in rig.cmd[1:]]
+    first, second = words[words.index('--links') + 1 : words.index('--linger')]
+    assert (Path(first).name, Path(second).name) == ('rig_index', 'rig_middle')
 
 
 @pytest.mark.parametrize(
