@@ -12,7 +12,6 @@ from types import SimpleNamespace
 from typer.testing import CliRunner
 
 from tactile_sim.rig_process import SimulatedRig
-from tactile_testing.simulated_rigs import home_fast
 
 QUICK = 'trial_runner:\n  ros__parameters:\n    approach_speed_m_s: 0.1\n'
 """A file of parameters that shortens trials where the way to the object is not looked at."""
@@ -56,6 +55,8 @@ def hear_tactile(*arguments, code=0):
 
 
 def let_rigs_home_fast(set_attribute):
+    from tactile_testing.simulated_rigs import home_fast  # no part of the wheel's tests
+
     """Let every rig that is started from now on home fast; takes ``monkeypatch.setattr``."""
     start = SimulatedRig.__init__
 
