@@ -55,9 +55,9 @@ def hear_tactile(*arguments, code=0):
 
 
 def let_rigs_home_fast(set_attribute):
-    from tactile_testing.simulated_rigs import home_fast  # no part of the wheel's tests
-
     """Let every rig that is started from now on home fast; takes ``monkeypatch.setattr``."""
+    from tactile_testing.simulated_rigs import home_fast  # the wheel's tests have no such package
+
     start = SimulatedRig.__init__
 
     def start_and_hasten(rig, *arguments, **options):
