@@ -53,7 +53,7 @@ class SimulatedRig:
     ) -> None:
         command = [sys.executable, '-m', 'tactile_sim.rig_server', '--seed', str(seed)]
         folders = [links] if isinstance(links, (str, Path)) else links
-        if folders is not None:
+        if folders:
             command += ['--links', *map(str, folders)]
         if description is not None:
             command += ['--description', str(description)]

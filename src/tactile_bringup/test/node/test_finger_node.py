@@ -118,3 +118,10 @@ def test_every_name_is_that_of_a_node():
         assert find_node_class(node.executable).__module__.endswith(f'.{name}_node')
     with pytest.raises(TactileError, match='no node x'):
         describe('x')
+
+
+def test_a_process_without_nodes_says_how_to_name_them(context):
+    process = start(context)
+    _, errors = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 1, errors
+    assert 'name nodes, as /tendon_sensor' in errors

@@ -108,7 +108,7 @@ class Manifest:
         of new groups in which the thresholds hold (negative: there were no groups), or ``reason``
         why there are none. With sessions also ``session_statistics``, one entry a stage, for
         `recalibrate`; and ``recalibrated``, what `recalibrate` took and found.
-        ``held_out_novelty``: for each stage the novelties of held-out trials, by session.
+        ``held_out_novelty``: for each stage the novelties of held-out trials, by group.
         ``unlearned``: rejection of labels left out in turn (`UnlearnedLabels`).
     false_alarm_rate : float
         Share of windows of known labels that the thresholds reject [1]; negative: no
@@ -356,7 +356,8 @@ def format_groups(calibration: Mapping[str, Any]) -> str:
     columns = calibration.get('held_out') or ['session_id']
     if columns == ['session_id']:
         return 'sessions'
-    return f'groups by {" and ".join(map(plain_name, columns))}'
+    with refuse_damage('an entry of its manifest is'):
+        return f'groups by {" and ".join(map(plain_name, columns))}'
 
 
 def _format_sessions(manifest: Manifest) -> str:
@@ -374,6 +375,8 @@ def _format_sessions(manifest: Manifest) -> str:
         )
     if 'reason' in calibration:
         return f'No session was held out: {calibration["reason"]}. A new session may do worse.'
+    if things != 'sessions':
+        return f'No {things} were held out: the trials do not allow it. A new one may do worse.'
     if manifest.training.sessions > 1:
         return (
             'No session was held out: the trials do not allow it, because a label occurs in one '

@@ -115,8 +115,8 @@ def train(
     Raises
     ------
     DatasetError
-        When there are too few trials or one class only, or when the tables of partial windows
-        hold other trials.
+        When there are too few trials or one class only, when a column is missing, or when the
+        tables of partial windows hold other trials.
     ValueError
         When a name is not known, a rate is not between 0 and 1, or the score is of another
         classifier.
@@ -209,6 +209,9 @@ def _calibrate(
 ) -> tuple[list[CalibratedStage], dict[str, Any], npt.NDArray[np.intp] | None]:
     """Return calibrated stages, the manifest's entry, and groups; no stages, and why, if not."""
     columns = [find_column(tables[0].columns, name) for name in hold_out]
+    if columns != ['session_id']:  # a table may have no sessions, and then trials are held out
+        for name in columns:
+            tables[0].column(name)
     try:
         folds = make_group_folds(tables[0], columns)
         sessions = make_group_folds(tables[0])
@@ -221,7 +224,7 @@ def _calibrate(
     stated = {
         'split': folds.split,
         'groups': folds.groups,
-        'held_out': columns if folds.groups else [],
+        'held_out': columns,
         'trials': len(tables[0]),
         'session_share': folds.session_share,
         'held_out_novelty': [_state_novelty(stage, folds.session) for stage in stages],

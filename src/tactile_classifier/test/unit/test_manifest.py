@@ -145,7 +145,7 @@ def test_any_entry_may_hold_anything(field, value):
     st.sampled_from(['cross_validation', 'calibration']),
     st.sampled_from(
         ['mean', 'split', 'groups', 'session_share', 'reason', 'choice', 'recalibrated',
-         'unlearned', 'spread']
+         'unlearned', 'spread', 'held_out']
     ),
     JSON,
 )  # fmt: skip

@@ -16,6 +16,7 @@ from tactile_classifier.confidence.novelty import (
     METRICS,
     NoveltyMeasure,
     rank_of_sessions,
+    Spaces,
     trials_needed,
 )
 from tactile_classifier.model_file.graphs import add_novelty
@@ -205,3 +206,15 @@ def test_graph_gives_the_novelty_of_the_measure(run_graph, metric):
     windows = np.vstack([clouds(2, apart=4.0)[0], 100.0 * values[:3], measure.centre])
     found = run_graph(lambda graph, x: add_novelty(graph, x, measure), windows, 1)[:, 0]
     np.testing.assert_allclose(found, measure.compute(windows), rtol=1e-9)
+
+
+@pytest.mark.parametrize('metric', METRICS)
+def test_left_out_label_is_as_if_it_had_no_references(metric):
+    values, labels, fold = clouds(1)
+    spaces = Spaces.fit(values, labels)
+    known = labels != 'a'
+    measure = NoveltyMeasure.fit(values, labels, fold, metric, spaces)
+    without = NoveltyMeasure.fit(values[known], labels[known], fold[known], metric, spaces)
+    novelty = without.compute(values)
+    np.testing.assert_array_equal(novelty[known], measure.compute(values)[known])
+    assert novelty[~known].min() > 5.0 * np.median(novelty[known])

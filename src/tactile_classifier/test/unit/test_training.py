@@ -140,3 +140,15 @@ def test_a_model_for_new_groups_is_calibrated_on_held_out_groups():
     # Recalibration mends sessions, whatever the model was chosen for.
     statistics = [each.calibration['session_statistics'] for each in (by_session, by_speed)]
     assert statistics[0] == statistics[1]
+
+
+def test_groups_that_cannot_be_held_out_are_said_so(small_table):
+    with pytest.raises(DatasetError, match='there is no column "typo"'):
+        train(small_table, 'knn', hold_out=('session_id', 'typo'))
+    columns = {**small_table.columns, 'speed': small_table.labels}  # each label has its own
+    table = dataclasses.replace(small_table, columns=columns)
+    manifest = train(table, 'knn', hold_out=('speed',)).manifest
+    assert manifest.calibration['groups'] == 0
+    assert any(
+        line.startswith('No groups by speed were held out') for line in list_limits(manifest)
+    )

@@ -88,7 +88,8 @@ def average_parts(tension_n: FloatArray, parts: int) -> FloatArray:
     """Return the means of equal parts of windows.
 
     A sample on the border of two parts counts in both, by its share. Windows with no more samples
-    than parts come back as they are. Windows have shape (..., n), means (..., min(n, parts)) [N].
+    than parts come back as they are. Windows are finite, of shape (..., n); means have shape
+    (..., min(n, parts)) [N].
     """
     n = tension_n.shape[-1]
     if n <= parts:

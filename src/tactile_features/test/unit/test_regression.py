@@ -11,7 +11,9 @@ import pytest
 
 from tactile_features import (
     compute_regression,
+    FeatureConfig,
     FeatureError,
+    features_from_trials,
     UndefinedFeatureError,
 )
 
@@ -151,3 +153,16 @@ def test_the_place_in_a_large_batch_changes_no_bit(rows):
     for start, stop in ((0, 1), (rows - 1, rows), (1, rows), (3, rows // 2)):
         part = compute_regression(GRID_NS[:35], x[start:stop])
         assert part.tobytes() == whole[start:stop].tobytes()
+
+
+@pytest.mark.parametrize('offset', [1.0, 1e6])
+def test_relaxation_adds_the_slope_over_the_intercept(offset):
+    tension = offset - 0.02 * np.arange(240) / 50.0 + np.sin(np.arange(240))
+    config = FeatureConfig(stiffness_features='stiffness_relaxation')
+    values, spec = features_from_trials('stiffness', tension[None], 50.0, config=config)
+    assert spec.names[-1] == 'tension__regression__relative_slope'
+    assert spec.units == ('N/s', 'N', '1', '1/s')
+    time_ns = 20_000_000 * np.arange(240)
+    slope, intercept, *_ = reference_regression(time_ns, tension)
+    assert abs(float(Fraction(values[0, 3]) / (slope / intercept) - 1)) <= 1e-12
+    assert values[0, :3].tobytes() == compute_regression(time_ns, tension).tobytes()

@@ -129,7 +129,8 @@ def describe_answers(manifest: Manifest) -> list[str]:
     sentences.append(
         f'thresholds hold in {100 * share:.0f} % of new {things} like these'
         if share > 0.0
-        else 'thresholds hold for trials like these; without several sessions a new one may differ'
+        else 'thresholds hold for trials like these; no group was held out, and a new session may '
+        'differ'
     )
     if partial:
         shares = ', '.join(

@@ -71,7 +71,8 @@ def test_a_sample_of_the_weight_before_that_comes_late_does_not_count():
 
 def test_what_cannot_be_calibrated_is_refused(tmp_path, monkeypatch):
     path = tmp_path / 'params.yaml'
-    path.write_text('tendon_sensor:\n  ros__parameters:\n    sensor: net_ft\n')
+    given = 'sensor: net_ft\n    use_sim_time: false\n'  # the latter is a parameter of every node
+    path.write_text(f'tendon_sensor:\n  ros__parameters:\n    {given}')
     with pytest.raises(TactileError, match='calibration of its maker'):
         run(simulated=False, params=path)
     with pytest.raises(TactileError, match='leave --sensor out'):

@@ -330,6 +330,36 @@ def test_a_recording_that_fails_before_it_begins_is_refused_in_peace(
     recorder.take_down()
 
 
+def test_a_recorder_in_a_process_of_its_own_ends_with_1_on_a_full_disk(context, tmp_path):
+    source = Source(context)
+    program = (
+        'import sys\n'
+        'from tactile_bags.nodes.bag_recorder_node import main\n'
+        'from tactile_bags.mcap_writer import McapWriter\n'
+        'def full(writer):\n'
+        '    if writer._new_ns: raise OSError(28, "No space left on device")\n'
+        'McapWriter.flush = full\n'
+        'sys.exit(main())'
+    )
+    arguments = ['--ros-args', '-p', f'bag:={tmp_path / "bag"}']
+    environment = {**os.environ, 'ROS_DOMAIN_ID': str(context.get_domain_id())}
+    with subprocess.Popen(
+        [sys.executable, '-c', program, *arguments],
+        env=environment,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        try:
+            wait_until(lambda: process.poll() is not None, step=lambda: source.send([0]))
+            _, log = process.communicate(timeout=DEADLINE_S)
+        finally:
+            process.kill()
+    source.node.destroy_node()
+    assert process.returncode == 1
+    assert 'No space left on device; 0 messages are saved' in log
+    assert 'Traceback' not in log
+
+
 def test_a_message_that_cannot_be_audited_is_recorded_all_the_same(context, tmp_path, monkeypatch):
     def stumble(msg):
         if msg.sequence == 1:
@@ -345,6 +375,22 @@ def test_a_message_that_cannot_be_audited_is_recorded_all_the_same(context, tmp_
     assert messages_on_disk(path) == [0, 1, 2]
     (audit,) = recorder.audits
     assert audit.sample_count == 2
+
+
+def test_latched_event_is_recorded_also_when_activated_late(context, tmp_path):
+    source = Source(context)
+    source.events.publish(TrialEvent(trial_id='early', phase='approach'))
+    recorder = create_node(describe_recorder(tmp_path / 'bag'), context)
+    recorder.trigger_configure()
+    with NodeGroup([source.node, recorder], context=context):
+        wait_until(lambda: '/trial_runner/events' not in recorder.unmatched_topics())
+        assert recorder.message_count == 0
+        recorder.trigger_activate()
+        wait_until(lambda: recorder.message_count == 1)
+        recorder.trigger_deactivate()
+        source.events.publish(TrialEvent(trial_id='early', phase='done'))
+        recorder.trigger_activate()
+        wait_until(lambda: recorder.message_count >= 2)
 
 
 def recorded_events(path):

@@ -91,6 +91,14 @@ def test_windows_go_by_their_features_and_their_moment_whatever_they_are_called(
     assert found['stiffness', 'flexion'].compute_sha256() == expected.compute_sha256()
 
 
+def test_bag_without_labelled_trials_is_refused_with_the_reason(rewritten):
+    def forget_label(event):
+        event.object_label = ''
+
+    with pytest.raises(BagError, match='no labelled trial'):
+        rewritten(forget_label)
+
+
 def test_bags_with_other_parameters_do_not_mix(stiffness_bag, tmp_path):
     with TactileBag(stiffness_bag) as bag:
         facts = {**bag.metadata, 'feature_config': {'stiffness_settle_s': 1.0}}

@@ -15,6 +15,7 @@ import typer
 from typer.testing import CliRunner
 
 from tactile_bags.sources.files import SourceOptions
+from tactile_classifier.datasets.splits import REPETITIONS
 from tactile_lab import commands, options, program
 from tactile_lab.datasets.reading import Reading
 from tactile_ros.process import PROFILES, TRANSPORTS
@@ -77,6 +78,22 @@ def test_options_on_recordings_are_fields_of_what_reads_them():
 
     assert fields(options.Statements) == fields(SourceOptions)
     assert fields(options.ArchiveOptions).items() <= fields(Reading).items()
+
+
+@pytest.mark.parametrize('name', ['evaluate', 'train', 'compare', 'features', 'import', 'export'])
+def test_a_command_on_recordings_has_an_option_for_each_statement_about_them(name):
+    parameters = inspect.signature(options.expand(program.load_function(name))).parameters
+    kinds = [options.Statements]
+    kinds += [] if name in ('import', 'export') else [options.ArchiveOptions]
+    for kind in kinds:
+        defaults = {field.name: field.default for field in dataclasses.fields(kind)}
+        assert defaults == {each: parameters[each].default for each in defaults}
+
+
+def test_evaluate_divides_into_six_folds_ten_times_by_default():
+    parameters = inspect.signature(options.expand(program.load_function('evaluate'))).parameters
+    assert (parameters['folds'].default, REPETITIONS) == (6, 10)
+    assert parameters['repetitions'].default is None
 
 
 def test_each_module_of_commands_is_in_the_table():
