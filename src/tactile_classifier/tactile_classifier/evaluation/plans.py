@@ -12,6 +12,7 @@ from typing import Any, Protocol, TypeVar
 import warnings
 
 from joblib import delayed, Parallel
+import sklearn
 
 from tactile_classifier.estimators.classifiers import on_one_thread
 
@@ -51,7 +52,7 @@ def run_plans(
     """
     parts = [plan.tasks() for plan in plans]
     total = sum(map(len, parts))
-    work = (delayed(function)(*arguments) for tasks in parts for function, arguments in tasks)
+    work = (delayed(_run)(*task) for tasks in parts for task in tasks)
     answers = []
     before = set(threading.enumerate())
     coming = Parallel(n_jobs=jobs, prefer='threads', return_as='generator')(work)
@@ -67,6 +68,12 @@ def run_plans(
         results.append(plan.finish(answers[first : first + len(tasks)]))
         first += len(tasks)
     return results
+
+
+def _run(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+    """Run one part; scikit-learn's checks of our own parameters take long beside a small fit."""
+    with sklearn.config_context(skip_parameter_validation=True):
+        return function(*arguments)
 
 
 def _end_pool(coming: Generator[Any, None, None], before: set[threading.Thread]) -> None:

@@ -127,9 +127,9 @@ def draw_matrix(
     axes.set_ylim(len(shares) - 0.5, -0.5)
     for (i, j), share in np.ndenumerate(shares):
         percent = f'{100 * share:.0f}' if share else ''
-        text = percent if texts is None else texts[i][j]
-        colour = 'white' if share > 0.6 else INK
-        axes.text(j, i, text, ha='center', va='center', fontsize=6, color=colour)
+        if text := percent if texts is None else texts[i][j]:
+            colour = 'white' if share > 0.6 else INK
+            axes.text(j, i, text, ha='center', va='center', fontsize=6, color=colour)
     axes.tick_params(length=0, labelsize=7)
     axes.spines[:].set_visible(True)
     axes.spines[:].set(alpha=0.3, linewidth=0.5)

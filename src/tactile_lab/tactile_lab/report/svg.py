@@ -14,6 +14,7 @@ import re
 import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 INK = '#1b1b1c'
 """Stands for the page's colour of text, light or dark."""
@@ -79,7 +80,9 @@ def render(
     texts say so where they show simulated data.
     """
     with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=size_in, layout='constrained')
+        figure = Figure(figsize=size_in)
+        layout = ConstrainedLayoutEngine()
+        figure.set_layout_engine(layout)
         draw(figure)
         if simulated:
             figure.text(
@@ -94,6 +97,9 @@ def render(
                 weight='bold',
                 zorder=10,
             )
+        # savefig draws a figure that has a layout engine twice.
+        layout.execute(figure)
+        figure.set_layout_engine('none')
         stream = io.StringIO()
         figure.savefig(stream, format='svg', metadata={'Date': None, 'Creator': None})
     prefix = 'SIMULATED. ' if simulated else ''
