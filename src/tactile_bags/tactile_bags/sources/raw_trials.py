@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,37 +124,52 @@ def find_fault(trial: RawTrial, rate_hz: float | None) -> str:
 
 
 def _choose_rate(trials: Sequence[RawTrial], rate_hz: float | None, notes: Notes) -> float:
-    stated, source = {trial.stated_rate_hz for trial in trials}, '--rate-hz says'
-    way_out = 'leave the option out, or '
-    if rate_hz is None and len(stated) == 1:
-        rate_hz, source, way_out = stated.pop(), 'the file says', ''
-    found = [(1.0 / period_s, t) for t in trials if (period_s := _period_s(t.time_s)) > 0.0]
-    if not found:
-        if rate_hz is None:
-            raise SourceError(
-                'the recordings have no times, so the sample rate is not known: --rate-hz'
-            )
-        return rate_hz
-    rates = np.array([rate for rate, _ in found])
+    found: list[_OwnRate] = []
+    for trial in trials:
+        stated, period_s = trial.stated_rate_hz, _period_s(trial.time_s)
+        if stated is not None:
+            found.append(_OwnRate(stated, trial, f'trial {trial.name} says'))
+        if period_s > 0.0:
+            found.append(_OwnRate(1.0 / period_s, trial, f'the stamps of trial {trial.name} say'))
+            if stated is not None:
+                _check_rate('the file says', stated, found[-1:], '')
     if rate_hz is not None:
-        worst = int(np.argmax(np.abs(np.log(rates / rate_hz))))
-        if abs(rates[worst] / rate_hz - 1.0) > RATE_TOLERANCE:
-            raise SourceError(
-                f'{source} {rate_hz:g} Hz, and the stamps of trial {found[worst][1].name} '
-                f'say {rates[worst]:.6g} Hz; {way_out}state the unit of the times '
-                '(--column time=NAME:ms). `tactile evaluate`, `train`, `compare` and `features` '
-                'change the rate with --resample-hz'
-            )
+        _check_rate('--rate-hz says', rate_hz, found, 'leave the option out, or ')
         return rate_hz
-    groups = _group_by_rate(rates)
+    silent = [t.name for t in trials if t.stated_rate_hz is None and t.time_s is None]
+    if silent or not found:
+        who = f'trial {silent[0]} has' if silent and found else 'the recordings have'
+        raise SourceError(f'{who} no times, so the sample rate is not known: --rate-hz')
+    groups = _group_by_rate(np.array([own.rate_hz for own in found]))
     if len(groups) > 1:
-        told = _format_rates([(rate, [found[i][1] for i in rows]) for rate, rows in groups])
+        told = _format_rates([(rate, [found[i].trial for i in rows]) for rate, rows in groups])
         raise SourceError(
             f'the trials have different rates: {told}; take the recordings of one rate at a time'
         )
-    rate_hz = _round_rate(float(np.median(rates)))
+    if stated_hz := next((t.stated_rate_hz for t in trials if t.stated_rate_hz), None):
+        return stated_hz
+    rate_hz = groups[0][0]
     notes.add(f'rate: {rate_hz:g} Hz, from the stamps')
     return rate_hz
+
+
+class _OwnRate(NamedTuple):
+    """The sample rate that a trial states, or its stamps have [Hz]; ``words`` say which."""
+
+    rate_hz: float
+    trial: RawTrial
+    words: str
+
+
+def _check_rate(source: str, rate_hz: float, found: Sequence[_OwnRate], way_out: str) -> None:
+    """Refuse a rate [Hz] that does not fit the trials' own; the most different one is named."""
+    own = max(found, key=lambda own: abs(own.rate_hz - rate_hz), default=None)
+    if own is not None and abs(own.rate_hz - rate_hz) > RATE_TOLERANCE * rate_hz:
+        raise SourceError(
+            f'{source} {rate_hz:g} Hz, and {own.words} {own.rate_hz:.6g} Hz; {way_out}state '
+            'the unit of the times (--column time=NAME:ms). `tactile evaluate`, `train`, '
+            '`compare` and `features` change the rate with --resample-hz'
+        )
 
 
 def _group_by_rate(rates: Floats) -> list[tuple[float, NDArray[np.intp]]]:

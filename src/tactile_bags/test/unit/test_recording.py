@@ -135,7 +135,7 @@ def test_a_stated_rate_that_the_times_do_not_have_is_refused(tmp_path):
     write_archive(tmp_path / 'a.npz')
     table = Recording.load(tmp_path / 'a.npz').to_table()
     for stated, problem in (
-        (b'{"rate_hz": 50.0}', 'the file says 50 Hz, and the stamps of trial 3 say 100 Hz'),
+        (b'{"rate_hz": 50.0}', 'the file says 50 Hz, and the stamps of trial 0 say 100 Hz'),
         (b'{"rate_hz": "x"}', ''),
         (b'[' * 100_000, ''),
         (b'{"rate_hz": 1e999}', ''),
@@ -148,6 +148,35 @@ def test_a_stated_rate_that_the_times_do_not_have_is_refused(tmp_path):
                 recording.to_arrays()
         else:
             assert recording.to_arrays().rate_hz == 100.0
+
+
+def write_labview(folder, rates_hz):
+    """Write LabVIEW files without times that state these rates [Hz]; return the folder."""
+    for label, rate_hz in rates_hz.items():
+        lines = [
+            'LabVIEW Measurement', 'X_Columns\tNo', f'Delta_X\t{1 / rate_hz!r}',
+            '***End_of_Header***', 'X_Value\tForce', *(f'\t{i % len(label)}.5' for i in range(40)),
+        ]  # fmt: skip
+        path = folder / label / '1.lvm'
+        path.parent.mkdir(parents=True)
+        path.write_text('\n'.join(lines) + '\n')
+    return folder
+
+
+def test_rates_that_files_state_agree_or_are_named(tmp_path):
+    same = write_labview(tmp_path / 'same', {'pla': 100.0, 'rubber': 100.5})
+    assert Recording.load(same).to_arrays().rate_hz == 100.0
+    with pytest.raises(SourceError, match=r'--rate-hz says 60 Hz, and trial .* says 100.5 Hz'):
+        Recording.load(same, SourceOptions(rate_hz=60.0)).to_arrays()
+    mixed = write_labview(tmp_path / 'mixed', {'pla': 100.0, 'rubber': 50.0})
+    told = r'different rates: 100 Hz \(mixed/pla/1\.lvm\), 50 Hz \(mixed/rubber/1\.lvm\); take'
+    with pytest.raises(SourceError, match=told):
+        Recording.load(mixed).to_arrays()
+    rows = [f'{i / 50!r},{i % 7}.5' for i in range(40)]  # stamps instead of the statement
+    (mixed / 'rubber' / '1.lvm').unlink()
+    (mixed / 'rubber' / '1.csv').write_text('\n'.join(['time_s,force_n', *rows]))
+    with pytest.raises(SourceError, match=told.replace('rubber/1\\.lvm', 'rubber/1\\.csv')):
+        Recording.load(mixed).to_arrays()
 
 
 def test_a_pipe_is_no_recording(tmp_path):
