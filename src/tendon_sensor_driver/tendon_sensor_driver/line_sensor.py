@@ -41,6 +41,7 @@ _UNIT_NAMES = {
 UNITS = {name: unit for unit, names in _UNIT_NAMES.items() for name in names}
 """The parameter ``unit`` by the word in a line."""
 
+_BRACKETS = b'[]():='  # of a unit
 _STATE_LETTERS = (b'N', b'G')  # before a value: net, gross
 _STABILITY = frozenset((b'ST', b'US', b'S', b'D'))  # stable or not; they alternate
 _FAULTS = frozenset(
@@ -142,7 +143,7 @@ class LineDecoder:
         self._match_named = re.compile(_NAMED % number).fullmatch
         self._unit = config.unit
         self._units = frozenset(_UNIT_NAMES[config.unit])
-        self._other_units = frozenset(UNITS) - self._units - frozenset(_STATE_LETTERS)
+        self._other_units = frozenset(UNITS) - self._units
         self.bytes = 0
         self.lines = 0
         self.readings = 0
@@ -241,8 +242,8 @@ class LineDecoder:
     def _check_after(self, columns: list[bytes]) -> None:
         """Refuse a unit, or a word that may be one, in the columns after the value."""
         for number, column in enumerate(columns):
-            if self._match_number(column):
-                break  # the value of something else
+            if self._match_number(column) or column.strip(_BRACKETS) in self._units:
+                break  # the value of something else, or the unit
             if column in self._other_units or (number == 0 and _is_word(column)):
                 raise self._refuse_word(column)
 
@@ -253,7 +254,7 @@ class LineDecoder:
         device that was set up anew differs for good.
         """
         for word in words:
-            if word.strip(b'[]():=') in self._other_units:
+            if word not in _STATE_LETTERS and word.strip(_BRACKETS) in self._other_units:
                 raise self._refuse_word(word)
         shape = count, tuple(b'' if word in _STABILITY else word for word in words)
         is_plain_start = self._shape is None and not words
@@ -264,7 +265,7 @@ class LineDecoder:
         raise _RefusedLineError(_UNUSUAL)
 
     def _refuse_word(self, word: bytes) -> _RefusedLineError:
-        word = word.strip(b'[]():=')
+        word = word.strip(_BRACKETS)
         if word in UNITS:
             return _RefusedLineError(
                 f'its unit is {word.decode()}, and "unit" is {self._unit}: '

@@ -57,6 +57,7 @@ def test_any_separator_and_further_columns(line):
         (b'Reading:12.3g', {**NO_TIME, 'unit': 'g'}, (None, 12.3)),
         (b'weight=-0.5kg', NO_TIME, (None, -0.5)),
         (b'12.3kg', NO_TIME, (None, 12.3)),
+        (b'12.3 [N]', {**NO_TIME, 'unit': 'N'}, (None, 12.3)),
         (
             b'one reading:\t12.3\t| average:\t12.25000',
             {**NO_TIME, 'value_column': 2, 'unit': 'g'},
@@ -118,6 +119,7 @@ REFUSED = [
     (b'12.34 oz', 'g', 'set unit to oz'),
     (b'12.34 t', 'kg', 'set unit to t'),
     (b'12.34,,g/12.34 | g', 'kg', 'set unit to g'),
+    (b'12.34,,N/12.34 | N/12.34 [N]', 'kg', 'set unit to N'),  # not "net"
     (b'12.34 lbs', 'kg', 'set unit to lbf'),
     (b'12.34 units', 'kg', 'the word "units" after the value is no unit that is known here'),
     (b'12.34 \xb5N', 'N', 'the word "\\xb5N" after the value'),
