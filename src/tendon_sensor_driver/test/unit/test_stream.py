@@ -51,6 +51,17 @@ def test_newtons_are_right_to_one_rounding_a_step(unit, value, scale, offset_n):
     assert abs(Fraction(float(block.tension_n[0])) - exact) <= max(bound, Fraction(5e-324))
 
 
+@pytest.mark.parametrize('time_column', [0, -1])
+def test_a_simulated_reading_marks_its_block_and_no_other(time_column):
+    config = TendonSensorConfig(time_column=time_column, samples_per_block=1)
+    stream, blocks = StrainStream(config), []
+    for i, simulated in enumerate((True, False, True)):
+        ticks = 17 * i if time_column == 0 else None
+        blocks += stream.add_reading(Reading(ticks, 1.0, 17 * i * MS_NS, simulated=simulated))
+    blocks += stream.flush()
+    assert [bool(b.status & StrainStatus.SIMULATED) for b in blocks] == [True, False, True]
+
+
 def test_a_sine_goes_in_as_bytes_and_comes_out_as_newtons():
     config = TendonSensorConfig(samples_per_block=7, scale=-1.0)
     decoder, stream = LineDecoder(config), StrainStream(config)
