@@ -53,6 +53,16 @@ def test_texts_that_numpy_would_widen_are_refused(tmp_path, store_schema, encodi
         read_table(path)
 
 
+@pytest.mark.usefixtures('little_memory')
+def test_texts_that_repeat_the_one_before_are_counted_before_they_are_read(tmp_path):
+    path, texts = tmp_path / 'words.parquet', ['x' * 3_000] * 2_000
+    more = {'use_dictionary': False, 'column_encoding': {'label': 'DELTA_BYTE_ARRAY'}}
+    pq.write_table(pa.table({'label': texts}), path, **more)
+    assert path.stat().st_size < 30_000
+    with pytest.raises(SourceError, match=r'words\.parquet unpacks to up to \d+ MiB; divide it'):
+        read_table(path)
+
+
 def test_short_texts_of_any_encoding_are_read(tmp_path):
     labels = ['pla', 'plastic', 'rubber', 'pla'] * 50
     for encoding in ('PLAIN', 'DELTA_BYTE_ARRAY', 'DELTA_LENGTH_BYTE_ARRAY'):
