@@ -22,6 +22,7 @@ from tactile_bags.recorded_topics import CLASSIFICATION, EVENT, STRAIN
 from tactile_bags.sources.raw_trials import RawTrial
 from tactile_bags.trial import Signal, Trial
 from tactile_features.records import PHASE_ABORTED, PHASE_DONE, TrialEvent
+from tactile_ros.strain import StrainStatus
 
 MAX_KEPT_BYTES = 2**28
 """Largest bag whose messages are kept in memory [byte]; those of a larger one are read anew."""
@@ -159,18 +160,23 @@ class RecordedBag(TactileBag):
             running[event.trial_id].append(event)
             if event.phase in (PHASE_DONE, PHASE_ABORTED):
                 del running[event.trial_id]  # what follows is another trial of that name
-        return [self._make_trial(namespace, events) for events in found]
+        simulated = self.metadata.get('simulated') is True or self._is_of_simulation(namespace)
+        return [self._make_trial(namespace, events, simulated) for events in found]
 
-    def _make_trial(self, namespace: str, events: Sequence[TrialEvent]) -> Trial:
+    def _is_of_simulation(self, namespace: str) -> bool:
+        """Return whether a finger's first samples are from a simulated sensor."""
+        first = next(read_records(self.messages(STRAIN, namespace=namespace)), None)
+        return first is not None and bool(first[1].status & StrainStatus.SIMULATED)
+
+    def _make_trial(self, namespace: str, events: Sequence[TrialEvent], simulated: bool) -> Trial:
         first, last = events[0], events[-1]
-        simulated = self.metadata.get('simulated') is True or any(e.simulated for e in events)
         known = {
             'session_id': first.session_id,
             'mounting_id': first.mounting_id,
             'contact': first.contact,
             'task': first.protocol,
             'glide_speed_m_s': max(event.glide_speed_m_s for event in events),
-            'simulated': simulated,
+            'simulated': simulated or any(event.simulated for event in events),
             'bag': self.path.resolve().name,
             'namespace': namespace,
         }

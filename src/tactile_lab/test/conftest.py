@@ -23,9 +23,12 @@ sys.path.insert(0, str(Path(__file__).parent))
 def rewrite():
     """Return a function that copies a bag and changes it on the way."""
 
-    def rewrite(source, target, change):
+    def rewrite(source, target, change, **metadata):
         """Copy a bag, message by message; ``change`` returns the message, or None to lose it."""
-        with TactileBag(source) as bag, BagWriter(target, bag.metadata) as writer:
+        with (
+            TactileBag(source) as bag,
+            BagWriter(target, {**bag.metadata, **metadata}) as writer,
+        ):
             for name, (type_name, _) in bag.topics.items():
                 writer.add_topic(RecordedTopic(name.strip('/'), type_name))
             for message in bag.messages():

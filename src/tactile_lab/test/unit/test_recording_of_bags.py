@@ -16,6 +16,7 @@ from tactile_bags.recorded_setup import recorded_features
 from tactile_bags.replay import replay_phases
 from tactile_bags.sources.files import SourceError
 from tactile_lab.report.summary import describe_sources
+from tactile_ros.strain import StrainStatus
 
 
 def test_trials_have_labels_events_and_signals(stiffness_bag):
@@ -55,6 +56,24 @@ def test_a_bag_is_opened_once_and_replayed_as_ever(stiffness_bag, opened):
         recording.to_arrays()
         assert [trial.signal.values.shape for trial in recording.trials]
     assert len(opened) == 1
+
+
+@pytest.mark.parametrize('where', ['metadata', 'events', 'samples', 'nowhere'])
+def test_a_trial_is_simulated_where_metadata_events_or_samples_say_so(
+    stiffness_bag, rewrite, tmp_path, where
+):
+    """Bags of `ros2 bag record` have no metadata of ours, and events of others state nothing."""
+
+    def change(type_name, message):
+        if type_name == EVENT:
+            message.simulated = where == 'events'
+        elif type_name == STRAIN:
+            message.status = int(StrainStatus.SIMULATED) if where == 'samples' else 0
+        return message
+
+    bag = rewrite(stiffness_bag, tmp_path / 'bag', change, simulated=where == 'metadata')
+    with Recording.load(bag) as recording:
+        assert {trial.simulated for trial in recording.trials} == {where != 'nowhere'}
 
 
 def make_experiment(folder, bag, entries):
