@@ -24,6 +24,7 @@ from tactile_features.conversions import (
 from tactile_features.records import FeatureWindow
 from tactile_msgs.msg import Classification, FeatureSpecifications, TactileFeatures
 from tactile_msgs.msg import ModelInfos as ModelInfosMsg
+from tactile_ros.errors import plain_text
 from tactile_ros.health import Diagnostics, Health, OK, WARN
 from tactile_ros.node_group import run_node
 from tactile_ros.qos import LATEST, RESULTS
@@ -104,9 +105,9 @@ class ClassifierStage(Stage):
                 publisher.publish(result)
         log = self._node.get_logger()
         if self.answering.mismatch:
-            log.warning(self.answering.mismatch, throttle_duration_sec=LOG_PERIOD_S)
+            log.warning(plain_text(self.answering.mismatch), throttle_duration_sec=LOG_PERIOD_S)
         for sentence in self.answering.take_news():
-            log.info(sentence)
+            log.info(plain_text(sentence))
 
     def _make_publisher(self, topic: str) -> RecordPublisher:
         return RecordPublisher(self._node, Classification, topic, classification_to_msg, RESULTS)

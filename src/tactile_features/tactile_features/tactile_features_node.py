@@ -26,6 +26,7 @@ from tactile_features.spec import FeatureSpecifications
 from tactile_msgs.msg import FeatureSpecifications as FeatureSpecificationsMsg
 from tactile_msgs.msg import StrainBlock, TactileFeatures
 from tactile_msgs.msg import TrialEvent as TrialEventMsg
+from tactile_ros.errors import plain_text
 from tactile_ros.health import Diagnostics, Health, OK, WARN
 from tactile_ros.qos import EVENTS, LATEST, RESULTS, STREAM
 from tactile_ros.stages import ignore, RecordPublisher, Stage, StageNode
@@ -143,7 +144,7 @@ class FeaturesStage(Stage):
         for window in windows:
             if window.outcome != Outcome.OK:
                 self._node.get_logger().warning(
-                    f'no features of trial {window.trial_id}: {window.reason}'
+                    plain_text(f'no features of trial {window.trial_id}: {window.reason}')
                 )
             (self._partial if window.partial else self._features).publish(window)
             if self._node.is_active:

@@ -17,8 +17,9 @@ from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 from rich.console import Console
+from rich.text import Text
 
-from tactile_ros.errors import TactileError
+from tactile_ros.errors import plain_text, TactileError
 
 if TYPE_CHECKING:
     import pyarrow
@@ -31,19 +32,28 @@ PICTURES = ('.png', '.svg', '.pdf')
 """Ends of names of files that commands write."""
 
 
+_PLAIN: dict[str, Any] = {'markup': False, 'emoji': False, 'highlight': False}
+
+
+class _PlainConsole(Console):
+    """A console for names of others: nothing in a text or cell is an order to the terminal."""
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        return super().render_str(plain_text(text, '\n\t'), **options)
+
+
 class Output:
     """The terminal of one command; ``as_json``: the result is wanted as JSON."""
 
     def __init__(self, as_json: bool) -> None:
         self.as_json = as_json
-        self._err = Console(stderr=True)
-        self._out = self._err if as_json else Console()
+        self._err = _PlainConsole(stderr=True, **_PLAIN)
+        self._out = self._err if as_json else _PlainConsole(**_PLAIN)
 
-    def say(self, *texts: Any, plain: bool = False) -> None:
-        """Print lines or tables for people; ``plain``: square brackets are no markup."""
+    def say(self, *texts: Any, markup: bool | None = None) -> None:
+        """Print lines or tables for people; ``markup``: True where the lines hold rich's."""
         for text in texts:
-            soft_wrap = isinstance(text, str)
-            self._out.print(text, highlight=False, soft_wrap=soft_wrap, markup=not plain)
+            self._out.print(text, soft_wrap=isinstance(text, str), markup=markup)
 
     def say_audits(self, audits: Iterable[Audit]) -> None:
         """Print what is missing, doubled or out of order; one line where nothing is."""

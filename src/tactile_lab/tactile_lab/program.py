@@ -26,7 +26,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
 
-from tactile_ros.errors import TactileError
+from tactile_ros.errors import plain_text, TactileError
 from tactile_ros.process import choose_transports, held_signals
 
 COMMANDS = {
@@ -182,7 +182,7 @@ def _refusals() -> Iterator[None]:
     except Exception as error:
         if not {f'{c.__module__}.{c.__qualname__}' for c in type(error).__mro__} & REFUSALS:
             raise
-        typer.echo(f'tactile: {error}', err=True)
+        typer.echo(plain_text(f'tactile: {error}', '\n\t'), err=True)
         raise typer.Exit(2) from error
 
 

@@ -126,4 +126,4 @@ def run_nodes(
 def say_address(watch: Watch, output: Output) -> None:
     """Print where the live page is, if one is served."""
     if watch.address:
-        output.say(f'Live page: [bold]{watch.address}[/bold]')
+        output.say(f'Live page: {watch.address}')

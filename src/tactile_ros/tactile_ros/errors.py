@@ -11,6 +11,11 @@ class TactileError(Exception):
     """
 
 
+def plain_text(text: str, keep: str = '') -> str:
+    """Return a text with "?" for what a terminal would obey; the characters ``keep`` stay."""
+    return ''.join(c if c.isprintable() or c in keep else '?' for c in text)
+
+
 LONGEST_REASON = 300
 """Characters of the reason of a `MessageError`; the rest is cut off."""
 
@@ -24,5 +29,5 @@ class MessageError(ValueError):
     """
 
     def __init__(self, reason: str) -> None:
-        text = ''.join(c if c.isprintable() else '?' for c in reason[: LONGEST_REASON + 1])
+        text = plain_text(reason[: LONGEST_REASON + 1])
         super().__init__(text if len(text) <= LONGEST_REASON else f'{text[:LONGEST_REASON]}...')

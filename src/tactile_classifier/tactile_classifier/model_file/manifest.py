@@ -29,6 +29,7 @@ from tactile_features.model_contract import (
     parse_wanted,
 )
 from tactile_features.spec import FeatureSpec
+from tactile_ros.errors import plain_text
 
 STATISTICS, RECALIBRATED = 'session_statistics', 'recalibrated'
 KNOWN_NOVELTY = 'held_out_novelty'
@@ -408,5 +409,5 @@ def _format_conditions(manifest: Manifest) -> str:
 
 def _clean(line: str) -> str:
     """Return a line without what a terminal would obey, and not too long."""
-    text = ''.join(c if c.isprintable() else '?' for c in line)
+    text = plain_text(line)
     return text if len(text) <= MAX_LINE else text[: MAX_LINE - 3] + '...'

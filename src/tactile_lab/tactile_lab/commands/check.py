@@ -137,18 +137,18 @@ def _list_checks(
 
 
 def _as_table(report: 'CheckReport') -> 'Table':
-    from rich.markup import escape
     from rich.table import Table
+    from rich.text import Text
 
     table = Table(
-        title=escape(f'{report.device} on {report.link}'), title_justify='left', show_header=False
+        title=f'{report.device} on {report.link}', title_justify='left', show_header=False
     )
     for name, value in report.facts.items():
-        table.add_row(escape(name), escape(str(value)))
+        table.add_row(name, str(value))
     for problem in report.problems:
-        table.add_row('[red]WRONG', escape(problem.what))
+        table.add_row(Text('WRONG', style='red'), problem.what)
         if problem.remedy:
-            table.add_row('remedy', escape(problem.remedy))
+            table.add_row('remedy', problem.remedy)
     if not report.problems:
-        table.add_row('[green]fit for trials', 'yes')
+        table.add_row(Text('fit for trials', style='green'), 'yes')
     return table

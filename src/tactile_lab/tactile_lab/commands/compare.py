@@ -98,7 +98,7 @@ def compare(
         raise TactileError('; '.join(alone))
     for each in found:
         _print(each, output)
-    output.say(*alone, plain=True)
+    output.say(*alone)
     output.result({'comparisons': [each.to_dict() for each in found], 'left_out': alone})
 
 
@@ -142,7 +142,7 @@ def _print(compared: 'Compared', output: Output) -> None:
         )
     lines += filter(None, [compared.left_out])
     lines += (f'warning: {warning}' for warning in compared.warnings)
-    output.say(*(f'  {line}' for line in lines), plain=True)
+    output.say(*(f'  {line}' for line in lines))
     output.say(compared.verdict, '')
 
 

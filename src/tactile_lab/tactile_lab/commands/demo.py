@@ -91,7 +91,9 @@ def demo(
     with SimulatedRig(seed) as rig:
         output.say('Everything below comes from a SIMULATED rig: no number is a measurement.\n')
 
-        output.say('[bold]1  Training sets from the simulator, without waiting[/bold]')
+        output.say(
+            '[bold]1  Training sets from the simulator, without waiting[/bold]', markup=True
+        )
         plans = paper_plans((12 if short else PAPER_TRIALS) // SESSIONS, SESSIONS, seed)
         made = make_bags(folder / 'training', plans, output)
         bags = [bag.path for bag in made]
@@ -100,12 +102,14 @@ def demo(
             f'{SESSIONS} sessions; {time.monotonic() - started:.0f} s\n'
         )
 
-        output.say('[bold]2  Training and cross-validation[/bold]')
+        output.say('[bold]2  Training and cross-validation[/bold]', markup=True)
         with open_features(bags, Reading(features=STIFFNESS_FEATURES)) as source:
             found = read_with_progress(source, output)
             trained = train_models(source, found.tables, folder=folder / 'models', output=output)
 
-        output.say('[bold]3  Live trials: bytes on serial lines to labels on a topic[/bold]')
+        output.say(
+            '[bold]3  Live trials: bytes on serial lines to labels on a topic[/bold]', markup=True
+        )
         output.say('   in another session: the rig has been set up anew since the training')
         with domain_id() as domain:
             setup = LiveSetup(
@@ -118,7 +122,7 @@ def demo(
             requests = choose_trials(seed, trials)
             live = run_live_trials(setup, folder / 'recording', requests, output)
 
-    output.say('\n[bold]4  The recording, replayed[/bold]')
+    output.say('\n[bold]4  The recording, replayed[/bold]', markup=True)
     reports = replay_and_compare(folder / 'recording', None, through_nodes=True)
     for report in reports:
         print_report(report, output)
@@ -240,7 +244,8 @@ def print_summary(
     agreement = 'agree bit for bit' if equal else 'DO NOT agree'
     output.say(
         f'\n[bold]{right} of {len(live)} live trials named correctly (SIMULATED rig); '
-        f'live, nodes and plain core {agreement}.[/bold]'
+        f'live, nodes and plain core {agreement}.[/bold]',
+        markup=True,
     )
     output.say(f'Results in {folder}:')
     for name, what in (

@@ -99,7 +99,6 @@ def devices(
 
 
 def _as_table(found: Sequence['FoundDevice']) -> 'Table':
-    from rich.markup import escape
     from rich.table import Table
 
     table = Table('port', 'device', 'what is there', 'parameters', 'other names')
@@ -111,5 +110,5 @@ def _as_table(found: Sequence['FoundDevice']) -> 'Table':
             '\n'.join(f'{name}: {value}' for name, value in device.parameters.items()),
             '\n'.join(device.names),
         )
-        table.add_row(*map(escape, cells))
+        table.add_row(*cells)
     return table

@@ -165,4 +165,4 @@ def _print(result: 'SetResult', output: Output) -> None:
         *result.not_done,
         *format_warnings(result.evaluations),
     ]
-    output.say(*(f'  {line}' for line in lines), '', plain=True)
+    output.say(*(f'  {line}' for line in lines), '')

@@ -327,7 +327,7 @@ def _correct(
 ) -> None:
     attempt = folder.correct(trial, kind, **values)
     output = Output(as_json)
-    output.say(f'{attempt.trial_id} {sentence}: {values["why"]}', plain=True)
+    output.say(f'{attempt.trial_id} {sentence}: {values["why"]}')
     output.result({'folder': str(folder.path), 'trial': asdict(attempt)})
 
 
@@ -352,11 +352,11 @@ def _summarise(
     output.say(f'{folder.path}: {"; ".join(parts)}')
     for attempt in progress.attempts.values():
         if attempt.label:
-            output.say(f'   {attempt.trial_id} is {attempt.label}: {attempt.why}', plain=True)
+            output.say(f'   {attempt.trial_id} is {attempt.label}: {attempt.why}')
         if attempt.excluded:
-            output.say(f'   {attempt.trial_id} is excluded: {attempt.excluded}', plain=True)
+            output.say(f'   {attempt.trial_id} is excluded: {attempt.excluded}')
     if ended and not is_error and found['sessions_left']:
-        output.say(f'Ended: {ended}', plain=True)
+        output.say(f'Ended: {ended}')
     if found['sessions_left']:
         output.say(f'Go on: tactile experiment {folder.path}')
     else:

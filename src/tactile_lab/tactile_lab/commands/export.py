@@ -66,11 +66,10 @@ def export(
     write_table(table, file)
     with named_errors('write', card):
         card.write_text(text, 'utf-8')
-    output.say(*notes, plain=True)
+    output.say(*notes)
     output.say(
         f'{file}: {len(counting)} trials, {table.num_rows} samples; columns: '
         f'{", ".join(table.column_names)}',
-        plain=True,
     )
     output.say(f'{card}: its dataset card; state the licence before you publish both')
     output.result(

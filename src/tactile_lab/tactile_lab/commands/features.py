@@ -74,7 +74,7 @@ def features(
         written.append((path, kind, select_features(table, features)))
     refuse_to_replace([path for path, _, _ in written], force=force)
     notes = [*source.steps, *(f'left out: {sentence}' for sentence in found.left_out)]
-    output.say(*notes, plain=True)
+    output.say(*notes)
     for path, kind, table in written:
         columns = _columns(table, group, str(paths[0]))
         write_table(_to_arrow(columns, table, is_csv=path.suffix.lower() == '.csv'), path)

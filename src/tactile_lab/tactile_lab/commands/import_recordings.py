@@ -70,7 +70,7 @@ def import_recordings(
             _draw(plot, recording, trials)
     skipped = [{'row': each.row, 'reason': each.reason} for each in trials.skipped]
     left_out = (f'left out: row {each.row}: {each.reason}' for each in trials.skipped)
-    output.say(*trials.steps, *left_out, plain=True)
+    output.say(*trials.steps, *left_out)
     names, counts = np.unique(trials.label, return_counts=True)
     found = {str(name): int(count) for name, count in zip(names, counts, strict=True)}
     with named_errors('write', archive):
@@ -84,12 +84,11 @@ def import_recordings(
         f'{channels} channel{"s" if channels > 1 else ""}'
         f'{f" in {trials.unit}" if trials.unit else ""}, {samples} samples at '
         f'{trials.rate_hz:g} Hz; columns: {", ".join(trials.columns) or "none"}',
-        plain=True,
     )
     if plot is not None:
         output.say(f'{plot}: {min(DRAWN, len(trials))} trials')
     command = next_command(archive, trials)
-    output.say(f'next: {command}', plain=True)
+    output.say(f'next: {command}')
     output.result(
         {
             'path': str(archive),

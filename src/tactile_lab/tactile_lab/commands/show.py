@@ -228,7 +228,7 @@ def _print(path: Path, contents: Contents, output: Output) -> None:
 
     if 'card' in contents.details:
         model_id, card = contents.details['model_id'], contents.details['card']
-        output.say(f'{path}: {model_id}', card, plain=True)
+        output.say(f'{path}: {model_id}', card)
         return
     facts = Table(title=f'{contents.kind} {path}', title_justify='left', show_header=False)
     for name, value in contents.facts.items():
@@ -242,7 +242,7 @@ def _print(path: Path, contents: Contents, output: Output) -> None:
         table.add_row(*(_format_value(entry[name]) for name in shown))
     output.say(table)
     if same:
-        output.say(f'all trials: {same}', plain=True)
+        output.say(f'all trials: {same}')
     if len(contents.trials) > SHOWN:
         output.say(f'... and {len(contents.trials) - SHOWN} more; --json lists all')
 

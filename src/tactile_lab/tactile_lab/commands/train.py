@@ -212,7 +212,7 @@ def train(
                     scaling=scaling or '',
                     progress=show,
                 )
-            output.say(*said, plain=True)
+            output.say(*said)
             trained = []
             for key, each in chosen.items():
                 _, named, scaled = each.candidate
@@ -257,7 +257,7 @@ def read_with_progress(source: 'RecordingFeatures', output: Output) -> 'FeatureT
     left_out = [*found.left_out[:5]]
     if len(found.left_out) > 5:
         left_out.append(f'{len(found.left_out) - 5} more')
-    output.say(*source.steps, *(f'left out: {each}' for each in left_out), plain=True)
+    output.say(*source.steps, *(f'left out: {each}' for each in left_out))
     return found
 
 

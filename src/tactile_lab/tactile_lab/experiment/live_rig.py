@@ -98,7 +98,7 @@ class LiveTrial:
             if answer.outcome != AnswerOutcome.LABEL:
                 lines.append(f'no label: {answer.reason}{name}')
                 continue
-            verdict = '[green]right[/green]' if self.is_label(answer) else '[red]wrong[/red]'
+            verdict = 'right' if self.is_label(answer) else 'wrong'
             score = f'{max(answer.scores):.2f} {answer.score_kind}'
             lines.append(f'says {answer.label} ({score}), {verdict}{name}')
         return lines

@@ -242,7 +242,7 @@ class Terminal(Operator):
 
     def accept_setup(self, changes: Sequence[str]) -> bool:
         self._output.say('the set-up is another than at the last start:')
-        self._output.say(*(f'   {line}' for line in changes), plain=True)
+        self._output.say(*(f'   {line}' for line in changes))
         if self._accepts_setup:
             return True
         if not sys.stdin.isatty():

@@ -98,3 +98,16 @@ def test_untrusted_card_is_shown_as_text_and_not_as_markup(tmp_path):
     path = tmp_path / 'model.onnx'
     write_model(path, train(FeatureTable(values, labels, spec), 'knn'))
     assert 'any contact: [link=x]sponge, [red]pla[/red]' in tactile('show', path).stdout
+
+
+def test_names_are_neither_markup_nor_orders_to_the_terminal(tmp_path):
+    path = tmp_path / '[red] a :rat:.npz'
+    x = np.random.default_rng(0).normal(size=(8, 60))
+    labels = ['[/b]', '\x1b[2J'] * 4
+    np.savez(path, x=x, label=labels, rate_hz=60.0, place=[':rat:', '[red]x'] * 4)
+    said = hear_tactile('show', path)
+    assert said.isprintable()
+    for name in (path.name, '[/b]', '?[2J', ':rat:', '[red]x'):
+        assert name in said
+    refused = hear_tactile('evaluate', path, '--task', 'texture', '--where', '\x1b]0;x', code=2)
+    assert refused.isprintable()
