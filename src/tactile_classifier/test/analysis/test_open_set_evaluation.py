@@ -11,15 +11,16 @@ import pytest
 from tactile_classifier.confidence.calibration import (
     compute_calibration_error,
     compute_uncalibrated,
-    hold_out_scores,
     make_group_folds,
 )
 from tactile_classifier.datasets.archive import LabelledTrials
 from tactile_classifier.datasets.dataset import ALL, table_from_trials
 from tactile_classifier.errors import EvaluationError
 from tactile_classifier.estimators import random_convolutions
+from tactile_classifier.estimators.classifiers import build_estimator, compute_raw_scores
 from tactile_classifier.evaluation.open_set import evaluate_open_set
 from tactile_classifier.records import MARGIN
+from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
 
 
@@ -97,9 +98,24 @@ def test_random_convolutions_of_several_channels_are_those_of_the_model_file(mon
     table = table_from_trials('texture', trials, ALL, config=config)
     assert table.channels == 3
     found = evaluate_open_set(table, 'rocket', false_alarm_rate=0.1)
-    scores, true = hold_out_scores(table, 'rocket', 'none', make_group_folds(table).fold)
+    classes, true = np.unique(table.labels, return_inverse=True)
+    scores, fold = np.zeros((60, 3)), make_group_folds(table).fold
+    for i in np.unique(fold):
+        part = table.take(fold != i)
+        model = build_estimator('rocket', 'none', channels=3).fit(part.values, part.labels)
+        assert model.classes_.tolist() == classes.tolist()
+        scores[fold == i] = compute_raw_scores(model, table.values[fold == i])
     stated = compute_calibration_error(compute_uncalibrated(scores, MARGIN), true)
     assert found.calibration_error_before == pytest.approx(stated, rel=1e-12)
+    # The file states the same, and its model is of three channels, too.
+    trained = train(table, 'rocket', false_alarm_rate=0.1)
+    (stage,) = trained.manifest.stages
+    assert stage.calibration_error_before == pytest.approx(stated, rel=1e-12)
+    whole = build_estimator('rocket', 'none', channels=3).fit(table.values, table.labels)
+    np.testing.assert_array_equal(
+        compute_raw_scores(trained.stages[0].estimator, table.values),
+        compute_raw_scores(whole, table.values),
+    )
 
 
 def test_too_few_labels_or_trials_are_refused(small_table):

@@ -116,9 +116,12 @@ def test_of_noise_the_accuracy_of_the_choice_is_told_with_its_own_chance(tmp_pat
         tmp_path / 'noise.npz', rng.normal(size=(30, 1, 60)), label, part=np.arange(30) % 3
     )
     asked = ('evaluate', archive, '--task', 'texture', '--features', 'auto', *CHEAP)
-    document, said = ask_and_hear_tactile(*asked, '--group', 'part')
+    report = tmp_path / 'report.html'
+    document, said = ask_and_hear_tactile(*asked, '--group', 'part', '--report', report)
     (found,) = document['sets']
     choice = found['feature_choice']
+    right = round(100 * choice['nested_accuracy'])
+    assert f'With a new part, this model names {right} of 100 touches right' in report.read_text()
     nested = f'accuracy {100 * choice["nested_accuracy"]:.1f} % with set and classifier chosen'
     assert choice['ranking'][0]['accuracy'] > choice['nested_accuracy']
     assert choice['interval']['method'] == 'Wilson with t over 3 groups'
