@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 
 from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.datasets.splits import stratified_split
+from tactile_classifier.training.feature_choice import Candidate
 from tactile_features.config import FeatureConfig
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_features.spec import spec_for
@@ -29,6 +31,7 @@ from tactile_lab.report.summary import (
     format_accuracy,
     format_confusion,
     format_first_sentence,
+    format_model,
     hardest_evaluation,
 )
 from tactile_lab.report.svg import INK, render
@@ -180,6 +183,27 @@ def test_first_sentence_says_how_many_of_100_and_what_was_held_out(
     evaluation = dataclasses.replace(easy_holds.plain, split=split, scores=scores)
     result = dataclasses.replace(easy_holds, evaluations=(evaluation,))
     assert sentence in format_first_sentence(result)
+
+
+def test_what_the_folds_chose_is_shown_and_not_three_neighbours(easy_holds):
+    chosen = Candidate(easy_holds.recordings.table.spec.feature_set, 'tree', 'none')
+    means = {'tree': 0.5, 'knn': 0.25}
+    scores = tuple(
+        dataclasses.replace(score, mean=means.get(score.classifier, 1.0))
+        for score in easy_holds.plain.scores
+    )
+    evaluation = dataclasses.replace(easy_holds.plain, scores=scores)
+    split = stratified_split(easy_holds.recordings.table, 3, 1)
+    for choice, words, accuracy in (
+        ((chosen, None), 'decision tree', 'accuracy 50.0 %'),
+        (None, '3 nearest neighbours', 'accuracy 25.0 %'),
+    ):
+        recordings = dataclasses.replace(easy_holds.recordings, choice=choice, splits=(split,))
+        result = dataclasses.replace(
+            easy_holds, recordings=recordings, evaluations=(evaluation, evaluation)
+        )
+        assert format_accuracy(result).startswith(accuracy)
+        assert words in format_model(result)
 
 
 def test_simulated_trials_are_marked_in_every_figure_and_table(stiffness_bag):
