@@ -77,6 +77,9 @@ OF_ROS = {
 }  # fmt: skip
 """Packages that a Python without ROS 2 lacks."""
 
+LONGEST_REFUSAL = 4_000
+"""Characters of a refusal that are printed: a name of others in it has no end."""
+
 REFUSALS = {
     'tactile_bringup.trial_protocols.ProtocolError',
     'tactile_classifier.errors.ClassifierError',
@@ -182,7 +185,8 @@ def _refusals() -> Iterator[None]:
     except Exception as error:
         if not {f'{c.__module__}.{c.__qualname__}' for c in type(error).__mro__} & REFUSALS:
             raise
-        typer.echo(plain_text(f'tactile: {error}', '\n\t'), err=True)
+        text = plain_text(f'tactile: {error}', '\n\t')
+        typer.echo(text[:LONGEST_REFUSAL] + ' ...' * (len(text) > LONGEST_REFUSAL), err=True)
         raise typer.Exit(2) from error
 
 

@@ -115,12 +115,12 @@ class FeatureTable:
 
         Raises DatasetError when there is none.
         """
-        name = find_column(self.columns, name)
-        if name not in self.columns:
+        found = find_column(self.columns, name)
+        if found not in self.columns:
             raise DatasetError(
                 f'there is no column "{name}"; there are: {", ".join(self.columns) or "none"}'
             )
-        return self.columns[name]
+        return self.columns[found]
 
     def take(self, keep: npt.NDArray[Any]) -> FeatureTable:
         """Return the trials that a mask or an index array selects."""

@@ -47,6 +47,8 @@ def test_columns_stay_in_step_and_get_our_names(small_table):
     assert (len(part), set(part.columns['session_id'])) == (12, {'s1'})
     with pytest.raises(DatasetError, match='no column "weekday"; there are: contact, simulated'):
         small_table.column('weekday')
+    with pytest.raises(DatasetError, match='no column "session"; there are: none'):
+        dataclasses.replace(small_table, columns={}).column('session')
     day = np.arange(36) % 3
     table = dataclasses.replace(small_table, columns={'session': day, 'mounting': day})
     assert sorted(table.columns) == ['mounting_id', 'session_id']

@@ -197,11 +197,11 @@ def select_trials(columns: Columns, text: str, option: str) -> NDArray[np.bool_]
     Raises `TactileError` when there is no such column or no such trial, or the text is no value of
     the column.
     """
-    name, equals, values = text.partition('=')
-    name = find_column(columns, name)
+    asked, equals, values = text.partition('=')
+    name = find_column(columns, asked)
     if name not in columns:
         raise TactileError(
-            f'--{option}: there is no column "{name}"; there are: {", ".join(columns) or "none"}'
+            f'--{option}: there is no column "{asked}"; there are: {", ".join(columns) or "none"}'
         )
     column = np.asarray(columns[name])
     if not equals:

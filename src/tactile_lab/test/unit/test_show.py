@@ -109,5 +109,7 @@ def test_names_are_neither_markup_nor_orders_to_the_terminal(tmp_path):
     assert said.isprintable()
     for name in (path.name, '[/b]', '?[2J', ':rat:', '[red]x'):
         assert name in said
-    refused = hear_tactile('evaluate', path, '--task', 'texture', '--where', '\x1b]0;x', code=2)
+    asked = ('evaluate', path, '--task', 'texture', '--where', '\x1b]0;' + 'x' * 100_000)
+    refused = hear_tactile(*asked, code=2)
     assert refused.isprintable()
+    assert len(refused) < 5_000
