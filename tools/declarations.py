@@ -161,6 +161,9 @@ def check_package(folder: Path) -> list[str]:
         f'{module} is imported nowhere: take it out of OPTIONAL in tools/declarations.py'
         for module in sorted(optional - code)
     ]
+    # Without it `colcon test` and `pytest src/PACKAGE/test` lack the tests' fixtures.
+    if files and '-p tactile_testing.plugin' not in (folder / 'setup.cfg').read_text('utf-8'):
+        faults.append('[tool:pytest] of setup.cfg lacks -p tactile_testing.plugin in addopts')
     return [f'src/{name}: {fault}' for fault in faults]
 
 
