@@ -13,6 +13,7 @@ import pytest
 from trial_bench import Device, SILENCE_S, stamp_ns
 
 from tactile_bringup.nodes import trial_devices
+from tactile_msgs.msg import StrainBlock
 from tactile_testing.waiting import wait_until
 
 STAMP_BOUND_NS = 50_000_000
@@ -52,6 +53,15 @@ def test_a_hold_lasts_from_rest_to_the_release_that_was_seen(bench):
     assert phase(bench, 'hold') == bench.tendon.rested_at_ns[0]
     assert abs(phase(bench, 'release') - bench.tendon.moved_at_ns[2]) < STAMP_BOUND_NS
     assert result.displacement_error_m < 1e-6
+
+
+@pytest.mark.parametrize('status', [0, StrainBlock.STATUS_SIMULATED])
+def test_events_are_simulated_where_the_samples_are(bench, status):
+    bench.sensor.status = status
+    wait_until(lambda: bench.runner._strain.is_simulated == bool(status))
+    assert 'done' in bench.end(bench.start('stiffness', hold_s=0.3)).message
+    bench.wait_for_phase('done')
+    assert {event.simulated for event in bench.events} == {bool(status)}
 
 
 def test_a_glide_that_was_not_the_commanded_one_fails_with_the_numbers(bench):

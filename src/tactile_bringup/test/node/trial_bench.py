@@ -159,12 +159,13 @@ class Sensor(Node):
     def __init__(self, context):
         super().__init__('tendon_sensor', context=context)
         self.is_alive = True
+        self.status = 0
         self._publisher = self.create_publisher(StrainBlock, '~/strain', STREAM)
         self._timer = self.create_timer(PERIOD_S, self._publish)
 
     def _publish(self):
         if self.is_alive:
-            self._publisher.publish(StrainBlock(tension_n=[1.0]))
+            self._publisher.publish(StrainBlock(tension_n=[1.0], status=self.status))
 
 
 class Bench:

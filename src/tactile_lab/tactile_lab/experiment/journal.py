@@ -96,7 +96,7 @@ class Journal(Notes):
 
     def _lock(self) -> None:
         try:
-            pass
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise ExperimentError(
                 'another program runs this experiment; end that one first'

@@ -44,12 +44,14 @@ def test_a_refused_call_changes_nothing(folder, arguments, sentence):
         assert contents(folder) == before
 
 
-def test_a_rig_that_does_not_start_appends_nothing(folder):
+def test_a_rig_that_does_not_start_appends_nothing(folder, parameter_file):
     order = folder.read_order()
-    models = ('--models', '/nowhere')
-    asked = ('experiment', folder.path, '--append', 'grooves-s01', '--simulated', '--yes', *models)
-    assert 'nowhere' in hear_tactile(*asked, code=2)
-    assert folder.read_order() == order
+    wrong = parameter_file('tendon_sensor: {ros__parameters: {unit: furlong}}')
+    for options in (('--models', '/nowhere'), ('--params', wrong)):
+        asked = ('--append', 'grooves-s01', '--simulated', '--yes', *options)
+        said = hear_tactile('experiment', folder.path, *asked, code=2)
+        assert 'nowhere' in said or 'tendon_sensor could not be started' in said
+        assert folder.read_order() == order
 
 
 def test_while_another_program_runs_it_nothing_is_appended(folder):

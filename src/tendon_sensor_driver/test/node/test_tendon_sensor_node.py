@@ -7,6 +7,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 import pytest
 from rclpy.lifecycle import TransitionCallbackReturn
 
+from tactile_ros.strain import StrainStatus
 from tendon_sensor_driver import encode_reading
 
 
@@ -29,6 +30,19 @@ def test_samples_arrive_and_a_lost_one_is_visible(graph, sensor):
     status = graph.diagnostics[-1].status[0]
     assert (status.level, status.name) == (DiagnosticStatus.WARN, 'left/tendon_sensor')
     assert status.hardware_id == sensor.port
+
+
+@pytest.mark.parametrize('simulated', [True, False])
+def test_the_parameter_simulated_marks_every_sample(make_graph, sensor, simulated):
+    graph, emitted = make_graph(sensor.port, simulated=simulated), []
+    graph.node.emit = emitted.append
+    graph.bring_up()
+    sensor.write(b'\n')
+    for i in range(3):
+        sensor.write_reading(17 * i)
+    graph.spin_until(lambda: len(graph.strain) == 3)
+    marks = {bool(block.status & StrainStatus.SIMULATED) for block in (*graph.strain, *emitted)}
+    assert marks == {simulated}
 
 
 def test_deactivate_stops_the_samples_and_keeps_the_link(graph, sensor):
