@@ -23,6 +23,7 @@ from tactile_bags.recorded_topics import EVENT, EVENT_TOPIC, STRAIN
 from tactile_features.extraction.phase_window import format_clock_step
 from tactile_features.feature_sets.feature_set import RATE_TOLERANCE
 from tactile_features.records import PHASE_ABORTED, PHASE_DONE, TrialEvent
+from tactile_ros.errors import plain_text
 from tactile_ros.strain import StrainBlock, StrainStatus
 
 MAX_GAPS = 10_000
@@ -345,9 +346,8 @@ class Audit:
         """Return one line for a person."""
         what = f'trial {self.trial_id}' if self.trial_id else 'recording'
         finger = f'{self.finger}: ' if self.finger else ''
-        if self.passed:
-            return f'{finger}{what}: {self.sample_count} samples, all there'
-        return f'{finger}{what}: {"; ".join(self.findings)}'
+        found = f'{self.sample_count} samples, all there' if self.passed else ''
+        return plain_text(f'{finger}{what}: {found or "; ".join(self.findings)}')
 
 
 def _make_audit(

@@ -41,7 +41,6 @@ from tactile_features.conversions import (
 from tactile_features.records import PHASE_ABORTED, PHASE_DONE
 from tactile_features.spec import shared_rate_hz
 from tactile_msgs.msg import RecordingAudit, TrialEvent
-from tactile_ros.errors import plain_text
 from tactile_ros.health import Diagnostics, ERROR, Health, OK, WARN
 from tactile_ros.message_classes import message_class
 from tactile_ros.node_group import run_node
@@ -383,7 +382,7 @@ class BagRecorderNode(PollingNode):
         writer.write_raw(self._audit_topic, self._arrival_ns(), serialize_message(message))
         self._audit_publisher.publish(message)
         if not audit.passed:
-            self.get_logger().warning(plain_text(audit.format()))
+            self.get_logger().warning(audit.format())
 
     # -- readiness -----------------------------------------------------------------------
 

@@ -72,6 +72,13 @@ def test_every_loss_between_two_blocks_is_counted(counts, dropped):
     assert dropped or audit.largest_step_s == pytest.approx(0.01)
 
 
+def test_the_line_of_an_audit_holds_nothing_that_a_terminal_obeys():
+    events = [event('approach', 0.1, 'a\x1b[2J'), event('done', 0.3, 'a\x1b[2J')]
+    for kept in (blocks_of([1] * 40), blocks_of([1] * 20) + blocks_of([1] * 20, start=21)):
+        (audit,) = trial_audits(kept, events)
+        assert audit.format().startswith('thumb: trial a?[2J: ')
+
+
 @given(
     counts=st.lists(st.integers(1, 9), min_size=2, max_size=30),
     seed=st.integers(0, 2**32 - 1),

@@ -36,7 +36,7 @@ from tactile_features.conversions import (
 from tactile_features.tactile_features_node import TactileFeaturesNode
 from tactile_msgs.msg import FeatureSpecifications, StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.qos import EVENTS, LATEST, RESULTS, STREAM
-from tactile_testing.waiting import wait_until
+from tactile_testing.waiting import read_stderr, wait_until
 
 PERIOD_NS = 16_666_667
 START_NS = 1_760_000_000_123_456_789
@@ -150,14 +150,16 @@ def make_bench(context):
         bench.close()
 
 
+@pytest.mark.usefixtures('capfd')
 def test_samples_that_do_not_come_are_told_in_time(make_bench):
     """Nothing at all arrives any more, no event either."""
     bench = make_bench(samples_timeout_s=0.5)
     bench.bring_up()
     bench.send_blocks(0, 400)
-    bench.events.publish(event(2.0, 'hold'))
-    bench.events.publish(event(11.0, 'release'))
+    for msg in (event(2.0, 'hold', '\x1b[2Jt1'), event(11.0, 'release', '\x1b[2Jt1')):
+        bench.events.publish(msg)
     bench.spin_until(lambda: bench.windows)
+    wait_until(lambda: 'no features of trial ?[2Jt1: ' in read_stderr())
     (window,) = bench.windows
     assert window.outcome == Outcome.GAP
     assert 'no samples came within 0.5 s of the end of the hold' in window.reason
