@@ -261,27 +261,33 @@ class Calibration:
         doubt = 1.0 / (trials + 2.0)
         target = np.full(scores.shape, doubt / (labels - 1))
         target[np.arange(trials), true] = 1.0 - doubt
+        answer = _find_answers(scores)
 
         def loss(parameters: Matrix) -> float:
-            return float(-(target * cls._from(parameters)._logarithms(scores)).sum())  # noqa: SLF001
+            return float(-(target * cls._from(parameters)._logarithms(scores, answer)).sum())  # noqa: SLF001
 
         return cls._from(minimize(loss, [0.0, 0.0], method='Nelder-Mead').x)
 
     @classmethod
     def _from(cls, parameters: Matrix) -> Calibration:
         return cls(
-            float(np.exp(np.clip(parameters[0], -7.0, 7.0))), max(float(parameters[1]), 0.0)
+            float(np.exp(min(max(parameters[0], -7.0), 7.0))), max(float(parameters[1]), 0.0)
         )
 
     def compute(self, scores: Matrix) -> Matrix:
         """Return the probabilities for scores of shape (windows, labels)."""
-        return np.asarray(np.exp(self._logarithms(scores)))
+        return np.asarray(np.exp(self._logarithms(scores, _find_answers(scores))))
 
-    def _logarithms(self, scores: Matrix) -> Matrix:
+    def _logarithms(self, scores: Matrix, answer: tuple[Indices, Indices]) -> Matrix:
         size = self.slope * scores
-        size[np.arange(len(size)), scores.argmax(axis=1)] += self.offset
+        size[answer] += self.offset
         size -= size.max(axis=1, keepdims=True)
         return np.asarray(size - np.log(np.exp(size).sum(axis=1, keepdims=True)))
+
+
+def _find_answers(scores: Matrix) -> tuple[Indices, Indices]:
+    """Return the rows and columns of the highest score of each window."""
+    return np.arange(len(scores)), scores.argmax(axis=1)
 
 
 def compute_calibration_error(probabilities: Matrix, true: Indices) -> float:

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 import dataclasses
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -153,6 +154,7 @@ def _choose_dilations(samples: int, count: int) -> tuple[Indices, Indices]:
     return dilations, counts
 
 
+@lru_cache(maxsize=16)
 def _choose_channels(channels: int, dilations: int, random_state: int) -> tuple[Indices, ...]:
     """Return the channels of each kernel at each dilation, shapes (84, 9), filled up by -1."""
     random = np.random.RandomState(random_state)
@@ -167,7 +169,7 @@ def _choose_channels(channels: int, dilations: int, random_state: int) -> tuple[
 def _golden(count: int) -> Single:
     """Return a low-discrepancy sequence of shares between 0 and 1, by the golden ratio."""
     golden = (np.sqrt(5) + 1) / 2
-    return np.array([(i * golden) % 1 for i in range(1, count + 1)], dtype=np.float32)
+    return (np.arange(1, count + 1) * golden % 1).astype(np.float32)
 
 
 def _quantiles(values: Single, share: Single) -> Single:
