@@ -13,6 +13,7 @@ from tactile_bags import TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.recorded_setup import recorded_features
 from tactile_bags.replay import replay_phases
+from tactile_classifier.confidence import calibration
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.evaluation.open_set import evaluate_open_set
 from tactile_classifier.evaluation.plans import run_plans
@@ -21,6 +22,7 @@ from tactile_features.records import Measure
 from tactile_features.spec import spec_for
 from tactile_lab.datasets.feature_tables import open_features
 from tactile_lab.datasets.reading import select_features
+from tactile_lab.report import answers as answers_module
 from tactile_lab.report.analysis import analyse
 from tactile_lab.report.answers import (
     AnswersPlan,
@@ -61,7 +63,11 @@ def answered(simulate_bag):
     with open_features([simulate_bag('texture', 'flexion', 4, seed=11)]) as features:
         sets = make_sets(features, answers=True)
     options = {'folds': 2, 'repetitions': 1, 'details': False}
-    results = analyse(sets, **options, random_state=0, jobs=1)
+    with pytest.MonkeyPatch.context() as patch:
+        # Two folds, and a rate that the half of the trials can bound.
+        patch.setattr(calibration, 'MAX_FOLDS', 2)
+        patch.setattr(answers_module, 'FALSE_ALARM_RATE', 0.1)
+        results = analyse(sets, **options, random_state=0, jobs=1)
     return results, build_page(results, [], {})
 
 
