@@ -9,7 +9,7 @@ the table has two or more of them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 import dataclasses
 
 import numpy as np
@@ -21,8 +21,10 @@ from tactile_classifier.confidence.novelty import (
     choose_metric,
     compute_auroc,
     compute_threshold,
+    fit_spaces,
     NoveltyMeasure,
     rank_of_sessions,
+    Spaces,
 )
 from tactile_classifier.datasets.conditions import find_cells
 from tactile_classifier.datasets.dataset import divide_groups, FeatureTable
@@ -165,15 +167,20 @@ def hold_out_novelty(
     fold: Indices,
     metric: str,
     known: npt.NDArray[np.bool_] | slice = slice(None),
+    spaces: Mapping[int, Spaces] | None = None,
 ) -> Matrix:
-    """Return novelties, shape (trials,), by measures fitted on the known trials of other folds."""
+    """Return novelties, shape (trials,), by measures fitted on the known trials of other folds.
+
+    ``spaces`` are those of `fit_spaces`, of the same trials.
+    """
     novelty = np.zeros(len(table))
     for i in np.unique(fold):
         inside = np.zeros(len(table), dtype=bool)
         inside[known] = True
         inside &= fold != i
         measure = NoveltyMeasure.fit(
-            table.values[inside], table.labels[inside], fold[inside], metric
+            *(table.values[inside], table.labels[inside], fold[inside], metric),
+            spaces=None if spaces is None else spaces[int(i)],
         )
         novelty[fold == i] = measure.compute(table.values[fold == i])
     return novelty
@@ -189,8 +196,9 @@ def fit_novelty(
     trials are lower rather than higher. Raises TooFewTrialsError when there are too few.
     """
     fold = folds.fold
-    metric = choose_metric(table.values, table.labels, fold)
-    novelty = hold_out_novelty(table, fold, metric)
+    spaces = fit_spaces(table.values, table.labels, fold)
+    metric = choose_metric(table.values, table.labels, fold, spaces)
+    novelty = hold_out_novelty(table, fold, metric, spaces=spaces)
     threshold = compute_threshold(novelty, false_alarm_rate, folds.session)
     return NoveltyMeasure.fit(table.values, table.labels, fold, metric), novelty, threshold
 

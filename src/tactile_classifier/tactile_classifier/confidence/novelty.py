@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 import dataclasses
 import math
 
@@ -154,12 +154,25 @@ def _relate(to_label: Matrix, to_all: Matrix, features: int) -> Matrix:
     return np.asarray(excess + np.sqrt(1.0 + excess**2))
 
 
-def choose_metric(values: Matrix, labels: npt.NDArray[np.str_], fold: Indices) -> str:
+def fit_spaces(
+    values: Matrix, labels: npt.NDArray[np.str_], fold: Indices
+) -> Mapping[int, Spaces]:
+    """Return the spaces of the trials outside of each fold, by fold."""
+    return {int(i): Spaces.fit(values[fold != i], labels[fold != i]) for i in np.unique(fold)}
+
+
+def choose_metric(
+    values: Matrix,
+    labels: npt.NDArray[np.str_],
+    fold: Indices,
+    spaces: Mapping[int, Spaces] | None = None,
+) -> str:
     """Return the metric that best tells trials of one label when it is left out.
 
     Folds of the training are held out in turn, and in each every label once has no training
     trials. The first of `METRICS` is kept unless another has a larger area under the receiver
-    operating characteristic, by more than one standard error over the labels.
+    operating characteristic, by more than one standard error over the labels. ``spaces`` are
+    those of `fit_spaces`, if they are there already.
     """
     classes = np.unique(labels)
     is_small = values.shape[1] <= MOST_FEATURES
@@ -168,7 +181,8 @@ def choose_metric(values: Matrix, labels: npt.NDArray[np.str_], fold: Indices) -
     for i in np.unique(fold):
         inside, outside = fold != i, fold == i
         for label, novelty in _leave_labels_out(
-            values[inside], labels[inside], fold[inside], values[outside], metrics
+            *(values[inside], labels[inside], fold[inside], values[outside], metrics),
+            spaces=None if spaces is None else spaces[int(i)],
         ):
             is_new = labels[outside] == label
             if is_new.any() and not is_new.all():
@@ -190,6 +204,7 @@ def _leave_labels_out(
     fold: Indices,
     windows: Matrix,
     metrics: Sequence[str],
+    spaces: Spaces | None = None,
 ) -> Iterator[tuple[str, dict[str, Matrix]]]:
     """Yield each label of a training, and the novelties of windows by metric without its trials.
 
@@ -198,7 +213,7 @@ def _leave_labels_out(
     classes = np.unique(labels)
     if len(classes) < 2:
         return
-    spaces = Spaces.fit(values, labels)
+    spaces = spaces or Spaces.fit(values, labels)
     measures = {
         m: NoveltyMeasure.fit(values, labels, fold, m, spaces) for m in metrics if m != RELATIVE
     }
