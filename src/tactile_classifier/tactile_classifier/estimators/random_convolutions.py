@@ -169,7 +169,7 @@ def _choose_channels(channels: int, dilations: int, random_state: int) -> tuple[
 def _golden(count: int) -> Single:
     """Return a low-discrepancy sequence of shares between 0 and 1, by the golden ratio."""
     golden = (np.sqrt(5) + 1) / 2
-    return (np.arange(1, count + 1) * golden % 1).astype(np.float32)
+    return np.asarray(np.arange(1, count + 1) * golden % 1, dtype=np.float32)
 
 
 def _quantiles(values: Single, share: Single) -> Single:
