@@ -44,7 +44,7 @@ def make_easy_holds():
     code = np.repeat([0, 1, 2], 24)
     columns = (
         code + generator.normal(0.0, 0.05, 72),
-        generator.normal(0.0, 30.0, 72),
+        generator.normal(0.0, 10.0, 72),
         np.clip(generator.normal(-0.9, 0.01, 72), -1.0, 0.0),
     )
     labels = np.array(['pla', 'rubber_shell', 'sponge'])[code]
