@@ -188,12 +188,12 @@ class SampleLag:
         ``is_step``: the sensor says that its clock was set.
         """
         lag_ns = arrived_at_ns - stamp_ns
-        elapsed_ns = arrived_at_ns - self._since_ns
         if is_step or (self._stamp_ns is not None and stamp_ns <= self._stamp_ns):
             self._present_ns = self._before_ns = None
             self._since_ns = arrived_at_ns
-        elif elapsed_ns >= _HALF_WINDOW_NS:
-            self._before_ns = self._present_ns if elapsed_ns < 2 * _HALF_WINDOW_NS else None
+        elif arrived_at_ns - self._since_ns >= _HALF_WINDOW_NS:
+            # However long none came: those of a queue that nobody emptied are old.
+            self._before_ns = self._present_ns
             self._present_ns, self._since_ns = None, arrived_at_ns
         self._stamp_ns = stamp_ns
         self._present_ns = lag_ns if self._present_ns is None else min(self._present_ns, lag_ns)

@@ -67,6 +67,16 @@ def test_a_step_during_a_silence_settles_within_ten_seconds_or_at_once_if_it_is_
     assert lag.add(21 * S, 25 * S) == 0
 
 
+@pytest.mark.parametrize('waited_s', [1, 6, 60])
+def test_samples_that_waited_while_nobody_took_any_are_old_however_long(waited_s):
+    lag = SampleLag()
+    ages(lag, 0, 0, 600)
+    taken_at_ns = (6 + waited_s) * S
+    ages_ns = [lag.add(6 * S + i * PERIOD_NS, taken_at_ns) for i in range(50)]
+    assert ages_ns[-1] == taken_at_ns - 6 * S - 49 * PERIOD_NS
+    assert set(ages(lag, taken_at_ns, taken_at_ns, 600)) == {0}
+
+
 @settings(max_examples=50)
 @given(st.lists(st.tuples(st.integers(-(10**12), 10**12), st.integers(0, 10**10)), min_size=1))
 def test_a_stamp_can_only_make_a_sample_older(samples):

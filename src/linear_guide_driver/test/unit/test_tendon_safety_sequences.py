@@ -32,6 +32,9 @@ HEALED_S = 6.0
 ON_THE_WAY_COUNTS = 6
 """0.1 mm: the servo moves on while its position is read and a goal is written."""
 
+WRITING_NS = 20_000_000
+"""Longest time from a goal's admission until it is written: some transactions."""
+
 SETTLED_NS = 100_000_000
 """Some polls, after which a limit that is exceeded has been acted upon."""
 
@@ -313,18 +316,18 @@ class Tendon(RuleBasedStateMachine):
         is_line_there = self.bus.is_plugged and self.bus.is_open
         return is_line_there and bool(self.bus.table[64]) and not self.monitor.is_lost
 
-    @property
-    def is_live(self):
+    def is_live(self, ago_ns=0):
+        then_ns = self.now_ns - ago_ns
         return (
             self.sampled_at_ns is not None
-            and self.now_ns - self.sampled_at_ns <= self.config.guard_timeout_s * 1e9
-            and self.safety.live_tension_n(self.now_ns) is not None  # not from before a new zero
+            and then_ns - self.sampled_at_ns <= self.config.guard_timeout_s * 1e9
+            and self.safety.live_tension_n(then_ns) is not None  # not from before a new zero
         )
 
-    @property
-    def are_peers_heard(self):
+    def are_peers_heard(self, ago_ns=0):
+        then_ns = self.now_ns - ago_ns
         return len(self.heard_at_ns) == 2 and all(
-            self.now_ns - at_ns <= 200_000_000 for at_ns in self.heard_at_ns.values()
+            then_ns - at_ns <= 200_000_000 for at_ns in self.heard_at_ns.values()
         )
 
     def note_goal(self, goal, present):
@@ -343,16 +346,16 @@ class Tendon(RuleBasedStateMachine):
         assert not pull.lets_out
         assert not self.monitor.fault
         assert pull.is_homing or self.safety.zero is Zero.KNOWN
-        assert self.are_peers_heard
-        assert self.is_live or (self.config.unguarded and not pull.stop_tension_n)
-        assert not (self.is_live and abs(self.tension_n) > self.safety.limit_n)
+        assert self.are_peers_heard(WRITING_NS)
+        assert self.is_live(WRITING_NS) or (self.config.unguarded and not pull.stop_tension_n)
+        assert not (self.is_live() and abs(self.tension_n) > self.safety.limit_n)
 
     def note(self):
         """Note since when something is wrong that the driver can see."""
         is_seen = not (self.monitor.outage or self.bus.faulty) and self.can_be_reached
-        is_lost = not self.are_peers_heard or not (self.is_live or self.config.unguarded)
+        is_lost = not self.are_peers_heard() or not (self.is_live() or self.config.unguarded)
         lets_out = self.pull and self.pull.displacement_m <= self.at_m
-        is_above = self.is_live and abs(self.tension_n) > self.safety.limit_n
+        is_above = self.is_live() and abs(self.tension_n) > self.safety.limit_n
         if not (is_seen and is_lost and self.at_m > SLACK_M) or lets_out or self.is_busy:
             self.lost_since_ns = None
         elif self.lost_since_ns is None:
@@ -384,7 +387,7 @@ class Tendon(RuleBasedStateMachine):
     def the_limit_is_guarded_at_once(self):
         if not hasattr(self, 'client') or not self.can_be_reached:
             return
-        if self.monitor.outage or self.bus.faulty or not self.is_live:
+        if self.monitor.outage or self.bus.faulty or not self.is_live():
             return
         if abs(self.tension_n) > self.safety.limit_n:
             with suppress(LinearGuideDriverError):

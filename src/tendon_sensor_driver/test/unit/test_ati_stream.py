@@ -218,6 +218,14 @@ def test_late_batches_do_not_spoil_the_stamps():
     assert np.abs(error_s).max() < 1e-3
 
 
+def test_a_box_that_stood_still_is_no_step_of_the_hosts_clock():
+    stream = start()
+    parts = np.split(7 * np.arange(1, 20_001), 400)  # 50 ms each
+    blocks = run(stream, [batch_of(p, delay_s=1.38 * (i > 200)) for i, p in enumerate(parts)])
+    assert [b.status for b in blocks if b.status] == [StrainStatus.RESYNCHRONISED]
+    assert (stream.clock.restarts, stream.clock.outliers, stream.lost_samples) == (0, 0, 0)
+
+
 @pytest.mark.parametrize('step_s', [5.0, -5.0, 0.2, -0.2])
 @pytest.mark.parametrize('is_reconnected', [False, True])
 def test_a_step_of_the_hosts_clock_moves_the_stamps_and_is_no_restart(step_s, is_reconnected):

@@ -6,12 +6,14 @@
 from itertools import pairwise
 import random
 import time
+from types import SimpleNamespace
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 
 from tactile_ros.strain import StrainStatus
+from tendon_sensor_driver import clock as clock_module
 from tendon_sensor_driver.clock import ArrivalClock, DeviceClock, HostClock
 from tendon_sensor_driver.records import Reading, TendonSensorConfig
 from tendon_sensor_driver.strain_stream import StrainStream
@@ -386,4 +388,15 @@ def test_the_time_of_arrival_tells_steps_from_delays_of_its_own():
     now_ns[0] += 2 * SECOND_NS
     arrivals.now_ns()
     assert arrivals.take_step_ns() == pytest.approx(-3 * SECOND_NS, abs=5 * MS_NS)
+    assert arrivals.take_step_ns() == 0
+
+
+def test_a_pause_of_the_reader_is_no_step_of_the_hosts_clock(monkeypatch):
+    host_ns = EPOCH_NS
+    both = SimpleNamespace(monotonic_ns=lambda: host_ns - EPOCH_NS)
+    monkeypatch.setattr(clock_module, 'time', both)
+    arrivals = ArrivalClock(lambda: host_ns)
+    for pause_ns in (0, 1380 * MS_NS, 3600 * SECOND_NS):
+        host_ns += pause_ns
+        assert arrivals.now_ns() == host_ns
     assert arrivals.take_step_ns() == 0
