@@ -435,8 +435,8 @@ class TendonActuatorClient:
             # the goal is written, and is seen here, or after it, and overrides it.
             if self._motions.is_stopping:
                 raise MotionStoppedError(NOT_BEGUN)
-            if pull.lets_out and monitor.outage:
-                self.safety.release(RELEASED)  # carried out when the servo answers
+            if pull.lets_out:  # a servo that does not hear it now lets out when it answers
+                self.safety.release(RELEASED)
             self._check_reachable(monitor)
             start_m = servo.read_displacement_m()
             now_ns = time.monotonic_ns()
@@ -447,10 +447,9 @@ class TendonActuatorClient:
                 goal_m = min(self.safety.slack_m, start_m)
             if self.safety.decide(start_m, now_ns) is Order.FOLLOW:
                 velocity = registers.m_s_to_velocity(speed_m_s, self._config.pulley_radius_m)
+                lets_out = goal_m <= start_m  # whatever moves until it is written
                 self._applied = Order.FOLLOW  # also if only the servo's answer is lost
-                self._write(
-                    servo, lambda: servo.write_goal(goal_m, velocity, lets_out=pull.lets_out)
-                )
+                self._write(servo, lambda: servo.write_goal(goal_m, velocity, lets_out=lets_out))
             else:
                 self._carry_out(servo, start_m)
             self._pull_number, self._goal_m = self._number, goal_m

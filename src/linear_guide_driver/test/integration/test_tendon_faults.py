@@ -9,7 +9,7 @@ import time
 from background import Background, begin_pull
 import pytest
 
-from linear_guide_driver import MotionFailedError, MotionRefusedError
+from linear_guide_driver import LinearGuideDriverError, MotionFailedError, MotionRefusedError
 from linear_guide_driver.dynamixel import registers
 from linear_guide_driver.safety import Zero
 from tactile_testing.waiting import wait_until
@@ -136,6 +136,16 @@ def test_a_release_that_cannot_be_written_is_carried_out_later(connect, servo):
             release()
         servo.plug_in()
         wait_until(lambda: servo.position == 2048 and not tendon.trouble)
+
+
+def test_a_pull_to_slack_that_a_servo_does_not_hear_is_carried_out_later(connect, servo):
+    tendon = connect(slack_after_s=30.0)
+    tendon.pull_to(0.01)
+    servo.is_silent = True  # the pull finds it out, before it is an outage
+    with pytest.raises(LinearGuideDriverError):
+        tendon.pull_to(0.0)
+    servo.is_silent = False
+    wait_until(lambda: servo.position == 2048 and not tendon.trouble)
 
 
 def test_a_tendon_that_another_program_took_meanwhile_is_let_go(connect, servo):

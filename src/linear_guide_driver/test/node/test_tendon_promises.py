@@ -169,6 +169,23 @@ def test_old_samples_are_no_live_ones(bench, servo, peers):
     pull_taut(bench, peers)
 
 
+def test_the_age_of_a_block_is_that_of_its_newest_sample_and_heeds_steps(bench, servo):
+    start(bench, servo)
+
+    def age_ms(stamp_ms, arrived_ms, count=1, status=0):
+        block = StrainBlock(tension_n=[0.0] * count, period_ns=10**6, status=status)
+        block.header.stamp.nanosec = stamp_ms * 10**6
+        return bench.node._measure_age_ns(block, arrived_ms * 10**6) / 1e6
+
+    assert age_ms(100, 1000) == 0.0
+    assert age_ms(101, 1040, count=40) == 0.0
+    assert age_ms(201, 1300, count=40) == 160.0
+    assert age_ms(900, 5000) == 3200.0
+    assert age_ms(901, 5001, status=StrainBlock.STATUS_CLOCK_STEP) == 0.0
+    bench.stop_clock()
+    assert age_ms(902, 9000) == 0.0
+
+
 def test_a_step_of_the_clock_makes_no_sample_old(bench, servo, peers):
     start(bench, servo, guard_timeout_s=2.0, heartbeat_timeout_s=2.0)  # shorter than the steps
     pull_taut(bench, peers)

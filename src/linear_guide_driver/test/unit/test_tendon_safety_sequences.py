@@ -396,6 +396,36 @@ class Tendon(RuleBasedStateMachine):
                 assert self.bus.get(116) <= max(0, self.bus.get(132) + ON_THE_WAY_COUNTS)
 
 
+def test_a_pull_that_lets_out_winds_nothing_in_however_late_it_is_written():
+    tendon = Tendon()
+    tendon.start(unguarded=True, reads=0.0, reach_m=0.02, found='off', place_mm=0)
+    try:
+        tendon.sample(0.0)
+        tendon.pass_time_with_everybody_there(5)
+        tendon.begin(Pull(0.01))
+        tendon.pass_time_with_everybody_there(60)
+        assert tendon.at_m > 0.0099
+        tendon.client.request_release()
+        tendon.pass_time(1)
+        write, goals = tendon.bus.write, []
+        before_m = tendon.at_m
+        assert 0.008 < before_m < 0.0095
+
+        def write_late(register, value):
+            if register == registers.PROFILE_VELOCITY:
+                tendon.time.sleep(0.1)  # as when two packets are lost
+            write(register, value)
+
+        tendon.bus.write = write_late
+        tendon.bus.on_goal = lambda goal, present: goals.append((goal, present))
+        tendon.begin(Pull(0.008))
+        (last,) = goals
+        assert tendon.at_m < 0.006
+        assert last[0] <= last[1] + ON_THE_WAY_COUNTS
+    finally:
+        tendon.teardown()
+
+
 TestTendon = pytest.mark.filterwarnings('ignore')(Tendon.TestCase)
 Tendon.TestCase.settings = settings(
     max_examples=SEQUENCES,
