@@ -67,7 +67,7 @@ def test_two_idle_reports_in_a_row_with_a_line_unanswered_are_a_stall(connection
         wait_until(lambda: connection._reports > count)
         return connection.has_stalled
 
-    dwell = Background(list, connection.stream([b'G4 P0.01\n'], 60.0))
+    dwell = Background(list, connection.stream([b'G4 P0.01\n'], 20.0))
     wait_until(lambda: controller.heard)
     assert [say(report) for report in (IDLE, RUN, IDLE, IDLE)] == [False, False, False, True]
     controller.say(b'ok\r\n')
