@@ -105,6 +105,22 @@ class DynamixelBus:
         """Write a register's value, signed where the register is; try more than once."""
         self._insist(lambda: self._write_once(register, value))
 
+    def write_fresh(self, register: Register, find: Callable[[], int]) -> int:
+        """Write what ``find`` returns, asked anew at each try; return it.
+
+        For a goal that depends on where the servo stands: it moves while packets are lost.
+        """
+        with self.lock:
+            for _ in range(ATTEMPTS - 1):
+                value = find()
+                with suppress(SilentServoError):
+                    self._write_once(register, value)
+                    return value
+                time.sleep(LATE_S)
+            value = find()
+            self._write_once(register, value)
+            return value
+
     def reboot(self) -> None:
         """Restart the servo, which then is silent for a while."""
         result, error = self._call(lambda: self._packets.reboot(self._port, self._id))

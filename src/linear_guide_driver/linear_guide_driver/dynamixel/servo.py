@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 import logging
 import math
@@ -227,7 +228,7 @@ class TendonServo:
 
     def read_displacement_m(self) -> float:
         """Return the present displacement [m]."""
-        return self._to_displacement_m(self.bus.read(registers.PRESENT_POSITION))
+        return self._to_displacement_m(self._read_counts())
 
     def is_locked(self) -> bool:
         """Return whether the servo's watchdog has locked its goals."""
@@ -242,13 +243,18 @@ class TendonServo:
         """
         if velocity is not None:
             self.bus.write(registers.PROFILE_VELOCITY, velocity)
-        if lets_out:
-            displacement_m = min(displacement_m, self.read_displacement_m())
-        self._write_counts(self._to_counts(displacement_m), lets_out=lets_out)
+        goal = self._to_counts(displacement_m)
+
+        def find() -> int:
+            if not lets_out:
+                return goal
+            return self._sign * min(self._sign * goal, self._sign * self._read_counts())
+
+        self._write_counts(find, lets_out=lets_out)
 
     def write_hold(self) -> None:
         """Hold where the servo stands."""
-        self._write_counts(self.bus.read(registers.PRESENT_POSITION), lets_out=True)
+        self._write_counts(self._read_counts, lets_out=True)
 
     def has_missed_goal(self, goal_counts: int) -> bool:
         """Return whether the servo, polled after the last write, holds another goal than that.
@@ -313,11 +319,13 @@ class TendonServo:
             received_at_ns=received_at_ns,
         )
 
-    def _write_counts(self, goal_counts: int, *, lets_out: bool) -> None:
+    def _write_counts(self, find: Callable[[], int], *, lets_out: bool) -> None:
         self._goal_counts = None  # not known if the servo does not answer
         self._lets_out = lets_out
-        self.bus.write(registers.GOAL_POSITION, goal_counts)
-        self._goal_counts = goal_counts
+        self._goal_counts = self.bus.write_fresh(registers.GOAL_POSITION, find)
+
+    def _read_counts(self) -> int:
+        return self.bus.read(registers.PRESENT_POSITION)
 
     def _to_counts(self, displacement_m: float) -> int:
         return self._sign * registers.m_to_counts(displacement_m, self._config.pulley_radius_m)

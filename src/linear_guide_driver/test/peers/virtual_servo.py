@@ -92,6 +92,11 @@ class VirtualBus(ServoModel):
         if error:
             raise DeviceRefusedError(f'refused with {error}')
 
+    def write_fresh(self, register, find):
+        value = find()
+        self.write(register, value)
+        return value
+
     def reboot(self):
         is_answered = self._hear()
         self.put(64, 1, 0)
