@@ -4,8 +4,8 @@
 """The conversation with a Grbl whose every word is the test's."""
 
 from background import Background
-import pytest
 from pty_peer import PtyPeer
+import pytest
 
 from linear_guide_driver.grbl.connection import GrblConnection
 from linear_guide_driver.grbl.protocol import SOFT_RESET, STATUS_QUERY
