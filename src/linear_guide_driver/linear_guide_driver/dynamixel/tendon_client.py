@@ -373,7 +373,9 @@ class TendonActuatorClient:
                 return state
             if monitor.outage:
                 raise MotionFailedError(f'The pull failed: {monitor.outage}.')
-            if self._is_replaced:
+            # A pull to slack goes on when safety orders the same, whatever the reason.
+            goes_on = pull.lets_out and self.safety.state is State.RELEASING
+            if self._is_replaced and not goes_on:
                 raise MotionStoppedError(self._format_end(self.safety.reason))
             if state is not None:
                 if until(state):

@@ -426,6 +426,17 @@ def test_a_pull_that_lets_out_winds_nothing_in_however_late_it_is_written():
         tendon.teardown()
 
 
+def test_a_pull_to_slack_goes_on_when_the_servo_reports_a_fault():
+    tendon = Tendon()
+    tendon.start(unguarded=False, reads=0.0, reach_m=0.02, found='off', place_mm=1)
+    try:
+        tendon.disturb_the_bus('refused', 1)
+        tendon.report_a_fault()
+        tendon.pull_to_slack()  # says when it fails
+    finally:
+        tendon.teardown()
+
+
 TestTendon = pytest.mark.filterwarnings('ignore')(Tendon.TestCase)
 Tendon.TestCase.settings = settings(
     max_examples=SEQUENCES,
