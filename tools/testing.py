@@ -12,17 +12,12 @@ from dataclasses import dataclass, field
 import os
 from pathlib import Path
 import subprocess
-import tempfile
 import time
 import xml.etree.ElementTree as ElementTree
 
 from workspace import ROOT, Workspace
 
 COMPUTING = ('unit', 'analysis')
-
-SPARE_TIME = 'echo 19 > /proc/$$/autogroup; exec nice -n 19 "$0" "$@"'
-"""Runs a command, in a session of its own, only when nothing else wants to run. Linux shares the
-processors among sessions first (autogroup), so that `nice` alone would say little."""
 
 
 @dataclass
@@ -56,7 +51,7 @@ def run_tests(workspace: Workspace, arguments: list[str]) -> int:
         default=os.cpu_count() or 1,
         metavar='N',
         help='processes for tests that wait for devices and nodes (default: one a core); tests '
-        'that compute run beside, with one a core',
+        'that compute follow, with one a core',
     )
     options = parser.parse_args(arguments)
     unknown = sorted(set(options.packages) - set(packages))
@@ -64,16 +59,14 @@ def run_tests(workspace: Workspace, arguments: list[str]) -> int:
         parser.error(f'no package {", ".join(unknown)}; there are {", ".join(packages)}')
     kind = 'unit' if options.unit else 'node' if options.nodes else '*'
     is_all = not (options.packages or options.expression) and kind == '*'
+    outcomes = check_rules(workspace) if is_all else []
     folders = [
         folder
         for package in options.packages or packages
         for folder in sorted((ROOT / 'src' / package / 'test').glob(kind))
         if any(folder.rglob('test_*.py'))
     ]
-    with ThreadPoolExecutor(1) as beside:
-        rules = beside.submit(check_rules, workspace) if is_all else None
-        tested = run_pytest(workspace, folders, options)
-    return summarise((rules.result() if rules else []) + tested)
+    return summarise(outcomes + run_pytest(workspace, folders, options))
 
 
 def site_command(workspace: Workspace) -> list[str]:
@@ -117,20 +110,20 @@ def check_rule(workspace: Workspace, name: str, command: list[str]) -> Outcome:
     command = [c for c in command if c != 'benchmarks' or (ROOT / 'benchmarks').is_dir()]
     started = time.monotonic()
     done = subprocess.run(
-        ['sh', '-c', SPARE_TIME, *command],
+        command,
         cwd=ROOT,
         env=workspace.environment(),
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        start_new_session=True,
     )
     outcome = Outcome(name, seconds=time.monotonic() - started)
     if done.returncode:
         outcome.failed = 1
-        print(f'\n{name} failed\n{done.stdout}', flush=True)
+        print(f'{name} failed\n{done.stdout}', flush=True)
     else:
         outcome.passed = 1
+        print(f'{name}: {outcome.seconds:.0f} s', flush=True)
     return outcome
 
 
@@ -139,14 +132,13 @@ def run_pytest(
 ) -> list[Outcome]:
     """Run the tests in some folders in several processes; return an outcome a package.
 
-    Tests of devices and nodes wait, in real time. Tests of units and analyses compute: they run
-    beside, as the rules do, and take the time that is left. So they do not starve a simulated
-    rig, which would fail its trial.
+    Tests of devices and nodes wait, in real time, and run first: a simulated rig without its share
+    of a core is a failed trial. Tests of units and analyses compute, a process a core.
     """
     computing = [folder for folder in folders if folder.name in COMPUTING]
-    waiting = [folder for folder in folders if folder.name not in COMPUTING]
-    groups = [('waiting', waiting, options.workers), ('computing', computing, os.cpu_count() or 1)]
-    commands = {}
+    others = [folder for folder in folders if folder.name not in COMPUTING]
+    groups = [('others', others, options.workers), ('computing', computing, os.cpu_count() or 1)]
+    codes, written = [], []
     for name, group, workers in groups:
         if not group:
             continue
@@ -156,30 +148,10 @@ def run_pytest(
         command += ['--disable-warnings', '--tb=long', '--no-summary']
         command += [f'--junit-xml={results}', '-n', str(workers), '--dist=worksteal']
         command += ['-k', options.expression] if options.expression else []
-        commands[results] = [*command, *map(str, group)]
-    if not commands:
-        return []
-    place = {'cwd': ROOT, 'env': workspace.environment()}
-    with tempfile.TemporaryFile() as output:  # of the second one: printed after the first one's
-        first, *second = commands.values()
-        beside = [
-            subprocess.Popen(
-                ['sh', '-c', SPARE_TIME, *command],
-                stdout=output,
-                stderr=output,
-                start_new_session=True,
-                **place,
-            )
-            for command in second
-        ]
-        try:
-            codes = [subprocess.run(first, **place).returncode, *(each.wait() for each in beside)]
-        finally:
-            for each in beside:  # Ctrl-C does not reach another session
-                each.terminate()
-        output.seek(0)
-        print(output.read().decode(errors='replace'), flush=True)
-    outcomes = read_results([results for results in commands if results.exists()])
+        done = subprocess.run([*command, *map(str, group)], cwd=ROOT, env=workspace.environment())
+        codes.append(done.returncode)
+        written += [results] if results.exists() else []
+    outcomes = read_results(written)
     # 5: no test is called as the expression says.
     if any(code not in (0, 5) for code in codes) and not any(o.failed for o in outcomes):
         outcomes.append(Outcome('pytest', failed=1, remarks=['FAILED pytest; see above']))

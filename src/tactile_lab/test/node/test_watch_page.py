@@ -127,7 +127,7 @@ def test_a_trial_is_seen_from_contact_to_label(rig, browser):
     phases = browser.evaluate('window.phases')
     shown = ['contact', 'hold', 'release']
     assert [phase for phase in phases if phase in shown] == shown
-    assert text_of(browser, '.label') == 'none'
+    browser.wait_for('document.querySelector(".label").textContent === "none"')
     assert 'as stated for the trial' in text_of(browser, '.verdict')
     assert browser.evaluate('document.querySelectorAll(".scores tr").length') == 5
     assert browser.evaluate('document.getElementById("simulated").hidden') is False
