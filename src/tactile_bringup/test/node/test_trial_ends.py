@@ -16,7 +16,6 @@ from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from trial_bench import DEADLINE_S
 
-from tactile_bringup.nodes import trial_devices
 from tactile_msgs.action import MoveGuide
 from tactile_ros.goals import send
 from tactile_ros.health import Heartbeat, HeartbeatWatch
@@ -223,8 +222,7 @@ def assert_is_tracked_no_more(bench, device):
     assert len(device._track._moving) == count
 
 
-def test_a_guide_that_stands_in_an_aborted_path_is_not_tracked_for_ever(bench, monkeypatch):
-    monkeypatch.setattr(trial_devices, 'TRACK_S', 0.2)
+def test_a_guide_that_stands_in_an_aborted_path_is_not_tracked_for_ever(bench):
     bench.guide.pauses = {2: DEADLINE_S}
     handle = bench.start('texture')
     bench.wait_for_phase('glide')
@@ -235,8 +233,7 @@ def test_a_guide_that_stands_in_an_aborted_path_is_not_tracked_for_ever(bench, m
     assert_is_tracked_no_more(bench, bench.runner._guide)
 
 
-def test_a_tendon_that_holds_inside_its_path_is_not_tracked_for_ever(bench, monkeypatch):
-    monkeypatch.setattr(trial_devices, 'TRACK_S', 0.2)
+def test_a_tendon_that_holds_inside_its_path_is_not_tracked_for_ever(bench):
     handle = bench.touch('stiffness')
     bench.tendon.position_m = 0.0045  # within its tolerance
     track = bench.runner._tendon._track
