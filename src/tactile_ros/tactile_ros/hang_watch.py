@@ -6,7 +6,8 @@
 A process that is stopped (``SIGSTOP``) or whose threads block heeds no signal but ``SIGKILL``, and
 a launch starts only a dead node again. So the node starts this file as a child of its own and
 tells it, through a pipe, each time that its worker comes round. The child ends with the pipe. It
-imports a few core modules only: 4 MB, and some eight wake-ups a second.
+imports a few core modules only: 4 MB, and some eight wake-ups a second. It has a session of its
+own, so that neither Ctrl-Z nor a signal to the parent's process group stops both.
 """
 
 from __future__ import annotations
@@ -50,6 +51,7 @@ class HangWatch:
                 [sys.executable, '-I', '-S', __file__, str(os.getpid()), str(reader)],
                 pass_fds=[reader],
                 stdin=subprocess.DEVNULL,
+                start_new_session=True,
             )
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, mask)

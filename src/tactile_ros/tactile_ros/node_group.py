@@ -23,6 +23,7 @@ from tactile_ros.lifecycle import TactileNode
 from tactile_ros.process import (
     hold_signals,
     ignore_signals,
+    ignoring_terminal_stops,
     keep_heap_small,
     Signals,
     STDERR,
@@ -182,6 +183,7 @@ def run_node(factory: Callable[[], TactileNode], args: list[str] | None = None) 
     With the parameter ``autostart`` (the default) the node configures and activates itself;
     without, it waits for a lifecycle manager. A node that cannot, or whose callback raises, exits
     with 1. After a signal the code is 0, also while the node is configured, which is given up.
+    Ctrl-Z is ignored.
 
     Fast DDS can wait forever when a participant is destroyed while it hears another one end
     (eProsima/Fast-DDS issue 6513; seen with the wheels of PyPI). The nodes of a launch end
@@ -199,7 +201,7 @@ def run_node(factory: Callable[[], TactileNode], args: list[str] | None = None) 
         except Exception as error:
             _logger().fatal(f'cannot start: {error}')
             return 1
-        with outliving(node):
+        with outliving(node), ignoring_terminal_stops():
             return _serve(node, signals)
     finally:
         end_process()

@@ -233,6 +233,27 @@ def _give_back() -> None:
     signal.pthread_sigmask(signal.SIG_UNBLOCK, NUMBERS)
 
 
+STOPS = (signal.SIGTSTP, signal.SIGTTOU)
+"""Signals by which a terminal stops a process: Ctrl-Z, and output of a background process."""
+
+
+@contextmanager
+def ignoring_terminal_stops() -> Iterator[None]:
+    """Ignore the signals by which a terminal stops a process, until the block ends.
+
+    For processes of nodes: a stopped driver watches nothing. Without effect off the main thread.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in STOPS}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
 PROFILES = ('FASTDDS_DEFAULT_PROFILES_FILE', 'FASTRTPS_DEFAULT_PROFILES_FILE')

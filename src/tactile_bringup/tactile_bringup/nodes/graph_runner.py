@@ -20,7 +20,7 @@ from tactile_bringup.launch_config.graph import NodeDescription
 from tactile_ros.errors import TactileError
 from tactile_ros.node_group import NodeGroup
 from tactile_ros.node_program import find_node_class
-from tactile_ros.process import keep_heap_small, Signals
+from tactile_ros.process import ignoring_terminal_stops, keep_heap_small, Signals
 
 
 def create_node(description: NodeDescription, context: Context, *, quiet: bool = False) -> Any:
@@ -87,7 +87,7 @@ def running_graph(
 ) -> Iterator[dict[str, Any]]:
     """Run nodes until the block ends; give them by name, with their namespace.
 
-    The stages of each finger call each other, see `connect_fingers`.
+    The stages of each finger call each other, see `connect_fingers`. Ctrl-Z is ignored meanwhile.
 
     Parameters
     ----------
@@ -136,16 +136,17 @@ def running_graph(
         for node in list(nodes.values()):
             node.ending.set()
 
-    try:
-        if signals is None:
-            bring_up()
-        else:
-            signals.run(bring_up, interrupt)
-    except BaseException:
-        NodeGroup([*others, *nodes.values()], context=context).close()
-        raise
-    with NodeGroup([*others, *nodes.values()], context=context, on_end=on_end) as group:
-        yield nodes
+    with ignoring_terminal_stops():
+        try:
+            if signals is None:
+                bring_up()
+            else:
+                signals.run(bring_up, interrupt)
+        except BaseException:
+            NodeGroup([*others, *nodes.values()], context=context).close()
+            raise
+        with NodeGroup([*others, *nodes.values()], context=context, on_end=on_end) as group:
+            yield nodes
     if group.error is not None:
         raise TactileError(f'a node failed and all were ended: {group.error}') from group.error
     failed = [name for name, node in nodes.items() if node.has_failed]

@@ -3,6 +3,7 @@
 
 """The watch of a hung process; each parent is a process of its own, which may be killed."""
 
+import os
 from pathlib import Path
 import signal
 import subprocess
@@ -42,7 +43,12 @@ class Parent:
     def __init__(self):
         pipe = subprocess.PIPE
         self.process = subprocess.Popen(
-            [sys.executable, '-c', PARENT], stdin=pipe, stdout=pipe, stderr=pipe, text=True
+            [sys.executable, '-c', PARENT],
+            stdin=pipe,
+            stdout=pipe,
+            stderr=pipe,
+            text=True,
+            process_group=0,
         )
         self.child = int(self.process.stdout.readline())
 
@@ -86,6 +92,13 @@ def test_a_frozen_process_is_killed_and_one_that_turns_is_not(start):
     parent = start('turn')
     assert parent.process.poll() is None
     parent.process.send_signal(signal.SIGSTOP)
+    parent.wait_for_the_kill()
+
+
+@pytest.mark.parametrize('number', [signal.SIGTSTP, signal.SIGSTOP])
+def test_a_process_is_killed_when_its_whole_process_group_is_stopped_as_by_ctrl_z(start, number):
+    parent = start('turn')
+    os.killpg(parent.process.pid, number)
     parent.wait_for_the_kill()
 
 

@@ -72,6 +72,7 @@ def start(*arguments):
         stderr=subprocess.PIPE,
         text=True,
         env={**os.environ, 'ROS_DOMAIN_ID': str(os.getpid() % 100)},
+        process_group=0,
     )
 
 
@@ -114,6 +115,19 @@ def test_a_node_that_cannot_go_on_exits_with_one_and_says_why(device, last, erro
     assert output.rstrip().endswith(last)
     assert error in errors
     assert ('Traceback' in errors) == (device == 'faulty')
+
+
+def test_ctrl_z_does_not_stop_a_node():
+    process = start()
+    assert process.stdout.readline().strip() == 'started'
+    for number in (signal.SIGTSTP, signal.SIGTTOU):
+        os.killpg(process.pid, number)
+    process.send_signal(signal.SIGINT)  # a stopped process would not act on it
+    try:
+        output, errors = process.communicate(timeout=END_S)
+    finally:
+        process.kill()
+    assert (process.returncode, output.strip()) == (0, 'torn down'), errors
 
 
 def test_a_second_signal_does_not_change_the_exit_code():
