@@ -14,7 +14,8 @@ from linear_guide_driver.dynamixel.tendon_client import TendonActuatorClient
 from linear_guide_driver.errors import capitalise, LinearGuideDriverError
 from linear_guide_driver.motion_node import MotionNode
 from linear_guide_driver.records import REST_REPORT_S, TendonActuatorConfig, TendonState
-from linear_guide_driver.safety import Ending, SampleLag, Zero
+from linear_guide_driver.safety import Ending, Zero
+from linear_guide_driver.tension import SampleLag
 from tactile_msgs.action import HomeTendon, PullTendon
 from tactile_msgs.msg import StrainBlock
 from tactile_ros.goals import Goal, GoalRunner

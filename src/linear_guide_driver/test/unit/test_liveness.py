@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 
-from linear_guide_driver.safety import find_loss, SampleLag, TopicWatchdog
+from linear_guide_driver.safety import find_loss, TopicWatchdog
+from linear_guide_driver.tension import SampleLag
 
 MS = 1_000_000
 S = 1000 * MS
