@@ -241,7 +241,9 @@ class Workspace:
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 stdin=subprocess.DEVNULL,
-                env=self.environment(),
+                # Without -j here, colcon limits ninja by the load average, which its own
+                # compilers raise: on two cores it then builds at 1.3.
+                env={'MAKEFLAGS': f'-j{os.cpu_count()}', **self.environment()},
                 cwd=ROOT,
             )
         print(f' {time.monotonic() - started:.0f} s', flush=True, file=sys.stderr)
