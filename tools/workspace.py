@@ -31,6 +31,9 @@ LOOPBACK = ROOT / 'src' / 'tactile_ros' / 'tactile_ros' / 'loopback.xml'
 COMMON_REQUIREMENTS = ROOT / 'requirements' / 'common.txt'
 """The requirements that every distribution includes."""
 
+PYTHON_MESSAGES = ROOT / 'tools' / 'python_messages.cmake'
+"""Limits the build of ``tactile_msgs`` to what Python uses."""
+
 
 class SetupError(Exception):
     """Set-up cannot go on; the message says why and what to do."""
@@ -81,7 +84,7 @@ class Workspace:
 
         Python modules are linked, not copied, so that an edit to one needs no build.
         """
-        digest = hashlib.sha256(self.venv_key().encode())
+        digest = hashlib.sha256(self.venv_key().encode() + PYTHON_MESSAGES.read_bytes())
         for folder, folders, files in os.walk(ROOT / 'src'):
             folders[:] = sorted(f for f in folders if f != '__pycache__' and f[0] != '.')
             for name in sorted(files):
@@ -141,8 +144,7 @@ class Workspace:
         say(f'Ready after {time.monotonic() - started:.0f} s\n')
 
     def make_venv(self) -> None:
-        for old in (self.venv, self.install, self.build_base):
-            shutil.rmtree(old, ignore_errors=True)
+        shutil.rmtree(self.venv, ignore_errors=True)
         self.state_file.unlink(missing_ok=True)
         self.log.write_text('')
         version = f'Python {sys.version_info[0]}.{sys.version_info[1]}'
@@ -205,6 +207,11 @@ class Workspace:
 
     def build(self) -> None:
         key = self.build_key()  # of what is built, not of what was edited meanwhile
+        recipe = hashlib.sha256(PYTHON_MESSAGES.read_bytes()).hexdigest()
+        if self.state().get('recipe') != recipe:
+            # A build directory keeps the libraries of generators that no longer run.
+            for old in (self.install, self.build_base):
+                shutil.rmtree(old, ignore_errors=True)
         self.step(
             'building the packages (colcon)',
             [
@@ -214,6 +221,7 @@ class Workspace:
                 *('--merge-install', '--symlink-install'),
                 *('--cmake-args', '-G', 'Ninja', f'-DPython3_EXECUTABLE={self.python}'),
                 *('-DPython3_FIND_VIRTUALENV=ONLY', '--no-warn-unused-cli'),
+                f'-DCMAKE_PROJECT_tactile_msgs_INCLUDE={PYTHON_MESSAGES}',
             ],
             'the build failed; the end of its output is above',
         )
@@ -226,6 +234,7 @@ class Workspace:
         overlay = ('AMENT_PREFIX_PATH', 'CMAKE_PREFIX_PATH', 'LD_LIBRARY_PATH', 'PYTHONPATH')
         self.remember(
             build=key,
+            recipe=recipe,
             overlay=json.dumps({name: found[name] for name in overlay if name in found}),
         )
 
