@@ -7,13 +7,25 @@
 state      entered when                                        order to the servo
 =========  ==================================================  ===========================
 FREE       a pull is admitted; or slack is reached             follow the pull, then rest
-HOLDING    somebody stops; or what is needed is lost in        hold; nothing winds in
-           contact
+HOLDING    a goal is cancelled; or Stop is pressed, or         hold; nothing winds in
+           something needed is lost, in contact
 RELEASING  the tension is above its limit; or HOLDING after    let out to slack
-           a loss has lasted ``slack_after_s``
+           Stop or a loss has lasted ``slack_after_s``
 =========  ==================================================  ===========================
 
-Four rules hold in every state:
+Stop is no fourth state but a latch beside them, `linear_guide_driver.stop_latch.StopLatch`:
+
+==========  =================================  ===============================================
+latch       set when                           while it is set
+==========  =================================  ===============================================
+stopped     Stop is pressed on any node of     every pull is refused but one to slack; a pull
+            the rig; the emergency stop is     that runs ends, unless it goes to slack; a taut
+            pressed or lost                    tendon is held for ``slack_after_s``, then let
+                                               out to slack
+reset       `StopLatch.reset`                  the three states alone count
+==========  =================================  ===============================================
+
+Five rules hold in every state:
 
 1. Above the limit the order is to let out. It depends on the present tension, not on how it
    came about, so no stop, loss or goal turns it into holding.
@@ -21,6 +33,8 @@ Four rules hold in every state:
 3. A taut tendon is not at rest: after a loss it is held for a while, then let out, unless a
    fresh pull is admitted.
 4. Nothing but homing winds in while the zero of the displacement is unknown.
+5. While the latch is set or something needed is lost, letting out goes on to slack. Neither a
+   further Stop nor a cancelled goal turns it into holding.
 
 A `Watch` tells whether a sign of life is there: a `TopicWatchdog` by the messages of a topic, and
 `tactile_ros.health.HeartbeatWatch` by DDS liveliness. Both go by the monotonic clock: ROS time may
@@ -36,6 +50,7 @@ from typing import NamedTuple, Protocol
 
 from linear_guide_driver.errors import capitalise, MotionRefusedError
 from linear_guide_driver.records import TendonActuatorConfig
+from linear_guide_driver.stop_latch import StopLatch
 from linear_guide_driver.tension import TensionLevel
 
 __all__ = [
@@ -175,15 +190,22 @@ class TendonSafety:
     slack tendon at rest, and after each sample that matters, and carries the order out.
 
     ``watches`` are those of the signs of life that must be there while the tendon is taut.
+    ``latch`` is the stopped state of the rig; without one, nothing stops it.
 
     ``state`` was entered for the sentence ``reason``, empty after a pull was admitted. ``ending``
     is the end that safety has put to the present pull; None while it has not. ``zero`` is what is
     known of the zero, ``limit_n`` the limit in force [N].
     """
 
-    def __init__(self, config: TendonActuatorConfig, watches: Sequence[Watch] = ()) -> None:
+    def __init__(
+        self,
+        config: TendonActuatorConfig,
+        watches: Sequence[Watch] = (),
+        latch: StopLatch | None = None,
+    ) -> None:
         self._config = config
-        self._watches = tuple(watches)
+        self._latch = latch or StopLatch()
+        self._watches = (self._latch, *watches)  # Stop is told first
         self._limits_n = {
             'flexion': config.flexion_limit_n,
             'abduction': config.abduction_limit_n,
@@ -328,6 +350,8 @@ class TendonSafety:
         pull winds in. With ``fault``, a sentence, of the servo it must not.
         """
         with self._lock:
+            if not pull.lets_out and (stop := self._latch.find_refusal(now_ns)):
+                raise MotionRefusedError(str(stop))
             limit_n = self.limit_n if pull.lets_out else self.check_pull(pull)
             self._confirm_zero(start_m, now_ns)
             winds_in = not pull.lets_out and (pull.is_homing or pull.displacement_m > start_m)
@@ -352,11 +376,17 @@ class TendonSafety:
         with self._lock:
             self._pull, self._winds_in = None, False
 
-    def stop(self) -> None:
-        """Hold from now on; above the limit `decide` turns it into letting out at once."""
+    def hold(self, now_ns: int) -> None:
+        """Hold from now on; above the limit `decide` turns it into letting out at once.
+
+        Letting out goes on while the rig is stopped or something needed is lost.
+        """
         with self._lock:
             if self.state is State.HOLDING and self._release_at_ns is not None:
                 return  # held for a loss, and let out soon
+            if self._is_letting_out and (loss := find_loss(self._watches, now_ns)):
+                self._enter(State.RELEASING, f'{loss} The tendon is let out.', Ending.LOST)
+                return
             self._enter(State.HOLDING, 'The tendon was stopped.', Ending.STOPPED)
 
     def release(self, reason: str) -> None:
@@ -425,10 +455,17 @@ class TendonSafety:
         sentence = f'{self._loss} The tendon is held and let out after {after_s:g} s.'
         self._enter(State.HOLDING, sentence, Ending.LOST)
 
+    @property
+    def _is_letting_out(self) -> bool:
+        pull = self._pull if self.ending is None else None
+        return self.state is State.RELEASING or (pull is not None and pull.lets_out)
+
     def _find_loss(self, is_slack: bool, now_ns: int) -> str:
         """Return what a taut tendon, or a pull that winds in, lacks; empty when nothing."""
-        lets_out = self._pull is not None and self.ending is None
-        if not self._winds_in and (is_slack or lets_out):
+        pull = self._pull if self.ending is None else None
+        if pull is not None and not pull.lets_out and (stop := self._latch.format_loss(now_ns)):
+            return stop
+        if not self._winds_in and (is_slack or pull is not None):
             return ''  # a slack tendon needs nothing, and letting out goes on
         needs_samples = self._needs_samples(self._pull or Pull(0.0))
         if loss := find_loss(self._watches, now_ns):

@@ -43,6 +43,7 @@ from linear_guide_driver.safety import (
     Watch,
     Zero,
 )
+from linear_guide_driver.stop_latch import StopLatch
 
 POSITION_TOLERANCE_M = 0.0005
 """Distance from its goal at which a pull may rest: the loop yields a little under load."""
@@ -84,7 +85,8 @@ class TendonActuatorClient:
     ``on_state`` is called with each `TendonState`, stamped by ``clock_ns``, on the poll thread;
     ``on_turn`` each time that this thread comes round, see `ServoMonitor`; ``on_trouble`` with a
     sentence as soon as a fault or a safety order is new, from any thread. ``watches`` are the
-    signs of life that must be there while the tendon is taut.
+    signs of life that must be there while the tendon is taut, ``latch`` the stopped state of the
+    rig: call `supervise` when it changes.
 
     Feed ``safety`` the samples of the tension. ``recoveries`` counts how often the servo's
     watchdog had stopped it and its goals were unlocked again.
@@ -98,6 +100,7 @@ class TendonActuatorClient:
         on_trouble: Callable[[str], None] = lambda _: None,
         watches: Sequence[Watch] = (),
         on_turn: Callable[[float], None] = lambda _: None,
+        latch: StopLatch | None = None,
     ) -> None:
         self._config, self._clock_ns = config, clock_ns
         self._on_state, self._on_trouble, self._on_turn = on_state, on_trouble, on_turn
@@ -109,7 +112,7 @@ class TendonActuatorClient:
         self._number = 0  # of the last goal that was written
         self._repeated = 0  # number of the last goal that the servo had missed
         self._pull_number, self._goal_m = 0, 0.0  # of the goal of the last pull
-        self.safety = TendonSafety(config, watches)
+        self.safety = TendonSafety(config, watches, latch)
         self.identification = ''  # model and firmware
         self.temperature_limit_c = 0.0  # at which the servo shuts down
         self.recoveries = 0
@@ -483,8 +486,11 @@ class TendonActuatorClient:
     # -- orders --------------------------------------------------------------------------
 
     def hold_here(self) -> None:
-        """Hold the tendon where it is; above the limit it is let out instead."""
-        self._command(self.safety.stop, Order.HOLD)
+        """Hold the tendon where it is; above the limit it is let out instead.
+
+        In a stopped rig a taut tendon is let out after ``slack_after_s``.
+        """
+        self._command(lambda: self.safety.hold(time.monotonic_ns()), Order.HOLD)
 
     def request_release(
         self, end_pull: Callable[[], None] = lambda: None, reason: str = RELEASED

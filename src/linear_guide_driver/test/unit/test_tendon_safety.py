@@ -15,6 +15,7 @@ from linear_guide_driver.safety import (
     TopicWatchdog,
     Zero,
 )
+from linear_guide_driver.stop_latch import StopLatch
 
 MS = 1_000_000
 CONFIG = TendonActuatorConfig(guard_timeout_s=0.25, slack_after_s=2.0)
@@ -73,7 +74,7 @@ def test_above_the_limit_nothing_turns_letting_out_into_holding(safety, command)
     now_ns = 100 * MS
     safety.add_samples([20.0], False, now_ns)
     if command == 'stop':
-        safety.stop()
+        safety.hold(0)
     elif command == 'lose':
         safety.lose('The servo is silent.', now_ns)
     elif command == 'partial':
@@ -89,7 +90,7 @@ def test_letting_out_ends_at_slack_and_a_stop_below_the_limit_holds(safety):
     hold_taut(safety)
     assert sense(safety, 20.0) is Order.RELEASE
     assert sense(safety, 5.0, 0.003) is Order.RELEASE
-    safety.stop()
+    safety.hold(0)
     assert safety.decide(0.003, 0) is Order.HOLD
     safety.release('The tendon was released.')
     assert safety.decide(0.00051, 0) is Order.RELEASE
@@ -175,7 +176,7 @@ def test_the_first_loss_is_told_and_no_later_one_postpones_the_release(safety):
     hold_taut(safety)
     for reason, now_ms in (('The servo is silent.', 0), ('The line is lost.', 1900)):
         safety.lose(reason, now_ms * MS)
-        safety.stop()
+        safety.hold(now_ms * MS)
         assert safety.reason == 'The servo is silent. The tendon is held and let out after 2 s.'
     assert sense(safety, 1.0, TAUT_M, 2000 * MS) is Order.RELEASE
     assert safety.reason == 'The servo is silent. The tendon was held for 2 s and is let out.'
@@ -185,7 +186,7 @@ def test_letting_out_that_was_stopped_needs_samples_as_any_taut_tendon_does(safe
     hold_taut(safety)
     safety.admit(Pull(0.0), TAUT_M, 0)
     assert safety.decide(TAUT_M, 1000 * MS) is Order.FOLLOW
-    safety.stop()
+    safety.hold(0)
     assert safety.decide(TAUT_M, 1001 * MS) is Order.HOLD  # the goal itself has not ended yet
     assert 'No valid strain sample' in safety.reason
     assert safety.decide(TAUT_M, 3001 * MS) is Order.RELEASE
@@ -234,7 +235,7 @@ def test_a_stop_that_ends_a_letting_out_holds_for_good(safety):
     hold_taut(safety)
     safety.lose('The servo was silent.', 0)
     safety.release('The tendon was released.')
-    safety.stop()
+    safety.hold(0)
     for now_ms in range(0, 5000, 100):
         assert sense(safety, 1.0, TAUT_M, now_ms * MS) is Order.HOLD
 
@@ -247,6 +248,121 @@ def test_a_servo_that_stops_by_itself_ends_the_pull_but_no_letting_out(safety):
     safety.admit(Pull(0.0), TAUT_M, 0)
     safety.lose('The servo was silent.', 0)
     assert safety.decide(TAUT_M, 0) is Order.RELEASE
+
+
+# -- Stop -----------------------------------------------------------------------------------------
+
+
+def make_with_latch(**changes):
+    latch = StopLatch()
+    safety = TendonSafety(dataclasses.replace(CONFIG, **changes), latch=latch)
+    safety.set_zero(Zero.UNCONFIRMED)
+    sense(safety, 0.0, 0.0)
+    return safety, latch
+
+
+def test_stop_ends_a_pull_and_lets_a_taut_tendon_out_however_often_it_is_pressed():
+    safety, latch = make_with_latch()
+    safety.admit(Pull(TAUT_M), 0.0, 0)
+    latch.stop('pressed')
+    assert sense(safety, 1.0) is Order.HOLD
+    assert safety.ending is Ending.LOST
+    assert 'The rig is stopped: pressed; remove the cause' in safety.reason
+    safety.finish()
+    for now_ms in range(100, 2000, 100):
+        latch.stop('pressed again')
+        safety.hold(now_ms * MS)
+        assert sense(safety, 1.0, now_ns=now_ms * MS) is Order.HOLD
+    for now_ms in range(2000, 4000, 100):
+        latch.stop('pressed again')
+        safety.hold(now_ms * MS)
+        assert sense(safety, 1.0, now_ns=now_ms * MS) is Order.RELEASE
+    assert safety.decide(0.0, 4000 * MS) is Order.FOLLOW
+    assert safety.state is State.FREE
+
+
+def test_stop_ends_a_pull_that_has_not_left_slack_yet():
+    safety, latch = make_with_latch()
+    safety.admit(Pull(TAUT_M), 0.0, 0)
+    latch.stop('pressed')
+    assert safety.decide(0.0, 0) is Order.HOLD
+
+
+@pytest.mark.parametrize('pull', [Pull(0.006), Pull(0.003), Pull(0.02, 'abduction', 0.0, True)])
+def test_while_stopped_every_pull_but_one_to_slack_is_refused(pull):
+    safety, latch = make_with_latch()
+    hold_taut(safety)
+    latch.stop('pressed')
+    with pytest.raises(MotionRefusedError, match='The rig is stopped: pressed'):
+        safety.admit(pull, TAUT_M, 0)
+    assert 'The rig is stopped' in safety.find_obstacle(0.0, 0)
+    safety.admit(Pull(0.0), TAUT_M, 0)
+    for now_ms in range(0, 10_000, 100):
+        assert sense(safety, 1.0, now_ns=now_ms * MS) is Order.FOLLOW
+    safety.finish()
+    latch.reset(0)
+    safety.admit(pull, TAUT_M, 10_000 * MS)
+
+
+def test_stop_turns_a_pull_that_lets_out_a_part_into_holding_then_slack():
+    safety, latch = make_with_latch()
+    hold_taut(safety)
+    safety.admit(Pull(0.003), TAUT_M, 0)
+    latch.stop('pressed')
+    assert sense(safety, 1.0, 0.004) is Order.HOLD
+    assert sense(safety, 1.0, 0.004, 2000 * MS) is Order.RELEASE
+
+
+@pytest.mark.parametrize('begin', ['release', 'pull'])
+def test_while_stopped_no_cancel_turns_letting_out_into_holding(begin):
+    safety, latch = make_with_latch()
+    hold_taut(safety)
+    if begin == 'release':
+        safety.release('The tendon was released.')
+    else:
+        safety.admit(Pull(0.0), TAUT_M, 0)
+    latch.stop('pressed')
+    safety.hold(0)
+    assert sense(safety, 1.0) is Order.RELEASE
+
+
+def test_a_reset_keeps_letting_out_and_winds_nothing_in():
+    safety, latch = make_with_latch()
+    hold_taut(safety)
+    latch.stop('pressed')
+    assert sense(safety, 1.0) is Order.HOLD
+    latch.reset(0)
+    assert sense(safety, 1.0, now_ns=1000 * MS) is Order.HOLD
+    assert sense(safety, 1.0, now_ns=2000 * MS) is Order.RELEASE
+
+
+def test_a_tendon_that_was_held_after_a_cancel_is_let_out_after_a_stop():
+    safety, latch = make_with_latch()
+    hold_taut(safety)
+    safety.hold(0)
+    for now_ms in range(0, 5000, 100):
+        assert sense(safety, 1.0, now_ns=now_ms * MS) is Order.HOLD
+    latch.stop('pressed')
+    assert sense(safety, 1.0, now_ns=5000 * MS) is Order.HOLD
+    assert sense(safety, 1.0, now_ns=7000 * MS) is Order.RELEASE
+
+
+def test_above_the_limit_a_stop_lets_out_at_once():
+    safety, latch = make_with_latch()
+    hold_taut(safety)
+    latch.stop('pressed')
+    assert sense(safety, 20.0) is Order.RELEASE
+
+
+def test_without_a_zero_a_stop_lets_out_by_a_stated_length():
+    latch = StopLatch()
+    safety = TendonSafety(CONFIG, latch=latch)
+    safety.set_zero(Zero.UNKNOWN, 'the servo was held')
+    latch.stop('pressed')
+    assert safety.decide(TAUT_M, 0) is Order.HOLD
+    assert safety.decide(TAUT_M, 2000 * MS) is Order.RELEASE
+    assert safety.decide(safety.slack_m, 3000 * MS) is Order.FOLLOW
+    assert safety.slack_m == -CONFIG.max_displacement_m
 
 
 # -- stop tensions --------------------------------------------------------------------------------
@@ -353,7 +469,7 @@ def test_an_alarm_is_what_nobody_has_commanded(safety):
     hold_taut(safety)
     safety.admit(Pull(0.006), TAUT_M, 0)
     assert safety.is_pulling
-    safety.stop()
+    safety.hold(0)
     assert not safety.is_alarm
     safety.finish()
     assert not safety.is_pulling

@@ -22,6 +22,7 @@ from linear_guide_driver.dynamixel import registers, servo, servo_monitor, tendo
 from linear_guide_driver.dynamixel.servo_monitor import ServoMonitor
 from linear_guide_driver.errors import LinearGuideDriverError, MotionRefusedError
 from linear_guide_driver.safety import Order, Pull, SLACK_M, TopicWatchdog, Zero
+from linear_guide_driver.stop_latch import EmergencyInput, StopLatch
 
 SEQUENCES = int(os.environ.get('TENDON_SEQUENCES', '30'))
 SPEED_M_S = 0.02
@@ -39,6 +40,18 @@ SETTLED_NS = 100_000_000
 """Some polls, after which a limit that is exceeded has been acted upon."""
 
 
+class Activity:
+    """Stands in for the watch of a node that its own lifecycle state is active."""
+
+    was_heard = True
+
+    def __init__(self):
+        self.is_active = True
+
+    def format_loss(self, now_ns):
+        return '' if self.is_active else 'The node is not active; activate it.'
+
+
 class Tendon(RuleBasedStateMachine):
     """Polls the servo, and starts pulls as the client does."""
 
@@ -48,8 +61,9 @@ class Tendon(RuleBasedStateMachine):
         reach_m=st.sampled_from([0.002, 0.02]),
         found=st.sampled_from(['off', 'kept', 'foreign']),
         place_mm=st.sampled_from([0, 1, 10]),
+        has_emergency=st.booleans(),
     )
-    def start(self, unguarded, reads, reach_m, found, place_mm):
+    def start(self, unguarded, reads, reach_m, found, place_mm, has_emergency=False):
         self.time = VirtualTime()
         self.bus = VirtualBus(self.time)
         self.config = TendonActuatorConfig(
@@ -66,15 +80,19 @@ class Tendon(RuleBasedStateMachine):
         self.patch.setattr(ServoMonitor, 'start', lambda _: None)
         self.patch.setattr(ServoMonitor, 'wait_poll', lambda *_: self.poll())
         self.peers = [TopicWatchdog(name, 0.2) for name in ('runner', 'guide')]
+        self.activity = Activity()
+        self.latch = StopLatch()
+        self.latch.emergency = EmergencyInput('emergency', 0.5) if has_emergency else None
         self.pull = None  # that began, and may wind in
         self.wrong_goal = None
         self.goal_m = 0.0
         self.are_all_there = self.is_busy = False
         self.tension_n, self.sampled_at_ns = 0.0, None
         self.heard_at_ns = {}
-        self.lost_since_ns = self.above_since_ns = None
+        self.lost_since_ns = self.above_since_ns = self.stopped_since_ns = None
         self.pause_until_ns = 0
-        self.client = TendonActuatorClient(self.config, watches=self.peers)
+        self.client = self.make_client()
+        self.latch.on_change = lambda: self.client.supervise()
         if found != 'off':
             self.bus.put(64, 1, 1)
             self.bus.put(11, 1, registers.MODE_CURRENT_BASED_POSITION if found == 'kept' else 3)
@@ -86,6 +104,10 @@ class Tendon(RuleBasedStateMachine):
         self.client.connect()
         self.is_busy = False
         self.sample(reads)
+
+    def make_client(self):
+        watches = [*self.peers, self.activity]
+        return TendonActuatorClient(self.config, watches=watches, latch=self.latch)
 
     def open_servo(self, config):
         self.bus.open()
@@ -121,6 +143,8 @@ class Tendon(RuleBasedStateMachine):
             self.sampled_at_ns = self.now_ns
             for which in (0, 1):
                 self.beat(which)
+            self.hear_emergency(False)
+        self.latch.check(self.now_ns)
         if self.now_ns < self.pause_until_ns and self.monitor.outage:
             self.note()
             return None
@@ -181,6 +205,9 @@ class Tendon(RuleBasedStateMachine):
         if self.pull:
             return
         if is_prepared:
+            self.activity.is_active = True
+            self.hear_emergency(False)
+            self.latch.reset(self.now_ns)
             self.sample(0.0)
             self.pass_time_with_everybody_there(5)
         pull = Pull(share * self.config.max_displacement_m, contact, stop_n)
@@ -198,7 +225,8 @@ class Tendon(RuleBasedStateMachine):
             self.goal_m = self.client._goal_m
         except MotionRefusedError:
             self.pull = None
-            lets_out = not pull.is_homing and pull.displacement_m <= max(0.0, self.at_m)
+            place_m = 0.0 if self.is_stopped else max(0.0, self.at_m)
+            lets_out = not pull.is_homing and pull.displacement_m <= place_m
             assert not (lets_out and self.can_be_reached), 'letting out was refused'
         except LinearGuideDriverError as error:
             self.monitor.fail(str(error))
@@ -206,10 +234,41 @@ class Tendon(RuleBasedStateMachine):
             self.pull = None
 
     @rule()
-    def stop(self):
-        self.lost_since_ns = None  # a stop that ends a release begins the holding time anew
+    def cancel(self):
+        self.lost_since_ns = None  # a hold that ends a release begins the holding time anew
         with suppress(LinearGuideDriverError):
             self.client.hold_here()
+
+    @rule(presses=st.integers(1, 6), gap_s=st.sampled_from([0.02, 0.35, 1.9]))
+    def press_stop(self, presses, gap_s):
+        for _ in range(presses):
+            self.latch.stop('pressed')
+            with suppress(LinearGuideDriverError):
+                self.client.hold_here()
+            end_ns = self.now_ns + round(gap_s * 1e9)
+            while self.now_ns < end_ns:
+                self.poll()
+
+    @rule()
+    def hear_of_a_stop(self):
+        self.latch.stop('pressed elsewhere')
+
+    @rule()
+    def reset(self):
+        self.latch.reset(self.now_ns)
+
+    @rule(is_stop=st.booleans())
+    def hear_emergency(self, is_stop):
+        self.latch.hear_emergency(is_stop, self.now_ns)
+
+    @rule()
+    def deactivate(self):
+        self.activity.is_active = False
+        self.client.supervise()
+
+    @rule()
+    def activate(self):
+        self.activity.is_active = True
 
     @rule()
     def release(self):
@@ -236,6 +295,7 @@ class Tendon(RuleBasedStateMachine):
         if self.pull:
             return
         self.are_all_there = True
+        self.latch.reset(self.now_ns)
         with self.blocking(Pull(0.0, is_homing=True)), suppress(LinearGuideDriverError):
             self.client.home(0.2)
         self.are_all_there = False
@@ -250,7 +310,7 @@ class Tendon(RuleBasedStateMachine):
                 self.client.close()
             else:
                 self.time.sleep(1.0)
-                self.client = TendonActuatorClient(self.config, watches=self.peers)
+                self.client = self.make_client()
                 self.sampled_at_ns = None
             with suppress(LinearGuideDriverError):
                 self.client.connect()
@@ -312,6 +372,10 @@ class Tendon(RuleBasedStateMachine):
     # -- what must hold ------------------------------------------------------------------
 
     @property
+    def is_stopped(self):
+        return self.latch.state.is_stopped
+
+    @property
     def can_be_reached(self):
         is_line_there = self.bus.is_plugged and self.bus.is_open
         return is_line_there and bool(self.bus.table[64]) and not self.monitor.is_lost
@@ -346,6 +410,8 @@ class Tendon(RuleBasedStateMachine):
         assert not pull.lets_out
         assert not self.monitor.fault
         assert pull.is_homing or self.safety.zero is Zero.KNOWN
+        assert not self.is_stopped, 'something winds in although the rig is stopped'
+        assert self.activity.is_active
         assert self.are_peers_heard(WRITING_NS)
         assert self.is_live(WRITING_NS) or (self.config.unguarded and not pull.stop_tension_n)
         assert not (self.is_live() and abs(self.tension_n) > self.safety.limit_n)
@@ -354,12 +420,19 @@ class Tendon(RuleBasedStateMachine):
         """Note since when something is wrong that the driver can see."""
         is_seen = not (self.monitor.outage or self.bus.faulty) and self.can_be_reached
         is_lost = not self.are_peers_heard() or not (self.is_live() or self.config.unguarded)
+        is_lost = is_lost or not self.activity.is_active
         lets_out = self.pull and self.pull.displacement_m <= self.at_m
         is_above = self.is_live() and abs(self.tension_n) > self.safety.limit_n
         if not (is_seen and is_lost and self.at_m > SLACK_M) or lets_out or self.is_busy:
             self.lost_since_ns = None
         elif self.lost_since_ns is None:
             self.lost_since_ns = self.now_ns
+        # Unlike after a loss, no cancelled goal postpones it.
+        to_slack = self.pull and self.pull.lets_out
+        if not (is_seen and self.is_stopped and self.at_m > SLACK_M) or to_slack or self.is_busy:
+            self.stopped_since_ns = None
+        elif self.stopped_since_ns is None:
+            self.stopped_since_ns = self.now_ns
         if not (is_seen and is_above):
             self.above_since_ns = None
         elif self.above_since_ns is None:
@@ -373,10 +446,14 @@ class Tendon(RuleBasedStateMachine):
         if self.above_since_ns is not None and self.now_ns - self.above_since_ns > SETTLED_NS:
             assert safety.decide(self.at_m, self.now_ns) is Order.RELEASE
             assert goal_m <= max(safety.slack_m, -0.0) + 1e-5
-        if self.lost_since_ns is None or safety.is_slack(self.at_m, self.now_ns):
+        if safety.is_slack(self.at_m, self.now_ns):
             return
-        if self.now_ns - self.lost_since_ns > self.config.slack_after_s * 1e9 + SETTLED_NS:
-            assert safety.decide(self.at_m, self.now_ns) is Order.RELEASE
+        for since_ns in (self.lost_since_ns, self.stopped_since_ns):
+            held_s = 0.0 if since_ns is None else (self.now_ns - since_ns - SETTLED_NS) / 1e9
+            if held_s > self.config.slack_after_s:
+                assert safety.decide(self.at_m, self.now_ns) is Order.RELEASE
+                if not self.monitor.outage:
+                    assert goal_m <= max(safety.slack_m, -0.0) + 1e-5
 
     @invariant()
     def only_what_may_wind_in_winds_in(self):
@@ -394,6 +471,15 @@ class Tendon(RuleBasedStateMachine):
                 self.client.supervise()
             if self.bus.table[98] != 255:
                 assert self.bus.get(116) <= max(0, self.bus.get(132) + ON_THE_WAY_COUNTS)
+
+    @invariant()
+    def a_stopped_rig_pulls_nothing(self):
+        if not hasattr(self, 'client') or not self.is_stopped or not self.can_be_reached:
+            return
+        if self.monitor.outage or self.bus.faulty or self.bus.table[98] == 255:
+            return
+        self.client.supervise()
+        assert self.bus.get(116) <= max(0, self.bus.get(132) + ON_THE_WAY_COUNTS)
 
 
 def test_a_pull_that_lets_out_winds_nothing_in_however_late_it_is_written():
