@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The linear guide as a ROS 2 node: actions to home and to move, a service to stop."""
+"""The linear guide as a ROS 2 node: actions to home and to move."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from tactile_ros.strain import NOT_LIVE
 class LinearGuideNode(MotionNode):
     """Drives the linear guide.
 
-    Actions ``~/move`` and ``~/home``, service ``~/stop``; joint states only while the position is
-    known. A motion ends, with the reason in its result, when something that it needs is lost.
+    Actions ``~/move`` and ``~/home``, services ``~/stop`` and ``~/reset``; joint states only while
+    the position is known. A motion ends, with the reason in its result, when something that it needs is lost.
     """
 
     device = 'guide'
@@ -48,7 +48,7 @@ class LinearGuideNode(MotionNode):
             self._watch_strain(config.strain_timeout_s)
         GoalRunner(self, MoveGuide, '~/move', self._move, accepting=self.accepting)
         GoalRunner(self, HomeGuide, '~/home', self._home, accepting=self.accepting)
-        self.offer(stop=self._on_stop)
+        self.offer()
 
     def stop(self) -> None:
         self.end_goals()
@@ -114,6 +114,7 @@ class LinearGuideNode(MotionNode):
 
     def find_peer_loss(self) -> str:
         self.poll_now()  # samples are taken when something is judged by them
+        self._latch.check(time.monotonic_ns())
         return super().find_peer_loss()
 
     def find_loss(self) -> str:
@@ -133,13 +134,14 @@ class LinearGuideNode(MotionNode):
 
     # -- the rest ----------------------------------------------------------------------------
 
-    def _on_stop(self) -> tuple[bool, str]:
+    def stop_device(self) -> tuple[bool, str]:
         is_well = self.is_well()
         message = 'The guide was not moving.'
         if not is_well:
             message = 'The connection to the guide is lost: it may still move.'
         elif self.is_busy:
             message = 'The guide brakes; the running goal ends when it is at rest.'
+        self._loss = self._latch.format_loss(time.monotonic_ns())
         self.stop()
         return is_well, message
 

@@ -1,21 +1,28 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Base of both nodes: goals, watched topics, joint states, signs of life."""
+"""Base of both nodes: goals, watched topics, joint states, signs of life, Stop."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
+import threading
 import time
 from typing import Any, TypeVar
+import uuid
 
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from linear_guide_driver.errors import LinearGuideDriverError
 from linear_guide_driver.safety import find_loss, Watch
+from linear_guide_driver.stop_latch import EmergencyInput, StopLatch, StopState
+from tactile_ros.errors import MessageError
 from tactile_ros.goals import Goal, GoalAborted
 from tactile_ros.health import (
     Diagnostics,
@@ -23,23 +30,166 @@ from tactile_ros.health import (
     Health,
     Heartbeat,
     HeartbeatWatch,
+    OK,
     ReadinessPublisher,
 )
 from tactile_ros.polling import PollingNode
+from tactile_ros.qos import LATEST
 
 FEEDBACK_PERIOD_S = 0.1
 WAIT_STEP_S = 0.02
 
+STOP_TOPIC = 'stop_state'
+
+STATES = QoSProfile(
+    depth=16, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
+"""Subscriptions of `STOP_TOPIC`: the latest state of each node waits."""
+
+EMERGENCY = QoSProfile(
+    depth=100, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE
+)
+"""Fits every publisher; deep enough that no short press is lost."""
+
 State = TypeVar('State')
 Result = TypeVar('Result')
+
+
+def stop_state_to_msg(state: StopState, node_name: str, sender: str) -> DiagnosticStatus:
+    """Return the message on `STOP_TOPIC`; ``sender`` names this run of the node."""
+    return DiagnosticStatus(
+        level=ERROR if state.is_stopped else OK,
+        name=node_name,
+        message=state.reason,
+        hardware_id=sender,
+        values=[KeyValue(key='number', value=str(state.number))],
+    )
+
+
+def stop_state_from_msg(message: DiagnosticStatus) -> StopState:
+    """Return the state in a message on `STOP_TOPIC`; raise `MessageError` if there is none."""
+    values = {pair.key: pair.value for pair in message.values}
+    if not (number := values.get('number', '')).isdecimal():
+        raise MessageError(f'the value "number" is "{number}"; it must be a whole number')
+    return StopState(int(number), message.level != OK, message.message)
+
+
+class RigStop:
+    """A node's part in the stopped state of its rig, see `linear_guide_driver.stop_latch`.
+
+    Services ``~/stop`` and ``~/reset``; the topic `STOP_TOPIC`, which all nodes of the rig share;
+    the emergency stop of the parameter ``emergency_stop_topic``. Call `find_missing` periodically.
+
+    Parameters
+    ----------
+    node : PollingNode
+        Its configuration has the parameters of the emergency stop.
+    latch : StopLatch
+    stop : callable
+        Brings the device to rest after ``~/stop``; returns whether it has, and a sentence.
+    on_change : callable
+        Called after each change of the latch, on any thread.
+    """
+
+    def __init__(
+        self,
+        node: PollingNode,
+        latch: StopLatch,
+        stop: Callable[[], tuple[bool, str]],
+        on_change: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._node, self._latch, self._stop, self._on_change = node, latch, stop, on_change
+        self._name = node.get_fully_qualified_name()
+        self._sender = f'{self._name} {uuid.uuid4().hex[:8]}'
+        self._lock = threading.Lock()  # no older state is published after a newer one
+        self._is_closed = False
+        topic, timeout_s = node.config.emergency_stop_topic, node.config.emergency_stop_timeout_s
+        latch.emergency = EmergencyInput(topic, timeout_s) if topic else None
+        self._publisher = node.create_publisher(DiagnosticStatus, STOP_TOPIC, LATEST)
+        states = node.poll(DiagnosticStatus, STOP_TOPIC, self._on_state, STATES)
+        self._polled = [states]
+        if topic:
+            self._polled.append(node.poll(Bool, topic, self._on_emergency, EMERGENCY))
+        self._services = [
+            node.create_service(Trigger, '~/stop', self._on_stop),
+            node.create_service(Trigger, '~/reset', self._on_reset),
+        ]
+        latch.join(self._on_latch, states.get_publisher_count)
+        self._publish()
+
+    def close(self) -> None:
+        """Take topics and services away; the latch stays as it is."""
+        self._latch.leave()
+        for subscription in self._polled:
+            self._node.unpoll(subscription)
+        for service in self._services:
+            self._node.destroy_service(service)
+        with self._lock:
+            self._is_closed = True
+            self._node.destroy_publisher(self._publisher)
+
+    def find_missing(self) -> list[str]:
+        """Take what has come; return why nothing may move, as a list that may be empty."""
+        self._node.poll_now()
+        now_ns = time.monotonic_ns()
+        self._latch.check(now_ns)
+        refusal = self._latch.find_refusal(now_ns)
+        return [] if refusal is None else [str(refusal)]
+
+    # -- inside --------------------------------------------------------------------------------
+
+    def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._node.poll_now()  # so that this stop counts after the resets before it
+        self._latch.stop(f'Stop was pressed on {self._name}')
+        response.success, response.message = self._stop()
+        return response
+
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._node.poll_now()
+        refusal = self._latch.reset(time.monotonic_ns())
+        response.success = refusal is None
+        response.message = 'The rig is reset.' if refusal is None else str(refusal)
+        return response
+
+    def _on_state(self, message: DiagnosticStatus, _: Any) -> None:
+        self._latch.take(stop_state_from_msg(message), message.hardware_id)
+
+    def _on_emergency(self, message: Bool, _: Any) -> None:
+        self._latch.hear_emergency(message.data, time.monotonic_ns())
+
+    def _on_latch(self) -> None:
+        state = self._latch.state
+        text = f'the rig is stopped: {state.reason}' if state.is_stopped else 'the rig is reset'
+        self._node.get_logger().warning(text)
+        self._on_change()  # first: the device matters more than the news
+        self._publish()
+
+    def _publish(self) -> None:
+        with self._lock:
+            if not self._is_closed and self._node.context.ok():
+                message = stop_state_to_msg(self._latch.state, self._name, self._sender)
+                self._publisher.publish(message)
+
+
+class _Activity:
+    """Watch of the node's own lifecycle state: a driver that is not active is a loss."""
+
+    was_heard = True
+
+    def __init__(self, node: MotionNode) -> None:
+        self._node = node
+
+    def format_loss(self, now_ns: int) -> str:
+        device = self._node.device
+        return '' if self._node.is_active else f'The {device} is not active; activate its node.'
 
 
 class MotionNode(PollingNode):
     """A node that moves one device through a blocking client.
 
     Topics ``~/joint_states``, ``~/ready`` and ``~/heartbeat`` (while active and well), health on
-    ``/diagnostics``. A subclass connects ``_client`` in its `set_up`, then calls `offer`. The
-    thread of the client that polls the device calls `beat`.
+    ``/diagnostics``, services ``~/stop`` and ``~/reset``. A subclass connects ``_client`` in its
+    `set_up`, then calls `offer`. The thread of the client that polls the device calls `beat`.
     """
 
     device = 'device'
@@ -51,6 +201,8 @@ class MotionNode(PollingNode):
         super().__init__(node_name, config_class, **node_options)
         self._client: Any = None
         self._watches: tuple[Watch, ...] = ()
+        self._latch = StopLatch()
+        self._rig_stop: RigStop | None = None
         self._joint_states: Any = None
         self._diagnostics: Diagnostics | None = None
         self._readiness: ReadinessPublisher | None = None
@@ -70,6 +222,13 @@ class MotionNode(PollingNode):
         """Return the health of the connected device in this state."""
         raise NotImplementedError
 
+    def stop_device(self) -> tuple[bool, str]:
+        """Bring the device to rest after Stop; return whether it has, and a sentence."""
+        raise NotImplementedError
+
+    def on_stop_change(self) -> None:
+        """Act on a change of the rig's stopped state; on any thread."""
+
     def find_loss(self) -> str:
         """Return why a running motion must end, for a client that does not know it itself."""
         return ''
@@ -77,12 +236,15 @@ class MotionNode(PollingNode):
     def set_up(self, config: Any) -> None:
         self._joint_states = self.create_stream_publisher(JointState, '~/joint_states')
         self._parts.callback(self.destroy_lifecycle_publisher, self._joint_states)
+        # Before the heartbeats: a peer that hears one of them hears of a stop, too.
+        self._rig_stop = RigStop(self, self._latch, self.stop_device, self.on_stop_change)
+        self._parts.callback(self._rig_stop.close)
         lease_s = config.heartbeat_timeout_s
         watches = [HeartbeatWatch(self, '~/heartbeat', lease_s, is_own=True)]
         watches += [HeartbeatWatch(self, topic, lease_s) for topic in config.heartbeat_topics]
         for watch in watches:
             self._parts.callback(watch.close)
-        self._watches = tuple(watches)
+        self._watches = (self._latch, _Activity(self), *watches)
 
     def offer(self, **services: Callable[[], tuple[bool, str]]) -> None:
         """Offer a ``std_srvs/Trigger`` for each function, and tell how the device is.
@@ -124,7 +286,7 @@ class MotionNode(PollingNode):
             self._client.close()
             self._client = None
         self.unpoll_all()
-        self._heartbeat = self._joint_states = None
+        self._heartbeat = self._joint_states = self._rig_stop = None
         self._parts.close()
 
     def find_peer_loss(self) -> str:
@@ -223,11 +385,13 @@ class MotionNode(PollingNode):
     # -- inside ----------------------------------------------------------------------------------
 
     def _find_missing(self) -> list[str]:
+        rig_stop = self._rig_stop
+        stop = [] if rig_stop is None else rig_stop.find_missing()
         if self._client is None or self._client.state is None:
-            return [f'The {self.device} is not connected; see its log.']
+            return [*stop, f'The {self.device} is not connected; see its log.']
         if not self.is_active:
-            return [f'The {self.device} is not active; activate its node.']
-        return self.find_obstacles()
+            return [*stop, f'The {self.device} is not active; activate its node.']
+        return list(dict.fromkeys([*stop, *self.find_obstacles()]))
 
     def _hardware_id(self) -> str:
         return '' if self._client is None else self._client.identification

@@ -41,6 +41,17 @@ class _MotionConfig:
         unit='s',
         range=(0.0, 60.0),
     )
+    emergency_stop_topic: str = parameter(
+        '',
+        'topic (std_msgs/Bool) of an emergency stop: true stops the rig until it is reset, and so '
+        'does silence; false, published periodically, says that all is well; empty: none',
+    )
+    emergency_stop_timeout_s: float = parameter(
+        0.5,
+        'silence of emergency_stop_topic that stops the rig',
+        unit='s',
+        range=(0.05, 10.0),
+    )
 
     def __post_init__(self) -> None:
         check_parameters(self)

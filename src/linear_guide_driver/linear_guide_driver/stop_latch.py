@@ -91,22 +91,35 @@ class EmergencyInput:
 class StopLatch:
     """One node's copy of the stopped state; a `linear_guide_driver.safety.Watch`.
 
-    ``on_change`` is called without arguments after each change, to publish ``state`` and to stop
-    the device. It runs on the thread that made the change, without a lock. It is never called by
-    `format_loss`, which may therefore be called under any lock.
-
-    ``emergency`` is the node's emergency stop; None without one. ``count_publishers`` returns the
-    number of nodes whose states can be received, this one included.
+    The latch outlives the connection of its node to the others, which is made by `join`: a node
+    that is configured again is still stopped.
     """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._senders: set[str] = set()
         self._lapse = ''  # a stop of the emergency input that `format_loss` has seen
         self.state = StopState()
         self.emergency: EmergencyInput | None = None
-        self.on_change: Callable[[], None] = lambda: None
-        self.count_publishers: Callable[[], int] = lambda: 0
+        self.leave()
+
+    def join(self, on_change: Callable[[], None], count_publishers: Callable[[], int]) -> None:
+        """Connect to the other nodes.
+
+        Parameters
+        ----------
+        on_change : callable
+            Called after each change, to publish ``state`` and to stop the device, on the thread
+            that made the change and without a lock. `format_loss` never calls it, and may
+            therefore be called under any lock.
+        count_publishers : callable
+            Returns the number of nodes whose states can be received, this one included.
+        """
+        self._senders: set[str] = set()
+        self._on_change, self._count_publishers = on_change, count_publishers
+
+    def leave(self) -> None:
+        """Keep the state, and exchange no more."""
+        self.join(lambda: None, lambda: 0)
 
     # -- changes ---------------------------------------------------------------------------
 
@@ -115,7 +128,7 @@ class StopLatch:
         with self._lock:
             number, is_stopped, first = self.state
             self.state = StopState(number + 1, True, first if is_stopped else reason)
-        self.on_change()
+        self._on_change()
 
     def reset(self, now_ns: int) -> Refusal | None:
         """End the stopped state; return None, or why that is refused [ns]."""
@@ -126,7 +139,7 @@ class StopLatch:
             if not self.state.is_stopped:
                 return None
             self.state = StopState(self.state.number + 1)
-        self.on_change()
+        self._on_change()
         return None
 
     def take(self, state: StopState, sender: str) -> None:
@@ -136,7 +149,7 @@ class StopLatch:
             if state <= self.state:
                 return
             self.state = state
-        self.on_change()
+        self._on_change()
 
     def hear_emergency(self, is_stop: bool, now_ns: int) -> None:
         """Take a message of the emergency stop [ns]."""
@@ -157,7 +170,7 @@ class StopLatch:
     def was_heard(self) -> bool:
         """True once the emergency stop and the state of each node have been heard."""
         is_known = self.emergency is None or self.emergency.was_heard
-        return is_known and len(self._senders) >= self.count_publishers()
+        return is_known and len(self._senders) >= self._count_publishers()
 
     def format_loss(self, now_ns: int) -> str:
         """Return why nothing may move, with the remedy; empty when it may [ns]."""

@@ -14,7 +14,7 @@ from linear_guide_driver.dynamixel.tendon_client import TendonActuatorClient
 from linear_guide_driver.errors import capitalise, LinearGuideDriverError
 from linear_guide_driver.motion_node import MotionNode
 from linear_guide_driver.records import REST_REPORT_S, TendonActuatorConfig, TendonState
-from linear_guide_driver.safety import Ending, Zero
+from linear_guide_driver.safety import Ending, State, Zero
 from linear_guide_driver.tension import SampleLag
 from tactile_msgs.action import HomeTendon, PullTendon
 from tactile_msgs.msg import StrainBlock
@@ -36,7 +36,7 @@ FULL_CURRENT = 0.95
 class TendonActuatorNode(MotionNode):
     """Drives the tendon actuator.
 
-    Actions ``~/pull`` and ``~/home``, services ``~/stop`` and ``~/release``. Feeds
+    Actions ``~/pull`` and ``~/home``, services ``~/stop``, ``~/reset`` and ``~/release``. Feeds
     ``tendon_sensor/strain`` and the heartbeat topics to `linear_guide_driver.safety`, which every
     motion has to pass.
     """
@@ -60,6 +60,7 @@ class TendonActuatorNode(MotionNode):
             self.tell_trouble,
             self._watches,
             self._on_turn,
+            self._latch,
         )
         self._client.connect()
         self._lag = SampleLag()
@@ -73,10 +74,27 @@ class TendonActuatorNode(MotionNode):
             preempts=lambda request: not request.displacement_m,
         )
         GoalRunner(self, HomeTendon, '~/home', self._home, accepting=self.accepting)
-        self.offer(stop=self._on_stop, release=self._on_release)
+        self.offer(release=self._on_release)
 
     def stop(self) -> None:
-        self._end_motion()
+        """A driver that is not active is a loss for safety: it holds, and lets out later."""
+        self.end_goals()
+        self.on_stop_change()
+
+    def on_stop_change(self) -> None:
+        if self._client is not None:
+            self._client.supervise()
+
+    def stop_device(self) -> tuple[bool, str]:
+        """Hold, and let out later. Safety ends goals that wind in; one to slack goes on."""
+        safety = self._client.safety
+        try:
+            self._client.hold_here()
+        except LinearGuideDriverError as error:
+            return False, str(error)
+        if safety.state is State.FREE:
+            return True, 'The tendon is slack, and nothing winds in.'
+        return True, safety.reason
 
     # -- goals -------------------------------------------------------------------------------
 
@@ -168,27 +186,13 @@ class TendonActuatorNode(MotionNode):
         is_step = bool(block.status & StrainStatus.CLOCK_STEP)
         return self._lag.add(stamp_ns, now_ns, is_step=is_step)
 
-    def _end_motion(self, *, release: bool = False) -> str:
-        """End the goal, then hold or let out; return what went wrong, or nothing."""
+    def _on_release(self) -> tuple[bool, str]:
         try:
-            if release:
-                self._client.request_release(self.end_goals)
-            else:
-                self.end_goals()
-                self._client.hold_here()
+            self._client.request_release(self.end_goals)
         except LinearGuideDriverError as error:
             self.end_goals()
-            return str(error)
-        return ''
-
-    def _on_stop(self) -> tuple[bool, str]:
-        problem, safety = self._end_motion(), self._client.safety
-        held = safety.reason if safety.is_alarm else 'The tendon is held where it is.'
-        return not problem, problem or held
-
-    def _on_release(self) -> tuple[bool, str]:
-        problem = self._end_motion(release=True)
-        return not problem, problem or 'The tendon is let out to slack.'
+            return False, str(error)
+        return True, 'The tendon is let out to slack.'
 
     def _on_turn(self, pause_s: float) -> None:
         self.beat()

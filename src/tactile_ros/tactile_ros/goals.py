@@ -114,7 +114,7 @@ class GoalRunner:
     ``accepting()`` returns an empty string, or why no goal can be taken now. A goal that arrives
     then, or while another runs, is aborted with that reason in its result: a rejection would
     reach the client without one. A request for which ``preempts(request)`` is true ends every
-    running goal of the node instead.
+    running goal of the node instead, and ``accepting`` is not asked.
     """
 
     def __init__(
@@ -177,13 +177,14 @@ class GoalRunner:
         return CancelResponse.ACCEPT
 
     async def _execute(self, handle: ServerGoalHandle) -> Any:
-        if self._preempts(handle.request):
+        if preempts := self._preempts(handle.request):
             for runner in self._node.goal_runners:
                 while runner.is_busy:
                     runner.end_goal()
                     await runner._ended  # noqa: SLF001 - of its own class
         with self._lock:
-            reason = 'another goal is running' if self._goal else self._accepting()
+            reason = '' if preempts else self._accepting()
+            reason = 'another goal is running' if self._goal else reason
             if not reason:
                 goal = self._goal = Goal(handle, self._type.Feedback)
                 self._ended = Future()

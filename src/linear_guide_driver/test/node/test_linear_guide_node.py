@@ -62,6 +62,7 @@ def test_home_and_move_succeed_with_feedback_joint_states_and_diagnostics(
 
 def test_a_stop_brakes_ends_the_goal_and_keeps_the_position(guide, grbl):
     assert guide.call('/linear_guide/stop').message == 'The guide was not moving.'
+    assert guide.call('/linear_guide/reset').success
     home(guide)
     for way, end in (('cancel', 'canceled'), ('stop', 'aborted'), ('deactivate', 'aborted')):
         handle = move(guide, 0.15, 0.05)
@@ -73,6 +74,7 @@ def test_a_stop_brakes_ends_the_goal_and_keeps_the_position(guide, grbl):
         else:
             guide.node.trigger_deactivate()
         status, result = guide.result(handle)
+        assert guide.call('/linear_guide/reset').success
         assert (status, 'the position is kept' in result.message) == (end, True), result.message
         assert not grbl.is_moving
     guide.aborts(move(guide, 0.002, 0.1), 'not active')

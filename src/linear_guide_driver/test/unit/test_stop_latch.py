@@ -25,7 +25,7 @@ def connect(*latches):
             for other in latches:
                 other.take(latch.state, str(id(latch)))
 
-        latch.on_change = publish
+        latch.join(publish, lambda: len(latches))
 
 
 def test_a_stop_latches_until_it_is_reset():
@@ -62,7 +62,7 @@ def test_every_node_knows_a_stop_and_a_reset():
 def test_a_node_that_starts_again_is_stopped_like_the_others():
     guide, fresh = StopLatch(), StopLatch()
     guide.stop('pressed')
-    fresh.count_publishers = lambda: 2  # itself and the guide
+    fresh.join(lambda: None, lambda: 2)  # itself and the guide
     fresh.take(fresh.state, 'fresh')
     assert not fresh.was_heard
     fresh.take(guide.state, 'guide')
@@ -91,9 +91,11 @@ def test_copies_become_equal_in_whatever_order_states_arrive(seed):
     latches = [StopLatch() for _ in range(3)]
     on_the_way = []
     for latch in latches:
-        latch.on_change = lambda latch=latch: on_the_way.extend(
-            (other, latch.state) for other in latches
-        )
+
+        def publish(latch=latch):
+            on_the_way.extend((other, latch.state) for other in latches)
+
+        latch.join(publish, lambda: 0)
     for _ in range(40):
         latch = choose.choice(latches)
         what = choose.choice(['stop', 'stop', 'reset', 'deliver', 'deliver'])
@@ -153,12 +155,14 @@ def test_a_lost_emergency_stop_latches_and_forbids_a_reset():
 def test_a_silence_that_only_a_motion_has_seen_latches_too():
     latch = make_with_emergency(0.5)
     changes = []
-    latch.on_change = lambda: changes.append(latch.state)
+    latch.join(lambda: changes.append(latch.state), lambda: 0)
     latch.hear_emergency(False, 0)
     assert 'was not heard' in latch.format_loss(600 * MS)
     assert not changes  # it may be asked under any lock
     latch.hear_emergency(False, 601 * MS)
-    assert changes == [StopState(1, True, f'the emergency stop on {TOPIC} was not heard for 0.5 s')]
+    assert changes == [
+        StopState(1, True, f'the emergency stop on {TOPIC} was not heard for 0.5 s')
+    ]
 
 
 def test_a_reset_by_a_node_without_the_input_does_not_outlast_a_pressed_emergency_stop():

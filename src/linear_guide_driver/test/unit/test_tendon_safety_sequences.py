@@ -92,7 +92,7 @@ class Tendon(RuleBasedStateMachine):
         self.lost_since_ns = self.above_since_ns = self.stopped_since_ns = None
         self.pause_until_ns = 0
         self.client = self.make_client()
-        self.latch.on_change = lambda: self.client.supervise()
+        self.latch.join(lambda: self.client.supervise(), lambda: 0)
         if found != 'off':
             self.bus.put(64, 1, 1)
             self.bus.put(11, 1, registers.MODE_CURRENT_BASED_POSITION if found == 'kept' else 3)
