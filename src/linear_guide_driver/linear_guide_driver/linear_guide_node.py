@@ -25,7 +25,8 @@ class LinearGuideNode(MotionNode):
     """Drives the linear guide.
 
     Actions ``~/move`` and ``~/home``, services ``~/stop`` and ``~/reset``; joint states only while
-    the position is known. A motion ends, with the reason in its result, when something that it needs is lost.
+    the position is known. A motion ends, with the reason in its result, when something that it
+    needs is lost.
     """
 
     device = 'guide'

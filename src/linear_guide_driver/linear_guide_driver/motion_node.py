@@ -35,6 +35,7 @@ from tactile_ros.health import (
 )
 from tactile_ros.polling import PollingNode
 from tactile_ros.qos import LATEST
+from tactile_ros.refusal import Refusal
 
 FEEDBACK_PERIOD_S = 0.1
 WAIT_STEP_S = 0.02
@@ -78,7 +79,7 @@ class RigStop:
     """A node's part in the stopped state of its rig, see `linear_guide_driver.stop_latch`.
 
     Services ``~/stop`` and ``~/reset``; the topic `STOP_TOPIC`, which all nodes of the rig share;
-    the emergency stop of the parameter ``emergency_stop_topic``. Call `find_missing` periodically.
+    the emergency stop of the parameter ``emergency_stop_topic``. Call `find_refusal` periodically.
 
     Parameters
     ----------
@@ -128,13 +129,12 @@ class RigStop:
             self._is_closed = True
             self._node.destroy_publisher(self._publisher)
 
-    def find_missing(self) -> list[str]:
-        """Take what has come; return why nothing may move, as a list that may be empty."""
+    def find_refusal(self) -> Refusal | None:
+        """Take what has come; return why nothing may move, None when it may."""
         self._node.poll_now()
         now_ns = time.monotonic_ns()
         self._latch.check(now_ns)
-        refusal = self._latch.find_refusal(now_ns)
-        return [] if refusal is None else [str(refusal)]
+        return self._latch.find_refusal(now_ns)
 
     # -- inside --------------------------------------------------------------------------------
 
@@ -385,8 +385,8 @@ class MotionNode(PollingNode):
     # -- inside ----------------------------------------------------------------------------------
 
     def _find_missing(self) -> list[str]:
-        rig_stop = self._rig_stop
-        stop = [] if rig_stop is None else rig_stop.find_missing()
+        refusal = None if self._rig_stop is None else self._rig_stop.find_refusal()
+        stop = [] if refusal is None else [str(refusal)]
         if self._client is None or self._client.state is None:
             return [*stop, f'The {self.device} is not connected; see its log.']
         if not self.is_active:

@@ -21,7 +21,24 @@ REST_AFTER_S = 1.0
 
 
 @dataclass(frozen=True)
-class _MotionConfig:
+class EmergencyStopConfig:
+    """The emergency stop, for each node of a rig."""
+
+    emergency_stop_topic: str = parameter(
+        '',
+        'topic (std_msgs/Bool) of an emergency stop: true stops the rig until it is reset, and so '
+        'does silence; false, published periodically, says that all is well; empty: none',
+    )
+    emergency_stop_timeout_s: float = parameter(
+        0.5,
+        'silence of emergency_stop_topic that stops the rig',
+        unit='s',
+        range=(0.05, 10.0),
+    )
+
+
+@dataclass(frozen=True)
+class _MotionConfig(EmergencyStopConfig):
     """The signs of life that both drivers depend on; `ValueError` when out of range."""
 
     heartbeat_topics: tuple[str, ...] = parameter(
@@ -40,17 +57,6 @@ class _MotionConfig:
         'how long a goal waits for topics that have not been heard yet, as after a start',
         unit='s',
         range=(0.0, 60.0),
-    )
-    emergency_stop_topic: str = parameter(
-        '',
-        'topic (std_msgs/Bool) of an emergency stop: true stops the rig until it is reset, and so '
-        'does silence; false, published periodically, says that all is well; empty: none',
-    )
-    emergency_stop_timeout_s: float = parameter(
-        0.5,
-        'silence of emergency_stop_topic that stops the rig',
-        unit='s',
-        range=(0.05, 10.0),
     )
 
     def __post_init__(self) -> None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from linear_guide_driver.records import EmergencyStopConfig
 from tactile_classifier.records import CONTACTS
 from tactile_ros.configs import parameter
 
@@ -22,7 +23,7 @@ SIMULATED_PROTOCOLS = (*PROTOCOLS, 'slip')
 
 
 @dataclass(frozen=True)
-class TrialConfig:
+class TrialConfig(EmergencyStopConfig):
     """Configuration of the trial runner for the two protocols.
 
     The defaults fit the simulated rig. On hardware, measure the guide positions and the

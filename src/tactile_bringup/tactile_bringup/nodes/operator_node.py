@@ -12,11 +12,14 @@ import threading
 from typing import Any
 
 from action_msgs.msg import GoalStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.action import ActionClient
 from rclpy.context import Context
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
+from linear_guide_driver.motion_node import STATES, stop_state_from_msg, STOP_TOPIC
+from linear_guide_driver.stop_latch import StopState
 from tactile_bags.recorded_topics import CLASSIFICATION_TOPIC, MODELS_TOPIC
 from tactile_bringup.nodes.trial_devices import cancel_late_goal
 from tactile_bringup.trial_protocols import longest_trial_s, TrialConfig, TrialRequest
@@ -46,11 +49,12 @@ class OperatorNode(Node):  # type: ignore[misc]
     """Blocking calls for a thread that does not spin; the executor runs elsewhere.
 
     Service ``~/stop`` ends the session: the goal that runs is cancelled, and no other one is sent.
+    A rig that is stopped ends it, too.
 
     With ``answers`` it takes the answers of the models, for `wait_for_models` and
     `wait_for_answers`. ``trial_config`` is that of the trial runner: it tells how long a trial may
     take. Calls raise `TactileError` when something does not end as asked or does not come, and
-    `StoppedError` when somebody has stopped the goal, or this operator.
+    `StoppedError` when somebody has stopped the goal, the rig, or this operator.
     """
 
     def __init__(
@@ -70,10 +74,13 @@ class OperatorNode(Node):  # type: ignore[misc]
         self._stopped = threading.Event()
         self._handles: list[Any] = []  # of goals that run
         self.create_service(Trigger, '~/stop', self._on_stop)
+        self._stop_state = StopState()  # of the rig
         self._arrived = threading.Condition()
         self._answers: list[ClassificationResult] = []
         self._models: tuple[ModelInfo, ...] | None = None
         guard = MessageGuard(self)
+        take_stop = guard.wrap(STOP_TOPIC, self._on_stop_state)
+        self.create_subscription(DiagnosticStatus, STOP_TOPIC, take_stop, STATES)
         wanted = (
             (Classification, CLASSIFICATION_TOPIC.name, self._on_classification, RESULTS),
             (ModelInfos, MODELS_TOPIC.name, self._on_models, LATEST),
@@ -96,6 +103,9 @@ class OperatorNode(Node):  # type: ignore[misc]
         response.success = True
         response.message = 'No further goal is sent.'
         return response
+
+    def _on_stop_state(self, message: DiagnosticStatus) -> None:
+        self._stop_state = max(self._stop_state, stop_state_from_msg(message))
 
     def tell_progress(self, number: int, count: int, request: TrialRequest) -> None:
         """Say on ``/diagnostics`` that this is trial ``number`` of ``count``."""
@@ -164,6 +174,8 @@ class OperatorNode(Node):  # type: ignore[misc]
         is_there = not self._stopped.is_set() and client.wait_for_server(ANSWER_TIMEOUT_S)
         if self._stopped.is_set():
             raise StoppedError(f'{what}: stopped from a live page')
+        if refusal := self._stop_state.refusal:
+            raise StoppedError(f'{what}: {refusal}')
         if not is_there:
             raise TactileError(f'{what}: the action server does not answer; is the rig running?')
         answer = send(self, lambda: client.send_goal_async(goal))
@@ -196,6 +208,7 @@ class OperatorNode(Node):  # type: ignore[misc]
         if reply.status == GoalStatus.STATUS_SUCCEEDED:
             return reply.result
         is_stop = reply.status == GoalStatus.STATUS_CANCELED or self._stopped.is_set()
+        is_stop = is_stop or self._stop_state.is_stopped
         raise (StoppedError if is_stop else TactileError)(f'{what}: {reply.result.message}')
 
     def _wait_for_rest(self, result: concurrent.futures.Future[Any], timeout_s: float) -> str:

@@ -13,10 +13,10 @@ import time
 from typing import Any
 
 from action_msgs.msg import GoalStatus
+from action_msgs.srv import CancelGoal
 from rclpy.action import ActionClient
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 
 from linear_guide_driver.grbl.guide_client import MotionTrack
 from linear_guide_driver.records import REST_REPORT_S
@@ -92,7 +92,7 @@ REASON_S = 0.3
 
 
 class TrialDevice:
-    """One motion driver: its action, its stop, its signs of life, its reports.
+    """One motion driver: its action, its signs of life, its reports.
 
     ``node`` polls joint states; an executor on another thread than that of the calls spins it.
     ``name`` is that of the driver's node, and its action is ``name/verb``. ``on_state`` is called
@@ -119,7 +119,7 @@ class TrialDevice:
         self._track: MotionTrack | None = None
         self._track_end_s = -math.inf  # until when it takes joint states
         self.client = ActionClient(node, action_type, f'{name}/{verb}')
-        self._stop = node.create_client(Trigger, f'{name}/stop')
+        self._cancel = node.create_client(CancelGoal, f'{name}/{verb}/_action/cancel_goal')
         self._told = node.create_subscription(Readiness, f'{name}/ready', self._on_ready, LATEST)
         self._states = node.poll(JointState, f'{name}/joint_states', self._on_joint_state, STREAM)
 
@@ -127,7 +127,7 @@ class TrialDevice:
         """Take clients and subscriptions away."""
         self._heartbeat.close()
         self.client.destroy()
-        self._node.destroy_client(self._stop)
+        self._node.destroy_client(self._cancel)
         self._node.unpoll(self._states)
         self._node.destroy_subscription(self._told)
 
@@ -197,11 +197,14 @@ class TrialDevice:
         self._track = MotionTrack(self._position_m, target_m, speed_m_s)
         return self._track
 
-    def ask_to_stop(self) -> Any:
-        """Ask for a stop without waiting; return the future answer, None if none will come."""
-        if not self._stop.service_is_ready():
+    def cancel_goals(self) -> Any:
+        """Cancel all goals of the action without waiting; return the future answer.
+
+        Return None if no answer will come. Unlike the driver's ``~/stop`` this latches nothing.
+        """
+        if not self._cancel.service_is_ready():
             return None
-        answer = self._stop.call_async(Trigger.Request())
+        answer = self._cancel.call_async(CancelGoal.Request())  # without an ID: all goals
         return None if self.format_loss() else answer
 
     def send(self, message: Any) -> None:

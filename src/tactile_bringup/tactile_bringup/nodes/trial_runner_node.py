@@ -17,6 +17,8 @@ from rclpy.time import Time
 
 from linear_guide_driver.dynamixel.tendon_client import POSITION_TOLERANCE_M
 from linear_guide_driver.grbl.guide_client import MotionTrack
+from linear_guide_driver.motion_node import RigStop
+from linear_guide_driver.stop_latch import StopLatch
 from tactile_bringup.nodes.trial_devices import (
     ContactLost,
     POLL_S,
@@ -44,8 +46,8 @@ from tactile_ros.periodic import Periodic
 from tactile_ros.polling import PollingNode
 from tactile_ros.qos import EVENTS
 
-STOP_S = 1.0
-"""Longest wait for a driver to answer a stop [s]."""
+CANCEL_S = 1.0
+"""Longest wait for the guide's driver to answer a cancellation [s]."""
 
 BEAT_S = 0.04
 """Period of the sign of life while no trial runs [s]."""
@@ -72,13 +74,15 @@ RELEASE_PAUSE_S = 0.3
 class TrialRunnerNode(PollingNode):
     """Runs trials: action ``~/run_trial``, topics ``~/events``, ``~/ready``, ``~/heartbeat``.
 
+    Services ``~/stop`` and ``~/reset`` set and end the stopped state of the rig.
+
     A phase is stamped from observed motion: a glide begins when the guide was seen to move, a
     hold when the tendon was seen at rest. A trial fails when a driver or the strain falls
     silent, when the observed motion was not the commanded one, or when the runner itself stood
     still for longer than ``heartbeat_timeout_s``.
 
-    When a trial ends early, for whatever reason, guide and tendon are stopped
-    and the tendon is released; nothing moves again without a new goal.
+    When a trial ends early, for whatever reason, the goals of guide and tendon are cancelled and
+    the tendon is released; nothing moves again without a new goal.
 
     Strain and joint states are taken just before something is judged by them: each `POLL_S` in a
     trial, and with ``~/ready``.
@@ -95,6 +99,8 @@ class TrialRunnerNode(PollingNode):
         self._strain: StrainWatch | None = None
         self._heartbeat: Heartbeat | None = None
         self._rivals: HeartbeatWatch | None = None
+        self._latch = StopLatch()
+        self._rig_stop: RigStop | None = None
         self._turned_s = 0.0  # when the executor came round
         self._ready: ReadinessPublisher | None = None
         self._telling: Periodic | None = None
@@ -105,6 +111,8 @@ class TrialRunnerNode(PollingNode):
         self._count = 0
 
     def set_up(self, config: TrialConfig) -> None:
+        self._rig_stop = RigStop(self, self._latch, self._answer_stop)
+        self._parts.callback(self._rig_stop.close)
         self._events = self.create_lifecycle_publisher(TrialEvent, '~/events', EVENTS)
         self._parts.callback(self.destroy_lifecycle_publisher, self._events)
         self._guide = TrialDevice(self, 'linear_guide', MoveGuide, 'move', config)
@@ -119,7 +127,7 @@ class TrialRunnerNode(PollingNode):
             RunTrial,
             '~/run_trial',
             self._run_trial,
-            accepting=lambda: '' if self.is_active else 'the trial runner is not active',
+            accepting=self._accepting,
         )
         self._heartbeat = Heartbeat(self, lambda: self.is_active)
         self._parts.callback(self._heartbeat.close)
@@ -142,7 +150,9 @@ class TrialRunnerNode(PollingNode):
             self._runner.end_goal()
             # From here, since the trial's thread can send nothing while this one is busy,
             # as it is when the node is shut down.
-            self._ask_to_stop()
+            for device in (self._guide, self._tendon):
+                if device is not None:
+                    device.cancel_goals()
 
     def tear_down(self) -> None:
         if self._runner is not None:
@@ -152,11 +162,28 @@ class TrialRunnerNode(PollingNode):
                 self._tendon.client.send_goal_async(self._pull(self._trial.request))
             self._runner = None
         self._parts.close()
-        self._ready = self._heartbeat = self._rivals = self._telling = None
+        self._ready = self._heartbeat = self._rivals = self._telling = self._rig_stop = None
         self._strain = self._guide = self._tendon = self._events = None
+
+    def _accepting(self) -> str:
+        """Return why no trial can be taken now; empty when one can."""
+        if not self.is_active:
+            return 'the trial runner is not active'
+        return self._format_stop()
+
+    def _format_stop(self) -> str:
+        """Return why the rig is stopped; empty when it is not."""
+        refusal = None if self._rig_stop is None else self._rig_stop.find_refusal()
+        return '' if refusal is None else str(refusal)
+
+    @staticmethod
+    def _answer_stop() -> tuple[bool, str]:
+        return True, 'The rig is stopped: a trial that runs ends, and its tendon is let out.'
 
     def _find_missing(self) -> list[str]:
         """Return what keeps a trial from being taken, a sentence each."""
+        if stop := self._format_stop():
+            return [stop]
         if not self.is_active:
             return ['The trial runner is not active; activate its node.']
         if self._runner is not None and self._runner.is_busy:
@@ -170,12 +197,13 @@ class TrialRunnerNode(PollingNode):
         self.poll_now()
         rivals = self._rivals
         parts = [
+            self._format_stop(),
             '' if rivals is None else rivals.format_loss(),
             *guide.find_missing(),
             *tendon.find_missing(),
             strain.format_silence(),
         ]
-        return [part for part in parts if part]
+        return [part for part in dict.fromkeys(parts) if part]
 
     def _tell_start(self) -> None:
         """Log once that trials can run and, after a while, what they wait for; periodic."""
@@ -323,7 +351,7 @@ class TrialRunnerNode(PollingNode):
     def _wait_until_ready(self, trial: RunningTrial) -> None:
         deadline_s = time.monotonic() + self.config.server_timeout_s
         while missing := self._find_missing_parts():
-            if time.monotonic() > deadline_s:
+            if self._latch.state.is_stopped or time.monotonic() > deadline_s:
                 raise GoalAborted(' '.join(missing))
             trial.goal.wait(POLL_S)
             trial.goal.check()
@@ -365,7 +393,9 @@ class TrialRunnerNode(PollingNode):
             raise
 
     def _find_loss(self, trial: RunningTrial) -> None:
-        """Raise where somebody that the trial needs is lost."""
+        """Raise when the rig is stopped, or something that the trial needs is lost."""
+        if stop := self._format_stop():
+            raise GoalAborted(stop)
         if (rivals := self._rivals) is not None and (loss := rivals.format_loss()):
             raise GoalAborted(loss)
         for device in (self._guide, self._tendon):
@@ -382,22 +412,20 @@ class TrialRunnerNode(PollingNode):
         """Bring the rig to rest and raise the trial's end."""
         trial.displacement_error_m = max(trial.displacement_error_m, self._contact.error_m)
         self._contact.end()
-        stops = self._ask_to_stop() if trial.has_moved else []
+        # The guide first, so that it rests before the tendon moves.
+        guide = self._guide if trial.has_moved else None
+        cancelled = None if guide is None else guide.cancel_goals()
         reason = ''
         if isinstance(error, ContactLost) and self._tendon is not None:
             reason = self._tendon.wait_for_reasons()
         sentence = f'{error}. {reason}' if reason else str(error)
         self._announce(trial, TrialEvent.PHASE_ABORTED, message=sentence)
         if trial.has_moved:
-            for future in stops:
-                wait_for(future, STOP_S)
+            if cancelled is not None:
+                wait_for(cancelled, CANCEL_S)
             self._release_tendon(trial.request)
         message = f'trial {trial.request.trial_id} ended in {trial.phase}: {sentence}'
         raise GoalAborted(message, **trial.numbers()) from error
-
-    def _ask_to_stop(self) -> list[Any]:
-        devices = [device for device in (self._guide, self._tendon) if device is not None]
-        return [stop for device in devices if (stop := device.ask_to_stop()) is not None]
 
     def _release_tendon(self, request: TrialRequest) -> None:
         tendon = self._tendon

@@ -48,8 +48,8 @@ def test_a_rig_that_does_not_come_to_rest_is_said(operated, monkeypatch):
     stuck.set()
 
 
-def ask_to_stop(operator):
-    client = operator.create_client(Trigger, 'operator/stop')
+def ask_to_stop(operator, name='operator/stop'):
+    client = operator.create_client(Trigger, name)
     wait_until(client.service_is_ready)
     request = Trigger.Request()
     return send(operator, lambda: client.call_async(request)).result(DEADLINE_S)
@@ -97,3 +97,28 @@ def test_a_stop_cancels_the_trial_that_runs(operated):
     assert ask_to_stop(operator).success
     thread.join(DEADLINE_S)
     assert ends
+
+
+def test_a_session_ends_when_the_rig_is_stopped_and_moves_nothing_until_it_is_reset(operated):
+    bench, operator = operated
+    bench.guide.waits_in = (1,)
+    ends = []
+
+    def run():
+        with pytest.raises(StoppedError, match='Stop was pressed on /trial_runner') as end:
+            operator.run_trial(TrialRequest('texture', 'flexion'))
+        ends.append(end)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    wait_until(lambda: bench.guide.goals)
+    assert ask_to_stop(operator, 'trial_runner/stop').success
+    thread.join(DEADLINE_S)
+    assert ends
+    request = TrialRequest('stiffness', 'flexion', trial_id='second', hold_s=0.5)
+    with pytest.raises(StoppedError, match=r'The rig is stopped: .* remove the cause'):
+        operator.run_trial(request)
+    assert len(bench.guide.goals) == 1
+    assert ask_to_stop(operator, 'trial_runner/reset').success
+    wait_until(lambda: not operator._stop_state.is_stopped)
+    assert operator.run_trial(request) == 'second'

@@ -14,6 +14,7 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 from trial_bench import DEADLINE_S
 
 from tactile_msgs.action import MoveGuide
@@ -152,7 +153,7 @@ def test_a_device_that_ignores_a_cancel_does_not_keep_the_trial(bench):
 def test_a_tendon_that_is_let_go_in_contact_ends_the_trial_with_its_reason(bench, protocol):
     handle = bench.touch(protocol)
     bench.tendon.position_m = 0.0020
-    wait_until(lambda: bench.tendon.stopped.is_set())
+    wait_until(lambda: not bench.runner._trial.is_watched)
     bench.tendon.say_ready('The tension exceeded 15 N.')
     result = bench.end(handle)
     assert 'instead of 0.0049 m' in result.message
@@ -243,6 +244,37 @@ def test_a_tendon_that_holds_inside_its_path_is_not_tracked_for_ever(bench):
     bench.end(handle)
 
 
+def call(bench, name):
+    client = bench.client.create_client(Trigger, name)
+    assert client.wait_for_service(timeout_sec=DEADLINE_S)
+    return send(bench.client, lambda: client.call_async(Trigger.Request())).result(DEADLINE_S)
+
+
+@pytest.mark.parametrize('protocol', ['texture', 'stiffness'])
+def test_a_stop_ends_the_trial_and_refuses_the_next_until_it_is_reset(bench, protocol):
+    handle = bench.touch(protocol)
+    assert call(bench, 'trial_runner/stop').success
+    stopped = 'The rig is stopped: Stop was pressed on /trial_runner; remove the cause'
+    assert stopped in bench.end(handle).message
+    assert not bench.guide._runner.is_busy
+    bench.wait_until_released()
+    wait_until(lambda: stopped in ' '.join(bench.readiness[-1].missing))
+    count = len(bench.guide.goals)
+    assert stopped in bench.end(bench.start('stiffness')).message
+    assert len(bench.guide.goals) == count
+    assert call(bench, 'trial_runner/reset').success
+    bench.guide.waits_in = ()
+    assert 'done' in bench.end(bench.start('stiffness', hold_s=0.5)).message
+
+
+def test_a_cancelled_trial_latches_nothing(bench):
+    handle = bench.touch('stiffness')
+    send(bench.client, handle.cancel_goal_async).result(DEADLINE_S)
+    assert bench.end(handle).message.endswith('cancelled')
+    bench.wait_until_released()
+    assert 'done' in bench.end(bench.start('stiffness', hold_s=0.5)).message
+
+
 def test_a_release_that_fails_is_tried_again(bench):
     bench.tendon.fails_in = (1, 2, 3)  # the pull and two releases
     assert 'the servo was silent' in bench.end(bench.start('stiffness')).message
@@ -260,7 +292,7 @@ def test_shutdown_in_a_glide_stops_the_devices_and_releases_the_tendon(bench):
         done.set()
 
     bench.runner.executor.create_task(shut_down)
-    assert bench.guide.stopped.wait(DEADLINE_S)
+    wait_until(lambda: not bench.guide._runner.is_busy)
     assert done.wait(DEADLINE_S)
     wait_until(lambda: bench.tendon.goals[-1].displacement_m == 0.0)
 
@@ -268,7 +300,6 @@ def test_shutdown_in_a_glide_stops_the_devices_and_releases_the_tendon(bench):
 def test_a_second_life_of_the_trial_runner_works_like_the_first(bench):
     bench.guide.waits_in = (1, 2)
     for life in range(2):
-        bench.guide.stopped.clear()
         handle = bench.start('stiffness')
         wait_until(lambda life=life: len(bench.guide.goals) == life + 1)
         bench.runner.trigger_deactivate()

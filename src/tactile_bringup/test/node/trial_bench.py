@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import os
 from pathlib import Path
 import subprocess
-import threading
 import time
 
 from ament_index_python.packages import get_package_prefix
@@ -16,7 +15,6 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 
 from tactile_bringup.nodes.trial_runner_node import TrialRunnerNode
 from tactile_msgs.action import MoveGuide, PullTendon, RunTrial
@@ -85,10 +83,8 @@ class Device(TactileNode):
         self.beats = True
         self.position_m = self.velocity_m_s = 0.0
         self._motion = None
-        self.stopped = threading.Event()
         self._type = action_type
         self._runner = GoalRunner(self, action_type, f'~/{verb}', self._work)
-        self.create_service(Trigger, '~/stop', self._on_stop)
         self.states = self.create_publisher(JointState, '~/joint_states', STREAM)
         self.heart = Heartbeat(self, lambda: self.beats)
         self._timer = self.create_timer(PERIOD_S, self._report)
@@ -122,7 +118,7 @@ class Device(TactileNode):
         self.goals.append(goal.request)
         number = len(self.goals)
         if number in self.waits_in:
-            while not goal.wait(PERIOD_S) and not self.stopped.is_set():
+            while not goal.wait(PERIOD_S):
                 pass
             goal.check()
         if number in self.fails_in:
@@ -145,11 +141,6 @@ class Device(TactileNode):
                 goal.check()
         finally:
             self._motion = None
-
-    def _on_stop(self, _, response):
-        self.stopped.set()
-        response.success = True
-        return response
 
     def tear_down(self):
         self._runner.close()
