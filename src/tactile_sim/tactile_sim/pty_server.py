@@ -5,8 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Collection, Sequence
 import contextlib
+import math
 import os
 from pathlib import Path
 import select
@@ -14,20 +15,19 @@ import tempfile
 import threading
 import time
 import tty
-from typing import Any, TypeVar
+from typing import Any
 
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.devices.faults import FaultRequest, FaultyLine, GuideLine, SensorLine, TendonLine
 from tactile_sim.devices.load_cell import LoadCellDevice
 from tactile_sim.errors import RigError
 from tactile_sim.physics.variation import make_generator
-from tactile_sim.rig import PalpationRig, STEP_S
+from tactile_sim.rig import PalpationRig
 
 _READ_BYTES = 4096
 
 _CHUNK_S = 0.02
 _MOST_BEHIND_S = 0.5
-_T = TypeVar('_T')
 _STAND_STEP_S = 0.002
 _SETTLE_S = 0.15
 """Time constant with which a hung weight comes to rest."""
@@ -83,28 +83,22 @@ class PtyPort:
             os.write(self.fileno(), data)
 
 
-class PtyServer:
-    """Runs a rig by the host's clock and connects its devices to ptys.
+class ServedRig:
+    """A rig whose devices are connected to ptys; `exchange` moves its time on.
 
-    When the host is too slow, the rig's clock slips rather than run behind without end. After
-    `start` the rig belongs to the server's thread, see `call`; ``failure`` is what ended that. The
-    names of the ports, in the folder ``links`` or one that is gone after `close`, stay when a port
-    is unplugged.
+    The names of the ports, in the folder ``links`` or one that is gone after `close`, stay when a
+    port is unplugged.
 
     Raises `RigError`: where a port's name should be is something else.
     """
 
     def __init__(self, rig: PalpationRig, links: Path | None = None, seed: int = 0) -> None:
-        self._rig = rig
+        self.rig = rig
         self._lines: dict[str, FaultyLine[Any]] = {
             'guide': GuideLine(rig.guide, seed),
             'tendon': TendonLine(rig.tendon, seed + 1),
             'sensor': SensorLine(rig.sensor, seed + 2),
         }
-        self._lock = threading.Lock()
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._run, name='pty_server', daemon=True)
-        self.failure: Exception | None = None
         self._own_folder = None
         if links is None:
             self._own_folder = tempfile.TemporaryDirectory(prefix='tactile_rig_')
@@ -120,62 +114,83 @@ class PtyServer:
             self.close()
             raise
 
-    def start(self) -> None:
-        """Start the rig's clock."""
-        self._thread.start()
+    @property
+    def files(self) -> list[int]:
+        """Descriptors of the ports that are plugged in, at which drivers' bytes arrive."""
+        return [port.fileno() for port in self._ports.values() if port.is_open]
 
-    def call(self, function: Callable[[PalpationRig], _T]) -> _T:
-        """Do something with the rig between two steps."""
-        with self._lock:
-            return function(self._rig)
+    @property
+    def due_s(self) -> float:
+        """Time of the rig at which `exchange` is due if no driver sends anything [s]."""
+        return self.rig.step_time_s(min(map(self._find_due_s, self._lines)))
+
+    def _find_due_s(self, name: str) -> float:
+        line, port = self._lines[name], self._ports[name]
+        return line.due_s if port.is_open != line.is_unplugged else -math.inf
+
+    def exchange(self, now_s: float, readable: Collection[int]) -> None:
+        """Move the rig on to ``now_s``, and pass on what drivers and devices have to say."""
+        now_s = self.rig.advance(now_s)
+        for name, port in self._ports.items():
+            line = self._lines[name]
+            has_input = port.is_open and port.fileno() in readable
+            if not has_input and self._find_due_s(name) > now_s:
+                continue
+            output = line.receive(port.read(), now_s) if has_input else b''
+            output += line.poll(now_s)
+            if line.is_unplugged:
+                port.close()
+                continue
+            if not port.is_open:
+                port.open()
+            if output:
+                port.write(output)
 
     def fault(self, request: FaultRequest) -> None:
         """Begin a fault, or end those of a device."""
-        self.call(lambda rig: self._lines[request.device].begin(request, rig.now_s))
+        self._lines[request.device].begin(request, self.rig.now_s)
 
     def close(self) -> None:
-        """Stop the thread and take the ports away; harmless when called twice."""
-        self._stopping.set()
-        if self._thread.is_alive():
-            self._thread.join()
+        """Take the ports away; harmless when called twice."""
         for port in self._ports.values():
             port.close()
         if self._own_folder is not None:
             self._own_folder.cleanup()
 
-    def _run(self) -> None:
+
+class RigClock:
+    """The host's clock, which several rigs share, from 0 on.
+
+    When the host is too slow, their time slips rather than run behind without end.
+    """
+
+    def __init__(self, rigs: Sequence[ServedRig]) -> None:
+        self._rigs = rigs
+        self._start_s = time.monotonic()
+        self._now_s = 0.0
+
+    def run(self, other: int) -> bool:
+        """Serve until the next byte is due or arrives; return whether ``other`` is readable.
+
+        Raises `RigError`: the simulation stopped.
+        """
+        # Not much longer than this without a look, so that time never has to be made up for.
+        due_s = min(self._now_s + _CHUNK_S, *(rig.due_s for rig in self._rigs))
+        wait_s = max(self._start_s + due_s - time.monotonic(), 0.0)
+        files = [file for rig in self._rigs for file in rig.files]
+        readable, _, _ = select.select([other, *files], [], [], wait_s)
+        behind_s = time.monotonic() - self._start_s - self._now_s
+        if behind_s > _MOST_BEHIND_S:
+            self._start_s += behind_s
+            behind_s = 0.0
+        # In parts, so that drivers are heard in between.
+        self._now_s += min(behind_s, _CHUNK_S)
         try:
-            self._serve()
+            for rig in self._rigs:
+                rig.exchange(self._now_s, readable)
         except Exception as error:
-            self.failure = error
-
-    def _serve(self) -> None:
-        start_s = time.monotonic() - self._rig.now_s
-        while not self._stopping.is_set():
-            behind_s = time.monotonic() - start_s - self._rig.now_s
-            if behind_s > _MOST_BEHIND_S:
-                start_s += behind_s
-            wait_s = 0.0 if behind_s > STEP_S else STEP_S - behind_s
-            plugged = [port for port in self._ports.values() if port.is_open]
-            readable, _, _ = select.select(plugged, [], [], wait_s)
-            with self._lock:
-                due_s = time.monotonic() - start_s
-                now_s = self._rig.advance(min(due_s, self._rig.now_s + _CHUNK_S))
-                for name, port in self._ports.items():
-                    self._exchange(self._lines[name], port, port in readable, now_s)
-
-    def _exchange(
-        self, line: FaultyLine[Any], port: PtyPort, has_input: bool, now_s: float
-    ) -> None:
-        output = line.receive(port.read(), now_s) if has_input else b''
-        output += line.poll(now_s)
-        if line.is_unplugged:
-            port.close()
-            return
-        if not port.is_open:
-            port.open()
-        if output:
-            port.write(output)
+            raise RigError(f'the simulation stopped: {error}') from error
+        return other in readable
 
 
 class WeightStand:

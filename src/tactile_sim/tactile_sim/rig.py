@@ -6,7 +6,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+import math
 from typing import Any
+
+import numpy as np
 
 from tactile_sim.descriptions.catalogue import Catalogue, default_catalogue
 from tactile_sim.devices.dynamixel import DynamixelDevice
@@ -20,6 +23,9 @@ from tactile_sim.physics.variation import draw_variation, make_generator, Variat
 STEP_S = 1e-3
 _SLACK_M = 1e-3  # homing shifts the zero by some 0.6 mm
 _SESSION = -1  # its own: set up anew since the sessions that `simulate_trials` makes
+
+_MOST_STEPS = 64
+"""Steps that are foreseen at once."""
 
 _MOST_TRIALS = 10**6  # of a mounting
 
@@ -55,21 +61,55 @@ class PalpationRig:
         scene = build_scene('stiffness', 'none', 'flexion', self._catalogue)
         guide_m = self.guide.position_m(0.0)
         self._plant = Plant(scene, Variation.none(), guide_m, 0.0, STEP_S)
-        self._record(0.0)
+        self.sensor.record(0.0, self._plant.tension_n, self._plant.contact_force_n)
 
     @property
     def now_s(self) -> float:
         return self._steps * STEP_S
 
+    def step_time_s(self, due_s: float) -> float:
+        """Return the end of the first step from now on that ends at ``due_s`` or later [s]."""
+        if math.isinf(due_s):
+            return due_s if due_s > 0.0 else (self._steps + 1) * STEP_S
+        steps = max(self._steps + 1, int(due_s / STEP_S))
+        while steps * STEP_S < due_s:
+            steps += 1
+        return steps * STEP_S
+
     def advance(self, now_s: float) -> float:
-        """Move on in steps of the physics, to ``now_s`` at the most; returns the time reached."""
-        while (next_s := (self._steps + 1) * STEP_S) <= now_s:
-            self._steps += 1
-            self.tendon.advance(next_s, self._plant.tension_n)
-            self._note_pull()
-            self._plant.step(self.guide.position_m(next_s), self.tendon.displacement_m)
-            self._record(next_s)
+        """Move on in steps of the physics, to ``now_s`` at the most; returns the time reached.
+
+        How many calls it takes changes nothing.
+        """
+        steps = int(now_s / STEP_S) + 1
+        while steps * STEP_S > now_s:
+            steps -= 1
+        while self._steps < steps:
+            self._take_steps(min(steps - self._steps, _MOST_STEPS))
         return self.now_s
+
+    def _take_steps(self, count: int) -> None:
+        """Take at least one and at most ``count`` steps, as many as the devices can foresee.
+
+        The first one is exactly what each device does then; in those after it nothing may happen
+        but motion that is planned. Whether the tension interferes with that is known afterwards.
+        """
+        times_s = np.asarray(STEP_S * np.arange(self._steps + 1, self._steps + 1 + count), float)
+        self.tendon.advance(float(times_s[0]), self._plant.tension_n)
+        self._note_pull()
+        guide_m = self.guide.positions_m(times_s)
+        foreseen = self.tendon.foresee(times_s[1 : len(guide_m)])
+        # A new pull begins in a first step.
+        same = np.append((foreseen.displacement_m > _SLACK_M) == self._is_pulled, False)
+        foreseen = foreseen.shorten(int(np.argmin(same)))
+        tendon_m = np.append(self.tendon.displacement_m, foreseen.displacement_m)
+        steps = self._plant.foresee(guide_m[: len(tendon_m)], tendon_m)
+        taken = 1 + self.tendon.follow(foreseen, steps.tension_n[:-1])
+        self._plant.follow(steps, taken)
+        self._steps += taken
+        forces = (times_s[:taken], steps.tension_n, steps.contact_force_n)
+        for time_s, tension_n, force_n in zip(*(some.tolist() for some in forces), strict=False):
+            self.sensor.record(time_s, tension_n, force_n)
 
     def _note_pull(self) -> None:
         was_pulled, self._is_pulled = self._is_pulled, self.tendon.displacement_m > _SLACK_M
@@ -77,9 +117,6 @@ class PalpationRig:
             self._pulls += 1
             names = (self._seed, 'sensor', self._trials, self._pulls)
             self.sensor.draw_from(make_generator(*names))
-
-    def _record(self, time_s: float) -> None:
-        self.sensor.record(time_s, self._plant.tension_n, self._plant.contact_force_n)
 
     def mount(
         self,

@@ -38,9 +38,9 @@ class SimulatedRig:
     """A running simulated rig; a context manager.
 
     ``seed``: of variations and noise. ``links``: directory for the ports, symbolic links named
-    guide, tendon and sensor; default: a new one. Of several, each gets a rig, with the next seed;
-    these take no requests. ``description``: folder of descriptions that are laid over the packaged
-    ones, see `Catalogue`.
+    guide, tendon and sensor; default: a new one. Of several, each gets a rig, with the next seed,
+    and requests need ``rig``: the number of its directory, from 0. ``description``: folder of
+    descriptions that are laid over the packaged ones, see `Catalogue`.
 
     Raises `RigError`: the process does not start, or refuses the description.
     """
@@ -101,6 +101,7 @@ class SimulatedRig:
         object_label: str,
         contact: str,
         numbers: tuple[int, int, int] | None = None,
+        rig: int | None = None,
     ) -> dict[str, Any]:
         """Put a plate (texture) or object (stiffness) under the finger.
 
@@ -110,14 +111,19 @@ class SimulatedRig:
         Raises `RigError`: the rig refuses, with its reason, or is dead.
         """
         wanted = {'protocol': protocol, 'object': object_label, 'contact': contact}
-        return self._request({'mount': {**wanted, 'numbers': numbers}})
+        return self._request({'mount': {**wanted, 'numbers': numbers}, 'rig': rig})
 
-    def truth(self) -> dict[str, Any]:
+    def truth(self, rig: int | None = None) -> dict[str, Any]:
         """Physical state: guide_position_m, tendon_displacement_m, bend_rad, tension_n, ..."""
-        return self._request({'state': True})
+        return self._request({'state': True, 'rig': rig})
 
     def fault(
-        self, device: str, kind: str, duration_s: float | None = None, **options: float
+        self,
+        device: str,
+        kind: str,
+        duration_s: float | None = None,
+        rig: int | None = None,
+        **options: float,
     ) -> None:
         """Begin a fault of a device; `tactile_sim.devices.faults.KINDS` has all, with options.
 
@@ -127,7 +133,7 @@ class SimulatedRig:
         Raises `RigError`: there is no such fault, or the rig is dead.
         """
         wanted = {'device': device, 'kind': kind, 'duration_s': duration_s, **options}
-        self._request({'fault': wanted})
+        self._request({'fault': wanted, 'rig': rig})
 
     def close(self) -> None:
         """End the process; harmless when called twice."""

@@ -12,7 +12,6 @@ import json
 import math
 import os
 from pathlib import Path
-import select
 import signal
 import sys
 import time
@@ -21,22 +20,21 @@ from typing import Any
 from tactile_sim.descriptions.catalogue import Catalogue
 from tactile_sim.devices.faults import read_request
 from tactile_sim.errors import RigError, TactileSimError
-from tactile_sim.pty_server import PtyServer
+from tactile_sim.pty_server import RigClock, ServedRig
 from tactile_sim.rig import PalpationRig
 
-_POLL_S = 0.1
 _USAGE = (
     'send {"mount": {"protocol": ..., "object": ..., "contact": ...}}, in it if you like '
     '"numbers": [session, mounting, trial], {"state": true} '
-    'or {"fault": {"device": ..., "kind": ...}}'
+    'or {"fault": {"device": ..., "kind": ...}}; to one of several rigs with "rig": its number'
 )
 
 
 def main() -> int:
     """Serve until the end of standard input, SIGINT or SIGTERM.
 
-    Prints the ports as one line of JSON when ready, of several rigs one line each. A single rig
-    understands the lines of JSON that `_USAGE` has; for faults see `tactile_sim.devices.faults`.
+    Prints the ports as one line of JSON when ready, of several rigs one line each. Answers the
+    lines of JSON that `_USAGE` has; for faults see `tactile_sim.devices.faults`.
     """
     parser = argparse.ArgumentParser(
         prog='tactile_sim_rig', description='Serve a simulated palpation rig on pseudo-terminals.'
@@ -77,21 +75,20 @@ def main() -> int:
     ending = _Ending(arguments.linger)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, ending.on_signal)
-    servers: list[PtyServer] = []
     try:
         catalogue = Catalogue(arguments.description)
+        rigs: list[ServedRig] = []
         with ExitStack() as stack:
             for seed, links in enumerate(arguments.links, arguments.seed):
                 rig = PalpationRig(seed, catalogue=catalogue)
                 if arguments.mount:
                     rig.mount(*arguments.mount)
-                servers.append(PtyServer(rig, links, seed))
-                stack.callback(servers[-1].close)
-                servers[-1].start()
-            for server in servers:
-                _say(server.ports)
-            for line in _read_lines(servers, ending):
-                _say(_answer(servers, line))
+                rigs.append(ServedRig(rig, links, seed))
+                stack.callback(rigs[-1].close)
+            for served in rigs:
+                _say(served.ports)
+            for line in _read_lines(RigClock(rigs), ending):
+                _say(_answer(rigs, line))
     except TactileSimError as error:
         sys.stderr.write(f'tactile_sim_rig: {error}\n')
         return 1
@@ -124,14 +121,11 @@ def _say(message: object) -> None:
     sys.stdout.flush()
 
 
-def _read_lines(servers: Sequence[PtyServer], ending: _Ending) -> Iterator[bytes]:
-    """Lines of standard input; RigError if a server's thread dies."""
+def _read_lines(clock: RigClock, ending: _Ending) -> Iterator[bytes]:
+    """Run the rigs' clock; yield the lines of standard input."""
     pending = b''
     while not ending.is_due:
-        for failure in (server.failure for server in servers):
-            if failure is not None:
-                raise RigError(f'the simulation stopped: {failure}')
-        if not select.select([0], [], [], _POLL_S)[0]:
+        if not clock.run(0):
             continue
         data = os.read(0, 4096)
         if not data:
@@ -140,10 +134,7 @@ def _read_lines(servers: Sequence[PtyServer], ending: _Ending) -> Iterator[bytes
         yield from (line for line in lines if line.strip())
 
 
-def _answer(servers: Sequence[PtyServer], line: bytes) -> dict[str, Any]:
-    if len(servers) > 1:
-        return {'error': f'{len(servers)} rigs take no requests; start one a process'}
-    (server,) = servers
+def _answer(rigs: Sequence[ServedRig], line: bytes) -> dict[str, Any]:
     try:
         request = json.loads(line)
     except ValueError as error:
@@ -151,10 +142,11 @@ def _answer(servers: Sequence[PtyServer], line: bytes) -> dict[str, Any]:
     if not isinstance(request, dict):
         return {'error': _USAGE}
     try:
+        served = _choose(rigs, request.get('rig'))
         if request.get('state'):
-            return server.call(PalpationRig.read_truth)
+            return served.rig.read_truth()
         if 'fault' in request:
-            server.fault(read_request(request['fault']))
+            served.fault(read_request(request['fault']))
             return {'ok': True}
         wanted = request.get('mount')
         if not isinstance(wanted, dict):
@@ -163,9 +155,19 @@ def _answer(servers: Sequence[PtyServer], line: bytes) -> dict[str, Any]:
         if set(wanted) != {'protocol', 'object', 'contact'} or not _are_numbers(numbers):
             return {'error': _USAGE}
         protocol, label, contact = (str(wanted[key]) for key in ('protocol', 'object', 'contact'))
-        return server.call(lambda rig: rig.mount(protocol, label, contact, numbers))
+        return served.rig.mount(protocol, label, contact, numbers)
     except TactileSimError as error:
         return {'error': str(error)}
+
+
+def _choose(rigs: Sequence[ServedRig], number: Any) -> ServedRig:
+    """Return the rig of this number; None stands for the only one."""
+    if number is None and len(rigs) == 1:
+        return rigs[0]
+    if type(number) is not int or not 0 <= number < len(rigs):
+        most = len(rigs) - 1
+        raise RigError(f'"rig" is {json.dumps(number)}; it must be a number from 0 to {most}')
+    return rigs[number]
 
 
 def _are_numbers(numbers: Any) -> bool:

@@ -8,10 +8,15 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from linear_guide_driver.dynamixel import registers as known
 from linear_guide_driver.dynamixel.registers import COUNTS_PER_TURN, EEPROM_END, Register
 from tactile_sim.descriptions.description import TendonDrive
 from tactile_sim.physics.motion import Motion, plan_move, plan_stop
+
+FloatArray = NDArray[np.float64]
 
 HEADER = b'\xff\xff\xfd\x00'
 BROADCAST_ID = 254
@@ -147,6 +152,22 @@ FIELDS = (
 _BY_ADDRESS = {field.register.address: field for field in FIELDS}
 
 
+class Foreseen(NamedTuple):
+    """What the servo will do at later times if the tension does not interfere.
+
+    All of shape (times,): times [s], position [counts], velocity [counts/s], displacement [m].
+    """
+
+    times_s: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    displacement_m: FloatArray
+
+    def shorten(self, count: int) -> Foreseen:
+        """Return the first of these."""
+        return Foreseen(*(values[:count] for values in self))
+
+
 class AccessError(Exception):
     """A read or write that the servo answers with an error number."""
 
@@ -255,6 +276,44 @@ class DynamixelDevice:
         else:
             self._position, self._velocity = position, velocity
 
+    def foresee(self, times_s: FloatArray) -> Foreseen:
+        """Return what `advance` would do at rising times after now, if the tension lets it.
+
+        It ends before the watchdog trips.
+        """
+        watchdog = self._table[known.BUS_WATCHDOG]
+        has_torque = bool(self._table[known.TORQUE_ENABLE])
+        if has_torque and watchdog not in (0, known.WATCHDOG_TRIPPED):
+            feeds = times_s - self._fed_s <= watchdog * known.WATCHDOG_STEP_S
+            times_s = times_s[: int(np.argmin(np.append(feeds, False)))]
+        if has_torque and not self._stalled:
+            position, velocity = self._motion.states_at(times_s)
+        else:
+            position = np.full(len(times_s), self._position)
+            velocity = np.zeros(len(times_s))
+        displacement_m = (position - self._drive.slack_count) * self._drive.m_per_count
+        return Foreseen(times_s, position, velocity, displacement_m)
+
+    def follow(self, foreseen: Foreseen, tension_n: FloatArray) -> int:
+        """Do what was foreseen, until the tension interferes; return how many steps that is.
+
+        ``tension_n``, shape (times,): before each step [N].
+        """
+        if not self._table[known.TORQUE_ENABLE]:
+            goes_on = tension_n <= self._drive.back_drive_n
+        else:
+            torque_nm = tension_n * self._drive.pulley_radius_m
+            load_a = torque_nm / self._drive.torque_constant_nm_a + self._drive.friction_current_a
+            overloaded = load_a > self._limit_a()
+            goes_on = overloaded if self._stalled else ~((foreseen.velocity > 0.0) & overloaded)
+        count = int(np.argmin(np.append(goes_on, False)))
+        if count:
+            self._now_s = float(foreseen.times_s[count - 1])
+            self._tension_n = float(tension_n[count - 1])
+            self._position = float(foreseen.position[count - 1])
+            self._velocity = float(foreseen.velocity[count - 1])
+        return count
+
     def fail(self, hardware_error: int) -> None:
         """Raise a hardware error, as heat or overload would."""
         self._table[known.HARDWARE_ERROR] |= hardware_error
@@ -288,6 +347,11 @@ class DynamixelDevice:
                 self._parser = InstructionParser()
                 break
         return bytes(answers)
+
+    @property
+    def due_s(self) -> float:
+        """Infinite: it says nothing without being asked."""
+        return math.inf
 
     def poll(self, now_s: float) -> bytes:
         """Return nothing: a servo speaks when it is spoken to."""

@@ -17,6 +17,7 @@ from tactile_sim.errors import RigError
 
 NOISE_PERIOD_S = 0.01
 MOST_GARBAGE_BYTES = 12
+_EARLY_S = 1e-9
 
 Splitter = Callable[[bytes], Sequence[bytes]]
 """Cuts what a device says into its records: lines or packets."""
@@ -40,12 +41,17 @@ class LineFault:
         self.is_spent = False
 
     def say(self, data: bytes, now_s: float) -> bytes:
-        """Return the bytes that reach the driver from the device; called in every step."""
+        """Return the bytes that reach the driver from the device; see `due_s`."""
         return data
 
     def hear(self, data: bytes) -> bytes:
         """Return the bytes that reach the device from the driver."""
         return data
+
+    @property
+    def due_s(self) -> float:
+        """Time from which on `say` does something although the device is silent."""
+        return math.inf
 
     def end(self) -> bytes:
         """End the fault and return what it has held back."""
@@ -83,6 +89,11 @@ class Burst(LineFault):
             return b''
         self._clump = clump
         return self._take()
+
+    @property
+    def due_s(self) -> float:
+        # Rather a step too early: the quotient that tells is rounded.
+        return (self._clump + 1) * self._period_s - _EARLY_S
 
     def end(self) -> bytes:
         super().end()
@@ -158,6 +169,10 @@ class Noise(LineFault):
             return data
         self._due_s = now_s + NOISE_PERIOD_S
         return self._packet[: self._chance.randrange(1, len(self._packet))] + data
+
+    @property
+    def due_s(self) -> float:
+        return self._due_s
 
 
 class WrongBaud(LineFault):
@@ -294,6 +309,9 @@ class Device(Protocol):
 
     def poll(self, now_s: float) -> bytes: ...
 
+    @property
+    def due_s(self) -> float: ...
+
 
 _D = TypeVar('_D', bound=Device)
 
@@ -310,6 +328,14 @@ class FaultyLine(Generic[_D]):
     def is_unplugged(self) -> bool:
         """True while the port is unplugged."""
         return 'unplug' in self._running
+
+    @property
+    def due_s(self) -> float:
+        """Time of the next `poll` that may return or change something, if nothing is received."""
+        due_s = self._device.due_s
+        for fault, until_s in self._running.values():
+            due_s = min(due_s, -math.inf if fault.is_spent else min(fault.due_s, until_s))
+        return due_s
 
     def receive(self, data: bytes, now_s: float) -> bytes:
         """Take bytes from the driver and return what arrives there at once."""

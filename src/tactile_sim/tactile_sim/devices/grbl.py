@@ -10,12 +10,17 @@ from dataclasses import dataclass
 from itertools import pairwise
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from tactile_sim.descriptions.description import Guide
 from tactile_sim.devices.gcode import Command, GcodeError, Modal, parse_gcode, strip_line
 from tactile_sim.physics.motion import Motion, plan_legs, plan_ramp, plan_stop, Segment
 
 SOFT_LIMITS, HOMING, HOMING_DIRECTION, HOMING_SLOW, HOMING_FAST, PULL_OFF = 20, 22, 23, 24, 25, 27
 REPORT_MASK, STEPS_PER_MM, MAX_RATE, ACCELERATION, TRAVEL = 10, 100, 110, 120, 130
+
+FloatArray = NDArray[np.float64]
 
 _OFFSET_EVERY = {True: 30, False: 10}
 _OVERRIDES_EVERY = {True: 20, False: 10}
@@ -105,6 +110,10 @@ class Planner:
     def state_at(self, time_s: float) -> tuple[float, float]:
         """Position and velocity."""
         return self._motion.state_at(time_s)
+
+    def positions_at(self, times_s: FloatArray) -> FloatArray:
+        """Positions at rising times, with the bits of `state_at`."""
+        return self._motion.states_at(times_s)[0]
 
     def settle(self, time_s: float) -> None:
         """Drop the moves that are done by ``time_s``."""
@@ -259,6 +268,21 @@ class GrblDevice:
         """Place of the carriage on the rail [m]; call with rising times."""
         self._advance(now_s)
         return self._on_rail(self._planner.state_at(now_s)[0]) * 1e-3
+
+    def positions_m(self, times_s: FloatArray) -> FloatArray:
+        """Places of the carriage at rising times, with the bits of `position_m` [m].
+
+        They end before the next event, which may change the motion; there is at least one.
+        """
+        self._advance(float(times_s[0]))
+        count = int(np.searchsorted(times_s, self._next_event_s()))
+        on_rail = np.clip(self._planner.positions_at(times_s[:count]), 0.0, self._travel_mm)
+        return np.asarray(on_rail * 1e-3)
+
+    @property
+    def due_s(self) -> float:
+        """Time at which `poll` may have something to say without being asked."""
+        return -math.inf if self._output else self._next_event_s()
 
     def receive(self, data: bytes, now_s: float) -> bytes:
         """Take bytes from the line and return what it answers at once."""

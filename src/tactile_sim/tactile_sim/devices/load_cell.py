@@ -128,6 +128,11 @@ class LoadCellDevice:
                 self.enter_menu()
         return self.poll(now_s)
 
+    @property
+    def due_s(self) -> float:
+        """Time from which on `poll` may have something to say without being asked."""
+        return -math.inf if self._output else self._samples * self._cell.period_s
+
     def poll(self, now_s: float) -> bytes:
         """Lines that are due since the last call."""
         sent, self._output = bytes(self._output), bytearray()

@@ -12,6 +12,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 import math
 from typing import NamedTuple
 
@@ -64,9 +65,15 @@ class Motion:
         self.end_s = segments[-1].end_s if segments else -math.inf
         self._parts = parts
         self._starts = [p.start_s for p in parts]
-        finite = np.array([[0.0 if math.isinf(v) else v for v in p] for p in parts])
-        self._table = np.ascontiguousarray(finite.T)
-        self._start_array = np.array(self._starts)
+
+    @cached_property
+    def _start_array(self) -> FloatArray:
+        return np.array(self._starts)
+
+    @cached_property
+    def _table(self) -> FloatArray:
+        finite = np.array([[0.0 if math.isinf(v) else v for v in p] for p in self._parts])
+        return np.ascontiguousarray(finite.T)
 
     @property
     def busy_s(self) -> list[tuple[float, float]]:
@@ -82,6 +89,19 @@ class Motion:
         t = time_s - part.start_s
         position = part.position + part.velocity * t + part.acceleration * t * t / 2
         return position, part.velocity + part.acceleration * t
+
+    def states_at(self, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Positions and velocities at rising times, with the bits of `state_at`."""
+        count = len(times_s)
+        first, last = (bisect_right(self._starts, times_s[i]) - 1 if count else 0 for i in (0, -1))
+        part = self._parts[first]
+        if first == last and math.isinf(part.duration_s):
+            return np.full(count, part.position), np.zeros(count)
+        index = np.searchsorted(self._start_array, times_s, side='right') - 1
+        start, _, position, velocity, acceleration = self._table[:, index]
+        t = times_s - start
+        positions = position + velocity * t + acceleration * t * t / 2
+        return positions, velocity + acceleration * t
 
     def positions_at(self, times_s: FloatArray) -> FloatArray:
         """Positions at many times; shape of ``times_s``."""

@@ -10,6 +10,7 @@ low-pass filter, its zero (bias and drift), noise, saturation, one step of the c
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 import math
 
 import numpy as np
@@ -21,6 +22,7 @@ from tactile_sim.physics.steps import compute_relaxation
 FloatArray = NDArray[np.float64]
 
 
+@lru_cache(maxsize=512)  # the length of a step differs by rounding alone
 def low_pass_coefficients(step_s: float, low_pass_hz: float) -> tuple[float, float, float]:
     """Coefficients of one step of the sensor's one-pole filter; see `compute_relaxation`."""
     return compute_relaxation(step_s, 1 / (2 * math.pi * low_pass_hz))

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,8 +35,7 @@ _SETTLING_S = 0.1  # the finger's own transients last some 20 ms
 _BATCH = 64
 _ROWS = (at.SENSED, at.TENSION, at.FORCE, at.TIP_SLIDER, at.MODES)
 _MODE_ROWS = (at.MODES + 1, at.MODES + 2)
-
-_ONE_STEP = np.zeros(1, dtype=np.int64)
+_STATE = tuple(range(at.STATE_ROWS))
 
 
 @dataclass(frozen=True)
@@ -241,6 +241,19 @@ def _run_batch(
     return sampled, times_s[failed]
 
 
+class ForeseenSteps(NamedTuple):
+    """Steps of a `Plant`, not yet taken.
+
+    ``states`` of shape (steps + 1, STATE_ROWS) ends before a step that finds no balance; None:
+    nothing changes. ``tension_n`` and ``contact_force_n`` of shape (steps,), after each [N].
+    """
+
+    inputs: FloatArray
+    states: FloatArray | None
+    tension_n: FloatArray
+    contact_force_n: FloatArray
+
+
 class Plant:
     """State of one trial, moved on by ``step``; the finger starts at rest.
 
@@ -274,40 +287,76 @@ class Plant:
     ) -> None:
         """Put something else under the finger, or another finger; all comes to rest."""
         self._scene = scene
-        self._inputs = self._compute_inputs(guide_m, tendon_m)
+        self._inputs = scene.compute_inputs(np.array([tendon_m]), np.array([guide_m]))[0]
         self._state = scene.start_trials(variation, self._inputs, self._state)
-        self._coefficients = scene.compute_coefficients((self._step_s,))
+        # Two lengths that are the same: a step of another length than the one before does not
+        # use its differences, and every step of a live trial could be the first of a call.
+        self._coefficients = scene.compute_coefficients((self._step_s, self._step_s))
+        self._is_steady = False
 
     def step(self, guide_m: float, tendon_m: float) -> None:
         """Move on by one step, at whose end guide and tendon are where they are told.
 
         Raises `ConvergenceError`: no balance was found; the state is not to be used any more.
         """
-        failed = np.full(1, -1, dtype=np.int64)
+        self.follow(self.foresee(np.array([guide_m]), np.array([tendon_m])), 1)
+
+    def foresee(self, guide_m: FloatArray, tendon_m: FloatArray) -> ForeseenSteps:
+        """Return what steps lead to, at whose ends guide and tendon are there; shape (steps,) [m].
+
+        The state stays as it is until `follow`.
+        """
+        assert self._state is not None
         inputs = self._compute_inputs(guide_m, tendon_m)
-        advance_trials(
-            self._state,
+        count = len(inputs)
+        if self._is_steady and (inputs == self._inputs).all():
+            return ForeseenSteps(
+                inputs, None, np.full(count, self.tension_n), np.full(count, self.contact_force_n)
+            )
+        failed = np.full(1, -1, dtype=np.int64)
+        out = advance_trials(
+            self._state.copy(),
             self._scene.parameters,
-            _ONE_STEP,
+            np.arange(count) % 2,
             self._inputs,
-            inputs[np.newaxis],
+            inputs,
             self._coefficients,
-            (),
+            _STATE,
             failed,
         )
-        self._inputs = inputs
-        if failed[0] >= 0:
+        states = out[0, :, :, 0]
+        solved = count if failed[0] < 0 else int(failed[0])
+        return ForeseenSteps(
+            inputs, states[: solved + 1], states[1:, at.TENSION], states[1:, at.FORCE]
+        )
+
+    def follow(self, steps: ForeseenSteps, count: int) -> None:
+        """Take the first so many steps.
+
+        Raises `ConvergenceError`: one of them found no balance.
+        """
+        assert self._state is not None
+        states, inputs = steps.states, steps.inputs[:count]
+        if states is None:
+            return
+        if count >= len(states):
+            guide_m, tendon_m = inputs[len(states) - 1, [at.GUIDE_INPUT, at.TENDON_INPUT]]
             raise ConvergenceError(
                 f'no balance of the finger with the guide at {guide_m:g} m and the tendon at '
                 f'{tendon_m:g} m; something moved too far at once, or the description is extreme'
             )
+        before = self._inputs if count == 1 else inputs[-2]
+        # The bits are compared: a step that changes none of them, with inputs that stay, will
+        # not do so in the next step either.
+        self._is_steady = (
+            states[count].tobytes() == states[count - 1].tobytes()
+            and inputs[-1].tobytes() == before.tobytes()
+        )
+        self._state[: at.STATE_ROWS, 0] = states[count]
+        self._inputs = inputs[-1]
 
-    def _compute_inputs(self, guide_m: float, tendon_m: float) -> FloatArray:
-        inputs = np.zeros(at.INPUTS)
-        inputs[at.TENDON_INPUT], inputs[at.GUIDE_INPUT] = tendon_m, guide_m
-        away_m = abs(guide_m - self._scene.guide_m)
-        inputs[at.PRESENT_INPUT] = away_m <= self._scene.half_width_m
-        return inputs
+    def _compute_inputs(self, guide_m: FloatArray, tendon_m: FloatArray) -> FloatArray:
+        return self._scene.compute_inputs(tendon_m, guide_m)
 
     def _read(self, row: int) -> float:
         assert self._state is not None

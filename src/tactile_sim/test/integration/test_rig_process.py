@@ -156,8 +156,14 @@ def test_several_rigs_share_a_process_and_have_noise_of_their_own(tmp_path):
                 or len(found) >= 30,
                 'too few lines',
             )
-        with pytest.raises(RigError, match='2 rigs take no requests'):
-            rig.truth()
+        rig.mount('texture', 'C2', 'abduction', rig=1)
+        assert [rig.truth(rig=i)['mount']['object'] for i in range(2)] == ['none', 'C2']
+        rig.fault('sensor', 'unplug', rig=1)
+        wait_until(lambda: not os.path.lexists(folders[1] / 'sensor'), 'it is not unplugged')
+        assert os.path.lexists(folders[0] / 'sensor')
+        for number in (None, 2):
+            with pytest.raises(RigError, match='it must be a number from 0 to 1'):
+                rig.truth(rig=number)
     values = [[reading.value for reading in found[:30]] for found in readings]
     assert values[0] != values[1]
     assert [list(folder.iterdir()) for folder in folders] == [[], []]
