@@ -12,11 +12,9 @@ import sys
 import time
 from typing import Any
 
-from rich.console import Console
-from rich.table import Table
-
 from benchmarks.measuring import Report
 from benchmarks.topics import TOPICS
+from tactile_lab.console import PlainConsole, Table
 
 DESCRIPTION = """Measure speed, error and accuracy. docs/benchmarks.md explains the results.
 
@@ -42,8 +40,7 @@ examples:
 def main() -> int:
     """Run the topics that the arguments name."""
     arguments = _parse_arguments()
-    out = Console() if sys.stdout.isatty() else Console(width=100)
-    progress = Console(stderr=True)
+    out, progress = PlainConsole(), PlainConsole(stderr=True)
     documents = {}
     within = True
     for topic in TOPICS:
@@ -53,10 +50,10 @@ def main() -> int:
         try:
             report = topic.find()(arguments.quick)
         except ModuleNotFoundError as error:
-            progress.print(f'{topic.name} needs {error.name}: pip install {error.name}')
+            progress.say(f'{topic.name} needs {error.name}: pip install {error.name}')
             within = False
             continue
-        progress.print(f'{topic.name}: {time.perf_counter() - start_s:.0f} s', style='dim')
+        progress.say(f'{topic.name}: {time.perf_counter() - start_s:.0f} s', style='dim')
         within &= all(row.bound is None or row.error <= row.bound for row in report.rows)
         documents[topic.name] = dataclasses.asdict(report)
         if not arguments.json:
@@ -104,10 +101,8 @@ def _list_topics() -> str:
     return f'topics (* only when named):\n{"".join(lines)}\n'
 
 
-def _print(report: Report, out: Console) -> None:
+def _print(report: Report, out: PlainConsole) -> None:
     rows = report.rows
-    table = Table(title=report.title, title_justify='left', title_style='bold')
-    table.add_column('case')
     columns: list[tuple[str, Any]] = []
     if any(row.ratio for row in rows):
         columns.append(('time / floor', lambda row: _ratio(row.ratio)))
@@ -118,15 +113,14 @@ def _print(report: Report, out: Console) -> None:
     for title, name in (('error', 'error'), ('bound', 'bound'), ('floor error', 'floor_error')):
         if any(getattr(row, name) is not None for row in rows):
             columns.append((title, lambda row, name=name: _number(getattr(row, name))))
-    for title, _ in columns:
-        table.add_column(title, justify='right')
+    table = Table('case', *(title for title, _ in columns), title=report.title, right_from=1)
     for row in rows:
         table.add_row(row.case, *(cell(row) for _, cell in columns))
-    out.print(table)
+    out.say_table(table)
     for name in ('floor', 'error'):
         if text := getattr(report, name):
-            out.print(f'{name}: {text}', highlight=False)
-    out.print()
+            out.say(f'{name}: {text}')
+    out.say('')
 
 
 def _ratio(ratio: Any) -> str:

@@ -71,6 +71,7 @@ SeedOption = Annotated[
     typer.Option(
         min=0,
         max=2**32 - 1,
+        metavar='INT',  # short, so that the help has room for its other columns
         help='Seed of all random numbers: the same seed gives the same results.',
     ),
 ]
@@ -117,8 +118,6 @@ class ArchiveOptions:
     crop: Annotated[
         Optional[str],
         typer.Option(
-            '--crop',
-            '--static-phase',
             help='Part of each trial of an archive that counts, in seconds, as in --crop 1:5. '
             'Default: all of it.',
         ),
@@ -256,7 +255,7 @@ ClusterOption = Annotated[
     str,
     typer.Option(
         metavar='ADDRESS',
-        help='Compute on the workers of this Dask scheduler, such as tcp://192.168.1.10:8786. '
+        help='Compute on the workers of this Dask scheduler, such as tcp://HOST:8786. '
         'These packages must be installed there, too. The results are equal, bit for bit.',
     ),
 ]

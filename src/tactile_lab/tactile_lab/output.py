@@ -16,10 +16,8 @@ import os
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
-from rich.console import Console
-from rich.text import Text
-
-from tactile_ros.errors import plain_text, TactileError
+from tactile_lab.console import PlainConsole, Table
+from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
     import pyarrow
@@ -32,28 +30,21 @@ PICTURES = ('.png', '.svg', '.pdf')
 """Ends of names of files that commands write."""
 
 
-_PLAIN: dict[str, Any] = {'markup': False, 'emoji': False, 'highlight': False}
-
-
-class _PlainConsole(Console):
-    """A console for names of others: nothing in a text or cell is an order to the terminal."""
-
-    def render_str(self, text: str, **options: Any) -> Text:
-        return super().render_str(plain_text(text, '\n\t'), **options)
-
-
 class Output:
     """The terminal of one command; ``as_json``: the result is wanted as JSON."""
 
     def __init__(self, as_json: bool) -> None:
         self.as_json = as_json
-        self._err = _PlainConsole(stderr=True, **_PLAIN)
-        self._out = self._err if as_json else _PlainConsole(**_PLAIN)
+        self._err = PlainConsole(stderr=True)
+        self._out = self._err if as_json else PlainConsole()
 
-    def say(self, *texts: Any, markup: bool | None = None) -> None:
+    def say(self, *texts: str | Table, markup: bool = False) -> None:
         """Print lines or tables for people; ``markup``: True where the lines hold rich's."""
         for text in texts:
-            self._out.print(text, soft_wrap=isinstance(text, str), markup=markup)
+            if isinstance(text, Table):
+                self._out.say_table(text)
+            else:
+                self._out.say(text, markup=markup)
 
     def say_audits(self, audits: Iterable[Audit]) -> None:
         """Print what is missing, doubled or out of order; one line where nothing is."""
@@ -70,7 +61,13 @@ class Output:
 
     @contextmanager
     def progress(self, title: str) -> Iterator[Callable[..., None]]:
-        """Show a bar while the block runs; give what sets how much of how much is done."""
+        """Show a bar while the block runs; give what sets how much of how much is done.
+
+        Where standard error is no terminal there is no bar.
+        """
+        if not self._err.file.isatty():
+            yield lambda *_: None
+            return
         from rich.progress import (
             BarColumn,
             MofNCompleteColumn,

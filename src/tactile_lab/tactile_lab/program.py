@@ -26,7 +26,8 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
 
-from tactile_ros.errors import plain_text, TactileError
+from tactile_lab.usage import plain_errors, say_refusal, WholeNames
+from tactile_ros.errors import TactileError
 from tactile_ros.process import choose_transports, held_signals
 
 COMMANDS = {
@@ -67,7 +68,10 @@ ELSEWHERE = {'import': ('import_recordings', 'import_recordings'), 'hand': ('sen
 UNTIL_A_SIGNAL = {'rig', 'sense', 'hand', 'watch'}
 """These run until SIGINT or SIGTERM, which is their regular end. The others are interrupted."""
 
-RENAMED = {'--model': '--models', '--protocol': '--task', '--running': '--partial'}
+RENAMED = {
+    '--model': '--models', '--protocol': '--task', '--running': '--partial',
+    '--static-phase': '--crop',
+}  # fmt: skip
 """Options of version 0.1, with their new names."""
 
 OF_ROS = {
@@ -76,9 +80,6 @@ OF_ROS = {
     'sensor_msgs', 'std_msgs', 'std_srvs', 'tactile_msgs',
 }  # fmt: skip
 """Packages that a Python without ROS 2 lacks."""
-
-LONGEST_REFUSAL = 4_000
-"""Characters of a refusal that are printed: a name of others in it has no end."""
 
 REFUSALS = {
     'tactile_bringup.trial_protocols.ProtocolError',
@@ -94,7 +95,7 @@ _CLICK_ERRORS = getattr(getattr(typer.core, 'click', None), 'exceptions', None)
 _SUGGESTIONS = {'suggest_commands': False} if hasattr(_CLICK_ERRORS, 'NoSuchCommand') else {}
 
 
-class StrictCommand(TyperCommand):
+class StrictCommand(WholeNames, TyperCommand):
     """Refuses an option that is given twice where only the last one counts, and old names."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
@@ -121,12 +122,20 @@ class StrictCommand(TyperCommand):
         return super().parse_args(ctx, args)
 
 
-class LazyGroup(TyperGroup):
+class LazyGroup(WholeNames, TyperGroup):
     """The commands of the table: named by it, loaded once one is called or asked for its help."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         self.commands = {name: TyperCommand(name, help=line) for name, line in COMMANDS.items()}
+
+    def make_context(self, *arguments: Any, **options: Any) -> Any:
+        with plain_errors():
+            return super().make_context(*arguments, **options)
+
+    def invoke(self, ctx: Any) -> Any:
+        with plain_errors():
+            return super().invoke(ctx)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         name, command, rest = super().resolve_command(ctx, args)
@@ -185,8 +194,7 @@ def _refusals() -> Iterator[None]:
     except Exception as error:
         if not {f'{c.__module__}.{c.__qualname__}' for c in type(error).__mro__} & REFUSALS:
             raise
-        text = plain_text(f'tactile: {error}', '\n\t')
-        typer.echo(text[:LONGEST_REFUSAL] + ' ...' * (len(text) > LONGEST_REFUSAL), err=True)
+        say_refusal(str(error))
         raise typer.Exit(2) from error
 
 

@@ -18,12 +18,11 @@ from typing import Annotated, Optional, TYPE_CHECKING
 import typer
 
 from tactile_lab import options
+from tactile_lab.console import Table
 from tactile_lab.output import Output
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from tactile_lab.devices.load_cell import LoadCellFit, Reading
     from tactile_ros.strain import StrainBlock
     from tendon_sensor_driver.records import TendonSensorConfig
@@ -226,13 +225,10 @@ def _config(stated: dict[str, object]) -> 'TendonSensorConfig':
     return config
 
 
-def _as_table(fit: 'LoadCellFit', gravity_m_s2: float, simulated: bool) -> 'Table':
-    from rich.table import Table
-
-    mark = ', SIMULATED' if simulated else ''
-    table = Table(title=f'load cell{mark}', title_justify='left', title_style='bold')
-    for title in ('weight [kg]', 'way', 'force [N]', 'read [N]', 'error of the line [N]'):
-        table.add_column(title, justify='right')
+def _as_table(fit: 'LoadCellFit', gravity_m_s2: float, simulated: bool) -> Table:
+    header = ('weight [kg]', 'way', 'force [N]', 'read [N]', 'error of the line [N]')
+    title = 'load cell, SIMULATED' if simulated else 'load cell'
+    table = Table(*header, title=title, right_from=0)
     for reading, residual_n in zip(fit.readings, fit.residuals_n, strict=True):
         table.add_row(
             f'{reading.mass_kg:g}',

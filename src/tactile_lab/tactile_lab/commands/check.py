@@ -11,12 +11,11 @@ from typing import Annotated, Any, TYPE_CHECKING
 import typer
 
 from tactile_lab import options
+from tactile_lab.console import Prose, Table
 from tactile_lab.output import Output
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from tactile_lab.devices.checks import CheckReport
 
 _NODES = {'sensor': 'tendon_sensor', 'guide': 'linear_guide', 'tendon': 'tendon_actuator'}
@@ -136,19 +135,14 @@ def _list_checks(
         yield checks.check_tendon(tendon, may_move)
 
 
-def _as_table(report: 'CheckReport') -> 'Table':
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(
-        title=f'{report.device} on {report.link}', title_justify='left', show_header=False
-    )
+def _as_table(report: 'CheckReport') -> Table:
+    table = Table(title=f'{report.device} on {report.link}')
     for name, value in report.facts.items():
-        table.add_row(name, str(value))
+        table.add_row(name, Prose(value))
     for problem in report.problems:
-        table.add_row(Text('WRONG', style='red'), problem.what)
+        table.add_row('WRONG', Prose(problem.what), style='red')
         if problem.remedy:
-            table.add_row('remedy', problem.remedy)
+            table.add_row('remedy', Prose(problem.remedy))
     if not report.problems:
-        table.add_row(Text('fit for trials', style='green'), 'yes')
+        table.add_row('fit for trials', 'yes', style='green')
     return table

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Optional, TYPE_CHECKING
 import typer
 
 from tactile_lab import options
+from tactile_lab.console import Table
 from tactile_lab.output import Output
 from tactile_ros.errors import TactileError
 
@@ -103,16 +104,12 @@ def compare(
 
 
 def _print(compared: 'Compared', output: Output) -> None:
-    from rich.table import Table
-
     from tactile_lab.datasets.model_pairs import SIDES
 
     comparison = compared.comparison
     sides = (comparison.a, comparison.b)
-    table = Table(title=compared.title, title_justify='left', title_style='bold')
-    table.add_column('')
-    for side, each in zip(SIDES, compared.contenders, strict=True):
-        table.add_column(f'{side}: {each.title}', justify='right')
+    titles = (f'{side}: {c.title}' for side, c in zip(SIDES, compared.contenders, strict=True))
+    table = Table('', *titles, title=compared.title, right_from=1)
     table.add_row('features', *(each.model.spec.feature_set for each in compared.contenders))
     table.add_row('named correctly', *map(_format_accuracy, sides))
     table.add_row('right, where it gives a label', *map(_format_answered, sides))

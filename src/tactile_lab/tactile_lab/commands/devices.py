@@ -10,11 +10,10 @@ from typing import Annotated, Optional, TYPE_CHECKING
 import typer
 
 from tactile_lab import options
+from tactile_lab.console import Prose, Table
 from tactile_lab.output import Output
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from tactile_lab.devices.device_probe import FoundDevice
 
 
@@ -98,17 +97,14 @@ def devices(
     output.result({'devices': [asdict(device) for device in found]})
 
 
-def _as_table(found: Sequence['FoundDevice']) -> 'Table':
-    from rich.table import Table
-
+def _as_table(found: Sequence['FoundDevice']) -> Table:
     table = Table('port', 'device', 'what is there', 'parameters', 'other names')
     for device in found:
-        cells = (
+        table.add_row(
             device.port,
             device.device or '-',
-            '\n'.join(filter(None, (device.what, device.usb))),
-            '\n'.join(f'{name}: {value}' for name, value in device.parameters.items()),
-            '\n'.join(device.names),
+            Prose('; '.join(filter(None, (device.what, device.usb)))),
+            [f'{name}: {value}' for name, value in device.parameters.items()],
+            device.names,
         )
-        table.add_row(*cells)
     return table

@@ -14,6 +14,7 @@ from typer.core import TyperGroup
 
 from tactile_lab import options
 from tactile_lab.output import named_errors, Output, refuse_to_replace, write_atomically
+from tactile_lab.usage import WholeNames
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from tactile_lab.experiment.plan import ExperimentPlan, PlannedTrial
 
 
-class RunByDefault(TyperGroup):
+class RunByDefault(WholeNames, TyperGroup):
     """Takes ``tactile experiment PLAN`` as ``tactile experiment run PLAN``."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:

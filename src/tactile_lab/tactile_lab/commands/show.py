@@ -10,6 +10,7 @@ from typing import Annotated, Any, NamedTuple, Optional, TYPE_CHECKING
 import typer
 
 from tactile_lab import options
+from tactile_lab.console import Cell, Prose, Table
 from tactile_lab.output import named_errors, Output, PICTURES, refuse_suffix
 from tactile_ros.errors import TactileError
 
@@ -28,7 +29,7 @@ class Contents(NamedTuple):
     """
 
     kind: str
-    facts: dict[str, str]
+    facts: dict[str, Cell]
     trials: list[dict[str, Any]]
     details: dict[str, Any]
 
@@ -76,7 +77,11 @@ def show(
     _print(path, contents, output)
     if plot is not None:
         output.say(f'{plot}: {drawn}')
-    found = {'kind': contents.kind, 'facts': contents.facts, 'trials': contents.trials}
+    facts = {
+        name: value if isinstance(value, str) else ', '.join(value)
+        for name, value in contents.facts.items()
+    }
+    found = {'kind': contents.kind, 'facts': facts, 'trials': contents.trials}
     output.result({'path': str(path), **found, **contents.details})
 
 
@@ -104,9 +109,9 @@ def describe_recording(recording: 'Recording') -> Contents:
         return _describe_archive(recording)
     trials = [_describe_trial(number, each) for number, each in enumerate(recording.trials, 1)]
     sessions = {each.session_id for each in recording.trials}
-    facts = {
+    facts: dict[str, Cell] = {
         'trials': str(len(trials)),
-        'objects': ', '.join(sorted({each.label for each in recording.trials})) or 'none',
+        'objects': sorted({each.label for each in recording.trials}) or 'none',
         'sessions': str(len(sessions)),
         'simulated': 'SIMULATED' if any(t.simulated for t in recording.trials) else 'no',
         'unit': recording.unit or 'not known',
@@ -119,10 +124,9 @@ def describe_recording(recording: 'Recording') -> Contents:
             known = topics.setdefault(name, {'type': kind, 'messages': 0})
             known['messages'] += count
         if bag.recovered:
-            facts['not closed'] = bag.recovered
+            facts['not closed'] = Prose(bag.recovered)
     if topics:
-        found = (f'{name} ({topic["messages"]})' for name, topic in topics.items())
-        facts['topics'] = '; '.join(found)
+        facts['topics'] = [f'{name} ({topic["messages"]})' for name, topic in topics.items()]
     kind = 'bag' if recording.is_own else recording.kind
     return Contents(kind, facts, trials, {'topics': topics, 'notes': recording.notes})
 
@@ -155,17 +159,18 @@ def _describe_archive(recording: 'Recording') -> Contents:
     archive = recording.to_arrays(skip_bad=True)
     labels, counts = np.unique(archive.label, return_counts=True)
     seconds = archive.lengths / archive.rate_hz
-    facts = {
+    facts: dict[str, Cell] = {
         'trials': str(len(archive)),
-        'labels': ', '.join(f'{a} ({n})' for a, n in zip(labels, counts, strict=True)),
+        'labels': [f'{a} ({n})' for a, n in zip(labels, counts, strict=True)],
         'sample rate': f'{archive.rate_hz:g} Hz',
         'unit': archive.unit or 'not known',
         'channels': str(archive.x.shape[1]),
         'length': f'{seconds.min():.3g} to {seconds.max():.3g} s',
-        'columns': ', '.join(archive.columns) or 'none',
+        'columns': list(archive.columns) or 'none',
     }
     if archive.skipped:
-        facts['unusable'] = '; '.join(f'row {s.row}: {s.reason}' for s in archive.skipped[:5])
+        reasons = (f'row {s.row}: {s.reason}' for s in archive.skipped[:5])
+        facts['unusable'] = Prose('; '.join(reasons))
     own = {'trial', 'label', 'seconds'}
     trials = [
         {
@@ -194,7 +199,7 @@ def describe_card(path: Path) -> Contents:
         'model_id': model.model_id,
         'versions': dict(model.manifest.versions),
     }
-    return Contents('model', list_facts(model.manifest), [], details)
+    return Contents('model', {**list_facts(model.manifest)}, [], details)
 
 
 def _draw(plot: Path, path: Path, recording: 'Recording', trial: Optional[int]) -> str:
@@ -224,13 +229,11 @@ def _draw(plot: Path, path: Path, recording: 'Recording', trial: Optional[int]) 
 
 
 def _print(path: Path, contents: Contents, output: Output) -> None:
-    from rich.table import Table
-
     if 'card' in contents.details:
         model_id, card = contents.details['model_id'], contents.details['card']
         output.say(f'{path}: {model_id}', card)
         return
-    facts = Table(title=f'{contents.kind} {path}', title_justify='left', show_header=False)
+    facts = Table(title=f'{contents.kind} {path}')
     for name, value in contents.facts.items():
         facts.add_row(name, value)
     output.say(facts)
@@ -239,7 +242,7 @@ def _print(path: Path, contents: Contents, output: Output) -> None:
     shown, same = _split_columns(contents.trials)
     table = Table(*shown)
     for entry in contents.trials[:SHOWN]:
-        table.add_row(*(_format_value(entry[name]) for name in shown))
+        table.add_row(*(_format_cell(name, entry[name]) for name in shown))
     output.say(table)
     if same:
         output.say(f'all trials: {same}')
@@ -259,6 +262,10 @@ def _split_columns(trials: Sequence[dict[str, Any]]) -> tuple[list[str], str]:
         return names, ''
     stated = (f'{name} {value}' for name, value in same.items() if value)
     return [name for name in names if name not in same], ', '.join(stated)
+
+
+def _format_cell(name: str, value: Any) -> Cell:
+    return Prose(value) if name == 'does not count' else _format_value(value)
 
 
 def _format_value(value: Any) -> str:

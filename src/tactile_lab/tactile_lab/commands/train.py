@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from tactile_lab.datasets.feature_tables import FeatureTables, RecordingFeatures
 
 
+CLASSIFIERS = ('knn', 'svm_linear', 'svm_rbf', 'tree', 'rocket')
+
+
 @dataclass(frozen=True)
 class TrainedModel:
     """One model file, the accuracies beside it, and the table that it came from."""
@@ -58,9 +61,10 @@ def train(
     classifier: Annotated[
         Optional[str],
         typer.Option(
-            **options.choice('knn', 'svm_linear', 'svm_rbf', 'tree', 'rocket'),
-            help='Which one goes into the model file. Default: the folds choose features, '
-            'classifier and scaling. With one of these, features are the recorded ones.',
+            **{**options.choice(*CLASSIFIERS), 'metavar': 'NAME'},  # else no room for the help
+            help=f'Which one goes into the model file: {", ".join(CLASSIFIERS)}. Default: the '
+            'folds choose features, classifier and scaling. With one of these, features are the '
+            'recorded ones.',
         ),
     ] = None,
     scaling: Annotated[
@@ -75,6 +79,7 @@ def train(
         float,
         typer.Option(
             '--false-alarms',
+            metavar='SHARE',
             min=0.001,
             max=0.5,
             help='False rejection rate: share of trials with known labels that the model may '
@@ -92,6 +97,7 @@ def train(
         float,
         typer.Option(
             '--stop-error',
+            metavar='SHARE',
             min=0.001,
             max=0.5,
             help='Share of wrong labels among trials that are decided before the window is full.',
@@ -110,8 +116,8 @@ def train(
     features: Annotated[
         Optional[str],
         typer.Option(
-            help='Sets of features, as in --features glide_waveform,hold_waveform; the '
-            'classifier rocket needs these. Default, and with auto: chosen by the folds; the '
+            help='Sets of features, with commas. The classifier rocket needs glide_waveform or '
+            'hold_waveform. Default, and with auto: chosen by the folds; the '
             'recorded ones with --classifier, --over, --detrend or --partial.'
         ),
     ] = None,

@@ -8,8 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, TYPE_CHECKING
 
-from rich.table import Table
-
 from tactile_classifier.evaluation.cross_validation import Evaluation
 from tactile_classifier.evaluation.intervals import Interval
 from tactile_classifier.records import (
@@ -18,6 +16,7 @@ from tactile_classifier.records import (
     SCALING_TITLES,
     short_scaling,
 )
+from tactile_lab.console import Table
 
 if TYPE_CHECKING:
     from tactile_classifier.model_file.manifest import Manifest
@@ -54,11 +53,8 @@ def format_nested(choice: FeatureChoice) -> str:
 def accuracy_table(evaluation: Evaluation, title: str, *, intervals: bool = False) -> Table:
     """Return accuracies [%] by classifier and scaling, with their spread, and intervals."""
     scalings = list(dict.fromkeys(score.scaling for score in evaluation.scores))
-    table = Table(title=title, title_justify='left', title_style='bold')
-    table.add_column('classifier')
-    for scaling in scalings:
-        title = short_scaling(scaling) if intervals else SCALING_TITLES[scaling]
-        table.add_column(title, justify='right')
+    headings = (short_scaling(s) if intervals else SCALING_TITLES[s] for s in scalings)
+    table = Table('classifier', *headings, title=title, right_from=1)
     for classifier in dict.fromkeys(score.classifier for score in evaluation.scores):
         cells = []
         of_it = [score for score in evaluation.scores if score.classifier == classifier]

@@ -95,7 +95,7 @@ def test_resampling_and_crop_are_stated(save):
     said = hear_tactile('evaluate', path, *HOLDS, '--resample-hz', '60', '--crop', '0.5:1.5')
     assert 'channel 0, at 60 Hz, 0.5 to 1.5 s' in said
     assert 'resampled from 100 to 60 Hz: polyphase filter 3/5' in said
-    said = hear_tactile('evaluate', path, *HOLDS, '--static-phase', '0.5:1.5')  # its first name
+    said = hear_tactile('evaluate', path, *HOLDS, '--crop', '0.5:1.5')
     assert 'channel 0, 0.5 to 1.5 s' in said
     assert 'cut to the first 1.9 s' in hear_tactile('evaluate', path, *HOLDS)
 

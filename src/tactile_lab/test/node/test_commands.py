@@ -33,7 +33,7 @@ def archive(tmp_path):
         (['--task', 'texture', '--group', 'colour'], 'no column "colour"'),
         (['--task', 'texture', '--channel', '1'], 'no channel 1'),
         (['--task', 'texture', '--channel', 'one'], '--channel'),
-        (['--task', 'texture', '--static-phase', '4'], 'START:STOP'),
+        (['--task', 'texture', '--crop', '4'], 'START:STOP'),
         (['--task', 'texture', '--features', 'loudness'], 'loudness'),
     ],
 )

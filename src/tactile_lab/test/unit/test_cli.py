@@ -48,6 +48,7 @@ def test_what_is_mistyped_is_named_once(arguments):
     [
         (['train', 'bag', '--running', '0.5'], '--partial'),
         (['sense', '--simulated', '--model=models'], '--models'),
+        (['evaluate', 'trials.npz', '--static-phase', '1:5'], '--crop'),
         (['experiment', 'new', 'x.yaml', '--objects', 'R1', '--protocol=texture'], '--task'),
     ],
 )

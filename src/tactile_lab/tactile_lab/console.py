@@ -1,0 +1,154 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Lines and tables on a terminal or in a pipe, in which no value is broken.
+
+A pipe gets one row per line, however long, so that `grep` finds a name or a path in it. On a
+terminal, tables fold sentences between words and lists between values. Lines of text get no line
+breaks: the terminal wraps them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, TypeAlias
+
+from rich.cells import cell_len, set_cell_size
+from rich.console import Console
+import rich.table
+from rich.text import Text
+
+from tactile_ros.errors import plain_text
+
+GAP = '  '
+"""Between the columns of a table in a pipe."""
+
+
+class Prose(str):
+    """A cell that may fold between words, such as a sentence."""
+
+    __slots__ = ()
+
+
+Cell: TypeAlias = str | Sequence[str]
+"""A value, a `Prose`, or a list of values."""
+
+
+class Table:
+    """Rows of cells.
+
+    Parameters
+    ----------
+    *header : str
+        Names of the columns. Without any, the table has no line for them.
+    title : str
+        Printed above the table as a line of text.
+    right_from : int, optional
+        Columns from this index on are aligned right, such as numbers.
+    """
+
+    def __init__(self, *header: str, title: str = '', right_from: int | None = None) -> None:
+        self.title = title
+        self.header = header
+        self._right_from = right_from
+        self._rows: list[tuple[list[list[str]], str]] = []
+
+    def add_row(self, *cells: Cell, style: str = '') -> None:
+        """Append a row; ``style`` is a style of rich for the terminal, such as red."""
+        self._rows.append(([_split(cell) for cell in cells], style))
+
+    def plain_lines(self) -> Iterator[str]:
+        """Yield a line for the header, if there is one, and for each row."""
+        rows = [[' '.join(cell) for cell in row] for row, _ in self._rows]
+        if self.header:
+            rows.insert(0, [plain_text(name) for name in self.header])
+        widths = [max(map(cell_len, column)) for column in zip(*rows, strict=True)]
+        for row in rows:
+            cells = [
+                ' ' * (width - cell_len(cell)) + cell
+                if self._is_right(i)
+                else set_cell_size(cell, width)
+                for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+            ]
+            yield GAP.join(cells).rstrip()
+
+    def fit(self, width: int) -> rich.table.Table:
+        """Return the table as rich draws it, no wider than this unless a value needs it."""
+        header = [[plain_text(name)] for name in self.header]
+        rows = [row for row, _ in self._rows]
+        columns = list(zip(*([header] if header else []), *rows, strict=True))
+        borders = 3 * len(columns) + 1
+        widths = _share(
+            [max(cell_len(part) for cell in column for part in [*cell, '']) for column in columns],
+            [max(cell_len(' '.join(cell)) for cell in column) for column in columns],
+            width - borders,
+        )
+        drawn = rich.table.Table(show_header=bool(header), width=sum(widths) + borders)
+        for i, (each, at_most) in enumerate(zip(columns, widths, strict=True)):
+            name = Text(each[0][0]) if header else ''
+            justify: Any = 'right' if self._is_right(i) else 'left'
+            drawn.add_column(name, width=at_most, no_wrap=True, justify=justify)
+        for row, style in self._rows:
+            lines = (_fold(cell, at_most) for cell, at_most in zip(row, widths, strict=True))
+            drawn.add_row(*map(Text, lines), style=style)
+        return drawn
+
+    def _is_right(self, column: int) -> bool:
+        return self._right_from is not None and column >= self._right_from
+
+
+def _split(cell: Cell) -> list[str]:
+    """Return the parts of a cell, none of which is broken."""
+    if isinstance(cell, Prose):
+        parts = cell.split()
+    elif isinstance(cell, str):
+        parts = [cell]
+    else:
+        parts = [f'{value},' for value in cell[:-1]] + list(cell[-1:])
+    return [plain_text(part) for part in parts]
+
+
+def _fold(parts: Sequence[str], width: int) -> str:
+    """Return the parts in lines no wider than this, unless one part is."""
+    lines: list[str] = []
+    for part in parts:
+        if lines and cell_len(lines[-1]) + 1 + cell_len(part) <= width:
+            lines[-1] += f' {part}'
+        else:
+            lines.append(part)
+    return '\n'.join(lines)
+
+
+def _share(least: Sequence[int], wanted: Sequence[int], width: int) -> list[int]:
+    """Return a width for each column: at least the least, and what is left to the narrow ones."""
+    widths = list(least)
+    for _ in range(width - sum(least)):
+        growing = [i for i, each in enumerate(widths) if each < wanted[i]]
+        if not growing:
+            break
+        widths[min(growing, key=lambda i: widths[i])] += 1
+    return widths
+
+
+class PlainConsole(Console):
+    """A console for names of others: nothing in a text or cell is an order to the terminal."""
+
+    def __init__(self, *, stderr: bool = False) -> None:
+        super().__init__(stderr=stderr, markup=False, emoji=False, highlight=False)
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        return super().render_str(plain_text(text, '\n\t'), **options)
+
+    def say(self, text: str, *, markup: bool = False, style: str = '') -> None:
+        """Print lines of text, without a line break more than they have."""
+        self.print(text, soft_wrap=True, markup=markup, style=style)
+
+    def say_table(self, table: Table) -> None:
+        """Print a table."""
+        if table.title:
+            self.say(table.title, style='bold')
+        if self.file.isatty():
+            self.print(table.fit(self.width), soft_wrap=True)
+        else:
+            for line in table.plain_lines():
+                self.say(line)
