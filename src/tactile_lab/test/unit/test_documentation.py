@@ -26,7 +26,6 @@ FIRST_PAGES = (
     'README.md',
     *(f'docs/{p}.md' for p in ('index', 'on_your_hand', 'your_rig', 'your_data')),
 )
-GENERATED = {'parameters.md', 'interfaces.md', 'layout.md', 'simulator_constants.md'}
 INTERFACES = sorted((ROOT / 'src' / 'tactile_msgs').glob('*/*.*'))
 UNITLESS = {
     'bool',
@@ -138,13 +137,11 @@ def test_every_page_is_in_the_index():
     assert [p.name for p in DOCS.glob('*.md') if f'({p.name})' not in index] == ['index.md']
 
 
-def test_the_documentation_is_short():
+def test_what_a_user_reads_first_is_short():
     def count(pages):
         return sum(len(re.findall(r'\S*\w\S*', page.read_text())) for page in pages)
 
     assert count(ROOT / name for name in FIRST_PAGES) < 6_000
-    written = [*DOCS.glob('*.md'), *DOCS.glob('decisions/*.md')]
-    assert count(page for page in written if page.name not in GENERATED) < 20_000
     assert len((ROOT / 'README.md').read_text().splitlines()) < 120
 
 
