@@ -18,6 +18,7 @@ from tactile_msgs.msg import StrainBlock
 from tactile_ros.goals import Goal, GoalAborted, GoalRunner
 from tactile_ros.health import ERROR, Health, OK, WARN
 from tactile_ros.qos import NEWEST
+from tactile_ros.refusal import Refusal
 from tactile_ros.strain import NOT_LIVE
 
 
@@ -101,7 +102,7 @@ class LinearGuideNode(MotionNode):
 
         self.wait_for_peers(goal, awaits)
         if loss := self.find_peer_loss():
-            raise GoalAborted(loss, **self._find_rest())
+            raise GoalAborted(str(loss), **self._find_rest())
 
     def _watch_strain(self, timeout_s: float) -> None:
         watchdog = TopicWatchdog('tendon_sensor/strain', timeout_s)
@@ -113,12 +114,12 @@ class LinearGuideNode(MotionNode):
 
         self.poll(StrainBlock, 'tendon_sensor/strain', hear, NEWEST)
 
-    def find_peer_loss(self) -> str:
+    def find_peer_loss(self) -> Refusal | None:
         self.poll_now()  # samples are taken when something is judged by them
         self._latch.check(time.monotonic_ns())
         return super().find_peer_loss()
 
-    def find_loss(self) -> str:
+    def find_loss(self) -> Refusal | None:
         return self.find_peer_loss()
 
     @staticmethod
@@ -142,7 +143,7 @@ class LinearGuideNode(MotionNode):
             message = 'The connection to the guide is lost: it may still move.'
         elif self.is_busy:
             message = 'The guide brakes; the running goal ends when it is at rest.'
-        self._loss = self._latch.format_loss(time.monotonic_ns())
+        self._loss = str(self._latch.find_loss(time.monotonic_ns()) or '')
         self.stop()
         return is_well, message
 
@@ -155,7 +156,7 @@ class LinearGuideNode(MotionNode):
 
     def find_obstacles(self) -> list[str]:
         trouble = f'{self._format_trouble()}.' if self._client.trouble else ''
-        return [sentence for sentence in (trouble, self.find_peer_loss()) if sentence]
+        return [str(each) for each in (trouble, self.find_peer_loss()) if each]
 
     def judge_health(self, state: GuideState) -> Health:
         client = self._client

@@ -134,7 +134,7 @@ class RigStop:
         self._node.poll_now()
         now_ns = time.monotonic_ns()
         self._latch.check(now_ns)
-        return self._latch.find_refusal(now_ns)
+        return self._latch.find_loss(now_ns)
 
     # -- inside --------------------------------------------------------------------------------
 
@@ -179,9 +179,10 @@ class _Activity:
     def __init__(self, node: MotionNode) -> None:
         self._node = node
 
-    def format_loss(self, now_ns: int) -> str:
-        device = self._node.device
-        return '' if self._node.is_active else f'The {device} is not active; activate its node.'
+    def find_loss(self, now_ns: int) -> Refusal | None:
+        if self._node.is_active:
+            return None
+        return Refusal(f'The {self._node.device} is not active', 'activate its node')
 
 
 class MotionNode(PollingNode):
@@ -229,9 +230,9 @@ class MotionNode(PollingNode):
     def on_stop_change(self) -> None:
         """Act on a change of the rig's stopped state; on any thread."""
 
-    def find_loss(self) -> str:
+    def find_loss(self) -> Refusal | None:
         """Return why a running motion must end, for a client that does not know it itself."""
-        return ''
+        return None
 
     def set_up(self, config: Any) -> None:
         self._joint_states = self.create_stream_publisher(JointState, '~/joint_states')
@@ -289,8 +290,8 @@ class MotionNode(PollingNode):
         self._heartbeat = self._joint_states = self._rig_stop = None
         self._parts.close()
 
-    def find_peer_loss(self) -> str:
-        """Return which node or topic is lost and what to do; empty when none is."""
+    def find_peer_loss(self) -> Refusal | None:
+        """Return which node or topic is lost, or None."""
         return find_loss(self._watches, time.monotonic_ns())
 
     # -- goals of a subclass -------------------------------------------------------------------
@@ -330,7 +331,7 @@ class MotionNode(PollingNode):
 
         def should_stop() -> bool:
             if not goal.end_requested and (loss := self.find_loss()):
-                self._loss = loss
+                self._loss = str(loss)
                 self.get_logger().error(f'{loss} The {self.device} brakes.')
                 goal.request_end()
             return goal.end_requested

@@ -135,6 +135,54 @@ class TendonActuatorConfig(_MotionConfig):
     abduction_limit_n: float = parameter(
         3.0, 'tension at which an abduction pull is released', unit='N', range=(0.1, 200.0)
     )
+    flexion_current_a: float = parameter(
+        0.15,
+        'largest motor current of a flexion pull, at most current_limit_a: friction_current_a + '
+        '1.5 x flexion_limit_n x pulley_radius_m / torque_constant_nm_a',
+        unit='A',
+        range=(0.02, 3.0),
+    )
+    abduction_current_a: float = parameter(
+        0.05,
+        'largest motor current of an abduction pull and of homing: the same with '
+        'abduction_limit_n',
+        unit='A',
+        range=(0.02, 3.0),
+    )
+    torque_constant_nm_a: float = parameter(
+        1.78,
+        'torque of the servo per motor current, from its stall at 12 V: XM430-W350 4.1 N m at '
+        '2.3 A; for an XM430-W210 set 1.3 (3.0 N m at 2.3 A)',
+        unit='N m/A',
+        range=(0.01, 100.0),
+    )
+    friction_current_a: float = parameter(
+        0.02,
+        'motor current that tightens a slack tendon: the mean of current_a in the diagnostics '
+        'during a slow pull with a free, slack tendon',
+        unit='A',
+        range=(0.0, 1.0),
+    )
+    current_mismatch_n: float = parameter(
+        5.0,
+        'a pull is held, then slackened, when the motor current shows so much more tension than '
+        'the sensor reads, as when the sensor is stuck; 0: they are not compared',
+        unit='N',
+        range=(0.0, 1000.0),
+    )
+    saturation_n: float = parameter(
+        0.0,
+        'magnitude from which the reading of the tendon sensor is no measurement, equal to '
+        'saturation_n of its driver; the tendon is released there; 0: not known',
+        unit='N',
+        range=(0.0, 1e6),
+    )
+    shares_sensor_clock: bool = parameter(
+        True,
+        'the strain samples are stamped by the clock of this computer, so that samples that are '
+        'late from the start are noticed; false when the sensor driver runs on another computer '
+        'whose clock is not synchronised',
+    )
     unguarded: bool = parameter(
         False,
         'true lets the tendon be pulled although no strain sample arrives; then nothing but '
@@ -197,6 +245,29 @@ class TendonActuatorConfig(_MotionConfig):
                 f'hang_timeout_s is {self.hang_timeout_s} s, which a busy computer reaches; use '
                 f'{SHORTEST_HANG_S} s or more, or 0'
             )
+
+    @property
+    def limits_n(self) -> dict[str, float]:
+        """Tension limit of each contact [N]."""
+        return {'flexion': self.flexion_limit_n, 'abduction': self.abduction_limit_n}
+
+    @property
+    def currents_a(self) -> dict[str, float]:
+        """Largest motor current of a pull of each contact [A]."""
+        return {
+            'flexion': min(self.flexion_current_a, self.current_limit_a),
+            'abduction': min(self.abduction_current_a, self.current_limit_a),
+        }
+
+    def to_tension_n(self, current_a: float) -> float:
+        """Return the tension that a motor current tightens against, without friction [N]."""
+        moment_nm = (current_a - self.friction_current_a) * self.torque_constant_nm_a
+        return moment_nm / self.pulley_radius_m
+
+    def to_current_a(self, tension_n: float) -> float:
+        """Return the motor current that tightens against a tension [A]."""
+        moment_nm = tension_n * self.pulley_radius_m
+        return moment_nm / self.torque_constant_nm_a + self.friction_current_a
 
 
 class GuideState(NamedTuple):

@@ -48,10 +48,12 @@ from enum import Enum
 import threading
 from typing import NamedTuple, Protocol
 
-from linear_guide_driver.errors import capitalise, MotionRefusedError
+from linear_guide_driver.errors import MotionRefusedError
 from linear_guide_driver.records import TendonActuatorConfig
 from linear_guide_driver.stop_latch import StopLatch
-from linear_guide_driver.tension import TensionLevel
+from linear_guide_driver.tension import TensionSource
+from tactile_ros.refusal import Refusal
+from tactile_ros.strain import StrainBlock
 
 __all__ = [
     'SLACK_M',
@@ -74,8 +76,8 @@ class Watch(Protocol):
     def was_heard(self) -> bool:
         """True once it was there."""
 
-    def format_loss(self, now_ns: int) -> str:
-        """Return why nothing may move, with the remedy; empty when it may [monotonic ns]."""
+    def find_loss(self, now_ns: int) -> Refusal | None:
+        """Return why nothing may move, or None [monotonic ns]."""
 
 
 class TopicWatchdog:
@@ -98,25 +100,25 @@ class TopicWatchdog:
         """Note a message at monotonic time ``now_ns`` [ns]."""
         self._heard_at_ns = now_ns
 
-    def format_loss(self, now_ns: int) -> str:
-        """Return a sentence with the remedy while the topic is silent, else nothing [ns]."""
+    def find_loss(self, now_ns: int) -> Refusal | None:
+        """Return why the topic counts as silent, or None [ns]."""
         heard_at_ns = self._heard_at_ns
         if heard_at_ns is None:
-            return f'Nothing has been heard on {self._topic} yet; start its node.'
+            return Refusal(f'Nothing has been heard on {self._topic} yet', 'start its node')
         if now_ns - heard_at_ns <= self._timeout_ns:
-            return ''
-        return (
-            f'Nothing was heard on {self._topic} for {self._timeout_ns / 1e9:g} s; '
-            'look after its node.'
+            return None
+        return Refusal(
+            f'Nothing was heard on {self._topic} for {self._timeout_ns / 1e9:g} s',
+            'look after its node',
         )
 
 
-def find_loss(watches: Sequence[Watch], now_ns: int) -> str:
-    """Return the sentence of the first sign of life that is lost; empty when none is [ns]."""
+def find_loss(watches: Sequence[Watch], now_ns: int) -> Refusal | None:
+    """Return the first sign of life that is lost, or None [ns]."""
     for watch in watches:
-        if loss := watch.format_loss(now_ns):
+        if loss := watch.find_loss(now_ns):
             return loss
-    return ''
+    return None
 
 
 # -- the tendon ------------------------------------------------------------------------------
@@ -194,7 +196,7 @@ class TendonSafety:
 
     ``state`` was entered for the sentence ``reason``, empty after a pull was admitted. ``ending``
     is the end that safety has put to the present pull; None while it has not. ``zero`` is what is
-    known of the zero, ``limit_n`` the limit in force [N].
+    known of the zero, ``limit_n`` the limit in force [N], ``tension`` the source of the tension.
     """
 
     def __init__(
@@ -206,15 +208,13 @@ class TendonSafety:
         self._config = config
         self._latch = latch or StopLatch()
         self._watches = (self._latch, *watches)  # Stop is told first
-        self._limits_n = {
-            'flexion': config.flexion_limit_n,
-            'abduction': config.abduction_limit_n,
-        }
+        self._limits_n = config.limits_n
         self._slack_after_ns = round(config.slack_after_s * 1e9)
         self._lock = threading.RLock()
         # Before the first pull names a contact, the tendon has no business being tight.
         self.limit_n = min(self._limits_n.values())
-        self._level = TensionLevel(config.guard_timeout_s)
+        self.tension = TensionSource(config)
+        self._homing_epoch: int | None = None  # of the tare, when the present homing began
         self.state = State.FREE
         self._release_at_ns: int | None = None
         self.reason = ''
@@ -242,7 +242,7 @@ class TendonSafety:
     @property
     def awaits_first(self) -> bool:
         """True while a needed topic has not been heard at all yet."""
-        no_sample = self._level.latest_n is None and not self._config.unguarded
+        no_sample = self.tension.latest_n is None and not self._config.unguarded
         return no_sample or not all(watch.was_heard for watch in self._watches)
 
     @property
@@ -262,15 +262,11 @@ class TendonSafety:
     @property
     def tension_n(self) -> float | None:
         """Latest tension [N]; None before the first sample."""
-        return self._level.latest_n
+        return self.tension.latest_n
 
     def live_tension_n(self, now_ns: int) -> float | None:
         """Return the latest tension [N]; None when valid samples do not arrive."""
-        return self._level.latest_n if self._level.is_live(now_ns) else None
-
-    def format_silence(self, now_ns: int) -> str:
-        """Return how the samples fail to be live, within a sentence; empty when they are."""
-        return self._level.format_silence(now_ns)
+        return self.tension.live_n(now_ns)
 
     def is_slack(self, displacement_m: float, now_ns: int) -> bool:
         """Return whether the tendon counts as slack at this displacement [m]."""
@@ -278,7 +274,7 @@ class TendonSafety:
             if displacement_m <= self.slack_m + SLACK_M:
                 return True
             slack_n = SLACK_SHARE * self._config.taut_tension_n
-            return self.zero is Zero.UNKNOWN and self._level.is_below(slack_n, now_ns)
+            return self.zero is Zero.UNKNOWN and self.tension.reads_slack(slack_n, now_ns)
 
     def is_at_rest(self, displacement_m: float, now_ns: int) -> bool:
         """Return whether no pull and no order is in force, and the tendon is slack [m]."""
@@ -286,8 +282,8 @@ class TendonSafety:
             is_free = self._pull is None and self.state is State.FREE
             return is_free and self.is_slack(displacement_m, now_ns)
 
-    def find_obstacle(self, displacement_m: float, now_ns: int) -> str:
-        """Return why no pull may wind in now, with the remedy; empty when one may."""
+    def find_obstacle(self, displacement_m: float, now_ns: int) -> Refusal | None:
+        """Return why no pull may tighten now, or None."""
         with self._lock:
             obstacle = self._find_zero_obstacle(displacement_m)
             needs_samples = not self._config.unguarded
@@ -295,25 +291,30 @@ class TendonSafety:
 
     # -- what is heard ---------------------------------------------------------------------
 
+    def add_blocks(
+        self, blocks: Sequence[StrainBlock], now_ns: int, clock_ns: int | None = None
+    ) -> bool:
+        """Take blocks of samples as `TensionSource.add`; return whether the order may change."""
+        with self._lock:
+            return self._judge_tension(self.tension.add(blocks, now_ns, clock_ns), now_ns)
+
     def add_samples(
         self, tension_n: Sequence[float], is_saturated: bool, now_ns: int, age_ns: int = 0
     ) -> bool:
-        """Take samples that came at ``now_ns``; return whether the order may have changed.
-
-        They are oldest first [N]; with a value that is not finite they count as silence, and
-        saturated as above the limit. ``age_ns`` is how much older than usual the last one is.
-        """
+        """Take samples without an origin; return whether the order may change."""
         with self._lock:
-            if not self._level.add(tension_n, is_saturated, now_ns, age_ns):
-                return False
-            pull, highest_n = self._pull, max(tension_n)
-            is_reached = (
-                pull is not None and self.ending is None and 0.0 < pull.stop_tension_n <= highest_n
-            )
-            if is_reached:
-                self.ending = Ending.REACHED
-                self.reason = f'The tension reached {highest_n:.2f} N.'
-            return is_reached or self._level.is_above(self.limit_n, now_ns)
+            highest_n = self.tension.add_samples(tension_n, is_saturated, now_ns, age_ns)
+            return self._judge_tension(highest_n, now_ns)
+
+    def add_current(self, current_a: float, now_ns: int) -> None:
+        """Take the motor current of a poll [A], before `decide`."""
+        with self._lock:
+            tightens = self._winds_in and self.ending is None
+            self.tension.add_current(current_a if tightens else None, now_ns)
+
+    def find_current_limit_a(self, contact: str) -> float:
+        """Return the largest motor current of a pull of this contact [A]."""
+        return self._config.currents_a[contact]
 
     def set_zero(self, zero: Zero, reason: str = '') -> None:
         """Note what is known of the zero, and why nothing is. Later samples confirm it."""
@@ -321,7 +322,9 @@ class TendonSafety:
             self.zero, self._zero_reason = zero, reason
             self._at_zero_since_ns = None
             if zero is Zero.UNCONFIRMED:
-                self._level.forget()
+                self.tension.forget()
+            elif zero is Zero.KNOWN and self._homing_epoch == self.tension.tare_epoch:
+                self.tension.confirm_tare()
 
     # -- what is asked ---------------------------------------------------------------------
 
@@ -350,24 +353,28 @@ class TendonSafety:
         pull winds in. With ``fault``, a sentence, of the servo it must not.
         """
         with self._lock:
-            if not pull.lets_out and (stop := self._latch.find_refusal(now_ns)):
+            if not pull.lets_out and (stop := self._latch.find_loss(now_ns)):
                 raise MotionRefusedError(str(stop))
             limit_n = self.limit_n if pull.lets_out else self.check_pull(pull)
+            epoch = self.tension.tare_epoch if pull.is_homing else None
             self._confirm_zero(start_m, now_ns)
             winds_in = not pull.lets_out and (pull.is_homing or pull.displacement_m > start_m)
             if winds_in:
-                obstacle = '' if pull.is_homing else self._find_zero_obstacle(start_m)
-                obstacle = (
-                    fault
-                    or obstacle
-                    or self._find_obstacle(self._needs_samples(pull), limit_n, now_ns)
+                by_zero = (
+                    self._find_homing_obstacle(now_ns)
+                    if pull.is_homing
+                    else self._find_zero_obstacle(start_m)
                 )
-                if obstacle:
-                    raise MotionRefusedError(obstacle)
-                self.limit_n = limit_n  # a pull that lets out leaves the limit alone
+                obstacle = by_zero or self._find_obstacle(
+                    self._needs_samples(pull), limit_n, now_ns, epoch
+                )
+                if fault or obstacle:
+                    raise MotionRefusedError(fault or str(obstacle))
+                self.limit_n = limit_n
                 if self.zero is Zero.UNCONFIRMED:  # without a sensor nothing else confirms it
                     self.zero = Zero.KNOWN
-            self._pull, self._winds_in = pull, winds_in
+            self.limit_n = min(self.limit_n, limit_n)  # a higher one needs what tightening needs
+            self._pull, self._winds_in, self._homing_epoch = pull, winds_in, epoch
             self.state, self._release_at_ns = State.FREE, None
             self.ending, self.reason = None, ''
 
@@ -408,17 +415,17 @@ class TendonSafety:
         """Return the order that holds now, at this displacement [m]."""
         with self._lock:
             is_slack = self.is_slack(displacement_m, now_ns)
-            if self._level.is_above(self.limit_n, now_ns):
+            if self.tension.is_above(self.limit_n, now_ns):
                 self._enter(
                     State.RELEASING,
-                    f'{self._level.format_above(self.limit_n)}: the tendon is let out.',
+                    f'{self.tension.format_above(self.limit_n)}: the tendon is let out.',
                     Ending.OVER_LIMIT,
                 )
             elif self.state is not State.FREE and is_slack and self._pull is None:
                 self.state, self._release_at_ns = State.FREE, None
             elif self.state is not State.RELEASING:
                 if self._release_at_ns is None and (loss := self._find_loss(is_slack, now_ns)):
-                    self._hold_then_release(loss, now_ns)
+                    self._hold_then_release(str(loss), now_ns)
                 if self._release_at_ns is not None and now_ns >= self._release_at_ns:
                     held_s = self._config.slack_after_s
                     sentence = f'{self._loss} The tendon was held for {held_s:g} s and is let out.'
@@ -460,55 +467,91 @@ class TendonSafety:
         pull = self._pull if self.ending is None else None
         return self.state is State.RELEASING or (pull is not None and pull.lets_out)
 
-    def _find_loss(self, is_slack: bool, now_ns: int) -> str:
-        """Return what a taut tendon, or a pull that winds in, lacks; empty when nothing."""
+    def _judge_tension(self, highest_n: float | None, now_ns: int) -> bool:
+        """End a pull whose stop tension is reached; return whether the order may change."""
+        if highest_n is None:
+            return self.tension.is_above(self.limit_n, now_ns)
+        pull = self._pull
+        is_reached = (
+            pull is not None and self.ending is None and 0.0 < pull.stop_tension_n <= highest_n
+        )
+        if is_reached:
+            self.ending = Ending.REACHED
+            self.reason = f'The tension reached {highest_n:.2f} N.'
+        return is_reached or self.tension.is_above(self.limit_n, now_ns)
+
+    def _find_loss(self, is_slack: bool, now_ns: int) -> Refusal | None:
+        """Return what a taut tendon, or a pull that tightens, lacks, or None."""
         pull = self._pull if self.ending is None else None
-        if pull is not None and not pull.lets_out and (stop := self._latch.format_loss(now_ns)):
+        if pull is not None and not pull.lets_out and (stop := self._latch.find_loss(now_ns)):
             return stop
         if not self._winds_in and (is_slack or pull is not None):
-            return ''  # a slack tendon needs nothing, and letting out goes on
-        needs_samples = self._needs_samples(self._pull or Pull(0.0))
+            return None  # a slack tendon needs nothing, and letting out goes on
         if loss := find_loss(self._watches, now_ns):
             return loss
-        silence = self._level.format_silence(now_ns) if needs_samples else ''
-        return silence and f'{capitalise(silence)}; look after the tendon sensor.'
+        if not self._needs_samples(self._pull or Pull(0.0)):
+            return None
+        epoch = self._homing_epoch if self._pull else None
+        if self.zero is Zero.UNKNOWN and not self._winds_in:
+            epoch = self.tension.tare_epoch  # nothing tells that the tendon is taut
+        return self.tension.find_loss(now_ns, epoch)
 
     def _confirm_zero(self, displacement_m: float, now_ns: int) -> None:
         """Believe a zero that was taken at rest if the sensor reads a slack tendon there."""
-        if self.zero is not Zero.UNCONFIRMED or not self._level.is_live(now_ns):
+        tension = self.tension
+        is_at_zero = displacement_m <= SLACK_M
+        tension.judge_tare(is_at_zero and self.zero is Zero.KNOWN, now_ns)
+        if self.zero is not Zero.UNCONFIRMED or not tension.is_live(now_ns):
             return
-        if displacement_m > SLACK_M or self.state is not State.FREE:
+        if not is_at_zero or self.state is not State.FREE:
             self._at_zero_since_ns = None
-        elif self._level.is_below(self._config.taut_tension_n, now_ns):
+        elif tension.is_below(self._config.taut_tension_n, now_ns):
             self.zero = Zero.KNOWN
+            if not tension.tare_epoch:  # one that has changed takes a still reading
+                tension.confirm_tare()
         elif self._at_zero_since_ns is None:
             self._at_zero_since_ns = now_ns
         elif now_ns - self._at_zero_since_ns >= SETTLED_NS:
             self.zero = Zero.UNKNOWN
             self._zero_reason = (
-                f'the sensor read {self._level.latest_n:.2f} N where the tendon should be slack'
+                f'the sensor read {tension.latest_n:.2f} N where the tendon should be slack'
             )
 
-    def _find_zero_obstacle(self, displacement_m: float) -> str:
+    def _find_zero_obstacle(self, displacement_m: float) -> Refusal | None:
         if self.zero is Zero.UNKNOWN:
-            return f'The zero is unknown: {self._zero_reason}; home the tendon.'
+            return Refusal(f'The zero is unknown: {self._zero_reason}', 'home the tendon')
         if self.zero is Zero.UNCONFIRMED and displacement_m > SLACK_M:
-            return 'The tendon was taut when the driver started; let it out first.'
+            return Refusal('The tendon was taut when the driver started', 'let it out first')
         if self.zero is Zero.UNCONFIRMED and self._at_zero_since_ns is not None:
-            return 'The sensor reads tension at the zero of the tendon; wait until it is slack.'
-        return ''
+            return Refusal(
+                'The sensor reads tension at the zero of the tendon', 'wait until it is slack'
+            )
+        return None
 
-    def _find_obstacle(self, needs_samples: bool, limit_n: float, now_ns: int) -> str:
+    def _find_homing_obstacle(self, now_ns: int) -> Refusal | None:
+        """Return why the sensor's zero cannot be right, or None."""
+        tension_n = self.tension.live_n(now_ns)
+        if tension_n is None or tension_n > -self._config.taut_tension_n:
+            return None
+        return Refusal(
+            f'The sensor reads {tension_n:.2f} N, and a tendon cannot push',
+            'let the tendon go slack and tare the sensor, or change the sign of its scale',
+        )
+
+    def _find_obstacle(
+        self, needs_samples: bool, limit_n: float, now_ns: int, homing_epoch: int | None = None
+    ) -> Refusal | None:
         if loss := find_loss(self._watches, now_ns):
             return loss
-        if needs_samples and (silence := self._level.format_silence(now_ns)):
-            return (
-                f'Winding in needs the tendon sensor and {silence}; start the sensor, or set '
-                'the parameter unguarded to true for plain pulls.'
+        if needs_samples and (loss := self.tension.find_loss(now_ns, homing_epoch)):
+            return Refusal(
+                f'Tightening needs the tendon sensor. {loss.reason}',
+                f'{loss.remedy}. Or set the parameter unguarded to true for plain pulls without '
+                'a sensor',
             )
-        if self._level.is_above(limit_n, now_ns):
-            return f'{self._level.format_above(limit_n)}; let the tendon out first.'
-        return ''
+        if self.tension.is_above(limit_n, now_ns):
+            return Refusal(self.tension.format_above(limit_n), 'let the tendon out first')
+        return None
 
     def _needs_samples(self, pull: Pull) -> bool:
         asks = pull.is_homing or pull.stop_tension_n

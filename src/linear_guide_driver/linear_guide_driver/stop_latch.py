@@ -97,7 +97,7 @@ class StopLatch:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._lapse = ''  # a stop of the emergency input that `format_loss` has seen
+        self._lapse = ''  # a stop of the emergency input that `find_loss` has seen
         self.state = StopState()
         self.emergency: EmergencyInput | None = None
         self.leave()
@@ -109,7 +109,7 @@ class StopLatch:
         ----------
         on_change : callable
             Called after each change, to publish ``state`` and to stop the device, on the thread
-            that made the change and without a lock. `format_loss` never calls it, and may
+            that made the change and without a lock. `find_loss` never calls it, and may
             therefore be called under any lock.
         count_publishers : callable
             Returns the number of nodes whose states can be received, this one included.
@@ -172,12 +172,7 @@ class StopLatch:
         is_known = self.emergency is None or self.emergency.was_heard
         return is_known and len(self._senders) >= self._count_publishers()
 
-    def format_loss(self, now_ns: int) -> str:
-        """Return why nothing may move, with the remedy; empty when it may [ns]."""
-        refusal = self.find_refusal(now_ns)
-        return '' if refusal is None else str(refusal)
-
-    def find_refusal(self, now_ns: int) -> Refusal | None:
+    def find_loss(self, now_ns: int) -> Refusal | None:
         """Return why nothing may move; None when it may [ns]."""
         if refusal := self.state.refusal:
             return refusal

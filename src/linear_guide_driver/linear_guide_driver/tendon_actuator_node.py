@@ -10,24 +10,31 @@ import math
 import time
 from typing import Any
 
+import numpy as np
+from rclpy.time import Time
+
 from linear_guide_driver.dynamixel.tendon_client import TendonActuatorClient
 from linear_guide_driver.errors import capitalise, LinearGuideDriverError
 from linear_guide_driver.motion_node import MotionNode
 from linear_guide_driver.records import REST_REPORT_S, TendonActuatorConfig, TendonState
 from linear_guide_driver.safety import Ending, State, Zero
-from linear_guide_driver.tension import SampleLag
+from linear_guide_driver.tension import find_limit_warnings
 from tactile_msgs.action import HomeTendon, PullTendon
-from tactile_msgs.msg import StrainBlock
+from tactile_msgs.msg import StrainBlock, Tare
 from tactile_ros.goals import Goal, GoalRunner
 from tactile_ros.hang_watch import HangWatch
 from tactile_ros.health import ERROR, Health, OK, WARN
 from tactile_ros.polling import POLL_S
-from tactile_ros.qos import STREAM
-from tactile_ros.strain import NOT_LIVE, StrainStatus
+from tactile_ros.qos import LATEST, STREAM
+from tactile_ros.strain import StrainBlock as StrainRecord
+from tactile_ros.strain import StrainStatus
 
 STRAIN_REST_S = 0.02
 """Period of taking strain samples while the tendon is slack and at rest, but for a shorter
 ``guard_timeout_s``."""
+
+LOOK_S = 0.2
+"""Period of counting the publishers of the samples, which takes a microsecond."""
 
 WARM_C = 10.0
 FULL_CURRENT = 0.95
@@ -63,8 +70,16 @@ class TendonActuatorNode(MotionNode):
             self._latch,
         )
         self._client.connect()
-        self._lag = SampleLag()
-        self.poll(StrainBlock, 'tendon_sensor/strain', self._on_strain, STREAM, together=True)
+        for warning in find_limit_warnings(config):
+            self.get_logger().warning(warning)
+        self._samples = self.poll(
+            StrainBlock, 'tendon_sensor/strain', self._on_strain, STREAM, together=True
+        )
+        self._publisher_count = 0
+        looking = self.call_every(LOOK_S, self._look_for_publishers)
+        self._parts.callback(looking.cancel)
+        tare = self.create_subscription(Tare, 'tendon_sensor/tare_state', self._on_tare, LATEST)
+        self._parts.callback(self.destroy_subscription, tare)
         GoalRunner(
             self,
             PullTendon,
@@ -158,33 +173,53 @@ class TendonActuatorNode(MotionNode):
             return
         rest_s = min(STRAIN_REST_S, self.config.guard_timeout_s / 4)
         self.poll_every(rest_s if client.is_at_rest else POLL_S)
-        now_ns = time.monotonic_ns()
-        tension_n: list[float] = []
-        is_saturated, age_ns = False, 0
-        for block in blocks:
-            if block.status & NOT_LIVE or not self._is_whole(block):
-                continue
-            tension_n.extend(block.tension_n)
-            is_saturated = is_saturated or bool(block.status & StrainStatus.SATURATED)
-            age_ns = self._measure_age_ns(block, now_ns)
-        if client.safety.add_samples(tension_n, is_saturated, now_ns, age_ns):
+        # A simulated clock, which may be slow or stand, tells no age.
+        clock_ns = None if self.get_clock().ros_time_is_active else self.now_ns()
+        records = [self._to_record(block) for block in blocks if self._is_whole(block)]
+        if client.safety.add_blocks(records, time.monotonic_ns(), clock_ns):
             client.supervise()
 
     def _is_whole(self, block: StrainBlock) -> bool:
         if not block.tension_n:
             reason = 'tension_n is empty; a block holds one sample or more'
             self.message_guard.refuse('tendon_sensor/strain', reason)
-        return bool(block.tension_n) and all(map(math.isfinite, block.tension_n))
+        elif not all(map(math.isfinite, block.tension_n)):
+            reason = 'a sample is no number; the others only count above the limit'
+            self.message_guard.refuse('tendon_sensor/strain', reason)
+        return bool(block.tension_n)
 
-    def _measure_age_ns(self, block: StrainBlock, now_ns: int) -> int:
-        """Return how much later than usual the last sample of a block comes [ns]."""
-        if self.get_clock().ros_time_is_active:
-            return 0  # by such a clock, as one that is slow, stamps tell no age
-        first = block.header.stamp
-        stamp_ns = first.sec * 1_000_000_000 + first.nanosec
-        stamp_ns += (len(block.tension_n) - 1) * block.period_ns
-        is_step = bool(block.status & StrainStatus.CLOCK_STEP)
-        return self._lag.add(stamp_ns, now_ns, is_step=is_step)
+    @staticmethod
+    def _to_record(block: StrainBlock) -> StrainRecord:
+        return StrainRecord(
+            Time.from_msg(block.header.stamp).nanoseconds,
+            block.sequence,
+            block.period_ns,
+            np.asarray(block.tension_n),
+            status=StrainStatus(block.status),
+        )
+
+    def _on_tare(self, tare: Tare) -> None:
+        if self._client is not None:
+            stamp_ns = Time.from_msg(tare.header.stamp).nanoseconds
+            self._client.safety.tension.note_tare(stamp_ns)
+
+    def _look_for_publishers(self) -> None:
+        """Ask for the names of the publishers when their number has changed, or is not one."""
+        with self.lock:
+            client = self._client
+            if client is None:
+                return
+            count = self._samples.get_publisher_count()
+        if count == self._publisher_count == 1:
+            return
+        found = self.get_publishers_info_by_topic(self._samples.topic_name)
+        client.safety.tension.set_publishers(
+            {
+                bytes(each.endpoint_gid): f'{each.node_namespace.rstrip("/")}/{each.node_name}'
+                for each in found
+            }
+        )
+        self._publisher_count = count if count == len(found) else 0
 
     def _on_release(self) -> tuple[bool, str]:
         try:
@@ -213,7 +248,7 @@ class TendonActuatorNode(MotionNode):
         if client.trouble:
             return [f'{capitalise(client.trouble)}; {client.remedy}.']
         obstacle = client.safety.find_obstacle(client.state.displacement_m, time.monotonic_ns())
-        return [obstacle] if obstacle else []
+        return [str(obstacle)] if obstacle else []
 
     def judge_health(self, state: TendonState) -> Health:
         client, safety = self._client, self._client.safety
@@ -240,6 +275,6 @@ class TendonActuatorNode(MotionNode):
             return Health(WARN, 'The servo pulls with all the current that it may.', values)
         if safety.tension_n is None:
             return Health(WARN, 'No strain sample yet: the tension is not guarded.', values)
-        if silence := safety.format_silence(time.monotonic_ns()):
-            return Health(WARN, f'{capitalise(silence)}: the tension is not guarded.', values)
+        if loss := safety.tension.find_loss(time.monotonic_ns()):
+            return Health(WARN, f'The tension is not guarded: {loss}', values)
         return Health(OK, 'The actuator is ready.', values)

@@ -1,75 +1,383 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The tension on the tendon: what it is, how old it is, and whether it can be relied on."""
+"""The tension on the tendon: what it is, how old it is, and whether it can be relied on.
+
+`TensionSource` is the only place that judges the samples of ``tendon_sensor/strain``. Samples can
+be relied on while all of these hold:
+
+- One node publishes them.
+- They arrive, are valid, and are not old.
+- The tare is confirmed: the sensor has read a still, slack tendon since the sensor's driver or
+  device started, and since its tare was changed.
+- The motor current of a pull does not show much more tension than they do.
+
+Samples above the limit of a contact count also while one of these does not hold.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 import math
+import threading
 
-__all__ = ['SampleLag', 'TensionLevel']
+from linear_guide_driver.records import TendonActuatorConfig
+from tactile_ros.refusal import Refusal
+from tactile_ros.strain import NOT_LIVE, StrainBlock, StrainStatus
+
+__all__ = ['SampleLag', 'TensionSource', 'find_limit_warnings']
 
 _HALF_WINDOW_NS = 5_000_000_000
 """The minimum of the samples' lag is that of the last 5 to 10 s."""
 
+STILL_NS = 500_000_000
+"""A slack tendon must read less than ``taut_tension_n`` for this long to confirm a tare. Samples
+come later than positions."""
 
-class TensionLevel:
-    """Latest block of valid samples; no lock. Those older than ``timeout_s`` do not count [s].
+RIVAL_NS = 3_000_000_000
+"""Sample numbers that go back twice within this time come from two publishers."""
 
-    ``latest_n`` is the last tension [N]: infinite when saturated, None before the first sample.
-    ``worst_n`` is the largest magnitude in the latest block [N]: the limit holds for both signs,
-    since a sensor may be mounted the other way round.
+MISMATCH_NS = 100_000_000
+"""The motor current must disagree with the sensor for so long: a servo that starts to move needs
+more current for a moment, and samples come later than currents."""
+
+CURRENT_RESERVE = 1.5
+"""A contact's current limit should allow this multiple of its tension limit, so that the sensor
+and not the stalled servo ends a pull."""
+
+_SATURATED = int(StrainStatus.SATURATED)
+_RESTARTED = int(StrainStatus.RESTARTED)
+_CLOCK_STEP = int(StrainStatus.CLOCK_STEP)
+
+
+def find_limit_warnings(config: TendonActuatorConfig) -> list[str]:
+    """Return a sentence for each contact whose limit the sensor or the current cannot guard."""
+    warnings = []
+    if not config.saturation_n:
+        warnings.append(
+            'The range of the tendon sensor is not known, and a sensor that ends below a limit '
+            'never reads more than the limit; set saturation_n, here and in the sensor driver.'
+        )
+    for contact, limit_n in config.limits_n.items():
+        if 0.0 < config.saturation_n <= limit_n:
+            warnings.append(
+                f'The tendon sensor saturates at {config.saturation_n:g} N (saturation_n), not '
+                f'above {contact}_limit_n, {limit_n:g} N: a {contact} pull is released at '
+                f'{config.saturation_n:g} N.'
+            )
+        current_a = config.currents_a[contact]
+        needed_a = config.to_current_a(limit_n)
+        if current_a < needed_a:
+            warnings.append(
+                f'{contact}_current_a, {current_a:g} A, does not reach {contact}_limit_n, '
+                f'{limit_n:g} N: that takes {needed_a:.3f} A. A {contact} pull may stall; set '
+                f'{config.to_current_a(CURRENT_RESERVE * limit_n):.3f} A, or lower the limit.'
+            )
+    return warnings
+
+
+class TensionSource:
+    """Tension on the tendon, from the blocks of one topic. No IO and no clock; thread-safe.
+
+    Times are monotonic [ns]. Blocks older than ``guard_timeout_s`` are not live.
+
+    ``latest_n`` is the last valid tension [N]: infinite when saturated, None before the first.
+    ``worst_n`` is the largest magnitude in the latest blocks [N]: a limit holds for both signs,
+    because a sensor may be mounted the other way round. ``tare_epoch`` counts the events after
+    which the tare may be another one.
     """
 
-    def __init__(self, timeout_s: float) -> None:
-        self._timeout_ns = round(timeout_s * 1e9)
-        self._arrived_at_ns: int | None = None
-        self._age_ns = 0  # at arrival
+    def __init__(self, config: TendonActuatorConfig) -> None:
+        self._config = config
+        self._timeout_ns = round(config.guard_timeout_s * 1e9)
+        self._lock = threading.RLock()
         self.latest_n: float | None = None
         self.worst_n = 0.0
+        self._heard_at_ns: int | None = None  # samples that can exceed a limit
+        self._live_at_ns: int | None = None  # valid samples that were not old
+        self._lag = SampleLag()
+        self._age_ns = 0  # of the last block when it arrived, by the usual lag or the clock
+        self._clock_age_ns = 0  # the same by the clock alone; negative: stamped in the future
+        self._next_sequence: int | None = None
+        self._went_back_at_ns: int | None = None  # the sample numbers
+        self._rivals_at_ns: int | None = None
+        self._publishers: dict[bytes, str] = {}
+        self._had_publishers = False
+        self.tare_epoch = 0
+        self._is_tare_confirmed = False
+        self._tare_doubt = 'no still reading of a slack tendon has confirmed it yet'
+        self._tare_stamp_ns: int | None = None
+        self._still_since_ns: int | None = None
+        self._mismatch_since_ns: int | None = None
+        self._mismatch: tuple[float, float] = 0.0, 0.0  # current [A], tension by the sensor [N]
+
+    # -- input -----------------------------------------------------------------------------
 
     def add(
+        self, blocks: Sequence[StrainBlock], now_ns: int, clock_ns: int | None = None
+    ) -> float | None:
+        """Take the blocks that have just arrived; return their highest valid tension, or None [N].
+
+        Parameters
+        ----------
+        blocks : sequence of StrainBlock
+            Oldest first. The worst of all samples counts, and the age of the newest block.
+        now_ns : int
+            Time of arrival [ns].
+        clock_ns : int, optional
+            Time of arrival by the clock of the stamps [ns]; None when that clock tells no age.
+        """
+        with self._lock:
+            samples: list[float] = []
+            is_saturated = is_valid = is_fresh = False
+            for block in blocks:
+                status = int(block.status)
+                self._follow(block, status, now_ns)
+                if status & NOT_LIVE and not status & _SATURATED:
+                    continue
+                values = [float(value) for value in block.tension_n]
+                finite = [value for value in values if math.isfinite(value)]
+                samples += finite
+                is_saturated = is_saturated or self._is_saturated(status, finite)
+                if values and len(finite) == len(values):
+                    is_valid = True
+                    is_fresh = self._judge_age(block, status, now_ns, clock_ns)
+            return self._take(samples, is_saturated, is_valid, is_fresh, now_ns)
+
+    def add_samples(
         self, tension_n: Sequence[float], is_saturated: bool, now_ns: int, age_ns: int = 0
-    ) -> bool:
-        """Take a block as `TendonSafety.add_samples` does; return whether it counts."""
-        if not tension_n or not all(map(math.isfinite, tension_n)):
-            return False
-        self._arrived_at_ns, self._age_ns = now_ns, age_ns
-        self.latest_n = math.inf if is_saturated else tension_n[-1]
-        self.worst_n = math.inf if is_saturated else max(max(tension_n), -min(tension_n))
-        return True
+    ) -> float | None:
+        """Take samples without an origin, which are ``age_ns`` older than usual."""
+        with self._lock:
+            finite = [value for value in tension_n if math.isfinite(value)]
+            is_valid = bool(finite) and len(finite) == len(tension_n)
+            self._age_ns, self._clock_age_ns = age_ns, 0
+            is_saturated = self._is_saturated(_SATURATED * is_saturated, finite)
+            return self._take(finite, is_saturated, is_valid, True, now_ns)
+
+    def set_publishers(self, publishers: Mapping[bytes, str]) -> None:
+        """Note which nodes publish the samples: their full names by endpoint."""
+        with self._lock:
+            new = [name for key, name in publishers.items() if key not in self._publishers]
+            if new and self._had_publishers:
+                self._doubt_tare(f'{new[0]} has begun to publish tendon_sensor/strain')
+            self._publishers = dict(publishers)
+            self._had_publishers = self._had_publishers or bool(publishers)
+
+    def note_tare(self, stamp_ns: int) -> None:
+        """Note the present tare of the sensor driver, as latched; ``stamp_ns`` identifies it."""
+        with self._lock:
+            if self._tare_stamp_ns is not None and stamp_ns != self._tare_stamp_ns:
+                self._doubt_tare('it was measured or cleared')
+            self._tare_stamp_ns = stamp_ns
+
+    def add_current(self, current_a: float | None, now_ns: int) -> None:
+        """Take the motor current while a pull tightens [A]; None while none does."""
+        with self._lock:
+            config = self._config
+            sensed_n = self.worst_n if self.is_live(now_ns) else math.inf
+            pulled_n = -math.inf if current_a is None else config.to_tension_n(current_a)
+            if current_a is None or pulled_n - sensed_n <= (config.current_mismatch_n or math.inf):
+                self._mismatch_since_ns = None
+                return
+            if self._mismatch_since_ns is None:
+                self._mismatch_since_ns = now_ns
+            self._mismatch = current_a, sensed_n
+
+    def judge_tare(self, is_slack: bool, now_ns: int) -> None:
+        """Confirm the tare once a tendon that is slack by a known zero reads still for a while."""
+        with self._lock:
+            if self._is_tare_confirmed:
+                return
+            if not (is_slack and self.is_below(self._config.taut_tension_n, now_ns)):
+                self._still_since_ns = None
+            elif self._still_since_ns is None:
+                self._still_since_ns = now_ns
+            elif now_ns - self._still_since_ns >= STILL_NS:
+                self.confirm_tare()
+
+    def confirm_tare(self) -> None:
+        """Note that the samples agree with a tendon that is known to be slack, or just taut."""
+        self._is_tare_confirmed = True
 
     def forget(self) -> None:
         """Count only samples from now on."""
-        self._arrived_at_ns = None
+        self._heard_at_ns = self._live_at_ns = None
+
+    # -- queries ---------------------------------------------------------------------------
+
+    def live_n(self, now_ns: int) -> float | None:
+        """Return the latest tension [N]; None when valid samples do not arrive."""
+        return self.latest_n if self.is_live(now_ns) else None
 
     def is_live(self, now_ns: int) -> bool:
-        """Return whether valid samples arrive, and arrive in time [ns]."""
-        return self._has_arrived(now_ns + self._age_ns - self._timeout_ns)
-
-    def format_silence(self, now_ns: int) -> str:
-        """Return how the samples fail to be live, within a sentence; empty when they are [ns]."""
-        if self.is_live(now_ns):
-            return ''
-        if 2 * self._age_ns > self._timeout_ns and self._has_arrived(now_ns - self._timeout_ns):
-            return f'the strain samples arrive {self._age_ns / 1e9:.2f} s late'
-        return 'no valid strain sample arrives'
+        """Return whether valid samples arrive, and arrive in time."""
+        live_at_ns = self._live_at_ns
+        return live_at_ns is not None and now_ns + self._age_ns - live_at_ns <= self._timeout_ns
 
     def is_above(self, limit_n: float, now_ns: int) -> bool:
-        """Return whether samples that arrive are above a limit, late ones, too [N, ns]."""
-        return self._has_arrived(now_ns - self._timeout_ns) and self.worst_n > limit_n
+        """Return whether samples that arrive, late ones too, are above a limit [N]."""
+        return self._is_recent(self._heard_at_ns, now_ns) and self.worst_n > limit_n
 
-    def _has_arrived(self, since_ns: int) -> bool:
-        return self._arrived_at_ns is not None and self._arrived_at_ns >= since_ns
+    def is_below(self, limit_n: float, now_ns: int) -> bool:
+        """Return whether live samples are below a limit [N]."""
+        return self.is_live(now_ns) and self.worst_n < limit_n
+
+    def reads_slack(self, limit_n: float, now_ns: int) -> bool:
+        """Return whether live samples below a limit tell that the tendon is slack [N].
+
+        After a change of the tare they do not.
+        """
+        is_same_tare = self._is_tare_confirmed or not self.tare_epoch
+        return is_same_tare and self.is_below(limit_n, now_ns)
+
+    def find_loss(self, now_ns: int, homing_epoch: int | None = None) -> Refusal | None:
+        """Return why the tension cannot be relied on now, or None.
+
+        ``homing_epoch`` is the ``tare_epoch`` at which a homing began: homing needs no confirmed
+        tare, because it lets the tendon go slack first.
+        """
+        with self._lock:
+            return (
+                self._find_rivals(now_ns)
+                or self._find_silence(now_ns)
+                or self._find_mismatch(now_ns)
+                or (None if homing_epoch == self.tare_epoch else self._find_tare_doubt())
+            )
 
     def format_above(self, limit_n: float) -> str:
         """Return a sentence that says that the limit is exceeded [N]."""
         return f'The tension, {self.worst_n:.2f} N, is above the limit, {limit_n} N'
 
-    def is_below(self, limit_n: float, now_ns: int) -> bool:
-        """Return whether live samples are below a limit [N, ns]."""
-        return self.is_live(now_ns) and self.worst_n < limit_n
+    # -- inside: samples -------------------------------------------------------------------
+
+    def _is_saturated(self, status: int, samples: Sequence[float]) -> bool:
+        highest_n = self._config.saturation_n or math.inf
+        return bool(status & _SATURATED) or any(abs(value) >= highest_n for value in samples)
+
+    def _take(
+        self,
+        samples: Sequence[float],
+        is_saturated: bool,
+        is_valid: bool,
+        is_fresh: bool,
+        now_ns: int,
+    ) -> float | None:
+        if not samples and not is_saturated:
+            return None
+        worst_n = math.inf if is_saturated else max(max(samples), -min(samples))
+        if worst_n >= self._config.taut_tension_n:
+            self._still_since_ns = None
+        if is_valid or is_saturated:
+            self.latest_n = math.inf if is_saturated else samples[-1]
+        elif self._is_recent(self._heard_at_ns, now_ns):  # part of a block: no proof of less
+            worst_n = max(worst_n, self.worst_n)
+        self.worst_n, self._heard_at_ns = worst_n, now_ns
+        if (is_valid and is_fresh) or is_saturated:
+            self._live_at_ns = now_ns
+        if not is_valid and not is_saturated:
+            return None
+        return max(samples, default=math.inf)
+
+    def _judge_age(
+        self, block: StrainBlock, status: int, now_ns: int, clock_ns: int | None
+    ) -> bool:
+        """Note the age of a block when it arrived; return whether its stamp allows it to be live.
+
+        A stamp that is wrong for a moment, as when the clock was set and the sensor's driver has
+        not noticed yet, makes no loss: the block only does not count as live.
+        """
+        if clock_ns is None:
+            self._age_ns = self._clock_age_ns = 0
+            return True
+        stamp_ns = block.stamp_ns + (len(block.tension_n) - 1) * block.period_ns
+        self._age_ns = self._lag.add(stamp_ns, now_ns, is_step=bool(status & _CLOCK_STEP))
+        self._clock_age_ns = 0
+        if not self._config.shares_sensor_clock:
+            return True
+        self._clock_age_ns = clock_ns - stamp_ns
+        if abs(self._clock_age_ns) > self._timeout_ns:
+            return False
+        self._age_ns = max(self._age_ns, self._clock_age_ns)
+        return True
+
+    def _is_recent(self, then_ns: int | None, now_ns: int) -> bool:
+        return then_ns is not None and now_ns - then_ns <= self._timeout_ns
+
+    # -- inside: origin and tare -----------------------------------------------------------
+
+    def _follow(self, block: StrainBlock, status: int, now_ns: int) -> None:
+        """Notice by the sample numbers that another driver, or a second one, publishes."""
+        expected, self._next_sequence = (
+            self._next_sequence,
+            block.sequence + len(block.tension_n),
+        )
+        if expected is not None and block.sequence < expected:
+            last_ns, self._went_back_at_ns = self._went_back_at_ns, now_ns
+            if last_ns is not None and now_ns - last_ns <= RIVAL_NS:
+                self._rivals_at_ns = now_ns
+            self._doubt_tare('the numbers of its samples went back, as after a start')
+        elif expected is not None and status & _RESTARTED:
+            self._doubt_tare('the sensor has restarted, or may have')
+
+    def _doubt_tare(self, reason: str) -> None:
+        self.tare_epoch += 1
+        self._is_tare_confirmed, self._tare_doubt = False, reason
+        self._still_since_ns = None
+
+    def _find_rivals(self, now_ns: int) -> Refusal | None:
+        names = sorted(self._publishers.values())
+        is_mixed = self._rivals_at_ns is not None and now_ns - self._rivals_at_ns <= RIVAL_NS
+        if len(set(names)) < 2 and not (is_mixed and len(names) != 1):
+            return None
+        return Refusal(
+            f'Two nodes publish tendon_sensor/strain ({", ".join(names) or "names not known"})',
+            'end one of them, or start it in another namespace or with another ROS_DOMAIN_ID',
+        )
+
+    def _find_silence(self, now_ns: int) -> Refusal | None:
+        if self.is_live(now_ns):
+            return None
+        remedy = 'start the tendon sensor, and see its diagnostics'
+        if not self._is_recent(self._heard_at_ns, now_ns):
+            return Refusal('No valid strain sample arrives', remedy)
+        clock_age_s = self._clock_age_ns / 1e9
+        if abs(self._clock_age_ns) > self._timeout_ns:
+            old = f'{clock_age_s:.2f} s late by their stamps'
+            ahead = f'with stamps {-clock_age_s:.2f} s in the future'
+            return Refusal(
+                f'The strain samples arrive {old if clock_age_s > 0 else ahead}',
+                f'{remedy}; if it runs on another computer, synchronise the clocks or set '
+                'shares_sensor_clock to false',
+            )
+        if 2 * self._age_ns > self._timeout_ns:
+            return Refusal(f'The strain samples arrive {self._age_ns / 1e9:.2f} s late', remedy)
+        return Refusal('No valid strain sample arrives', remedy)
+
+    def _find_mismatch(self, now_ns: int) -> Refusal | None:
+        since_ns = self._mismatch_since_ns
+        if since_ns is None or now_ns - since_ns < MISMATCH_NS:
+            return None
+        current_a, sensed_n = self._mismatch
+        pulled_n = self._config.to_tension_n(current_a)
+        return Refusal(
+            f'The servo pulls with {current_a:.3f} A, or {pulled_n:.1f} N, and the sensor reads '
+            f'{sensed_n:.2f} N',
+            'see the diagnostics of the tendon sensor; if it is well, measure friction_current_a '
+            'again',
+        )
+
+    def _find_tare_doubt(self) -> Refusal | None:
+        if self._is_tare_confirmed:
+            return None
+        reading = 'unknown' if self.latest_n is None else f'{self.latest_n:.2f} N'
+        return Refusal(
+            f'The tare of the tendon sensor is not confirmed: {self._tare_doubt} (reading now: '
+            f'{reading})',
+            f'let the tendon go slack; it is confirmed where the sensor reads less than '
+            f'{self._config.taut_tension_n:g} N for {STILL_NS / 1e9:g} s. If it reads more there, '
+            'tare the sensor; if the zero of the tendon is unknown, home the tendon',
+        )
 
 
 class SampleLag:

@@ -29,6 +29,7 @@ from tactile_ros.errors import TactileError
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.qos import LATEST
 from tactile_ros.rclpy_internals import NotOnExecutor, SubscriptionStatus
+from tactile_ros.refusal import Refusal
 
 PERIOD_S = 1.0
 
@@ -253,27 +254,28 @@ class HeartbeatWatch:
         """True once a publisher was alive, and always of the node's own topic."""
         return self._count_alive() > 0 or self._was_heard or self._is_own
 
-    def format_loss(self, now_ns: int = 0) -> str:
-        """Return why nothing may move, with the remedy; empty while one publisher is alive.
+    def find_loss(self, now_ns: int = 0) -> Refusal | None:
+        """Return why nothing may move, or None while one publisher is alive.
 
         ``now_ns`` is not used: the middleware goes by a monotonic clock of its own.
         """
         alive = self._count_alive()
         if alive > 1:
-            return self._format_rivals(alive)
+            return self._describe_rivals(alive)
         if alive or self._is_own:
-            return ''
+            return None
         if self._was_heard:
-            return (
-                f'Nothing was heard on {self._topic} for {self._timeout_s:g} s; is its node '
-                'running and active?'
+            return Refusal(
+                f'Nothing was heard on {self._topic} for {self._timeout_s:g} s',
+                'check that its node is running and active',
             )
         if self._has_misfit:
-            return (
-                f'The publisher of {self._topic} has another quality of service; it must offer '
-                f'the liveliness MANUAL_BY_TOPIC with a lease of {self._timeout_s:g} s or less.'
+            return Refusal(
+                f'The publisher of {self._topic} has another quality of service',
+                f'it must offer the liveliness MANUAL_BY_TOPIC with a lease of '
+                f'{self._timeout_s:g} s or less',
             )
-        return f'Nothing has been heard on {self._topic} yet; start its node.'
+        return Refusal(f'Nothing has been heard on {self._topic} yet', 'start its node')
 
     def close(self) -> None:
         """Take the subscription away."""
@@ -297,14 +299,14 @@ class HeartbeatWatch:
             status = None if self._is_closed else self._misfits.take()
             return status is not None and status.total_count > 0
 
-    def _format_rivals(self, alive: int) -> str:
-        """Return a sentence that names the publishers; the graph also knows dead ones."""
+    def _describe_rivals(self, alive: int) -> Refusal:
+        """Name the publishers; the graph also knows dead ones."""
         known = self._node.get_publishers_info_by_topic(self._subscription.topic_name)
         names = {f'{each.node_namespace.rstrip("/")}/{each.node_name}' for each in known}
-        return (
+        return Refusal(
             f'{alive} nodes are alive on {self._topic} ({", ".join(sorted(names))}): '
-            'two rigs share this ROS domain. End one, or start it with another ROS_DOMAIN_ID or '
-            'namespace.'
+            'two rigs share this ROS domain',
+            'end one, or start it with another ROS_DOMAIN_ID or namespace',
         )
 
 

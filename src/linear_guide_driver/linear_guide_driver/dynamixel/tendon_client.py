@@ -349,7 +349,10 @@ class TendonActuatorClient:
         if start is None:
             raise MotionRefusedError('The servo has not answered yet; try again.')
         reach_m = max(self._config.max_displacement_m, HOMING_REACH_M)
-        end_m = start.displacement_m + direction * reach_m
+        start_m = start.displacement_m
+        if direction > 0:  # a tendon without a zero may have been slackened far below it
+            start_m = max(start_m, 0.0)
+        end_m = start_m + direction * reach_m
         pull = Pull(end_m, self.safety.strictest_contact, is_homing=True)
         end = yield from self._wind(pull, self._config.homing_speed_m_s, until)
         if len(there) < HOMING_POLLS:
@@ -577,6 +580,7 @@ class TendonActuatorClient:
         """Carry safety's order out with each new state, under the bus's lock."""
         servo, _ = self._require_connection()
         state = servo.to_state(polled, self._clock_ns())
+        self.safety.add_current(state.current_a, time.monotonic_ns())
         if not polled.is_torque_on:
             self.safety.set_zero(Zero.UNKNOWN, "the servo's torque went off")
             return state

@@ -56,7 +56,7 @@ def twins(context):
 
 def watch_heartbeat(bench, name):
     watch = HeartbeatWatch(bench.peer, f'{name}/heartbeat')
-    wait_until(lambda: not watch.format_loss())
+    wait_until(lambda: not watch.find_loss())
     return watch
 
 
@@ -72,9 +72,9 @@ def test_a_guide_whose_poll_hangs_gives_no_sign_of_life(bench, grbl):
     while not is_lost:  # a busy computer may have had to connect anew meanwhile
         link = wait_until(find_link)
         with link._write_lock:  # as a write that blocks holds it
-            wait_until(lambda link=link: watch.format_loss() or find_link() is not link)
-            is_lost = bool(watch.format_loss())
-    wait_until(lambda: not watch.format_loss())
+            wait_until(lambda link=link: watch.find_loss() or find_link() is not link)
+            is_lost = bool(watch.find_loss())
+    wait_until(lambda: not watch.find_loss())
     watch.close()
 
 
@@ -82,8 +82,8 @@ def test_a_tendon_driver_whose_poll_hangs_gives_no_sign_of_life(bench, servo):
     bench.start(TendonActuatorNode, port=servo.port, **TENDON)
     watch = watch_heartbeat(bench, 'tendon_actuator')
     with bench.node._client._servo.bus.lock:
-        wait_until(watch.format_loss)
-    wait_until(lambda: not watch.format_loss())
+        wait_until(watch.find_loss)
+    wait_until(lambda: not watch.find_loss())
     watch.close()
 
 
@@ -117,7 +117,7 @@ def test_of_two_tendon_drivers_none_winds_in_and_both_let_out(bench, servo, twin
         with twins(TendonActuatorNode, port=second_servo.port, **TENDON) as second:
             sentence = (
                 '2 nodes are alive on tendon_actuator/heartbeat (/tendon_actuator): two rigs '
-                'share this ROS domain. End one, or start it with another ROS_DOMAIN_ID or '
+                'share this ROS domain; end one, or start it with another ROS_DOMAIN_ID or '
                 'namespace.'
             )
             for node in (bench.node, second):
@@ -194,13 +194,13 @@ def test_a_tendon_driver_that_waits_is_left_and_a_frozen_one_is_killed_and_the_n
 ):
     driver = start_driver()
     watch = HeartbeatWatch(bench.peer, 'tendon_actuator/heartbeat')
-    wait_until(lambda: not watch.format_loss(), timeout_s=START_S)
+    wait_until(lambda: not watch.find_loss(), timeout_s=START_S)
     servo.unplug()
-    wait_until(watch.format_loss)
+    wait_until(watch.find_loss)
     with pytest.raises(subprocess.TimeoutExpired):  # it waits for its servo and does not hang
         driver.wait(4 * HANG_S)
     servo.plug_in()
-    wait_until(lambda: not watch.format_loss())
+    wait_until(lambda: not watch.find_loss())
     handle = bench.send(PullTendon, '/tendon_actuator/pull', **PULL)
     assert bench.result(handle)[0] == 'succeeded'
     driver.send_signal(signal.SIGSTOP)
@@ -208,7 +208,7 @@ def test_a_tendon_driver_that_waits_is_left_and_a_frozen_one_is_killed_and_the_n
     assert servo.position > SLACK + 200
     driver = start_driver()
     wait_until(lambda: abs(servo.position - SLACK) <= 33, timeout_s=START_S)
-    wait_until(lambda: not watch.format_loss(), timeout_s=START_S)
+    wait_until(lambda: not watch.find_loss(), timeout_s=START_S)
     driver.send_signal(signal.SIGINT)
     assert driver.wait(START_S) == 0
     watch.close()

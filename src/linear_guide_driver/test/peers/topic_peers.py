@@ -52,7 +52,7 @@ class Peers:
         # A pipe that gets longer delivers old samples slowly, and none before an earlier one.
         self._taken_at_ns = max(self._taken_at_ns + 1, taken_at_ns)
         stamp_ns = self._taken_at_ns + round(self.step_s * 1e9)
-        block = StrainBlock(tension_n=[tension_n], status=self.status)
+        block = StrainBlock(sequence=self.published, tension_n=[tension_n], status=self.status)
         block.header.stamp.sec, block.header.stamp.nanosec = divmod(stamp_ns, 10**9)
         self._strain.publish(block)
         self.published += 1

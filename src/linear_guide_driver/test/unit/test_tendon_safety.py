@@ -112,11 +112,12 @@ def test_saturation_and_either_sign_count_as_above_the_limit(safety):
 @pytest.mark.parametrize(
     ('contact', 'tension_n', 'pull', 'limit_n'),
     [
-        ('flexion', 10.0, Pull(0.001, 'abduction'), 15.0),
+        ('abduction', 1.0, Pull(0.001, 'flexion'), 3.0),
         ('abduction', 1.0, Pull(0.0, '', stop_tension_n=99.0), 3.0),
+        ('flexion', 10.0, Pull(0.0, 'abduction'), 15.0),
     ],
 )
-def test_letting_out_leaves_the_limit_alone(safety, contact, tension_n, pull, limit_n):
+def test_letting_out_never_raises_the_limit(safety, contact, tension_n, pull, limit_n):
     hold_taut(safety, contact, tension_n=tension_n)
     safety.admit(pull, TAUT_M, 0)
     assert safety.limit_n == limit_n
@@ -163,7 +164,7 @@ def test_late_samples_are_silence_but_guard_the_limit(safety):
     safety.add_samples([1.0], False, 100 * MS, 200 * MS)
     assert safety.decide(TAUT_M, 150 * MS) is Order.FOLLOW
     assert safety.decide(TAUT_M, 151 * MS) is Order.HOLD
-    assert safety.reason.startswith('The strain samples arrive 0.20 s late; look after')
+    assert safety.reason.startswith('The strain samples arrive 0.20 s late; start')
     with pytest.raises(MotionRefusedError, match=r'arrive 0\.20 s late'):
         safety.admit(Pull(0.006), TAUT_M, 151 * MS)
     assert safety.live_tension_n(151 * MS) is None
@@ -206,7 +207,7 @@ def test_unguarded_pulls_need_no_samples_unless_they_ask_for_a_tension():
     safety = make(unguarded=True)
     safety.admit(Pull(TAUT_M), 0.0, 1000 * MS)
     assert safety.decide(0.001, 10_000 * MS) is Order.FOLLOW
-    with pytest.raises(MotionRefusedError, match='start the sensor'):
+    with pytest.raises(MotionRefusedError, match='start the tendon sensor'):
         safety.admit(Pull(TAUT_M, stop_tension_n=5.0), 0.0, 10_000 * MS)
     safety.add_samples([0.1], False, 10_000 * MS)
     safety.admit(Pull(TAUT_M, stop_tension_n=5.0), 0.0, 10_000 * MS)
@@ -295,7 +296,7 @@ def test_while_stopped_every_pull_but_one_to_slack_is_refused(pull):
     latch.stop('pressed')
     with pytest.raises(MotionRefusedError, match='The rig is stopped: pressed'):
         safety.admit(pull, TAUT_M, 0)
-    assert 'The rig is stopped' in safety.find_obstacle(0.0, 0)
+    assert 'The rig is stopped' in str(safety.find_obstacle(0.0, 0))
     safety.admit(Pull(0.0), TAUT_M, 0)
     for now_ms in range(0, 10_000, 100):
         assert sense(safety, 1.0, now_ns=now_ms * MS) is Order.FOLLOW
@@ -389,7 +390,7 @@ def test_a_stop_tension_that_is_passed_by_more_than_the_limit_is_no_success(safe
 
 
 def test_what_is_no_number_is_no_sample(safety):
-    assert not safety.add_samples([float('nan'), 20.0], False, 1000 * MS)
+    assert not safety.add_samples([float('nan'), 1.0], False, 1000 * MS)
     assert not safety.add_samples([], False, 1000 * MS)
     assert safety.tension_n == 0.0
     assert safety.live_tension_n(1000 * MS) is None

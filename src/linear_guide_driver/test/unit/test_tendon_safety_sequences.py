@@ -9,6 +9,7 @@ TENDON_SEQUENCES to the number of sequences.
 
 from contextlib import contextmanager, suppress
 import logging
+import math
 import os
 
 from hypothesis import Phase, settings
@@ -23,6 +24,8 @@ from linear_guide_driver.dynamixel.servo_monitor import ServoMonitor
 from linear_guide_driver.errors import LinearGuideDriverError, MotionRefusedError
 from linear_guide_driver.safety import Order, Pull, SLACK_M, TopicWatchdog, Zero
 from linear_guide_driver.stop_latch import EmergencyInput, StopLatch
+from linear_guide_driver.tension import STILL_NS
+from tactile_ros.refusal import Refusal
 
 SEQUENCES = int(os.environ.get('TENDON_SEQUENCES', '30'))
 SPEED_M_S = 0.02
@@ -48,8 +51,8 @@ class Activity:
     def __init__(self):
         self.is_active = True
 
-    def format_loss(self, now_ns):
-        return '' if self.is_active else 'The node is not active; activate it.'
+    def find_loss(self, now_ns):
+        return None if self.is_active else Refusal('The node is not active', 'activate it')
 
 
 class Tendon(RuleBasedStateMachine):
@@ -88,6 +91,7 @@ class Tendon(RuleBasedStateMachine):
         self.goal_m = 0.0
         self.are_all_there = self.is_busy = False
         self.tension_n, self.sampled_at_ns = 0.0, None
+        self.tares, self.tare_changed_at_ns = 0, None
         self.heard_at_ns = {}
         self.lost_since_ns = self.above_since_ns = self.stopped_since_ns = None
         self.pause_until_ns = 0
@@ -139,8 +143,7 @@ class Tendon(RuleBasedStateMachine):
         """Let the time of one poll pass; return the state if it came."""
         self.time.sleep(self.monitor.period_s)
         if self.are_all_there:
-            self.safety.add_samples([self.tension_n], False, self.now_ns)
-            self.sampled_at_ns = self.now_ns
+            self.feed()
             for which in (0, 1):
                 self.beat(which)
             self.hear_emergency(False)
@@ -184,11 +187,25 @@ class Tendon(RuleBasedStateMachine):
         self.time.sleep(gap_s)
         self.poll()
 
-    @rule(tension_n=st.sampled_from([0.0, 0.1, 1.0, 2.9, 3.1, 10.0, 15.1, 25.0, -20.0]))
+    def feed(self):
+        """Let one sample arrive; one that is infinite is saturated."""
+        self.sampled_at_ns = self.now_ns
+        is_saturated = math.isinf(self.tension_n)
+        sample_n = 12.0 if is_saturated else self.tension_n
+        return self.safety.add_samples([sample_n], is_saturated, self.now_ns)
+
+    @rule(tension_n=st.sampled_from([0.0, 0.1, 1.0, 2.9, 3.1, 10.0, 15.1, 25.0, -20.0, math.inf]))
     def sample(self, tension_n):
-        self.tension_n, self.sampled_at_ns = tension_n, self.now_ns
-        if self.safety.add_samples([tension_n], False, self.now_ns):
+        self.tension_n = tension_n
+        if self.feed():
             self.client.supervise()
+
+    @rule()
+    def change_the_tare(self):
+        for _ in range(2):  # the first that a driver hears of is no change
+            self.tares += 1
+            self.safety.tension.note_tare(self.tares)
+        self.tare_changed_at_ns = self.now_ns
 
     @rule(which=st.integers(0, 1))
     def beat(self, which):
@@ -298,6 +315,7 @@ class Tendon(RuleBasedStateMachine):
         self.latch.reset(self.now_ns)
         with self.blocking(Pull(0.0, is_homing=True)), suppress(LinearGuideDriverError):
             self.client.home(0.2)
+            self.tare_changed_at_ns = None
         self.are_all_there = False
 
     @rule(is_orderly=st.booleans())
@@ -413,14 +431,20 @@ class Tendon(RuleBasedStateMachine):
         assert not self.is_stopped, 'something winds in although the rig is stopped'
         assert self.activity.is_active
         assert self.are_peers_heard(WRITING_NS)
-        assert self.is_live(WRITING_NS) or (self.config.unguarded and not pull.stop_tension_n)
+        is_blind = self.config.unguarded and not (pull.stop_tension_n or pull.is_homing)
+        assert self.is_live(WRITING_NS) or is_blind
+        changed_ns = self.tare_changed_at_ns
+        is_new = changed_ns is not None and self.now_ns - changed_ns < STILL_NS
+        assert pull.is_homing or is_blind or not is_new, 'the tare is not confirmed'
         assert not (self.is_live() and abs(self.tension_n) > self.safety.limit_n)
 
     def note(self):
         """Note since when something is wrong that the driver can see."""
         is_seen = not (self.monitor.outage or self.bus.faulty) and self.can_be_reached
-        is_lost = not self.are_peers_heard() or not (self.is_live() or self.config.unguarded)
-        is_lost = is_lost or not self.activity.is_active
+        is_blind = self.config.unguarded
+        is_lost = not (self.are_peers_heard() and self.activity.is_active) or not (
+            is_blind or (self.is_live() and self.safety.tension.find_loss(self.now_ns) is None)
+        )
         lets_out = self.pull and self.pull.displacement_m <= self.at_m
         is_above = self.is_live() and abs(self.tension_n) > self.safety.limit_n
         if not (is_seen and is_lost and self.at_m > SLACK_M) or lets_out or self.is_busy:

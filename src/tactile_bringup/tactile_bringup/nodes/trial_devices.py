@@ -158,9 +158,9 @@ class TrialDevice:
         A heartbeat that was never heard is none that can end. Two drivers are a loss, too.
         """
         heartbeat = self._heartbeat
-        if not heartbeat.was_heard or not (loss := heartbeat.format_loss()):
+        if not heartbeat.was_heard or not (loss := heartbeat.find_loss()):
             return ''
-        return ' '.join([loss, *self._reasons()])
+        return ' '.join([str(loss), *self._reasons()])
 
     def format_silence(self) -> str:
         """Return that nobody sees where it is; empty while its joint states come."""

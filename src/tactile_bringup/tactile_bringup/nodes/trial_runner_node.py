@@ -198,7 +198,7 @@ class TrialRunnerNode(PollingNode):
         rivals = self._rivals
         parts = [
             self._format_stop(),
-            '' if rivals is None else rivals.format_loss(),
+            '' if rivals is None else str(rivals.find_loss() or ''),
             *guide.find_missing(),
             *tendon.find_missing(),
             strain.format_silence(),
@@ -396,8 +396,8 @@ class TrialRunnerNode(PollingNode):
         """Raise when the rig is stopped, or something that the trial needs is lost."""
         if stop := self._format_stop():
             raise GoalAborted(stop)
-        if (rivals := self._rivals) is not None and (loss := rivals.format_loss()):
-            raise GoalAborted(loss)
+        if (rivals := self._rivals) is not None and (rival := rivals.find_loss()):
+            raise GoalAborted(str(rival))
         for device in (self._guide, self._tendon):
             if device is not None and (loss := device.format_loss()):
                 raise GoalAborted(loss)

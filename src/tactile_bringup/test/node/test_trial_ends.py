@@ -91,12 +91,12 @@ def test_of_two_trial_runners_none_runs_a_trial(bench, context):
 
 def test_a_runner_whose_executor_or_trial_hangs_gives_no_sign_of_life(bench):
     watch = HeartbeatWatch(bench.client, 'trial_runner/heartbeat')
-    wait_until(lambda: not watch.format_loss(), watch.format_loss)
+    wait_until(lambda: not watch.find_loss(), watch.find_loss)
     end = threading.Event()
     bench.runner.executor.create_task(end.wait)
-    wait_until(watch.format_loss)
+    wait_until(watch.find_loss)
     end.set()
-    wait_until(lambda: not watch.format_loss())
+    wait_until(lambda: not watch.find_loss())
 
     format_loss, looks, end = bench.runner._contact.format_loss, [], threading.Event()
 
@@ -111,10 +111,10 @@ def test_a_runner_whose_executor_or_trial_hangs_gives_no_sign_of_life(bench):
     while not is_lost:  # on a busy computer a trial may end for another reason
         looks.clear()
         ended = send(bench.client, bench.start('stiffness').get_result_async)
-        wait_until(lambda ended=ended: watch.format_loss() or ended.done())
-        is_lost = bool(watch.format_loss())
+        wait_until(lambda ended=ended: watch.find_loss() or ended.done())
+        is_lost = bool(watch.find_loss())
     end.set()
-    wait_until(lambda: not watch.format_loss())
+    wait_until(lambda: not watch.find_loss())
     watch.close()
 
 

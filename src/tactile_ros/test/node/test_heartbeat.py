@@ -72,7 +72,7 @@ def beating(*hearts):
 
 
 def has(watch, text):
-    return lambda: text in watch.format_loss()
+    return lambda: text in str(watch.find_loss() or '')
 
 
 def test_a_watch_that_joins_beside_another_hears_a_peer_that_lives_already(node, context):
@@ -80,12 +80,12 @@ def test_a_watch_that_joins_beside_another_hears_a_peer_that_lives_already(node,
     heart = Heartbeat(peer, lambda: True)
     first = HeartbeatWatch(node, 'peer/heartbeat')
     with beating(heart):
-        wait_until(lambda: not first.format_loss())
+        wait_until(lambda: not first.find_loss())
         late = [HeartbeatWatch(node, 'peer/heartbeat') for _ in range(3)]
-        wait_until(lambda: not any(watch.format_loss() for watch in late))
+        wait_until(lambda: not any(watch.find_loss() for watch in late))
         late.pop().close()
-        assert not any(watch.format_loss() for watch in (first, *late))
-    wait_until(lambda: all(watch.format_loss() for watch in (first, *late)))
+        assert not any(watch.find_loss() for watch in (first, *late))
+    wait_until(lambda: all(watch.find_loss() for watch in (first, *late)))
     for watch in (first, *late):
         watch.close()
     heart.close()
@@ -123,12 +123,14 @@ def test_a_heart_beats_while_its_node_is_well_and_until_it_is_closed(node, conte
 @pytest.mark.parametrize('fault', [signal.SIGKILL, signal.SIGSTOP])
 def test_a_peer_that_dies_or_freezes_is_lost_and_its_return_is_noticed(node, start_peer, fault):
     watch = HeartbeatWatch(node, 'peer/heartbeat')
-    assert watch.format_loss() == 'Nothing has been heard on peer/heartbeat yet; start its node.'
+    assert (
+        str(watch.find_loss()) == 'Nothing has been heard on peer/heartbeat yet; start its node.'
+    )
     assert not watch.was_heard
     peer = start_peer()
-    wait_until(lambda: not watch.format_loss(), timeout_s=START_S)
+    wait_until(lambda: not watch.find_loss(), timeout_s=START_S)
     late = HeartbeatWatch(node, 'peer/heartbeat')  # hears a peer that lives already
-    wait_until(lambda: not late.format_loss())
+    wait_until(lambda: not late.find_loss())
     peer.send_signal(fault)
     for each in (watch, late):
         wait_until(has(each, 'Nothing was heard on peer/heartbeat for 0.15 s'))
@@ -138,21 +140,21 @@ def test_a_peer_that_dies_or_freezes_is_lost_and_its_return_is_noticed(node, sta
     else:
         start_peer()
     # The killed one is in the graph for many seconds, and is not counted.
-    wait_until(lambda: not (watch.format_loss() or late.format_loss()), timeout_s=START_S)
+    wait_until(lambda: not (watch.find_loss() or late.find_loss()), timeout_s=START_S)
     if fault == signal.SIGKILL:
         assert node.count_publishers('/peer/heartbeat') == 2
     for each in (watch, late):
         each.close()
-        assert each.format_loss() == ''  # the last state, for a thread that still asks
+        assert each.find_loss() is None  # the last state, for a thread that still asks
 
 
 def test_two_living_peers_of_one_name_are_named_and_one_killed_is_none(node, start_peer):
     watch = HeartbeatWatch(node, 'peer/heartbeat')
     peers = [start_peer(), start_peer()]
     wait_until(has(watch, '2 nodes are alive on peer/heartbeat'), timeout_s=START_S)
-    wait_until(has(watch, '(/peer): two rigs share this ROS domain. End one'))
+    wait_until(has(watch, '(/peer): two rigs share this ROS domain; end one'))
     peers[0].kill()
-    wait_until(lambda: not watch.format_loss())
+    wait_until(lambda: not watch.find_loss())
     peers[1].kill()
     wait_until(has(watch, 'Nothing was heard'))
     watch.close()
@@ -163,15 +165,15 @@ def test_the_own_heartbeat_may_be_silent_but_must_be_the_only_one(node, start_pe
     heart = Heartbeat(node, lambda: True)
     twin = Node('listener', context=node.context)
     its_heart = Heartbeat(twin, lambda: True)
-    assert (watch.was_heard, watch.format_loss()) == (True, '')
+    assert (watch.was_heard, watch.find_loss()) == (True, None)
     with beating(heart):
         wait_until(lambda: watch._count_alive() == 1)
-        assert watch.format_loss() == ''
+        assert watch.find_loss() is None
         with beating(its_heart):
             wait_until(has(watch, '2 nodes are alive on listener/heartbeat (/listener)'))
-        wait_until(lambda: not watch.format_loss())
+        wait_until(lambda: not watch.find_loss())
     wait_until(lambda: watch._count_alive() == 0)
-    assert watch.format_loss() == ''
+    assert watch.find_loss() is None
     watch.close()
     twin.destroy_node()
 
