@@ -28,6 +28,7 @@ HOMING_OFFSET = Register(20, 4, True)
 TEMPERATURE_LIMIT = Register(31, 1)
 CURRENT_LIMIT = Register(38, 2)
 VELOCITY_LIMIT = Register(44, 4)
+STARTUP_CONFIGURATION = Register(60, 1)
 TORQUE_ENABLE = Register(64, 1)
 STATUS_RETURN_LEVEL = Register(68, 1)
 HARDWARE_ERROR = Register(70, 1)
@@ -51,8 +52,11 @@ EEPROM_END = 64
 """Registers below are kept over power cycles and can be written only with torque off."""
 
 STATUS_ALWAYS = 2
+STARTUP_TORQUE_ON = 0x01
 WATCHDOG_STEP_S = 0.02
 WATCHDOG_OFF, WATCHDOG_TRIPPED = 0, 255
+
+INSTRUCTION_PING, INSTRUCTION_READ, INSTRUCTION_WRITE, INSTRUCTION_REBOOT = 1, 2, 3, 8
 
 COUNTS_PER_TURN = 4096
 VELOCITY_UNIT_RPM = 0.229
@@ -94,6 +98,11 @@ def format_hardware_error(word: int) -> str:
     return ' and '.join(names)
 
 
+def encode_register(register: Register, value: int) -> bytes:
+    """Return the bytes of one register's value."""
+    return value.to_bytes(register.size, 'little', signed=register.is_signed)
+
+
 def decode_register(register: Register, block: bytes, block_address: int) -> int:
     """Return one register's value from a block read at ``block_address``, which holds it."""
     start = register.address - block_address
@@ -128,6 +137,11 @@ def m_s_to_velocity(speed_m_s: float, pulley_radius_m: float) -> int:
     return max(1, round(speed_m_s / (math.tau * pulley_radius_m) * 60 / VELOCITY_UNIT_RPM))
 
 
+def velocity_to_counts_s(velocity: int) -> float:
+    """Return a velocity in units of 0.229 rpm as counts a second."""
+    return velocity * VELOCITY_UNIT_RPM / 60 * COUNTS_PER_TURN
+
+
 def current_to_a(current: int) -> float:
     """Return a current in units of 2.69 mA as amperes."""
     return current * CURRENT_UNIT_A
@@ -138,15 +152,19 @@ def a_to_current(current_a: float) -> int:
     return round(current_a / CURRENT_UNIT_A)
 
 
-# -- the block that is polled --------------------------------------------------------------
+# -- blocks of registers ---------------------------------------------------------------------
 
 
 class ServoState(NamedTuple):
     """One read of `STATE_BLOCK`, in the servo's units."""
 
     is_torque_on: bool
+    status_return_level: int
     hardware_error: int
     watchdog: int
+    goal_current: int
+    profile_acceleration: int
+    profile_velocity: int
     goal_counts: int
     current: int
     velocity: int
@@ -169,12 +187,67 @@ def decode_state(block: bytes) -> ServoState:
 
     return ServoState(
         is_torque_on=value(TORQUE_ENABLE) != 0,
+        status_return_level=value(STATUS_RETURN_LEVEL),
         hardware_error=value(HARDWARE_ERROR),
         watchdog=value(BUS_WATCHDOG),
+        goal_current=value(GOAL_CURRENT),
+        profile_acceleration=value(PROFILE_ACCELERATION),
+        profile_velocity=value(PROFILE_VELOCITY),
         goal_counts=value(GOAL_POSITION),
         current=value(PRESENT_CURRENT),
         velocity=value(PRESENT_VELOCITY),
         position_counts=value(PRESENT_POSITION),
         voltage=value(PRESENT_VOLTAGE),
         temperature_c=value(PRESENT_TEMPERATURE),
+    )
+
+
+class ServoSettings(NamedTuple):
+    """One read of `SETTINGS_BLOCK`: registers that are kept without power."""
+
+    firmware: int
+    drive_mode: int
+    operating_mode: int
+    homing_offset: int
+    temperature_limit_c: int
+    current_limit: int
+    velocity_limit: int
+    startup_configuration: int
+
+
+SETTINGS_BLOCK = Register(FIRMWARE.address, STARTUP_CONFIGURATION.address + 1 - FIRMWARE.address)
+
+
+def decode_settings(block: bytes) -> ServoSettings:
+    """Decode the bytes of a whole `SETTINGS_BLOCK`."""
+
+    def value(register: Register) -> int:
+        return decode_register(register, block, SETTINGS_BLOCK.address)
+
+    return ServoSettings(
+        firmware=value(FIRMWARE),
+        drive_mode=value(DRIVE_MODE),
+        operating_mode=value(OPERATING_MODE),
+        homing_offset=value(HOMING_OFFSET),
+        temperature_limit_c=value(TEMPERATURE_LIMIT),
+        current_limit=value(CURRENT_LIMIT),
+        velocity_limit=value(VELOCITY_LIMIT),
+        startup_configuration=value(STARTUP_CONFIGURATION),
+    )
+
+
+GOAL_BLOCK = Register(
+    PROFILE_ACCELERATION.address,
+    GOAL_POSITION.address + GOAL_POSITION.size - PROFILE_ACCELERATION.address,
+)
+"""Profile acceleration, profile velocity and goal position: one write, so that no goal is in force
+with the velocity of another one."""
+
+
+def encode_goal(velocity: int, goal_counts: int) -> bytes:
+    """Return the bytes of a whole `GOAL_BLOCK`, with unlimited acceleration."""
+    return (
+        encode_register(PROFILE_ACCELERATION, 0)
+        + encode_register(PROFILE_VELOCITY, velocity)
+        + encode_register(GOAL_POSITION, goal_counts)
     )

@@ -1,19 +1,30 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The tendon's servo: set up so that it may pull, then moved in lengths of tendon."""
+"""The tendon's servo: recognised, set up, and brought to a desired state.
+
+A caller chooses a `DesiredState`, reads the servo, and lets `TendonServo.bring` write the
+registers that differ. A write that is lost differs at the next read.
+
+Nothing is written to a servo before it is known to be the tendon's. While a driver runs, that is
+the servo with the model, firmware, modes and homing offset of the one that it has set up. At the
+start it is a servo with its torque off, or one with the registers that a driver leaves: an armed
+or tripped bus watchdog above all, which a servo forgets without power.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from enum import Enum
 import logging
 import math
 import time
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from linear_guide_driver.dynamixel import registers
-from linear_guide_driver.dynamixel.bus import DynamixelBus, SilentServoError
+from linear_guide_driver.dynamixel.bus import ATTEMPTS, DynamixelBus, LATE_S, SilentServoError
+from linear_guide_driver.dynamixel.registers import ServoSettings, ServoState
 from linear_guide_driver.errors import (
     DeviceConnectionError,
     DeviceRefusedError,
@@ -34,280 +45,491 @@ REBOOT_S = 3.0
 """A restarted servo is silent for some 0.3 s."""
 
 SLACK_BELOW_M = 0.001
-"""A tendon found this far below its zero cannot be one that was wound in from it."""
+"""A tendon found this far below its zero cannot be one that was tightened from it."""
 
 ZERO_COUNTS = 2
 """A zero that is off by so little is not written again: the EEPROM wears out."""
 
+SET_UP_CYCLES = 8
+"""Reads, each followed by writes, in which a set-up must be confirmed: it takes four of them, and
+packets may be lost."""
+
+JUMP_COUNTS = registers.COUNTS_PER_TURN // 2
+JUMP_SPEED_SHARE = 1.5
+"""Largest change of position between two reads: half a turn, and this share of the velocity limit.
+A servo that has lost its power has lost whole turns."""
+
+EXCHANGE_S = 0.3
+"""After a longer time without an answer the servo is identified again: it may be another one."""
+
 _logger = logging.getLogger(__name__)
 
+_Read = TypeVar('_Read')
 
-class ServoSetup(NamedTuple):
-    """A servo that is ready and holds its position; its count is 0 where the tendon is slack.
 
-    ``was_held`` tells that the servo was holding a tendon: a driver has ended without letting it
-    out. ``is_zero_kept`` tells that the zero is the one that this driver has written, and the
-    servo has not lost power since. Otherwise it is where the tendon came to rest with the torque
-    off.
+class DesiredState(NamedTuple):
+    """State that the servo is brought to; the torque, the watchdog and no limit of the
+    acceleration always belong to it.
+
+    ``displacement_m`` is infinite for holding where the servo stands [m]. Unless ``tightens``, the
+    goal is never further in than the servo stands when it is written. ``velocity`` and ``current``
+    are in the servo's units.
     """
 
-    identification: str  # model and firmware
-    velocity_limit: int  # in the servo's units
-    temperature_limit_c: int
-    was_held: bool
-    is_zero_kept: bool
+    displacement_m: float
+    velocity: int
+    current: int
+    tightens: bool = False
 
 
-def open_servo(config: TendonActuatorConfig) -> tuple[DynamixelBus, ServoSetup]:
+class Found(Enum):
+    """Condition in which `TendonServo.set_up` has found a servo."""
+
+    SAME = 'as this driver has left it'
+    KEPT = 'holding as an earlier driver has left it, zero included'
+    MISPLACED = 'holding as an earlier driver has left it, at a place that its zero cannot explain'
+    OFF = 'torque off, or set up by this driver and restarted since'
+
+
+class ServoLimits(NamedTuple):
+    """What the servo itself allows: velocity in its own units, temperature [C]."""
+
+    velocity: int
+    temperature_c: int
+
+
+class _Identity(NamedTuple):
+    """What tells one servo from another, and is kept without power."""
+
+    model: int
+    firmware: int
+    drive_mode: int
+    operating_mode: int
+    homing_offset: int
+
+
+class ServoChangedError(DeviceConnectionError):
+    """The servo is not in the condition in which this driver has left it."""
+
+
+def open_servo(config: TendonActuatorConfig) -> tuple[TendonServo, Found]:
     """Open the bus and set the servo up; ask again for `CONNECT_S` if it does not answer.
 
-    Raises `DeviceConnectionError`, and what `set_up_servo` raises; the bus is closed then.
+    Raises `DeviceConnectionError`, and what `TendonServo.set_up` raises; the bus is closed then.
     """
     deadline_s = time.monotonic() + CONNECT_S
+    servo: TendonServo | None = None
     while True:
-        bus = DynamixelBus(config.port, config.baud, config.device_id)
         try:
-            return bus, set_up_servo(bus, config)
+            if servo is None:
+                servo = TendonServo(
+                    DynamixelBus(config.port, config.baud, config.device_id), config
+                )
+            servo.bus.open()
+            return servo, servo.set_up()
         except DeviceConnectionError as error:
-            bus.close()
+            if servo is not None:
+                servo.bus.close()
             if time.monotonic() > deadline_s:
                 raise
             _logger.warning('%s; asking again', error)
         except DeviceRefusedError:
-            with suppress(LinearGuideDriverError):
-                bus.write(registers.TORQUE_ENABLE, 0)
-            bus.close()
+            if servo is not None:
+                servo.switch_off()
             raise
         time.sleep(CONNECT_PAUSE_S)
 
 
-def set_up_servo(bus: DynamixelBus, config: TendonActuatorConfig) -> ServoSetup:
-    """Check the servo, set its mode, limits and zero, hold it where it stands.
-
-    Raises `DeviceRefusedError` when it is not a supported servo, is too old, reports a hardware
-    error that a restart does not end, or its limits are below those of the configuration.
-    """
-    identification = _check_servo(bus, config.device_id)
-    velocity_limit = bus.read(registers.VELOCITY_LIMIT)
-    if registers.m_s_to_velocity(config.speed_m_s, config.pulley_radius_m) > velocity_limit:
-        fastest_m_s = registers.velocity_to_m_s(velocity_limit, config.pulley_radius_m)
-        raise DeviceRefusedError(
-            f'speed_m_s is {config.speed_m_s} and the servo allows {fastest_m_s:.4f} m/s; lower it'
-        )
-    temperature_limit_c = bus.read(registers.TEMPERATURE_LIMIT)
-    current = registers.a_to_current(config.current_limit_a)
-    current_limit = bus.read(registers.CURRENT_LIMIT)
-    if current > current_limit:
-        raise DeviceRefusedError(
-            f'current_limit_a is {config.current_limit_a} and the servo allows '
-            f'{registers.current_to_a(current_limit):.3f} A; lower it'
-        )
-
-    was_held = bus.read(registers.TORQUE_ENABLE) != 0
-    is_zero_kept = was_held and _is_zero_kept(bus, config)
-    bus.write(registers.BUS_WATCHDOG, 0)  # a tripped watchdog locks the goals
-    if not is_zero_kept:
-        if was_held:
-            bus.write(registers.TORQUE_ENABLE, 0)
-        _wait_settled(bus)  # also with the torque off already: it may be off since just now
-        for register, value in (
-            (registers.DRIVE_MODE, 0),
-            (registers.OPERATING_MODE, registers.MODE_CURRENT_BASED_POSITION),
-        ):
-            if bus.read(register) != value:  # EEPROM wears out
-                bus.write(register, value)
-        _write_zero(bus)
-    # A change of mode resets these, so they come after it.
-    bus.write(registers.GOAL_CURRENT, current)
-    bus.write(registers.PROFILE_ACCELERATION, 0)
-    bus.write(registers.GOAL_POSITION, bus.read(registers.PRESENT_POSITION))
-    if not is_zero_kept:
-        bus.write(registers.TORQUE_ENABLE, 1)
-    arm_watchdog(bus, config.watchdog_s)  # works only with the torque on
-    return ServoSetup(identification, velocity_limit, temperature_limit_c, was_held, is_zero_kept)
-
-
-def _write_zero(bus: DynamixelBus, zero_counts: int | None = None) -> None:
-    """Make a position the servo's zero, in its homing offset; the torque must be off.
-
-    The servo keeps its position over turns for as long as it has power, and its torque is off
-    after it has lost it. So a torque that is on proves that the zero still holds.
-    ``zero_counts`` is in the present count; the present position when left out.
-    """
-    if zero_counts is None:
-        zero_counts = bus.read(registers.PRESENT_POSITION)
-    if abs(zero_counts) > ZERO_COUNTS:
-        bus.write(registers.HOMING_OFFSET, bus.read(registers.HOMING_OFFSET) - zero_counts)
-
-
-def _is_zero_kept(bus: DynamixelBus, config: TendonActuatorConfig) -> bool:
-    """Return whether a servo with its torque on was set up by this driver and kept its zero."""
-    if (
-        bus.read(registers.OPERATING_MODE) != registers.MODE_CURRENT_BASED_POSITION
-        or bus.read(registers.BUS_WATCHDOG) == 0
-    ):
-        return False
-    counts = bus.read(registers.PRESENT_POSITION) * (-1 if config.reverse else 1)
-    displacement_m = registers.counts_to_m(counts, config.pulley_radius_m)
-    return -SLACK_BELOW_M <= displacement_m <= config.max_displacement_m + SLACK_BELOW_M
-
-
-def arm_watchdog(bus: DynamixelBus, watchdog_s: float) -> None:
-    """Make the servo stop by itself when it hears nothing for ``watchdog_s`` [s]."""
-    bus.write(registers.BUS_WATCHDOG, math.ceil(watchdog_s / registers.WATCHDOG_STEP_S - 1e-9))
-
-
-def _check_servo(bus: DynamixelBus, device_id: int) -> str:
-    model = bus.ping()
-    if model not in registers.MODELS:
-        raise DeviceRefusedError(
-            f'servo {device_id} has model number {model}; supported are '
-            f'{", ".join(registers.MODELS.values())}'
-        )
-    firmware = bus.read(registers.FIRMWARE)
-    if firmware < registers.FIRMWARE_WITH_WATCHDOG:
-        raise DeviceRefusedError(
-            f'servo {device_id} has firmware {firmware} without bus watchdog; update it to '
-            f'{registers.FIRMWARE_WITH_WATCHDOG} or later'
-        )
-    if word := bus.read(registers.HARDWARE_ERROR):
-        _reboot(bus, device_id, registers.format_hardware_error(word))
-    if bus.read(registers.STATUS_RETURN_LEVEL) != registers.STATUS_ALWAYS:
-        raise DeviceRefusedError(
-            f'servo {device_id} does not answer every instruction; set its status return level '
-            f'to {registers.STATUS_ALWAYS}'
-        )
-    return f'Dynamixel {registers.MODELS[model]} firmware {firmware}'
-
-
-def _reboot(bus: DynamixelBus, device_id: int, words: str) -> None:
-    """Restart a servo that has shut down; only that ends it, and what ails it comes again."""
-    _logger.warning('servo %d has shut down: %s; restarting it', device_id, words)
-    bus.reboot()
-    deadline_s = time.monotonic() + REBOOT_S
-    while True:
-        time.sleep(SETTLING_PERIOD_S)
-        try:
-            word = bus.read(registers.HARDWARE_ERROR)
-            break
-        except SilentServoError:
-            if time.monotonic() > deadline_s:
-                raise
-    if word:
-        raise DeviceRefusedError(
-            f'servo {device_id} has shut down: {registers.format_hardware_error(word)}, and a '
-            'restart did not help; remove the cause, let it cool, and configure the driver again'
-        )
-
-
-def _wait_settled(bus: DynamixelBus) -> None:
-    # The finger's spring unwinds a tendon that was held; slack is where that ends.
-    deadline_s = time.monotonic() + SETTLING_S
-    last = bus.read(registers.PRESENT_POSITION)
-    while time.monotonic() < deadline_s:
-        time.sleep(SETTLING_PERIOD_S)
-        now = bus.read(registers.PRESENT_POSITION)
-        if abs(now - last) <= SETTLED_COUNTS:
-            return
-        last = now
-    raise DeviceRefusedError('the tendon does not come to rest with the torque off')
-
-
 class TendonServo:
-    """Registers of one servo as displacements; its count is 0 where the tendon is slack.
+    """One servo, in lengths of tendon; its count is 0 where the tendon is slack.
 
-    Hold ``bus.lock`` around calls that belong together.
+    Hold ``bus.lock`` around calls that belong together. ``limits`` and ``identification``, model
+    and firmware, are known after `set_up`.
     """
 
     def __init__(self, bus: DynamixelBus, config: TendonActuatorConfig) -> None:
         self.bus = bus
+        self.limits = ServoLimits(1, 0)
+        self.identification = ''
         self._config = config
         self._sign = -1 if config.reverse else 1
-        self._goal_counts: int | None = None  # the last one, if the servo has acknowledged it
-        self._lets_out = False  # whether the last goal must not wind in
+        self._watchdog = math.ceil(config.watchdog_s / registers.WATCHDOG_STEP_S - 1e-9)
+        self._desired = DesiredState(math.inf, self.to_velocity(config.speed_m_s), self.current)
+        self._goal_counts: int | None = None  # as it was last written for the desired state
+        self._known: tuple[_Identity, _Identity] | None = None  # before and after being set up
+        self._found: Found | None = None  # when the set-up began
+        self._is_set_up = False
+        self._is_arming = False  # the watchdog was switched off by this driver
+        self._seen: tuple[int, float] | None = None  # last position and its time [counts, s]
+
+    # -- the desired state ---------------------------------------------------------------
+
+    @property
+    def desired(self) -> DesiredState:
+        """The state that `bring` brings about."""
+        return self._desired
+
+    def desire(self, desired: DesiredState) -> None:
+        """Choose another state; `bring` writes it."""
+        self._desired, self._goal_counts = desired, None
+
+    @property
+    def current(self) -> int:
+        """The configured current limit, in the servo's units."""
+        return registers.a_to_current(self._config.current_limit_a)
+
+    def to_velocity(self, speed_m_s: float) -> int:
+        """Return a tendon speed in the servo's units [m/s]."""
+        return registers.m_s_to_velocity(speed_m_s, self._config.pulley_radius_m)
+
+    def read(self) -> ServoState:
+        """Read all registers that the desired state is about, asking once."""
+        return registers.decode_state(self.bus.read_block(registers.STATE_BLOCK))
 
     def read_displacement_m(self) -> float:
-        """Return the present displacement [m]."""
-        return self._to_displacement_m(self._read_counts())
+        """Return the present displacement [m]; ask again if the servo is silent."""
+        return self._to_displacement_m(self._insist(self.read).position_counts)
 
-    def is_locked(self) -> bool:
-        """Return whether the servo's watchdog has locked its goals."""
-        return self.bus.read(registers.BUS_WATCHDOG) == registers.WATCHDOG_TRIPPED
+    def is_goal_in_force(self, actual: ServoState) -> bool:
+        """Return whether the servo holds the goal of the desired state."""
+        return self._goal_counts is not None and actual.goal_counts == self._goal_counts
 
-    def write_goal(
-        self, displacement_m: float, velocity: int | None = None, *, lets_out: bool = False
-    ) -> None:
-        """Wind to a displacement [m] at a velocity in the servo's units.
+    def bring(self, actual: ServoState, *, may_tighten: bool) -> bool:
+        """Write what differs from the desired state; return whether nothing waits to be written.
 
-        With ``lets_out`` a tendon that is further out already is held there.
+        ``actual`` was just read. A goal that tightens, which needs ``may_tighten``, waits for a
+        read that confirms watchdog and current. It travels in one packet with its velocity. The
+        torque is switched on after a read that confirms everything else.
         """
-        if velocity is not None:
-            self.bus.write(registers.PROFILE_VELOCITY, velocity)
-        goal = self._to_counts(displacement_m)
-
-        def find() -> int:
-            if not lets_out:
-                return goal
-            return self._sign * min(self._sign * goal, self._sign * self._read_counts())
-
-        self._write_counts(find, lets_out=lets_out)
-
-    def write_hold(self) -> None:
-        """Hold where the servo stands."""
-        self._write_counts(self._read_counts, lets_out=True)
-
-    def has_missed_goal(self, goal_counts: int) -> bool:
-        """Return whether the servo, polled after the last write, holds another goal than that.
-
-        The protocol does not number its packets. If the answer to one write comes late and the
-        packet of the next write is lost, the late answer seems to acknowledge that one.
-        """
-        return self._goal_counts not in (None, goal_counts)
-
-    def repeat_goal(self, *, lets_out: bool) -> None:
-        """Write the last goal again; with ``lets_out`` do not wind in, whatever it was."""
-        if self._goal_counts is not None:
-            displacement_m = self._to_displacement_m(self._goal_counts)
-            self.write_goal(displacement_m, lets_out=lets_out or self._lets_out)
-
-    def unlock(self) -> None:
-        """Unlock goals that the watchdog has locked, with the goal where the servo stands."""
-        self.bus.write(registers.BUS_WATCHDOG, 0)
-        self.write_hold()
-        arm_watchdog(self.bus, self._config.watchdog_s)
-
-    def restore(self) -> ServoSetup | None:
-        """Open a lost line again; set the servo up if its torque went off, and return that.
-
-        A torque that has stayed on proves that the servo kept its zero.
-        """
-        self.bus.open()
-        is_kept = (
-            self.bus.read(registers.TORQUE_ENABLE) != 0
-            and self.bus.read(registers.OPERATING_MODE) == registers.MODE_CURRENT_BASED_POSITION
+        desired, waits = self._desired, False
+        if actual.watchdog == registers.WATCHDOG_TRIPPED:
+            self._is_arming = True
+            self.bus.write_once(registers.BUS_WATCHDOG, registers.WATCHDOG_OFF)
+            self._goal_counts = None  # the goal that was locked may tighten
+        if actual.watchdog == self._watchdog:
+            self._is_arming = False
+        elif actual.is_torque_on:  # it works only then
+            waits = True
+            self._is_arming = True
+            self.bus.write_once(registers.BUS_WATCHDOG, self._watchdog)
+        if actual.goal_current != desired.current:
+            waits = True
+            self.bus.write_once(registers.GOAL_CURRENT, desired.current)
+        tightens = desired.tightens and may_tighten
+        is_goal_there = self.is_goal_in_force(actual) or (
+            # Some firmware lets the goal follow the position while the torque is off.
+            not actual.is_torque_on
+            and abs(actual.goal_counts - actual.position_counts) <= SETTLED_COUNTS
         )
-        if is_kept or self.bus.read(registers.HARDWARE_ERROR):  # the poll tells the error
-            return None
-        self._goal_counts = None  # or it would seem to be missed, and be written again
-        return set_up_servo(self.bus, self._config)
+        if not is_goal_there or (actual.profile_acceleration, actual.profile_velocity) != (
+            0,
+            desired.velocity,
+        ):
+            if tightens and waits and not is_goal_there:
+                return False
+            waits = waits or not actual.is_torque_on
+            self._goal_counts = self._find_goal(actual.position_counts, tightens=tightens)
+            data = registers.encode_goal(desired.velocity, self._goal_counts)
+            self.bus.write_block(registers.GOAL_BLOCK, data)
+        if actual.is_torque_on:
+            return True
+        if not waits:
+            self.bus.write_once(registers.TORQUE_ENABLE, 1)
+        return False
 
-    def switch_off(self) -> None:
-        """Switch the torque off and close the bus."""
-        with suppress(LinearGuideDriverError):
-            self.bus.write(registers.TORQUE_ENABLE, 0)
-            self.bus.write(registers.BUS_WATCHDOG, 0)
-        self.bus.close()
+    def _find_goal(self, position_counts: int, *, tightens: bool) -> int:
+        if math.isinf(self._desired.displacement_m):
+            return position_counts
+        goal = self._to_counts(self._desired.displacement_m)
+        return (
+            goal if tightens else self._sign * min(self._sign * goal, self._sign * position_counts)
+        )
+
+    # -- recognition ---------------------------------------------------------------------
+
+    def find_change(self, actual: ServoState) -> str:
+        """Return why a servo with its torque on is not as this driver has left it, or ''.
+
+        Call it with each state. The position counts from the last one without a change.
+        """
+        known = (self._watchdog, registers.WATCHDOG_TRIPPED)
+        if actual.watchdog not in known and not self._is_arming:
+            return (
+                f'the bus watchdog of {self.bus.name} was {self._watchdog} and is '
+                f'{actual.watchdog}: it has lost its power, or is another servo'
+            )
+        now_s = time.monotonic()
+        if self._seen is not None:
+            counts, seen_s = self._seen
+            if now_s - seen_s > EXCHANGE_S and not self._is_known(self._identify()[0]):
+                return f'{self.bus.name} is another servo than before'
+            speed = JUMP_SPEED_SHARE * registers.velocity_to_counts_s(self.limits.velocity)
+            if abs(actual.position_counts - counts) > JUMP_COUNTS + speed * (now_s - seen_s):
+                return (
+                    f'the position of {self.bus.name} has jumped from {counts} to '
+                    f'{actual.position_counts} counts: it has lost its power, or is another servo'
+                )
+        self._seen = actual.position_counts, now_s
+        return ''
+
+    def _identify(self) -> tuple[_Identity, ServoSettings]:
+        model = self.bus.ping()
+        settings = self._read_settings()
+        modes = settings.drive_mode, settings.operating_mode, settings.homing_offset
+        return _Identity(model, settings.firmware, *modes), settings
+
+    def _is_known(self, identity: _Identity) -> bool:
+        known = self._known
+        return known is not None and all(
+            value in options
+            for value, options in zip(identity, zip(*known, strict=True), strict=True)
+        )
+
+    def _was_left_by_driver(self, identity: _Identity, actual: ServoState) -> bool:
+        """Return whether a servo with its torque on has the registers that a driver leaves."""
+        return (
+            identity.drive_mode == 0
+            and identity.operating_mode == registers.MODE_CURRENT_BASED_POSITION
+            and actual.watchdog in (self._watchdog, registers.WATCHDOG_TRIPPED)
+            and 0 < actual.goal_current <= self.current
+            and actual.profile_acceleration == 0
+            and actual.profile_velocity > 0
+        )
+
+    def _find_condition(
+        self, identity: _Identity, settings: ServoSettings, actual: ServoState
+    ) -> Found:
+        """Return the condition of a servo that may be written to, or raise; writes nothing."""
+        name = self.bus.name
+        if identity.model not in registers.MODELS:
+            raise DeviceRefusedError(
+                f'{name} has model number {identity.model}; supported are '
+                f'{", ".join(registers.MODELS.values())}'
+            )
+        if identity.firmware < registers.FIRMWARE_WITH_WATCHDOG:
+            raise DeviceRefusedError(
+                f'{name} has firmware {identity.firmware} without bus watchdog; update it to '
+                f'{registers.FIRMWARE_WITH_WATCHDOG} or later'
+            )
+        if actual.status_return_level != registers.STATUS_ALWAYS:
+            raise DeviceRefusedError(
+                f'{name} does not answer every instruction; set its status return level to '
+                f'{registers.STATUS_ALWAYS}'
+            )
+        if self._known is not None:
+            if not self._is_known(identity):
+                raise DeviceRefusedError(
+                    f'{name} is another servo than before, or has another mode or homing offset; '
+                    'nothing was written to it. Connect the right one, or configure the driver '
+                    'again to use this one'
+                )
+            if self._is_set_up:
+                if actual.is_torque_on:
+                    return Found.OFF if self.find_change(actual) else Found.SAME
+                # One that has shut down is restarted only when the driver is configured.
+                return Found.SAME if actual.hardware_error else Found.OFF
+            if self._found and actual.is_torque_on:  # a set-up was cut off half way
+                return self._found
+        if not actual.is_torque_on:
+            return Found.OFF
+        if not self._was_left_by_driver(identity, actual):
+            startup = ''
+            if settings.startup_configuration & registers.STARTUP_TORQUE_ON:
+                startup = ' Its Startup Configuration switches the torque on: set it to 0.'
+            raise DeviceRefusedError(
+                f'{name} holds with its torque on and was not set up by this driver; nothing was '
+                'written to it. Check port and device_id. If it is the servo of the tendon, '
+                f'switch its torque or its power off, then configure the driver again.{startup}'
+            )
+        displacement_m = self._to_displacement_m(actual.position_counts)
+        highest_m = self._config.max_displacement_m + SLACK_BELOW_M
+        is_placed = -SLACK_BELOW_M <= displacement_m <= highest_m
+        return Found.KEPT if is_placed else Found.MISPLACED
+
+    # -- set-up ---------------------------------------------------------------------------
+
+    def set_up(self) -> Found:
+        """Recognise the servo; set modes, limits and zero; hold it where it stands.
+
+        A servo that is as this driver has left it is left alone. One that an earlier driver has
+        left keeps its zero. Every other one gets its zero where the tendon comes to rest with the
+        torque off.
+
+        Raises `DeviceRefusedError` when it is not a supported servo, is too old, holds something
+        that this driver has not set up, reports a hardware error that a restart does not end, or
+        its limits are below those of the configuration. Nothing is written to a servo that is not
+        known to be the tendon's.
+        """
+        identity, settings = self._identify()
+        actual = self._insist(self.read)
+        found = self._find_condition(identity, settings, actual)
+        if found is Found.SAME:
+            return found
+        self._found, self._is_set_up = found, False
+        wanted = identity._replace(
+            drive_mode=0, operating_mode=registers.MODE_CURRENT_BASED_POSITION
+        )
+        self._known = self._known or (identity, wanted)
+        self._check_limits(settings)
+        if actual.hardware_error:
+            self._reboot(registers.format_hardware_error(actual.hardware_error))
+            found = self._found = Found.OFF
+        if found is not Found.KEPT:
+            self._switch_torque_off()
+            position_counts = self._wait_settled()  # it may be off since just now
+            self._write_settings(wanted, position_counts)
+        self.limits = ServoLimits(settings.velocity_limit, settings.temperature_limit_c)
+        model = registers.MODELS[identity.model]
+        self.identification = f'Dynamixel {model} firmware {identity.firmware}'
+        self.hold()
+        self._is_set_up = True
+        return found
+
+    def hold(self) -> None:
+        """Switch the torque on and hold where the servo stands, confirmed by a last read."""
+        self._seen, self._is_arming = None, True
+        self.desire(DesiredState(math.inf, self._desired.velocity, self._desired.current))
+
+        def is_done() -> bool:
+            actual = self.read()
+            return self.bring(actual, may_tighten=False) and not self._is_arming
+
+        self._repeat(is_done, 'does not take its set-up')
 
     def write_zero(self, displacement_m: float) -> None:
         """Make a displacement the servo's zero [m]; the torque is off for some milliseconds."""
-        self.bus.write(registers.BUS_WATCHDOG, 0)
-        self.bus.write(registers.TORQUE_ENABLE, 0)
-        _write_zero(self.bus, self._to_counts(displacement_m))
-        self.write_hold()
-        self.bus.write(registers.TORQUE_ENABLE, 1)
-        arm_watchdog(self.bus, self._config.watchdog_s)
+        identity, _ = self._identify()
+        if not self._is_known(identity):
+            raise ServoChangedError(f'another servo than before answers as {self.bus.name}')
+        self._is_arming = True
+        self._switch_torque_off()
+        self._write_settings(identity, self._to_counts(displacement_m))
+        self.hold()
 
-    def to_state(self, servo: registers.ServoState, received_at_ns: int) -> TendonState:
+    def switch_off(self) -> None:
+        """Switch the torque off if the servo is the one that was set up, and close the bus."""
+        with suppress(LinearGuideDriverError):
+            if self._known is not None and self._is_known(self._identify()[0]):
+                self._switch_torque_off()
+                self.bus.write(registers.BUS_WATCHDOG, registers.WATCHDOG_OFF)
+        self.bus.close()
+
+    def _check_limits(self, settings: ServoSettings) -> None:
+        config = self._config
+        if self.to_velocity(config.speed_m_s) > settings.velocity_limit:
+            fastest_m_s = registers.velocity_to_m_s(
+                settings.velocity_limit, config.pulley_radius_m
+            )
+            raise DeviceRefusedError(
+                f'speed_m_s is {config.speed_m_s} and the servo allows {fastest_m_s:.4f} m/s; '
+                'lower it'
+            )
+        if self.current > settings.current_limit:
+            raise DeviceRefusedError(
+                f'current_limit_a is {config.current_limit_a} and the servo allows '
+                f'{registers.current_to_a(settings.current_limit):.3f} A; lower it'
+            )
+
+    def _switch_torque_off(self) -> None:
+        def is_off() -> bool:
+            if self.read().is_torque_on:
+                self.bus.write_once(registers.TORQUE_ENABLE, 0)
+                return False
+            return True
+
+        self._repeat(is_off, 'does not switch its torque off')
+
+    def _write_settings(self, identity: _Identity, zero_counts: int) -> None:
+        """Write modes, and a position as the zero, where they differ; the torque must be off.
+
+        The servo keeps its position over turns for as long as it has power. ``zero_counts`` is in
+        the present count.
+        """
+        if abs(zero_counts) > ZERO_COUNTS:
+            offset = identity.homing_offset - zero_counts
+            identity = identity._replace(homing_offset=offset)
+        known = self._known
+        self._known = (known[0] if known else identity), identity
+
+        def is_written() -> bool:
+            settings = self._read_settings()
+            differing = [
+                (register, wanted)
+                for register, wanted, present in (
+                    (registers.DRIVE_MODE, identity.drive_mode, settings.drive_mode),
+                    (registers.OPERATING_MODE, identity.operating_mode, settings.operating_mode),
+                    (registers.HOMING_OFFSET, identity.homing_offset, settings.homing_offset),
+                )
+                if wanted != present  # EEPROM wears out
+            ]
+            for register, wanted in differing:
+                self.bus.write_once(register, wanted)
+            return not differing
+
+        self._repeat(is_written, 'does not keep its modes and its zero')
+        self._known = identity, identity
+
+    def _reboot(self, words: str) -> None:
+        """Restart a servo that has shut down; only that ends it, and what ails it comes again."""
+        _logger.warning('%s has shut down: %s; restarting it', self.bus.name, words)
+        self.bus.reboot()
+        deadline_s = time.monotonic() + REBOOT_S
+        while True:
+            time.sleep(SETTLING_PERIOD_S)
+            try:
+                word = self.read().hardware_error
+                break
+            except SilentServoError:
+                if time.monotonic() > deadline_s:
+                    raise
+        if word:
+            raise DeviceRefusedError(
+                f'{self.bus.name} has shut down: {registers.format_hardware_error(word)}, and a '
+                'restart did not help; remove the cause, let it cool, and configure the driver '
+                'again'
+            )
+
+    def _wait_settled(self) -> int:
+        """Return the position at which a tendon without torque has come to rest [counts]."""
+        # The finger's spring unwinds a tendon that was held; slack is where that ends.
+        deadline_s = time.monotonic() + SETTLING_S
+        last = self._insist(self.read).position_counts
+        while time.monotonic() < deadline_s:
+            time.sleep(SETTLING_PERIOD_S)
+            now = self._insist(self.read).position_counts
+            if abs(now - last) <= SETTLED_COUNTS:
+                return now
+            last = now
+        raise DeviceRefusedError('the tendon does not come to rest with the torque off')
+
+    # -- inside ---------------------------------------------------------------------------
+
+    def _read_settings(self) -> ServoSettings:
+        return self._insist(
+            lambda: registers.decode_settings(self.bus.read_block(registers.SETTINGS_BLOCK))
+        )
+
+    @staticmethod
+    def _insist(read: Callable[[], _Read]) -> _Read:
+        """Read; again if the servo is silent."""
+        for _ in range(ATTEMPTS - 1):
+            with suppress(SilentServoError):
+                return read()
+            time.sleep(LATE_S)
+        return read()
+
+    def _repeat(self, is_done: Callable[[], bool], problem: str) -> None:
+        """Read and write until a read confirms what was written."""
+        for _ in range(SET_UP_CYCLES - 1):
+            with suppress(SilentServoError, DeviceRefusedError):
+                if is_done():
+                    return
+                continue
+            time.sleep(LATE_S)
+        if not is_done():
+            raise DeviceRefusedError(f'{self.bus.name} {problem}; configure the driver again')
+
+    def to_state(self, servo: ServoState, received_at_ns: int) -> TendonState:
         """Return a polled state in lengths of tendon."""
         radius_m = self._config.pulley_radius_m
         return TendonState(
@@ -318,14 +540,6 @@ class TendonServo:
             temperature_c=float(servo.temperature_c),
             received_at_ns=received_at_ns,
         )
-
-    def _write_counts(self, find: Callable[[], int], *, lets_out: bool) -> None:
-        self._goal_counts = None  # not known if the servo does not answer
-        self._lets_out = lets_out
-        self._goal_counts = self.bus.write_fresh(registers.GOAL_POSITION, find)
-
-    def _read_counts(self) -> int:
-        return self.bus.read(registers.PRESENT_POSITION)
 
     def _to_counts(self, displacement_m: float) -> int:
         return self._sign * registers.m_to_counts(displacement_m, self._config.pulley_radius_m)

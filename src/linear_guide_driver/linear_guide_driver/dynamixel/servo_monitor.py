@@ -19,8 +19,13 @@ import threading
 import time
 
 from linear_guide_driver.dynamixel import registers
-from linear_guide_driver.dynamixel.bus import DynamixelBus, SilentServoError
-from linear_guide_driver.errors import DeviceConnectionError, LinearGuideDriverError
+from linear_guide_driver.dynamixel.bus import SilentServoError
+from linear_guide_driver.dynamixel.servo import TendonServo
+from linear_guide_driver.errors import (
+    DeviceConnectionError,
+    DeviceRefusedError,
+    LinearGuideDriverError,
+)
 from linear_guide_driver.records import REST_AFTER_S, TendonActuatorConfig, TendonState
 
 FAILED_POLLS = 5
@@ -50,11 +55,11 @@ _logger = logging.getLogger(__name__)
 class ServoMonitor:
     """The poll thread of one servo.
 
-    On the poll thread: ``on_poll`` makes a `TendonState` of a `ServoState` and acts on it, under
-    the bus's lock. ``on_state`` is called with each state, and ``is_slack`` tells whether nothing
-    moves in it and the tendon is slack. ``on_turn`` is called each time that the thread comes
-    round, with how much longer than usual the next time may take [s]: infinite when there is none.
-    ``restore`` makes a lost connection again, or raises.
+    ``on_poll`` makes a `TendonState` of a `ServoState` and acts on it, under the bus's lock, in
+    each `cycle`. ``is_slack`` tells whether nothing moves in that state and the tendon is slack.
+    On the poll thread: ``on_state`` is called with each state. ``on_turn`` is called each time
+    that the thread comes round, with how much longer than usual the next time may take [s]:
+    infinite when there is none. ``restore`` makes a lost connection again, or raises.
 
     ``on_loss`` and ``on_trouble`` are called with a reason at each failure, and when an outage or
     a fault is new; on the thread that noticed it.
@@ -62,7 +67,7 @@ class ServoMonitor:
 
     def __init__(
         self,
-        bus: DynamixelBus,
+        servo: TendonServo,
         config: TendonActuatorConfig,
         on_poll: Callable[[registers.ServoState], TendonState],
         on_state: Callable[[TendonState], None],
@@ -72,7 +77,7 @@ class ServoMonitor:
         restore: Callable[[], None],
         is_slack: Callable[[TendonState], bool],
     ) -> None:
-        self._bus, self._config = bus, config
+        self._servo, self._config = servo, config
         self._on_poll, self._on_state = on_poll, on_state
         self._on_loss, self._on_trouble, self._restore = on_loss, on_trouble, restore
         self._on_turn = on_turn
@@ -170,6 +175,11 @@ class ServoMonitor:
         """Pass a reason on to ``on_trouble``, whose own faults end nothing."""
         self._tell(self._on_trouble, reason)
 
+    def cycle(self) -> TendonState:
+        """Read the servo and act on what was read; also for commands, on their threads."""
+        with self._servo.bus.lock:  # no command comes between a state and its judgement
+            return self._take(self._servo.read())
+
     def poll_once(self) -> float:
         """Read the servo, or make a lost connection again; return the pause that follows [s]."""
         was_lost = self.is_lost
@@ -178,14 +188,15 @@ class ServoMonitor:
                 self._restore()
                 self.is_lost, self._back_off_s = False, FIRST_BACK_OFF_S
                 self.clear()  # the poll that follows tells what else is wrong
-            with self._bus.lock:  # no command comes between a state and its judgement
-                block = self._bus.read_block(registers.STATE_BLOCK)
-                state = self._take(registers.decode_state(block))
+            state = self.cycle()
             self._failed_polls = 0
         except LinearGuideDriverError as error:
             self.hurry()
             if was_lost and self.is_lost:
+                is_new = isinstance(error, DeviceRefusedError) and str(error) != self.outage
                 self.outage = str(error)
+                if is_new:
+                    self.tell_trouble(str(error))
                 self._back_off_s = min(2 * self._back_off_s, LONGEST_BACK_OFF_S)
                 return self._back_off_s
             is_silent = isinstance(error, SilentServoError)

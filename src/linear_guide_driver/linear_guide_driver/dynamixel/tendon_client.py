@@ -3,26 +3,35 @@
 
 """The tendon actuator: a Dynamixel XM430 in current-based position mode.
 
-`TendonActuatorClient` has three parts, from the bottom up. *Orders*: `TendonSafety` decides what
-the servo has to do. The poll, a new sample and each command ask it, and write its order under the
-bus's lock. *Goals*: each goal that is written has a number, so that a later one ends an earlier.
-*Motions*: a pull or a homing is plugged into `Motions`; it begins with a goal that safety admits,
-and waits until the servo is there.
+`TendonActuatorClient` has three parts, from the bottom up. *One loop*: the poll reads the servo,
+`TendonSafety` gives an order, and what differs from the desired state is written, under the bus's
+lock. A new sample and each command run the same loop once, instead of waiting for the poll.
+*Desired states*: an order or a pull only chooses one; a later one ends an earlier pull. *Motions*:
+a pull or a homing is plugged into `Motions`; it begins with a goal that safety admits, and waits
+until the servo is there.
 
 The servo's bus watchdog stops it when nothing is heard for a while; the monitor's reads feed it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Generator, Sequence
+from contextlib import suppress
 from functools import partial
 import logging
+import math
 import time
 from typing import TypeVar
 
 from linear_guide_driver.dynamixel import registers
-from linear_guide_driver.dynamixel.servo import open_servo, ServoSetup, TendonServo
+from linear_guide_driver.dynamixel.bus import LATE_S, SilentServoError
+from linear_guide_driver.dynamixel.servo import (
+    DesiredState,
+    Found,
+    open_servo,
+    ServoChangedError,
+    TendonServo,
+)
 from linear_guide_driver.dynamixel.servo_monitor import ServoMonitor
 from linear_guide_driver.errors import (
     capitalise,
@@ -52,6 +61,9 @@ SLACK_S = 1.0
 """Added to the computed duration of a pull before it counts as stuck."""
 
 POLL_WAIT_S = 1.0
+
+COMMAND_CYCLES = 5
+"""Reads, each followed by writes, in which a command must be carried out: packets may be lost."""
 
 LET_OUT_S = 2.0
 """Longest wait of `TendonActuatorClient.close` for a tendon to become slack."""
@@ -107,20 +119,28 @@ class TendonActuatorClient:
         self._servo: TendonServo | None = None
         self._monitor: ServoMonitor | None = None
         self._motions = Motions('The tendon is busy with another pull; stop it first.', NOT_BEGUN)
-        self._velocity_limit = 1  # of the servo [velocity units]
-        self._applied = Order.FOLLOW  # the last order that was carried out
-        self._number = 0  # of the last goal that was written
-        self._repeated = 0  # number of the last goal that the servo had missed
-        self._pull_number, self._goal_m = 0, 0.0  # of the goal of the last pull
+        self._order = Order.FOLLOW  # the last one of safety
+        self._pull_state: DesiredState | None = None  # of the last pull
+        self._goal_m = 0.0  # of the last pull
+        self._is_brought = False  # everything of the desired state has been written
+        self._told = ''  # the last alarm
         self.safety = TendonSafety(config, watches, latch)
-        self.identification = ''  # model and firmware
-        self.temperature_limit_c = 0.0  # at which the servo shuts down
         self.recoveries = 0
 
     @property
     def state(self) -> TendonState | None:
         """The last state; None before the first poll."""
         return None if self._monitor is None else self._monitor.state
+
+    @property
+    def identification(self) -> str:
+        """Model and firmware; empty before the servo was set up."""
+        return '' if self._servo is None else self._servo.identification
+
+    @property
+    def temperature_limit_c(self) -> float:
+        """Temperature at which the servo shuts down."""
+        return 0.0 if self._servo is None else float(self._servo.limits.temperature_c)
 
     @property
     def is_at_rest(self) -> bool:
@@ -145,12 +165,11 @@ class TendonActuatorClient:
         Raises what `open_servo` raises.
         """
         self.close()
-        bus, setup = open_servo(self._config)
-        self._take_over(setup)
-        self._servo = TendonServo(bus, self._config)
+        self._servo, found = open_servo(self._config)
+        self._take_over(found)
         listeners = (self._on_poll, self._on_state, self._on_loss, self._on_trouble, self._on_turn)
         self._monitor = ServoMonitor(
-            bus, self._config, *listeners, restore=self._restore, is_slack=self._is_slack
+            self._servo, self._config, *listeners, restore=self._restore, is_slack=self._is_slack
         )
         self._monitor.start()
         self._monitor.wait_poll(POLL_WAIT_S)
@@ -163,7 +182,7 @@ class TendonActuatorClient:
         if not monitor.outage:
             self._let_out(monitor)
         with servo.bus.lock:
-            self._number += 1  # ends a running pull
+            self._pull_state = None  # ends a running pull
         monitor.close()
         self._servo = None
         servo.switch_off()
@@ -186,27 +205,25 @@ class TendonActuatorClient:
         else:
             _logger.error('the tendon was not slack after %s s; it may still be taut', LET_OUT_S)
 
-    def _take_over(self, setup: ServoSetup) -> None:
-        """Begin with a servo that has just been set up: no goal and no order are in force."""
-        self.identification = setup.identification
-        self.temperature_limit_c = float(setup.temperature_limit_c)
-        self._velocity_limit = setup.velocity_limit
-        self._number += 1
-        self._applied = Order.FOLLOW
-        if setup.was_held and not setup.is_zero_kept:
-            reason = 'the servo held a tendon whose zero it does not know'
+    def _take_over(self, found: Found) -> None:
+        """Begin with a servo that has just been set up: it holds, and no order is in force."""
+        if found is Found.SAME:
+            return
+        self._order = Order.FOLLOW
+        if found is Found.MISPLACED:
+            reason = 'the servo held a tendon at a place that its zero cannot explain'
             self.safety.set_zero(Zero.UNKNOWN, reason)
         else:
             self.safety.set_zero(Zero.UNCONFIRMED)
-        if setup.is_zero_kept:
+        if found is Found.KEPT:
             _logger.warning(RESTARTED)
             self.safety.release(RESTARTED)
 
     def _restore(self) -> None:
         """Make a lost connection again. The next poll unlocks goals and carries the order out."""
         servo, _ = self._require_connection()
-        if setup := servo.restore():
-            self._take_over(setup)
+        servo.bus.open()
+        self._take_over(servo.set_up())
 
     def _require_connection(self) -> tuple[TendonServo, ServoMonitor]:
         servo, monitor = self._servo, self._monitor
@@ -293,7 +310,8 @@ class TendonActuatorClient:
         return self._motions.run(motion, on_state, should_stop)
 
     def _stop_pull(self) -> str:
-        with self._commanding():
+        servo, _ = self._require_connection()
+        with servo.bus.lock:
             if not self._is_replaced:  # a later command, as a release, stays in force
                 self.hold_here()
         return self._format_end(self.safety.reason)
@@ -385,9 +403,11 @@ class TendonActuatorClient:
                 raise MotionStoppedError(self._format_end(self.safety.reason))
             if state is not None:
                 if until(state):
-                    with self._commanding() as servo:
+                    servo, _ = self._require_connection()
+                    with servo.bus.lock:
                         if not self._is_replaced:
-                            self._write(servo, servo.write_hold)
+                            self._desire(Order.HOLD)
+                            self._bring_about()
                     return state
                 if (
                     abs(state.displacement_m - self._goal_m) <= POSITION_TOLERANCE_M
@@ -417,7 +437,8 @@ class TendonActuatorClient:
     @property
     def _max_speed_m_s(self) -> float:
         """The servo's velocity limit as tendon speed [m/s]."""
-        return registers.velocity_to_m_s(self._velocity_limit, self._config.pulley_radius_m)
+        limit = 1 if self._servo is None else self._servo.limits.velocity
+        return registers.velocity_to_m_s(limit, self._config.pulley_radius_m)
 
     def _read_tension(self) -> float | None:
         return self.safety.live_tension_n(time.monotonic_ns())
@@ -432,8 +453,9 @@ class TendonActuatorClient:
 
     @property
     def _is_replaced(self) -> bool:
-        """True when a later goal than that of the last pull was written."""
-        return self._pull_number != self._number
+        """True when another state than that of the last pull is desired."""
+        servo = self._servo
+        return servo is None or servo.desired is not self._pull_state
 
     def _begin(self, pull: Pull, speed_m_s: float) -> float:
         """Write the goal of a pull if safety admits it [m/s]; return the way to it [m]."""
@@ -447,44 +469,35 @@ class TendonActuatorClient:
                 self.safety.release(RELEASED)
             self._check_reachable(monitor)
             start_m = servo.read_displacement_m()
-            now_ns = time.monotonic_ns()
             fault = f'{capitalise(monitor.fault)}; {monitor.remedy}.' if monitor.fault else ''
-            self.safety.admit(pull, start_m, now_ns, fault)
+            self.safety.admit(pull, start_m, time.monotonic_ns(), fault)
             goal_m = pull.displacement_m
             if pull.lets_out:
                 goal_m = min(self.safety.slack_m, start_m)
-            if self.safety.decide(start_m, now_ns) is Order.FOLLOW:
-                velocity = registers.m_s_to_velocity(speed_m_s, self._config.pulley_radius_m)
-                lets_out = goal_m <= start_m  # whatever moves until it is written
-                self._applied = Order.FOLLOW  # also if only the servo's answer is lost
-                self._write(servo, lambda: servo.write_goal(goal_m, velocity, lets_out=lets_out))
-            else:
-                self._carry_out(servo, start_m)
-            self._pull_number, self._goal_m = self._number, goal_m
+            self._order, self._goal_m = Order.FOLLOW, goal_m
+            # A goal that is not further in than the tendon is must not tighten, whatever moves
+            # until it is written.
+            self._pull_state = DesiredState(
+                goal_m, servo.to_velocity(speed_m_s), self._find_current(pull), goal_m > start_m
+            )
+            servo.desire(self._pull_state)
+            self._bring_about()
             return abs(goal_m - start_m)
+
+    def _find_current(self, _: Pull) -> int:
+        """Return the current limit of a pull, in the servo's units."""
+        servo, _monitor = self._require_connection()
+        return servo.current
 
     def _shift_zero(self, shift_m: float) -> None:
         """Count displacements from ``shift_m`` further in, in the servo itself [m]."""
-        with self._commanding() as servo:  # so that no poll sees the torque off
-            self._number += 1
+        servo, monitor = self._require_connection()
+        with servo.bus.lock:  # so that no poll sees the torque off
+            self._check_reachable(monitor)
             servo.write_zero(shift_m)
             self.safety.set_zero(Zero.KNOWN)
         # So that no state counts from the old zero.
-        self._require_connection()[1].wait_poll(POLL_WAIT_S)
-
-    def _write(self, servo: TendonServo, write: Callable[[], None]) -> None:
-        """Write the goal of a new command, also when the watchdog has just acted."""
-        self._number += 1
-        self._require_connection()[1].hurry()
-        try:
-            write()
-        except DeviceRefusedError:
-            if not servo.is_locked():
-                raise
-            self.recoveries += 1
-            servo.unlock()
-            write()
-        self._require_connection()[1].clear()  # a command was heard, so the silence is over
+        monitor.wait_poll(POLL_WAIT_S)
 
     # -- orders --------------------------------------------------------------------------
 
@@ -517,29 +530,22 @@ class TendonActuatorClient:
         A silent servo is left alone: a question that it hears would feed its bus watchdog,
         which is what stops it.
         """
-        monitor = self._monitor
-        if monitor is None or monitor.outage:
+        servo, monitor = self._servo, self._monitor
+        if servo is None or monitor is None or monitor.outage:
             return
-        with suppress(LinearGuideDriverError), self._commanding() as servo:
-            self._carry_out(servo)
+        with suppress(LinearGuideDriverError), servo.bus.lock:
+            self._check_reachable(monitor)
+            monitor.cycle()
 
     def _command(self, ask: Callable[[], None], order: Order) -> None:
-        """Ask safety for an order and write it; where it orders something else, that."""
+        """Ask safety for an order and carry it out; where it orders something else, that."""
         servo, monitor = self._require_connection()
         with servo.bus.lock:
             ask()
             self._check_reachable(monitor)
-            self._applied = Order.FOLLOW  # a goal that is kept up may be in force
-            if self._carry_out(servo) is Order.FOLLOW:
-                self._apply(servo, order)
-
-    @contextmanager
-    def _commanding(self) -> Iterator[TendonServo]:
-        """Hold the bus's lock for a command to a servo that can be reached."""
-        servo, monitor = self._require_connection()
-        with servo.bus.lock:
-            self._check_reachable(monitor)
-            yield servo
+            self._order = Order.FOLLOW
+            self._desire(order)
+            self._bring_about()
 
     @staticmethod
     def _check_reachable(monitor: ServoMonitor) -> None:
@@ -549,26 +555,51 @@ class TendonActuatorClient:
                 f'The tendon actuator cannot move: {monitor.outage}; {monitor.remedy}.'
             )
 
-    def _carry_out(self, servo: TendonServo, displacement_m: float | None = None) -> Order:
-        """Ask safety for its order and write it, if it is not in force already; return it."""
-        if displacement_m is None:
-            displacement_m = servo.read_displacement_m()
-        order = self.safety.decide(displacement_m, time.monotonic_ns())
-        if order is not self._applied:
-            self._apply(servo, order)
-            if order is not Order.FOLLOW and self.safety.is_alarm:
-                self._require_connection()[1].tell_trouble(self.safety.reason)
-        return order
+    def _bring_about(self) -> None:
+        """Run the loop now, and again where a packet is lost, until nothing waits to be written.
 
-    def _apply(self, servo: TendonServo, order: Order) -> None:
+        The next poll repairs a write that only seemed to be acknowledged.
+        """
+        _, monitor = self._require_connection()
+        monitor.hurry()
+        for _ in range(COMMAND_CYCLES - 1):
+            with suppress(SilentServoError, DeviceRefusedError):
+                if self._cycle(monitor):
+                    return
+                continue
+            time.sleep(LATE_S)
+        if not self._cycle(monitor):
+            raise DeviceRefusedError('the servo does not take its settings; configure it again')
+
+    def _cycle(self, monitor: ServoMonitor) -> bool:
+        """Run the loop once; return whether nothing waits to be written."""
+        self._check_reachable(monitor)
+        self._is_brought = False
+        monitor.cycle()
+        return self._is_brought
+
+    def _desire(self, order: Order) -> None:
+        """Choose the state that carries an order out."""
+        servo, monitor = self._require_connection()
+        desired, velocity = servo.desired, servo.limits.velocity
         if order is Order.HOLD:
-            self._write(servo, servo.write_hold)
+            servo.desire(DesiredState(math.inf, desired.velocity, desired.current))
         elif order is Order.RELEASE:
-            slack_m, velocity = self.safety.slack_m, self._velocity_limit
-            self._write(servo, lambda: servo.write_goal(slack_m, velocity, lets_out=True))
-        elif self._applied is Order.RELEASE and self.safety.zero is Zero.UNKNOWN:
-            self._write(servo, servo.write_hold)  # slack by the sensor, before the goal
-        self._applied = order
+            servo.desire(DesiredState(self.safety.slack_m, velocity, desired.current))
+        monitor.hurry()
+
+    def _follow_order(self, order: Order) -> None:
+        """Choose another state where safety's order has changed."""
+        if order is not self._order:
+            was, self._order = self._order, order
+            if order is not Order.FOLLOW:
+                self._desire(order)
+            elif was is Order.RELEASE and self.safety.zero is Zero.UNKNOWN:
+                self._desire(Order.HOLD)  # slack by the sensor, before the goal
+        alarm = self.safety.reason if self.safety.is_alarm else ''
+        if alarm and alarm != self._told:
+            self._require_connection()[1].tell_trouble(alarm)
+        self._told = alarm
 
     def _on_loss(self, reason: str) -> None:
         self.safety.lose(f'{capitalise(reason)}.', time.monotonic_ns())
@@ -577,34 +608,23 @@ class TendonActuatorClient:
         return self.safety.is_at_rest(state.displacement_m, time.monotonic_ns())
 
     def _on_poll(self, polled: registers.ServoState) -> TendonState:
-        """Carry safety's order out with each new state, under the bus's lock."""
+        """Bring the servo to what safety orders by each new state, under the bus's lock."""
         servo, _ = self._require_connection()
         state = servo.to_state(polled, self._clock_ns())
         self.safety.add_current(state.current_a, time.monotonic_ns())
         if not polled.is_torque_on:
             self.safety.set_zero(Zero.UNKNOWN, "the servo's torque went off")
             return state
-        # Off: a command that sets it anew was cut off half way.
-        is_tripped = polled.watchdog in (registers.WATCHDOG_TRIPPED, registers.WATCHDOG_OFF)
-        if is_tripped:
-            self._recover(servo)
-        has_missed = not is_tripped and servo.has_missed_goal(polled.goal_counts)
-        number = self._number
-        self._carry_out(servo, state.displacement_m)
-        # Only if safety has ordered nothing else: the goal that was missed may wind in.
-        if has_missed and number == self._number:
-            if number != self._repeated:
-                _logger.warning('the servo has missed a goal; it is written again')
-            self._repeated = number
-            servo.repeat_goal(lets_out=not self.safety.is_pulling)
+        if change := servo.find_change(polled):
+            self.safety.set_zero(Zero.UNKNOWN, change)
+            raise ServoChangedError(change)
+        if polled.watchdog == registers.WATCHDOG_TRIPPED:
+            self.recoveries += 1
+            if self.safety.is_pulling and servo.is_goal_in_force(polled):
+                silence = f'{self._config.watchdog_s} s of silence'
+                self._on_loss(f"the servo's watchdog has stopped it after {silence}")
+        order = self.safety.decide(state.displacement_m, time.monotonic_ns())
+        self._follow_order(order)
+        may_tighten = order is Order.FOLLOW and self.safety.is_pulling
+        self._is_brought = servo.bring(polled, may_tighten=may_tighten)
         return state
-
-    def _recover(self, servo: TendonServo) -> None:
-        """Unlock the goals that the servo's watchdog has locked; the tendon is held there."""
-        self.recoveries += 1
-        if self.safety.is_pulling:
-            silence = f'{self._config.watchdog_s} s of silence'
-            self._on_loss(f"the servo's watchdog has stopped it after {silence}")
-            self._number += 1
-        servo.unlock()
-        self._applied = Order.FOLLOW  # so that the present order is written again

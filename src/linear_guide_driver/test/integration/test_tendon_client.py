@@ -32,8 +32,17 @@ def test_the_peers_checksum_is_the_documented_one():
 def test_connect_sets_the_servo_up_in_a_safe_order(tendon, servo):
     assert tendon.identification == 'Dynamixel XM430-W350 firmware 45'
     order = [address for address, _ in servo.writes]
-    assert order == [98, 11, 20, 102, 108, 116, 64, 98]
-    assert dict(servo.writes) == {98: 20, 11: 5, 20: -2048, 102: 112, 108: 0, 116: 0, 64: 1}
+    assert order == [11, 20, 102, 108, 112, 116, 64, 98]
+    assert dict(servo.writes) == {
+        98: 20,
+        11: 5,
+        20: -2048,
+        102: 112,
+        108: 0,
+        112: 167,
+        116: 0,
+        64: 1,
+    }
     assert tendon.state.displacement_m == 0.0
     assert tendon.state.voltage_v == pytest.approx(12.1)
 
@@ -162,9 +171,40 @@ def test_a_servo_that_has_shut_down_is_restarted_and_refused_when_that_does_not_
     assert servo.table[64] == 0
 
 
-def test_a_servo_that_another_program_holds_is_let_go_and_must_be_homed(connect, servo):
-    servo.put(64, 1, 1)
-    servo.put(98, 1, 255)  # and its watchdog has tripped
+@pytest.mark.parametrize(
+    ('registers_', 'words'),
+    [
+        ({0: 1120, 64: 1, 98: 255}, r'model number 1120; supported are XM430'),
+        ({6: 37, 64: 1}, 'firmware 37 without bus watchdog'),
+        ({68: 1, 64: 1}, 'does not answer every instruction'),
+        ({64: 1}, 'was not set up by this driver'),
+        ({64: 1, 11: 5, 102: 1193, 112: 50}, 'was not set up by this driver'),
+        ({64: 1, 11: 5, 102: 1193, 112: 50, 98: 255}, 'was not set up by this driver'),
+        ({64: 1, 11: 5, 60: 1}, r'Startup Configuration switches the torque on: set it to 0'),
+    ],
+)
+def test_nothing_is_written_to_a_servo_that_is_not_known_to_be_the_tendons(
+    connect, servo, registers_, words
+):
+    sizes = {0: 2, 102: 2, 112: 4}
+    for address, value in registers_.items():
+        servo.put(address, sizes.get(address, 1), value)
+    with pytest.raises(DeviceRefusedError, match=words):
+        connect()
+    assert servo.writes == []
+    assert servo.table[64] == 1
+
+
+def test_a_servo_with_limits_below_the_configuration_is_refused_and_left_slack(connect, servo):
+    servo.leave_as_a_driver(2048, 2048 + 65)
+    servo.put(44, 4, 100)
+    with pytest.raises(DeviceRefusedError, match='the servo allows'):
+        connect()
+    assert servo.table[64] == 0
+
+
+def test_a_tendon_held_where_its_zero_cannot_be_must_be_homed(connect, servo):
+    servo.leave_as_a_driver(2048, 2048 - 1000)
     tendon = connect()
     assert (64, 0) in servo.writes
     assert servo.table[64] == 1
@@ -173,7 +213,7 @@ def test_a_servo_that_another_program_holds_is_let_go_and_must_be_homed(connect,
 
 
 def test_no_release_winds_in(connect, servo):
-    servo.put(64, 1, 1)  # held by another program: the zero is unknown
+    servo.leave_as_a_driver(0, 2048)  # further in than any pull: the zero is unknown
     tendon = connect(max_displacement_m=0.002)
     below = 2048 - 652  # 10 mm below the zero, as after homings that failed
     servo.turn_to(below)
@@ -204,11 +244,12 @@ def test_slack_is_read_when_the_tendon_has_unwound_though_the_torque_was_off(con
 
 def test_lost_packets_lose_no_stop(tendon, servo):
     pull = begin_pull(tendon, servo)
-    left = {132: 2, 116: 2}  # of the present and the goal position
+    left = {'read': 2, 'goal': 2}
 
     def lose(address):
-        left[address] = left.get(address, 0) - 1
-        return left[address] >= 0
+        kind = 'goal' if address == 116 else 'read'
+        left[kind] -= 1
+        return left[kind] >= 0
 
     servo.lose = lose
     tendon.hold_here()
@@ -310,6 +351,62 @@ def test_one_pull_at_a_time_and_close_lets_the_tendon_out_before_the_torque_goes
     assert abs(servo.position - 2048) <= 33
     with pytest.raises(MotionRefusedError, match='not connected'):
         tendon.pull_to(0.0)
+
+
+def test_no_pull_runs_at_the_speed_of_another(tendon, servo):
+    tendon.pull_to(0.002)
+    tendon.request_release()  # as fast as the servo can
+    wait_until(lambda: servo.position == 2048)
+    lost, speeds = [], []
+
+    def lose(address):
+        if address != 116 or lost:
+            return False
+        lost.append(address)
+        servo._answer(0)  # late, to a write before
+        return True
+
+    servo.lose = lose
+    tendon.pull_to(0.004, 0.004, lambda state: speeds.append(state.velocity_m_s))
+    assert lost
+    assert 0.0035 < max(speeds) < 0.0045
+
+
+def test_a_current_limit_whose_packet_is_lost_is_in_force_before_the_torque_is(connect, servo):
+    def lose(address):
+        if address != 102:
+            return False
+        servo.lose = lambda address: False
+        servo._answer(0)  # late, to a write before
+        return True
+
+    servo.lose = lose
+    servo.put(102, 2, 1193)
+    servo.put(11, 1, 5)
+    tendon = connect()
+    order = [address for address, _ in servo.writes]
+    assert order.index(102) < order.index(64)
+    assert servo.get(102, 2) == 112
+    servo.put(102, 2, 1193)
+    wait_until(lambda: servo.get(102, 2) == 112)
+    tendon.pull_to(0.002)
+
+
+def test_nothing_tightens_before_the_current_limit_is_confirmed(tendon, servo):
+    count, lost = len(servo.writes), []
+
+    def lose(address):
+        if address == 116 and not lost:
+            servo.put(102, 2, 1193)  # as when the goal's packet is lost and the servo is odd
+            lost.append(address)
+            return True
+        return False
+
+    servo.lose = lose
+    tendon.pull_to(0.002)
+    order = [address for address, _ in servo.writes[count:]]
+    assert order[:2] == [102, 108]
+    assert servo.get(102, 2) == 112
 
 
 def test_a_restarted_driver_keeps_the_zero_and_lets_the_tendon_out(tendon, connect, servo):

@@ -38,10 +38,22 @@ def test_a_watchdog_that_trips_unseen_does_not_stop_a_fresh_command(tendon, serv
 
 
 def test_an_idle_trip_of_the_servos_watchdog_mends_itself(tendon, servo):
-    for value in (255, 0):  # 0: a command that set it anew was cut off half way
-        servo.put(98, 1, value)
-        wait_until(lambda: servo.table[98] == 20)
-    assert tendon.recoveries == 2
+    lost = []
+
+    def lose(address):  # the watchdog is switched off, and not armed again
+        if address == 98 and servo.table[98] == 0 and len(lost) < 3:
+            lost.append(address)
+            return True
+        return False
+
+    servo.put(98, 1, 255)
+    wait_until(lambda: servo.table[98] == 20)
+    assert tendon.recoveries == 1
+    servo.lose = lose
+    servo.put(98, 1, 255)
+    wait_until(lambda: servo.table[98] == 20)
+    assert len(lost) == 3
+    assert tendon.trouble == ''
     tendon.pull_to(0.002)
 
 
@@ -148,16 +160,81 @@ def test_a_pull_to_slack_that_a_servo_does_not_hear_is_carried_out_later(connect
     wait_until(lambda: servo.position == 2048 and not tendon.trouble)
 
 
-def test_a_tendon_that_another_program_took_meanwhile_is_let_go(connect, servo):
+@pytest.mark.parametrize('change', [{11: 3}, {20: 0}, {0: 1030}])
+def test_another_servo_behind_the_port_is_left_alone(connect, servo, change):
+    told = []
+    tendon = connect(lambda _: None, time.time_ns, told.append)
+    tendon.pull_to(0.004)
+    servo.unplug()
+    wait_until(lambda: tendon.trouble != '')
+    sizes = {0: 2, 20: 4}
+    before = {address: servo.get(address, sizes.get(address, 1)) for address in change}
+    for address, value in change.items():
+        servo.put(address, sizes.get(address, 1), value)
+    servo.put(102, 2, 1193)
+    count = len(servo.writes)
+    servo.plug_in()
+    wait_until(lambda: 'another servo' in tendon.trouble)
+    wait_until(lambda: 'another servo' in told[-1])
+    with pytest.raises(MotionRefusedError, match='another servo'):
+        tendon.pull_to(0.0)
+    for address, value in before.items():
+        servo.put(address, sizes.get(address, 1), value)
+    assert servo.writes[count:] == []
+    wait_until(lambda: servo.position == 2048 and not tendon.trouble)  # the right one is back
+    assert servo.get(102, 2) == 112
+
+
+def test_a_driver_that_ends_leaves_another_servo_alone(connect, servo):
     tendon = connect()
-    tendon.pull_to(0.01)
+    tendon.pull_to(0.004)
     servo.unplug()
     wait_until(lambda: tendon.trouble != '')
     servo.put(11, 1, 3)
+    count = len(servo.writes)
     servo.plug_in()
-    wait_until(lambda: not tendon.trouble)
-    assert (64, 0) in servo.writes
-    assert tendon.safety.zero is Zero.UNKNOWN
+    wait_until(lambda: 'another servo' in tendon.trouble)
+    tendon.close()
+    assert servo.writes[count:] == []
+    assert servo.table[64] == 1
+
+
+def blink(servo):
+    """Lose the power for a moment; its Startup Configuration switches the torque on."""
+    servo.lose_power()
+    servo.put(64, 1, 1)
+    servo.put(116, 4, servo.get(132))
+
+
+@pytest.mark.parametrize('is_noticed', [False, True])
+def test_a_blink_of_the_power_loses_the_zero_though_the_torque_is_on(connect, servo, is_noticed):
+    servo.turn_to(4000)
+    tendon = connect(slack_after_s=0.2)
+    tendon.pull_to(0.004)  # beyond the turn: its count is lost
+    assert servo.position == 4261
+    servo.is_silent = True
+    blink(servo)
+    if is_noticed:
+        wait_until(lambda: tendon.trouble != '')
+    count = len(servo.writes)
+    servo.is_silent = False
+    wait_until(lambda: (64, 1) in servo.writes[count:] and not tendon.trouble)
+    assert servo.writes[count] == (64, 0)
+    assert tendon.safety.zero is Zero.UNCONFIRMED
+    rest = servo.position
+    tendon.pull_to(0.004)
+    assert servo.position == pytest.approx(rest + 261, abs=2)
+
+
+def test_a_position_that_jumps_loses_the_zero(connect, servo):
+    tendon = connect(slack_after_s=0.2)
+    tendon.pull_to(0.004)
+    count = len(servo.writes)
+    servo.put(132, 4, servo.get(132) - 4096)
+    servo.put(116, 4, servo.get(132))
+    wait_until(lambda: (64, 1) in servo.writes[count:] and not tendon.trouble)
+    assert tendon.safety.zero is Zero.UNCONFIRMED
+    wait_until(lambda: tendon.state.displacement_m == pytest.approx(0.0, abs=1e-4))
 
 
 def test_a_fault_of_the_reading_itself_is_trouble(connect, servo, monkeypatch):

@@ -22,6 +22,17 @@ TABLE = (
 """Address, size and value of what is not zero at first."""
 
 
+RUN = ((108, 4), (112, 4), (116, 4))
+"""Registers that may be written in one packet: address and size."""
+
+
+def find_fields(address, size):
+    """Return address and size of the registers in a packet."""
+    if size <= 4:
+        return [(address, size)]
+    return [field for field in RUN if address <= field[0] < address + size]
+
+
 def compute_crc(data):
     """CRC-16 with polynomial 0x8005, bit by bit."""
     crc = 0
@@ -73,6 +84,14 @@ class ServoModel:
         """The goal position, as one of the shaft [counts]."""
         return self.get(116) - self.get(20)
 
+    def leave_as_a_driver(self, zero, position):
+        """Hold as a driver that has ended leaves it: counts of the shaft, watchdog tripped."""
+        for address, size, value in ((20, 4, -zero), (11, 1, 5), (64, 1, 1), (98, 1, 255)):
+            self.put(address, size, value)
+        for address, size, value in ((102, 2, 112), (112, 4, 42), (116, 4, position - zero)):
+            self.put(address, size, value)
+        self.put(132, 4, position - zero)
+
     def shut_down(self, hardware_error):
         self.put(70, 1, hardware_error)
         self.put(64, 1, 0)
@@ -109,20 +128,30 @@ class ServoModel:
         self.put(128, 4, velocity)
 
     def _write(self, address, data):
-        value = int.from_bytes(data, 'little', signed=True)
+        """Write a run of registers as a whole, or refuse it as a whole."""
+        fields = find_fields(address, len(data))
         if address < 64 and self.table[64]:
             return 7
-        if address == self.trips_before:
+        if self.trips_before in {field for field, _ in fields}:
             self.trips_before = None
             self.put(98, 1, 255)
-        if address in (102, 112, 116) and self.table[98] == 255:
-            return 4
-        if address == 102 and value > self.get(38, 2):
-            return 6
-        if address == 20:
-            self.put(132, 4, self.get(132) + value - self.get(20))
-        self.writes.append((address, value))
-        self.table[address : address + len(data)] = data
+        values = []
+        for field, size in fields:
+            part = data[field - address : field - address + size]
+            value = int.from_bytes(part, 'little', signed=True)
+            if field in (102, 112, 116) and self.table[98] == 255:
+                return 4
+            if field == 102 and value > self.get(38, 2):
+                return 6
+            values.append((field, size, value))
+        for field, size, value in values:
+            if field == 20:
+                self.put(132, 4, self.get(132) + value - self.get(20))
+            if field == 11 and value != self.table[11]:
+                self.put(102, 2, self.get(38, 2))
+                self.put(108, 8, 0)
+            self.writes.append((field, value))
+            self.put(field, size, value)
         return 0
 
 
@@ -135,7 +164,8 @@ class ScriptedServo(ServoModel, PtyPeer):
         self.is_silent = False
         self._silent_until_s = 0.0
         self.is_mute = False  # hears, but its answers are lost
-        self.lose = lambda address: False  # whether the packet for this register is lost
+        # Whether the packet is lost that reads from this register, or writes it as the last one.
+        self.lose = lambda address: False
         self.status_error = 0  # with which every instruction is refused
         self.lost_answers = 0  # how many of the next answers are lost
         self.late_s = 0.0  # how late the next answer is
@@ -166,7 +196,9 @@ class ScriptedServo(ServoModel, PtyPeer):
             return
         if time.monotonic() < self._silent_until_s:
             return
-        if packet[7] in (2, 3) and self.lose(struct.unpack('<H', packet[8:10])[0]):
+        if packet[7] == 3 and self.lose(find_fields(packet[8], len(packet) - 12)[-1][0]):
+            return
+        if packet[7] == 2 and self.lose(packet[8]):
             return
         self._heard_s = time.monotonic()
         self.packets += 1

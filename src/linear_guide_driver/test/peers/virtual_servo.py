@@ -3,16 +3,25 @@
 
 """A servo and its bus in virtual time: the driver's own code runs on it without threads."""
 
+from collections import deque
 import threading
+from types import SimpleNamespace
 
+from dynamixel_sdk import COMM_RX_TIMEOUT, COMM_SUCCESS, Protocol2PacketHandler
 from scripted_servo import ServoModel
+import serial
 
-from linear_guide_driver.dynamixel import registers
-from linear_guide_driver.dynamixel.bus import SilentServoError
-from linear_guide_driver.errors import DeviceConnectionError, DeviceRefusedError
+from linear_guide_driver.dynamixel.bus import DynamixelBus
 
 STEP_NS = 8_000_000
-TRANSACTION_NS = 1_000_000
+EXCHANGE_NS = 1_000_000
+"""Duration of a question and its answer."""
+
+TIMEOUT_NS = 36_000_000
+"""Time for which the SDK waits for an answer at 1 Mbaud: twice its latency timer, and some."""
+
+LATE_NS = 70_000_000
+"""After its question a late answer arrives: after the next question."""
 
 
 class VirtualTime:
@@ -37,90 +46,144 @@ class VirtualTime:
             self.on_step()
 
 
-class VirtualBus(ServoModel):
-    """Has the methods of `DynamixelBus`; a test plants faults.
+class VirtualServo(ServoModel):
+    """A servo that can be exchanged for another one, and loses count of turns with its power.
 
     Attributes
     ----------
-    fault : str
-        Of the next ``faulty`` transactions: silent (not heard), mute (heard, the answer is lost)
-        or refused.
-    is_plugged : bool
-    on_goal : callable
-        Called with goal and present position before each goal is written [counts].
+    lost_counts : int
+        Counts that its position register has lost with its power, in all.
     """
 
-    def __init__(self, time):
+    def __init__(self, time, first_count):
         super().__init__(time.monotonic)
-        self._time = time
-        time.on_step = self._turn
-        self.lock = threading.RLock()
-        self.fault, self.faulty = '', 0
-        self.is_plugged = self.is_open = True
-        self.on_goal = lambda goal, present: None
+        self.lost_counts = 0
+        self.turn_to(first_count)
 
-    def open(self):
-        if not self.is_plugged:
-            raise DeviceConnectionError('cannot open the port')
-        self.is_open = True
+    def lose_power(self, *, is_torque_on=False):
+        """With ``is_torque_on`` its Startup Configuration switches the torque on again."""
+        before = self.position
+        super().lose_power()
+        self.put(102, 2, self.get(38, 2))
+        self.put(116, 4, self.get(132))
+        self.put(64, 1, int(is_torque_on))
+        self.lost_counts += before - self.position
 
-    def close(self):
-        self.is_open = False
-
-    def ping(self):
-        return self.read(registers.MODEL_NUMBER)
-
-    def read(self, register):
-        is_answered = self._hear()
-        value = self.get(register.address, register.size, register.is_signed)
-        self._answer(is_answered)
-        return value
-
-    def read_block(self, block):
-        is_answered = self._hear()
-        data = bytes(self.table[block.address : block.address + block.size])
-        self._answer(is_answered)
-        return data
-
-    def write(self, register, value):
-        is_answered = self._hear()
-        if register == registers.GOAL_POSITION and self.table[64]:
-            self.on_goal(value, self.get(132))
-        data = value.to_bytes(register.size, 'little', signed=value < 0)
-        error = self._write(register.address, data)
-        self._answer(is_answered)
-        if error:
-            raise DeviceRefusedError(f'refused with {error}')
-
-    def write_fresh(self, register, find):
-        value = find()
-        self.write(register, value)
-        return value
-
-    def reboot(self):
-        is_answered = self._hear()
-        self.put(64, 1, 0)
-        self.put(98, 1, 0)
-        self.put(70, 1, self.lasting_error)
-        self._answer(is_answered)
-
-    # -- inside ------------------------------------------------------------------------
-
-    def _hear(self):
-        """Return whether the instruction is answered."""
-        self._time.sleep(TRANSACTION_NS / 1e9)
-        if not (self.is_plugged and self.is_open):
-            self.is_open = False
-            raise DeviceConnectionError('the line is lost')
-        fault = self.fault if self.faulty else ''
-        self.faulty = max(0, self.faulty - 1)
-        if fault == 'silent':
-            raise SilentServoError('no answer')
+    def answer(self, instruction, parameters):
+        """Carry an instruction out; return error and data of its answer."""
         self._heard_s = self._clock()
-        if fault == 'refused':
-            raise DeviceRefusedError('the instruction could not be carried out')
-        return fault != 'mute'
+        if instruction == 1:
+            return 0, bytes(self.table[0:2]) + bytes(self.table[6:7])
+        if instruction == 8:
+            self.put(64, 1, 0)
+            self.put(98, 1, 0)
+            self.put(70, 1, self.lasting_error)
+            return 0, b''
+        address = int.from_bytes(parameters[:2], 'little')
+        if instruction == 2:
+            size = int.from_bytes(parameters[2:4], 'little')
+            return 0, bytes(self.table[address : address + size])
+        return self._write(address, parameters[2:]), b''
 
-    def _answer(self, is_answered):
-        if not is_answered:
-            raise SilentServoError('the answer was lost')
+    def turn(self):
+        self._turn()
+
+
+class VirtualLine:
+    """The line between driver and servo; a test plants faults.
+
+    Attributes
+    ----------
+    faults : deque of str
+        Of the next exchanges: silent (not heard), mute (heard, the answer is lost), refused, late
+        (heard, the answer comes after the next question), doubled (heard twice, and the second
+        answer comes after the next question), or fine.
+    is_plugged : bool
+    on_heard : callable
+        Called before each instruction that the servo hears, with instruction and parameters.
+    """
+
+    def __init__(self, time, servo):
+        self.time, self.servo = time, servo
+        self.faults = deque()
+        self.is_plugged = True
+        self.plugs = 0  # how often it was plugged in: a port that was opened before is lost
+        self.on_heard = lambda instruction, parameters: None
+        self._late = deque()  # answers, and when they arrive
+
+    def unplug(self):
+        self.is_plugged = False
+
+    def plug_in(self):
+        self.plugs += not self.is_plugged
+        self.is_plugged = True
+
+    def exchange(self, opened, instruction, parameters):
+        """Return error and data of the first answer that comes, or None."""
+        if not self.is_plugged or opened != self.plugs:
+            raise serial.SerialException('the line is lost')
+        fault = self.faults.popleft() if self.faults else 'fine'
+        # What has arrived before the question is dropped.
+        answers = deque(answer for answer, at_ns in self._late if at_ns > self.time.now_ns)
+        self._late.clear()
+        if fault != 'silent':
+            self.on_heard(instruction, parameters)
+            answer = (1, b'') if fault == 'refused' else self.servo.answer(instruction, parameters)
+            if fault == 'doubled':
+                self.on_heard(instruction, parameters)
+                late = self.servo.answer(instruction, parameters)
+                self._late.append((late, self.time.now_ns + LATE_NS))
+            if fault == 'late':
+                self._late.append((answer, self.time.now_ns + LATE_NS))
+            elif fault != 'mute':
+                answers.append(answer)
+        self.time.sleep((EXCHANGE_NS if answers else TIMEOUT_NS) / 1e9)
+        return answers[0] if answers else None  # a further one is dropped before the next question
+
+
+class VirtualBus(DynamixelBus):
+    """The driver's bus on a `VirtualLine`."""
+
+    def __init__(self, line):
+        self._line = line
+        self.name = self._name = 'the virtual servo'
+        self._id, self._baud = 1, 1_000_000
+        self._reads = 0
+        self.lock = threading.RLock()
+        self._packets = _VirtualPackets(line)
+        self._port = _VirtualPort(line)
+        self.open()
+
+
+class _VirtualPort:
+    def __init__(self, line):
+        self._line, self.opened = line, 0
+        self.ser = SimpleNamespace(is_open=False, reset_input_buffer=lambda: None)
+
+    def setBaudRate(self, _):  # noqa: N802 (of the SDK)
+        if not self._line.is_plugged:
+            raise serial.SerialException('cannot open the port')
+        self.ser.is_open, self.opened = True, self._line.plugs
+        return True
+
+    def closePort(self):  # noqa: N802 (of the SDK)
+        self.ser.is_open = False
+
+    def getPortName(self):  # noqa: N802 (of the SDK)
+        return 'virtual'
+
+
+class _VirtualPackets(Protocol2PacketHandler):
+    def __init__(self, line):
+        super().__init__()
+        self._line = line
+
+    def txRxPacket(self, port, packet):  # noqa: N802 (of the SDK)
+        size = packet[5] + 256 * packet[6] - 3
+        answer = self._line.exchange(port.opened, packet[7], bytes(packet[8 : 8 + size]))
+        if answer is None:
+            return None, COMM_RX_TIMEOUT, 0
+        error, data = answer
+        length = len(data) + 4
+        head = [0xFF, 0xFF, 0xFD, 0, 1, length & 0xFF, length >> 8, 0x55, error]
+        return [*head, *data, 0, 0], COMM_SUCCESS, error

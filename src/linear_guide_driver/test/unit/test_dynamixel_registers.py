@@ -40,7 +40,10 @@ def test_the_polled_block_by_hand():
 
     put(64, b'\x01')
     put(70, b'\x24')
+    put(68, b'\x02')
     put(98, b'\xff')
+    put(102, b'\x70\x00')
+    put(112, b'\xc8\x00\x00\x00')
     put(116, b'\x00\x08\x00\x00')
     put(126, b'\xfe\xff')
     put(128, b'\x9c\xff\xff\xff')
@@ -48,7 +51,7 @@ def test_the_polled_block_by_hand():
     put(144, b'\x78\x00')
     put(146, b'\x2a')
     assert registers.decode_state(bytes(block)) == registers.ServoState(
-        True, 0x24, registers.WATCHDOG_TRIPPED, 2048, -2, -100, -4096, 120, 42
+        True, 2, 0x24, registers.WATCHDOG_TRIPPED, 112, 0, 200, 2048, -2, -100, -4096, 120, 42
     )
 
 

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 import functools
 import operator
@@ -17,7 +16,7 @@ import numpy as np
 
 from linear_guide_driver.dynamixel import registers
 from linear_guide_driver.dynamixel.bus import DynamixelBus
-from linear_guide_driver.dynamixel.servo import arm_watchdog, set_up_servo
+from linear_guide_driver.dynamixel.servo import DesiredState, TendonServo
 from linear_guide_driver.errors import LinearGuideDriverError
 from linear_guide_driver.grbl.guide_client import LinearGuideClient
 from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
@@ -193,6 +192,7 @@ MOST_TEMPERATURE_C = 60.0
 MOVE_M = 0.005
 MOVE_SPEED_M_S = 0.01
 MOVE_TOLERANCE_M = 0.0001
+REST_TOLERANCE_M = 0.000125
 LATE_S = 0.5
 
 
@@ -291,27 +291,24 @@ def _exercise_guide(
 def check_tendon(config: TendonActuatorConfig, may_move: bool) -> CheckReport:
     """Read the servo, hold it where it is, and see whether its watchdog stops it in silence.
 
-    With ``may_move`` it winds in 2 mm and lets out again.
+    With ``may_move`` it tightens by 2 mm and slackens again.
     """
     facts: dict[str, Any] = {}
     problems: list[Problem] = []
-    bus = None
+    servo = None
     try:
-        bus = DynamixelBus(config.port, config.baud, config.device_id)
-        problems += _read_servo(bus, facts)
-        servo = set_up_servo(bus, config)
+        servo = TendonServo(DynamixelBus(config.port, config.baud, config.device_id), config)
+        problems += _read_servo(servo.bus, facts)
+        servo.set_up()
         facts['servo'] = servo.identification
-        problems += _try_watchdog(bus, config, facts)
+        problems += _try_watchdog(servo, config, facts)
         if may_move:
-            problems += _wind(bus, config, facts)
+            problems += _tighten(servo, config, facts)
     except LinearGuideDriverError as error:
         problems.append(Problem(str(error)))
     finally:
-        if bus is not None:
-            for register in (registers.TORQUE_ENABLE, registers.BUS_WATCHDOG):
-                with suppress(LinearGuideDriverError):
-                    bus.write(register, 0)
-            bus.close()
+        if servo is not None:
+            servo.switch_off()
     return CheckReport('tendon', config.port, facts, tuple(problems))
 
 
@@ -342,10 +339,10 @@ def _read_servo(bus: DynamixelBus, facts: dict[str, Any]) -> list[Problem]:
 
 
 def _try_watchdog(
-    bus: DynamixelBus, config: TendonActuatorConfig, facts: dict[str, Any]
+    servo: TendonServo, config: TendonActuatorConfig, facts: dict[str, Any]
 ) -> list[Problem]:
     time.sleep(config.watchdog_s + 5 * registers.WATCHDOG_STEP_S)
-    works = bus.read(registers.BUS_WATCHDOG) == registers.WATCHDOG_TRIPPED
+    works = servo.bus.read(registers.BUS_WATCHDOG) == registers.WATCHDOG_TRIPPED
     facts['watchdog'] = (
         f'stops the servo after {config.watchdog_s:g} s of silence' if works else 'does not trip'
     )
@@ -358,28 +355,26 @@ def _try_watchdog(
     )
 
 
-def _wind(bus: DynamixelBus, config: TendonActuatorConfig, facts: dict[str, Any]) -> list[Problem]:
-    """Wind in by a short way and let out; each read feeds the watchdog."""
+def _tighten(
+    servo: TendonServo, config: TendonActuatorConfig, facts: dict[str, Any]
+) -> list[Problem]:
+    """Tighten by a short way and slacken; each read feeds the watchdog."""
     length_m = min(0.002, config.max_displacement_m)
-    sign = -1 if config.reverse else 1
-    counts = sign * registers.m_to_counts(length_m, config.pulley_radius_m)
-    bus.write(registers.BUS_WATCHDOG, 0)  # it has tripped, which locks the goals
-    bus.write(
-        registers.PROFILE_VELOCITY,
-        registers.m_s_to_velocity(config.speed_m_s, config.pulley_radius_m),
-    )
-    arm_watchdog(bus, config.watchdog_s)
+    one_unit_m_s = registers.velocity_to_m_s(1, config.pulley_radius_m)
     most_a = 0.0
-    for goal in (counts, 0):
-        bus.write(registers.GOAL_POSITION, goal)
+    for goal_m in (length_m, 0.0):
+        velocity = servo.to_velocity(config.speed_m_s)
+        servo.desire(DesiredState(goal_m, velocity, servo.current, tightens=goal_m > 0.0))
         until_s = time.monotonic() + length_m / config.speed_m_s + LATE_S
         while time.monotonic() < until_s:
-            state = registers.decode_state(bus.read_block(registers.STATE_BLOCK))
-            most_a = max(most_a, abs(registers.current_to_a(state.current)))
-            if abs(state.position_counts - goal) <= 8 and state.velocity == 0:
+            actual = servo.read()
+            servo.bring(actual, may_tighten=True)
+            state = servo.to_state(actual, 0)
+            off_m = state.displacement_m - goal_m
+            most_a = max(most_a, abs(state.current_a))
+            if abs(off_m) <= REST_TOLERANCE_M and abs(state.velocity_m_s) < one_unit_m_s:
                 break
         else:
-            off_m = registers.counts_to_m(state.position_counts - goal, config.pulley_radius_m)
             return [
                 Problem(
                     f'the servo rests {abs(off_m) * 1e3:.2f} mm beside its goal',

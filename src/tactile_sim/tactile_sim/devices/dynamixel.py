@@ -197,14 +197,25 @@ class ControlTable(dict[Register, int]):
             table[start : start + size] = value.to_bytes(size, 'little', signed=signed)
         return bytes(table[address : address + length])
 
-    def check_write(self, address: int, data: bytes) -> tuple[Register, int]:
-        """Return register and value that a write would set, or raise `AccessError`."""
-        field = _BY_ADDRESS.get(address)
-        if field is None or field.lowest > field.highest:
-            raise AccessError(ERROR_ACCESS)
+    def check_write(self, address: int, data: bytes) -> list[tuple[Register, int]]:
+        """Return registers and values that a write would set, or raise `AccessError`.
+
+        Registers that follow each other without a gap may be written together.
+        """
+        values: list[tuple[Register, int]] = []
+        while data or not values:
+            field = _BY_ADDRESS.get(address)
+            if field is None or field.lowest > field.highest:
+                raise AccessError(ERROR_ACCESS)
+            size = field.register.size
+            if len(data) < size:
+                raise AccessError(ERROR_LENGTH)
+            values.append((field.register, self._check_value(field, data[:size])))
+            address, data = address + size, data[size:]
+        return values
+
+    def _check_value(self, field: Field, data: bytes) -> int:
         register = field.register
-        if len(data) != register.size:
-            raise AccessError(ERROR_LENGTH)
         if register.address < EEPROM_END and self[known.TORQUE_ENABLE]:
             raise AccessError(ERROR_ACCESS)
         value = int.from_bytes(data, 'little', signed=register.is_signed)
@@ -216,7 +227,7 @@ class ControlTable(dict[Register, int]):
             raise AccessError(ERROR_RANGE)
         if register == known.GOAL_CURRENT and abs(value) > self[known.CURRENT_LIMIT]:
             raise AccessError(ERROR_LIMIT)
-        return register, value
+        return value
 
 
 class DynamixelDevice:
@@ -394,7 +405,10 @@ class DynamixelDevice:
         return b''
 
     def _write(self, address: int, data: bytes) -> None:
-        register, value = self._table.check_write(address, data)
+        for register, value in self._table.check_write(address, data):
+            self._set(register, value)
+
+    def _set(self, register: Register, value: int) -> None:
         if register == known.TORQUE_ENABLE and value and self._table[known.HARDWARE_ERROR]:
             raise AccessError(ERROR_RESULT)
         before = self._table[register]

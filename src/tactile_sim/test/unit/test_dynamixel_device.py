@@ -132,6 +132,22 @@ def test_control_table_guards_itself():
     assert bench.read(known.OPERATING_MODE) == 5
 
 
+def test_a_run_of_registers_is_written_as_a_whole_or_not_at_all():
+    bench = Bench()
+    bench.arm()
+
+    def write(velocity, goal, end=b''):
+        values = (0, velocity, goal)
+        data = b''.join(value.to_bytes(4, 'little', signed=True) for value in values)
+        return bench.send(0x03, b'\x6c\x00' + data + end)[0]
+
+    assert write(20, 3000) == 0
+    assert (bench.read(known.PROFILE_VELOCITY), bench.read(known.GOAL_POSITION)) == (20, 3000)
+    assert write(30, 2_000_000) == RANGE
+    assert write(30, 2500, b'\x00') == ACCESS  # what follows the goal cannot be written
+    assert (bench.read(known.PROFILE_VELOCITY), bench.read(known.GOAL_POSITION)) == (20, 3000)
+
+
 def test_profile_is_a_trapezoid():
     bench = Bench()
     bench.arm()
