@@ -94,9 +94,32 @@ class PalpationRig:
         The first one is exactly what each device does then; in those after it nothing may happen
         but motion that is planned. Whether the tension interferes with that is known afterwards.
         """
-        times_s = np.asarray(STEP_S * np.arange(self._steps + 1, self._steps + 1 + count), float)
-        self.tendon.advance(float(times_s[0]), self._plant.tension_n)
+        first_s = (self._steps + 1) * STEP_S
+        self.tendon.advance(first_s, self._plant.tension_n)
         self._note_pull()
+        if self._plant.is_steady_at(self.guide.position_m(first_s), self.tendon.displacement_m):
+            self._rest(count)
+        else:
+            self._move(count)
+
+    def _rest(self, count: int) -> None:
+        """Take steps in which nothing changes, the first one at any rate."""
+        tension_n, force_n = self._plant.tension_n, self._plant.contact_force_n
+        until_s = min(self.guide.rests_until_s, self.tendon.rests_until_s(tension_n))
+        now_s = (self._steps + 1) * STEP_S
+        end = self._steps + count
+        while True:
+            self._steps += 1
+            self.sensor.record(now_s, tension_n, force_n)
+            next_s = (self._steps + 1) * STEP_S
+            if self._steps == end or next_s >= until_s:
+                break
+            now_s = next_s
+        self.tendon.rest(now_s, tension_n)
+
+    def _move(self, count: int) -> None:
+        """Take steps of which the devices have done the first one."""
+        times_s = np.asarray(STEP_S * np.arange(self._steps + 1, self._steps + 1 + count), float)
         guide_m = self.guide.positions_m(times_s)
         foreseen = self.tendon.foresee(times_s[1 : len(guide_m)])
         # A new pull begins in a first step.

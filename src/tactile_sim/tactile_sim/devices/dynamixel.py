@@ -17,6 +17,7 @@ from tactile_sim.descriptions.description import TendonDrive
 from tactile_sim.physics.motion import Motion, plan_move, plan_stop
 
 FloatArray = NDArray[np.float64]
+_EARLY_S = 1e-6
 
 HEADER = b'\xff\xff\xfd\x00'
 BROADCAST_ID = 254
@@ -274,7 +275,8 @@ class DynamixelDevice:
         if not self._table[known.TORQUE_ENABLE]:
             pull = max(tension_n - self._drive.back_drive_n, 0.0)
             let_out_m = pull / self._drive.back_drive_n_s_m * elapsed_s
-            self._rest_at(self._position - let_out_m / self._drive.m_per_count)
+            if let_out_m or not self._is_at_rest:
+                self._rest_at(self._position - let_out_m / self._drive.m_per_count)
             return
         position, velocity = self._motion.state_at(now_s)
         overloaded = self._load_a(1.0) > self._limit_a()
@@ -286,6 +288,28 @@ class DynamixelDevice:
             self._go(self._table[known.GOAL_POSITION])
         else:
             self._position, self._velocity = position, velocity
+
+    @property
+    def _is_at_rest(self) -> bool:
+        return self._velocity == 0.0 and self._motion.end_s == -math.inf
+
+    def rests_until_s(self, tension_n: float) -> float:
+        """Return the time before which it stays where it is under this tension, as far as known.
+
+        In the past while it moves.
+        """
+        if not self._table[known.TORQUE_ENABLE]:
+            return math.inf if tension_n <= self._drive.back_drive_n else -math.inf
+        if self._stalled or self._motion.end_s > self._now_s:
+            return -math.inf
+        watchdog = self._table[known.BUS_WATCHDOG]
+        if watchdog in (0, known.WATCHDOG_TRIPPED):
+            return math.inf
+        return self._fed_s + watchdog * known.WATCHDOG_STEP_S - _EARLY_S
+
+    def rest(self, now_s: float, tension_n: float) -> None:
+        """Stay until ``now_s``, which is before `rests_until_s`."""
+        self._now_s, self._tension_n = now_s, tension_n
 
     def foresee(self, times_s: FloatArray) -> Foreseen:
         """Return what `advance` would do at rising times after now, if the tension lets it.

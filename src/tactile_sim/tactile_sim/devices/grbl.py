@@ -280,6 +280,11 @@ class GrblDevice:
         return np.asarray(on_rail * 1e-3)
 
     @property
+    def rests_until_s(self) -> float:
+        """Time before which the carriage stays where it is; in the past while it moves."""
+        return self._next_event_s() if self._planner.end_s <= self._now_s else -math.inf
+
+    @property
     def due_s(self) -> float:
         """Time at which `poll` may have something to say without being asked."""
         return -math.inf if self._output else self._next_event_s()
@@ -337,12 +342,14 @@ class GrblDevice:
         self._now_s = max(self._now_s, now_s)
 
     def _next_event_s(self) -> float:
-        times = [self._reset_at_s, self._message_at_s, self._dwell_end_s]
         if self._homing or self._soft_limit_hit:
-            times.append(max(self._planner.end_s, self._now_s))
+            event_s = max(self._planner.end_s, self._now_s)
         else:
-            times.append(self._planner.next_end_s)
-        return min((t for t in times if t is not None), default=math.inf)
+            event_s = self._planner.next_end_s
+        for other_s in (self._reset_at_s, self._message_at_s, self._dwell_end_s):
+            if other_s is not None and other_s < event_s:
+                event_s = other_s
+        return event_s
 
     def _handle_event(self) -> None:
         now = self._now_s

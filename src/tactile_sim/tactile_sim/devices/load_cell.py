@@ -12,7 +12,7 @@ import numpy as np
 from tactile_sim.descriptions.description import LoadCell
 from tactile_sim.physics.sensing import (
     compute_drift_step_n,
-    convert_to_reading,
+    convert_one,
     low_pass_coefficients,
 )
 from tendon_sensor_driver.line_sensor import encode_reading
@@ -83,14 +83,14 @@ class LoadCellDevice:
         return alpha * self._filtered_n + beta * self._force_n + gamma * force_n
 
     def _send(self, filtered_n: float) -> None:
-        noise, step = self._generator.standard_normal(2)
+        noise, step = self._generator.standard_normal(2).tolist()
         if self._samples:
             self._drift_n += compute_drift_step_n(self._cell) * step
         signal_n = filtered_n + (self._bias_n + self._drift_n)
         if self.is_saturated:
             signal_n = math.inf
         if not self.is_stuck:
-            self._last_n = float(convert_to_reading(self._cell, np.array([signal_n]), noise)[0])
+            self._last_n = convert_one(self._cell, signal_n, noise)
         sample = self._samples - self._first_sample
         if sample == 0 and self._first_sample:
             self._output += _BANNER

@@ -218,7 +218,9 @@ class Constants(NamedTuple):
 
 def select(condition: Any, yes: Any, no: Any) -> Any:
     """Choose element by element."""
-    return np.where(condition, yes, no)
+    if isinstance(condition, np.ndarray):
+        return np.where(condition, yes, no)
+    return yes if condition else no
 
 
 def compute_rigid_contact(indentation: Any, tip_stiffness: Any, held: Any) -> Any:

@@ -58,9 +58,21 @@ def compute_drift_step_n(cell: LoadCell) -> float:
     return cell.drift_n_rt_s * math.sqrt(cell.period_s)
 
 
+def convert_one(cell: LoadCell, signal_n: float, noise: float) -> float:
+    """Return `convert_to_reading` of a single number, which may be infinite; the same bits [N]."""
+    most = _count_steps(cell)
+    counts = (signal_n + cell.noise_n * noise) / cell.resolution_n
+    whole = round(min(max(counts, -most), most))
+    return cell.resolution_n * math.copysign(whole, counts)  # keeps the sign of a zero
+
+
+def _count_steps(cell: LoadCell) -> int:
+    # The converter's last step is the last that fits into the capacity.
+    return math.floor(cell.capacity_n / cell.resolution_n * (1 + 1e-12))
+
+
 def convert_to_reading(cell: LoadCell, signal_n: FloatArray, noise: FloatArray) -> FloatArray:
     """Add standard normal noise, saturate at the capacity, round to the converter's steps [N]."""
-    # The converter's last step is the last that fits into the capacity.
-    most = math.floor(cell.capacity_n / cell.resolution_n * (1 + 1e-12))
+    most = _count_steps(cell)
     counts = np.rint((signal_n + cell.noise_n * noise) / cell.resolution_n)
     return np.asarray(cell.resolution_n * np.clip(counts, -most, most))

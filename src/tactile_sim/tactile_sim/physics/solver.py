@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
+from importlib.util import find_spec
 import inspect
 from pathlib import Path
 from typing import Any
@@ -66,8 +67,10 @@ def advance_trials(
     change of Newton's method from a residual within ``trusted_nm`` ends the step, unchecked, where
     friction does as foreseen; for surfaces that do not yield [N m].
 
-    Returns the rows before the first step and after each, shape (blocks, steps + 1, rows, BLOCK);
-    of a failed trial, as they were last. Trial i stands in block i // BLOCK at place i % BLOCK.
+    Returns the rows before the first step and after each, shape (blocks, steps + 1, rows, width);
+    of a failed trial, as they were last. Trial i stands in block i // width at place i % width.
+
+    Where numba is not installed, a single trial is solved by Python, some 300 times as slowly.
 
     Raises `SolverError`: numba is missing, or cannot compile the solver.
     """
@@ -75,9 +78,10 @@ def advance_trials(
     trials = state.shape[1]
     wanted = np.array(rows, dtype=np.int64)
     # A block is always full: the last trial stands in for those that are missing.
-    columns = np.minimum(np.arange(-(-trials // BLOCK) * BLOCK), trials - 1).reshape(-1, BLOCK)
-    out = np.empty((len(columns), len(lengths) + 1, len(rows), BLOCK))
-    advance = load_advance()
+    width = 1 if trials == 1 and _lacks_numba() else BLOCK
+    columns = np.minimum(np.arange(-(-trials // width) * width), trials - 1).reshape(-1, width)
+    out = np.empty((len(columns), len(lengths) + 1, len(rows), width))
+    advance = load_advance() if width == BLOCK else load_interpreted()
     for block, some in zip(out, columns, strict=True):
         part, stops = np.ascontiguousarray(state[:, some]), failed[some]
         block[0] = part[wanted]
@@ -119,6 +123,45 @@ def load_advance() -> Callable[..., None]:
     return advance
 
 
+@lru_cache
+def _lacks_numba() -> bool:
+    return find_spec('numba') is None
+
+
+@lru_cache
+def load_interpreted() -> Callable[..., None]:
+    """Return the solver as plain Python, for a single trial; it gives the same bits."""
+
+    def zeros(shape: Any) -> Any:
+        # Its elements are Python's numbers, which are several times as fast as NumPy's.
+        values: Any = np.zeros(shape)
+        return memoryview(values)
+
+    plain = _write_advance(lambda function: function, 1, zeros, int)
+
+    def advance(
+        state: Any,
+        scene: Any,
+        lengths: Any,
+        start: Any,
+        inputs: Any,
+        coefficients: Any,
+        control: Any,
+        rows: Any,
+        out: Any,
+        failed: Any,
+    ) -> None:
+        constants, springs, table, grid, yields = scene
+        scene = (constants, springs, memoryview(table), grid, yields)
+        numbers = (some.tolist() for some in (lengths, start, inputs, coefficients))
+        try:
+            plain(state, scene, *numbers, control, rows.tolist(), out, failed)
+        except ArithmeticError:  # where NumPy's numbers would be infinite, and find no balance
+            failed[:] = 0
+
+    return advance
+
+
 def _make_advance(numba: Any, width: int) -> Callable[..., None]:
     from numba.extending import overload, register_jitable
 
@@ -135,6 +178,18 @@ def _make_advance(numba: Any, width: int) -> Callable[..., None]:
         for _, function in inspect.getmembers(module, inspect.isfunction):
             if function.__module__ == module.__name__ and function is not equations.select:
                 inline(function)
+    advance = _write_advance(inline, width, np.zeros, np.uint64)
+    try:
+        compiled: Callable[..., None] = numba.njit(cache=True, **_OPTIONS)(advance)
+    except RuntimeError:  # no folder can be written: every process compiles
+        compiled = numba.njit(**_OPTIONS)(advance)
+    return compiled
+
+
+def _write_advance(
+    inline: Callable[..., Any], width: int, zeros: Callable[..., Any], to_index: Callable[..., Any]
+) -> Callable[..., None]:
+    """Return the solver for blocks of ``width`` trials, before `inline` and numba compile it."""
     # numba keeps what it compiled, and looks at the age of this file alone: a number that
     # the code closes over makes it look at the others too.
     sources = _hash_sources()
@@ -143,7 +198,7 @@ def _make_advance(numba: Any, width: int) -> Callable[..., None]:
     def find_surface(z: Any, table: Any, per_spacing: float) -> None:
         for t in range(width):
             cell = z[at.CELL, t]
-            i = np.uint64(cell)
+            i = to_index(cell)
             part = cell - i
             height, rise, slope, bend = table[i, 0], table[i, 1], table[i, 2], table[i, 3]
             z[at.HEIGHT, t] = height + part * rise
@@ -211,10 +266,10 @@ def _make_advance(numba: Any, width: int) -> Callable[..., None]:
         failed: Any,
     ) -> None:
         _ = sources
-        z = np.zeros((at.ROWS, width))
-        kept = np.zeros((at.STATE_ROWS, width))
-        pending = np.zeros(width)
-        part_inputs = np.empty(at.INPUTS)
+        z = zeros((at.ROWS, width))
+        kept = zeros((at.STATE_ROWS, width))
+        pending = zeros(width)
+        part_inputs = zeros(at.INPUTS)
         before = start
         for r in range(at.TRIAL_ROWS):
             for t in range(width):
@@ -238,7 +293,7 @@ def _make_advance(numba: Any, width: int) -> Callable[..., None]:
                 parts = 1 << level
                 for part in range(parts):
                     split_inputs(before, inputs[s], (part + 1.0) / parts, part_inputs)
-                    solve(z, coefficients[lengths[s], level], part_inputs, scene, control)
+                    solve(z, coefficients[lengths[s]][level], part_inputs, scene, control)
                     for t in range(width):
                         z[at.ACTIVE, t] = z[at.SOLVED, t]
                 if level > 0:
@@ -264,11 +319,7 @@ def _make_advance(numba: Any, width: int) -> Callable[..., None]:
             for t in range(width):
                 state[r, t] = z[r, t]
 
-    try:
-        compiled: Callable[..., None] = numba.njit(cache=True, **_OPTIONS)(advance)
-    except RuntimeError:  # no folder can be written: it is compiled anew in each process
-        compiled = numba.njit(**_OPTIONS)(advance)
-    return compiled
+    return advance
 
 
 def _hash_sources() -> int:

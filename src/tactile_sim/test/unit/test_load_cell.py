@@ -13,7 +13,12 @@ import pytest
 
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.devices.load_cell import LoadCellDevice
-from tactile_sim.physics.sensing import convert_to_reading, low_pass_coefficients, read_tension
+from tactile_sim.physics.sensing import (
+    convert_one,
+    convert_to_reading,
+    low_pass_coefficients,
+    read_tension,
+)
 
 CELL = default_catalogue().rig().load_cell
 QUIET = dataclasses.replace(CELL, noise_n=0.0, drift_n_rt_s=0.0)
@@ -45,6 +50,13 @@ def test_low_pass_coefficients_against_exact_decimals(step_s):
 def test_low_pass_without_and_with_endless_step():
     assert low_pass_coefficients(0.0, 35.0) == (1.0, 0.0, 0.0)
     assert low_pass_coefficients(np.inf, 35.0) == (0.0, 0.0, 1.0)
+
+
+@given(st.floats(-1e4, 1e4) | st.sampled_from([-np.inf, np.inf]), st.floats(-5.0, 5.0))
+def test_one_reading_has_the_bits_of_many(signal_n, noise):
+    one = convert_one(CELL, signal_n, noise)
+    many = convert_to_reading(CELL, np.array([signal_n]), np.array([noise]))
+    assert one.hex() == float(many[0]).hex()
 
 
 @pytest.mark.parametrize(('capacity_n', 'most_n'), [(19.6133, 19.613), (20.0, 20.0), (0.3, 0.3)])

@@ -139,7 +139,21 @@ def test_without_numba_the_simulator_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, 'numba', None)
     monkeypatch.setattr(solver_module, 'load_advance', solver_module.load_advance.__wrapped__)
     with pytest.raises(SolverError, match=r'the simulator needs numba, .*: .*; pip install'):
-        run(free_scene(), STEP_S, np.zeros(3))
+        run(free_scene(), STEP_S, np.zeros(3), variation=draw(2))
+
+
+@pytest.mark.parametrize(
+    'names', [('texture', 'C1', 'abduction'), ('stiffness', 'sponge', 'flexion')]
+)
+def test_without_numba_a_single_trial_has_the_same_bytes(names, monkeypatch):
+    scene, *inputs, variation = make_trial(*names, 1)
+    one = run(scene, STEP_S, *inputs, variation=variation, euler=True)
+    monkeypatch.setattr(solver_module, '_lacks_numba', lambda: True)
+    monkeypatch.setattr(solver_module, 'load_advance', None)
+    other = run(scene, STEP_S, *inputs, variation=variation, euler=True)
+    assert np.ptp(one.rows[at.TENSION]) > 1.0
+    assert one.rows.tobytes() == other.rows.tobytes()
+    assert one.state.tobytes() == other.state.tobytes()
 
 
 def test_a_solver_that_numba_cannot_compile_says_so(monkeypatch):
