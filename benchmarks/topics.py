@@ -39,6 +39,7 @@ TOPICS = (
     Topic('significance', 'kernels.significance', 'rank-sum tests of all pairs of classes'),
     Topic('inference', 'kernels.inference', 'one window through a model file'),
     Topic('simulator', 'simulator.schemes', 'texture trials: speed and error by step'),
+    Topic('rig-cpu', 'simulator.rig_cpu', 'processor time of the simulated rig', LONG),
     Topic('twin', 'simulator.twin', 'error beside the same scene in MuJoCo (needs mujoco)', LONG),
     Topic('twin-speed', 'simulator.twin', 'speed beside the same scene in MuJoCo', LONG),
     Topic('robustness', 'simulator.robustness', 'accuracy by condition of sensor and rig'),
