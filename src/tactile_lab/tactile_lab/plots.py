@@ -10,10 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 import numpy as np
 from numpy.typing import NDArray
 
@@ -108,8 +109,9 @@ def plot_all_trials(path: Path, trials: Sequence[Trial]) -> None:
     if any(trial.why_not for trial in trials):
         grid[0][0].plot([], [], color='#bbbbbb', label='does not count')
     simulated = 'SIMULATED' if any(trial.simulated for trial in trials) else None
-    figure.legend(
-        loc='outside upper center',
+    legend_outside(
+        figure,
+        'upper center',
         ncols=min(6, len(sessions) + 1),
         frameon=False,
         title=simulated,
@@ -118,6 +120,32 @@ def plot_all_trials(path: Path, trials: Sequence[Trial]) -> None:
     figure.supxlabel('time [s]')
     figure.supylabel('tension [N]')
     figure.savefig(path, dpi=130)
+
+
+def legend_outside(figure: Figure, loc: str, **options: Any) -> None:
+    """Draw a legend of a whole figure, and keep the panels of its constrained layout clear of it.
+
+    Matplotlib does so itself for ``loc='outside ...'``, but only from 3.7 on.
+
+    Parameters
+    ----------
+    loc : {'upper center', 'lower center', 'upper right'}
+        Place of the legend. An upper or lower one takes a strip above or below the panels,
+        'upper right' one beside them.
+    **options
+        As `matplotlib.figure.Figure.legend`.
+    """
+    legend = figure.legend(loc=loc, **options)
+    box = legend.get_window_extent().transformed(figure.transFigure.inverted())
+    width, height = box.width + 0.02, box.height + 0.02
+    free = {
+        'upper center': (0.0, 0.0, 1.0, 1.0 - height),
+        'lower center': (0.0, height, 1.0, 1.0 - height),
+        'upper right': (0.0, 0.0, 1.0 - width, 1.0),
+    }
+    engine = figure.get_layout_engine()
+    if isinstance(engine, ConstrainedLayoutEngine):
+        engine.set(rect=free[loc])
 
 
 def draw_strain(

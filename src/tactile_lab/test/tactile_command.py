@@ -3,13 +3,15 @@
 
 """The `tactile` command: in a test's own process, which saves a second, or in one of its own."""
 
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+import io
 import json
 import subprocess
 import sys
 from types import SimpleNamespace
 
-from typer.testing import CliRunner
+import pytest
+from typer.main import get_command
 
 from tactile_sim.rig_process import SimulatedRig
 
@@ -24,8 +26,13 @@ def tactile(*arguments):
     """Run the command; return returncode, stdout and stderr, as a process of its own would."""
     from tactile_lab.program import app
 
-    done = CliRunner().invoke(app, [*map(str, arguments)], catch_exceptions=False)
-    return SimpleNamespace(returncode=done.exit_code, stdout=done.stdout, stderr=done.stderr)
+    # Not CliRunner: whether it keeps the two streams apart depends on the version of Click.
+    stdout, stderr = io.StringIO(), io.StringIO()
+    with redirect_stdout(stdout), redirect_stderr(stderr), pytest.raises(SystemExit) as ended:
+        get_command(app).main([*map(str, arguments)], prog_name='tactile')
+    return SimpleNamespace(
+        returncode=ended.value.code or 0, stdout=stdout.getvalue(), stderr=stderr.getvalue()
+    )
 
 
 def answer_of(*arguments):

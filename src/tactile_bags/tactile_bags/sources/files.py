@@ -70,6 +70,10 @@ class SourceOptions:
     decimal: str = ''
     header_rows: int | None = None
 
+    def __post_init__(self) -> None:
+        # Typer 0.9 gives an empty list for an option that is not given, newer versions None.
+        object.__setattr__(self, 'column', self.column or None)
+
     @property
     def roles(self) -> dict[str, tuple[str, ...]]:
         """Names of columns by role; a text that is not ``ROLE=NAME`` is a `SourceError`."""

@@ -10,7 +10,7 @@ import dataclasses
 
 import numpy as np
 import numpy.typing as npt
-from sklearn.model_selection import GroupKFold, LeaveOneGroupOut, StratifiedKFold
+from sklearn.model_selection import KFold, LeaveOneGroupOut, StratifiedKFold
 
 from tactile_classifier.datasets.dataset import divide_groups, FeatureTable, plain_name
 from tactile_classifier.errors import EvaluationError
@@ -89,13 +89,16 @@ class Split:
         """Return folds of whole groups, as indices into ``train``; empty: some lack a class."""
         if self.groups is None:
             return []
-        groups, known = self.groups[train], np.unique(labels[train])
-        count = min(folds, len(np.unique(groups)))
+        names, group = np.unique(self.groups[train], return_inverse=True)
+        count = min(folds, len(names))
         if count < 2:
             return []
-        splitter = GroupKFold(count, shuffle=True, random_state=random_state)
-        inner = list(splitter.split(train, groups=groups))
-        return inner if all(set(labels[train[a]]) == set(known) for a, _ in inner) else []
+        # As GroupKFold(shuffle=True), which scikit-learn has from 1.6 on.
+        splitter = KFold(count, shuffle=True, random_state=random_state)
+        held_out = [np.isin(group, test) for _, test in splitter.split(names)]
+        inner = [(np.flatnonzero(~test), np.flatnonzero(test)) for test in held_out]
+        known = set(labels[train])
+        return inner if all(set(labels[train[a]]) == known for a, _ in inner) else []
 
 
 LARGE_TABLE = 2_000_000_000

@@ -27,6 +27,7 @@ from tactile_lab.plots import (
     draw_spectrum,
     draw_strain,
     label_axis,
+    legend_outside,
     MARK_COLOUR,
     TRACE_COLOUR,
     UNKNOWN_UNITS,
@@ -574,7 +575,7 @@ def draw_stopping(results: Sequence[SetResult]) -> Drawing:
                 )
         axes.set(ylim=(0, 104), xlim=(0, None), xlabel='signal seen [s]', ylabel='accuracy [%]')
         axes.grid(alpha=0.2, lw=0.5)
-        figure.legend(loc='outside right upper', fontsize=8)
+        legend_outside(figure, 'upper right', fontsize=8)
 
     splits = ', '.join(dict.fromkeys(stopping.split for _, stopping in found))
     curves = '; '.join(

@@ -16,6 +16,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
+from tactile_lab.plots import legend_outside
+
 INK = '#1b1b1c'
 """Stands for the page's colour of text, light or dark."""
 
@@ -115,7 +117,7 @@ def render(
 def legend_below(figure: Figure, axes: Axes) -> None:
     """Put the legend of some axes below the whole figure, in three columns."""
     handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc='outside lower center', ncols=3, fontsize=8)
+    legend_outside(figure, 'lower center', handles=handles, labels=labels, ncols=3, fontsize=8)
 
 
 def _clean(svg: str) -> str:

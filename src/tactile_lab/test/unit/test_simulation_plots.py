@@ -49,7 +49,7 @@ def test_the_finger_hangs_free_at_rest_and_is_carried_along_the_plate(contact):
 def test_figure_says_that_it_is_simulated_and_what_it_shows(protocol, last):
     picture = picture_of(protocol)
     figure = draw_picture(picture)
-    title = figure.get_suptitle()
+    (title,) = (text.get_text() for text in figure.texts)
     assert title.startswith(f'SIMULATED {protocol} trial: flexion on {picture.label}')
     assert 'no number is a measurement' in title
     labels = [axes.get_ylabel() for axes in figure.axes]
