@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from textwrap import fill
 
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgb
+from matplotlib.colors import LinearSegmentedColormap, to_rgb
 from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
@@ -121,9 +121,8 @@ def draw_matrix(
     """Draw a matrix of numbers from 0 to 1 with a text in each cell: by default in percent."""
     edges = np.arange(len(shares) + 1) - 0.5
     # Zero is transparent: the page is light or dark.
-    cells = np.empty((*shares.shape, 4))
-    cells[..., :3], cells[..., 3] = _CELL_RGB, shares
-    axes.pcolormesh(edges, edges, cells)
+    shades = LinearSegmentedColormap.from_list('shares', [(*_CELL_RGB, 0.0), (*_CELL_RGB, 1.0)])
+    axes.pcolormesh(edges, edges, shares, cmap=shades, vmin=0.0, vmax=1.0)
     axes.set_aspect('equal')
     axes.set_ylim(len(shares) - 0.5, -0.5)
     for (i, j), share in np.ndenumerate(shares):
@@ -133,7 +132,8 @@ def draw_matrix(
             axes.text(j, i, text, ha='center', va='center', fontsize=6, color=colour)
     axes.tick_params(length=0, labelsize=7)
     axes.spines[:].set_visible(True)
-    axes.spines[:].set(alpha=0.3, linewidth=0.5)
+    axes.spines[:].set_alpha(0.3)
+    axes.spines[:].set_linewidth(0.5)
     axes.set_xticks(range(len(labels)), labels, rotation=90)
     axes.set_yticks(range(len(labels)), labels)
 

@@ -1,11 +1,12 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A recording and models of version 0.1 give the same features and labels, bit for bit."""
+"""A recording and models of version 0.1 give the same features, and the same labels bit for bit."""
 
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
@@ -57,5 +58,8 @@ def test_a_model_of_format_6_answers_as_it_did(answer):
 
 def test_its_features_are_computed_from_the_samples_as_they_were():
     tables = read_tables([RECORDING]).tables.values()
-    found = [hexes(row) for table in tables for row in table.values]
-    assert sorted(found) == sorted(window['values'] for window in ANSWERS['windows'])
+    found = [row for table in tables for row in table.values]
+    recorded = [[float.fromhex(x) for x in window['values']] for window in ANSWERS['windows']]
+    # Versions of NumPy differ in the last bits of a transform.
+    for mine, theirs in zip(sorted(found, key=tuple), sorted(recorded), strict=True):
+        np.testing.assert_allclose(mine, theirs, rtol=1e-12, atol=1e-14)
