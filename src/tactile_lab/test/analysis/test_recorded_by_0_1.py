@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A recording and models of version 0.1 give the same features, and the same labels bit for bit."""
+"""A recording and models of version 0.1 give the same features, and labels bit for bit."""
 
 import json
 from pathlib import Path
