@@ -48,6 +48,11 @@ LEAST_REPORTS = 3
 """Reports at full speed without which a motion cannot be judged."""
 
 
+NEAR_SWITCH_M = 0.002
+"""Distance from the rest position of the last homing at which a guide that knows its position
+begins the homing cycle: further than its position can be wrong, and short."""
+
+
 class MotionSummary(NamedTuple):
     """Speed and lag of a motion.
 
@@ -181,6 +186,7 @@ class LinearGuideClient:
         )
         self.last_move: MotionSummary | None = None
         self.late_moves = 0
+        self._homed_m: float | None = None  # where the last homing ended
 
     # -- what is known -------------------------------------------------------------------
 
@@ -241,13 +247,22 @@ class LinearGuideClient:
     ) -> GuideState:
         """Find the reference switch; return the state at rest.
 
-        Connects anew when the line was lost. ``on_elapsed`` is called now and then with the time
-        since the command [s]. When ``should_stop`` returns True the controller is reset, since a
-        homing cycle heeds nothing else. Raises the errors of `move_to`, and
+        Connects anew when the line was lost. A guide whose position is known moves near to the
+        switch first, in the pieces of a move. The homing cycle that follows is the controller's
+        own: it runs to its end without the driver. ``on_elapsed`` is called now and then with the
+        time since the command [s]. When ``should_stop`` returns True the controller is reset in
+        the cycle, since that heeds nothing else. Raises the errors of `move_to`, and
         `DeviceConnectionError`.
         """
         stop = self._stop_homing  # also when nobody watches the homing any more
-        motion = Motion(self._begin_homing, stop, self._fail_homing, stop, self._finish)
+        motion = Motion(
+            self._begin_homing,
+            stop,
+            self._fail_homing,
+            stop,
+            self._finish,
+            lambda: None if self._is_in_homing_cycle else self._brake(),
+        )
         return self._motions.run(motion, on_elapsed, should_stop)
 
     def move_to(
@@ -271,7 +286,7 @@ class LinearGuideClient:
         """
         motion = Motion(
             partial(self._begin_move, position_m, speed_m_s),
-            partial(self._stop_move, position_m),
+            partial(self._stop_move, f'{position_m:.4f} m'),
             partial(self._fail_move, position_m),
             partial(self._give_up, 'a move was left unwatched'),
             self._finish,
@@ -292,8 +307,14 @@ class LinearGuideClient:
             self._connection, self._settings = connection, settings = self._open()
 
         def home() -> _News[float]:
-            self._position.trouble = HOMING
             started_s = time.monotonic()
+            if (near_m := self._find_near_switch()) is not None:
+                speed_mm_s = settings.homing_seek_mm_min / 60
+                speed_m_s = min(speed_mm_s / 1e3, self._config.max_speed_m_s)
+                with closing(self._drive(near_m, speed_m_s)) as news:
+                    for _ in news:
+                        yield time.monotonic() - started_s
+            self._position.trouble = HOMING
             connection.reset()
             timeout_s = settings.compute_homing_timeout_s() + SLACK_S
             with closing(connection.stream([grbl.HOME], timeout_s, answers_status=False)) as wakes:
@@ -308,23 +329,41 @@ class LinearGuideClient:
                     f'Homing ended at machine position {report.mpos_mm}, outside of the travel of '
                     f'{self._config.travel_m} m; check the settings $23, $27 and $130.'
                 )
+            self._homed_m = position_m
             return self._to_rest_state(report)
 
         return home()
 
+    def _find_near_switch(self) -> float | None:
+        """Return a position near the switch [m]; None where it is unknown or there is no way."""
+        state, homed_m = self.state, self._homed_m
+        if homed_m is None or state is None or state.position_m is None:
+            return None
+        side = 1 if homed_m < self._config.travel_m / 2 else -1  # away from the switch
+        near_m = homed_m + side * NEAR_SWITCH_M
+        return near_m if side * (state.position_m - near_m) > 0 else None
+
+    @property
+    def _is_in_homing_cycle(self) -> bool:
+        return self._position.trouble == HOMING
+
     def _stop_homing(self) -> str:
+        if not self._is_in_homing_cycle:  # it still moves near to the switch
+            return self._stop_move('the reference switch')
         self._position.trouble = HOMING_FAILED
         self._require_connection()[0].reset()  # a homing cycle heeds nothing else
         return 'Homing was stopped; home before the next move.'
 
     def _fail_homing(self, reason: str) -> str:
+        if not self._is_in_homing_cycle:
+            self._give_up(reason)
         self._position.lose(HOMING_FAILED)
         return f'Homing failed: {reason}.'
 
     # -- moves ---------------------------------------------------------------------------
 
     def _begin_move(self, position_m: float, speed_m_s: float) -> _News[GuideState]:
-        connection, settings = self._require_connection()
+        self._require_connection()
         if not 0.0 <= position_m <= self._config.travel_m:
             raise MotionRefusedError(
                 f'Position {position_m} m is outside of the travel 0 to {self._config.travel_m} m.'
@@ -339,6 +378,14 @@ class LinearGuideClient:
             raise MotionRefusedError(
                 f'The position is unknown: {self.trouble or "no report yet"}; home the guide.'
             )
+        return self._drive(position_m, speed_m_s)
+
+    def _drive(self, position_m: float, speed_m_s: float) -> _News[GuideState]:
+        """Move from a known position, in pieces; return the state at rest."""
+        connection, settings = self._require_connection()
+        state = self.state
+        assert state is not None
+        assert state.position_m is not None
         start_m = state.position_m
         self._position.direction = 1 if position_m >= start_m else -1
         track = MotionTrack(start_m, position_m, speed_m_s)
@@ -346,29 +393,25 @@ class LinearGuideClient:
         piece_s = grbl.compute_piece_s(self._config.run_on_s, connection.planner_blocks)
         start_mm, end_mm = ((x - self._config.travel_m) * 1e3 for x in (start_m, position_m))
         pieces = grbl.encode_pieces(start_mm, end_mm, speed_m_s * 1e3, piece_s)
-
-        def move() -> _News[GuideState]:
-            started_s = time.monotonic()
-            connection.reset_override()
-            with closing(connection.stream([grbl.MODES], REPLY_TIMEOUT_S)) as wakes:
-                yield from wakes
-            with closing(connection.stream(pieces, expected_s + SLACK_S)) as wakes:
-                for _ in wakes:
-                    yield self._watch(connection, track)
-            late_s = time.monotonic() - started_s - expected_s
-            report = connection.wait_report(REPLY_TIMEOUT_S)
-            yield None  # so that a stop is heeded before the place is judged
-            rest_m = self._position.to_m(report)
-            is_there = rest_m is not None and abs(rest_m - position_m) <= POSITION_TOLERANCE_M
-            if report.state != 'Idle' or not is_there:
-                raise DeviceRefusedError(f'it ended as {report.state} at {rest_m} m')
-            self.last_move = track.summarise(late_s if late_s > LATE_S else 0.0)
-            if late_s > LATE_S:
-                self.late_moves += 1
-                _logger.warning('the move to %.4f m took %.2f s too long', position_m, late_s)
-            return self._to_rest_state(report)
-
-        return move()
+        started_s = time.monotonic()
+        connection.reset_override()
+        with closing(connection.stream([grbl.MODES], REPLY_TIMEOUT_S)) as wakes:
+            yield from wakes
+        with closing(connection.stream(pieces, expected_s + SLACK_S)) as wakes:
+            for _ in wakes:
+                yield self._watch(connection, track)
+        late_s = time.monotonic() - started_s - expected_s
+        report = connection.wait_report(REPLY_TIMEOUT_S)
+        yield None  # so that a stop is heeded before the place is judged
+        rest_m = self._position.to_m(report)
+        is_there = rest_m is not None and abs(rest_m - position_m) <= POSITION_TOLERANCE_M
+        if report.state != 'Idle' or not is_there:
+            raise DeviceRefusedError(f'it ended as {report.state} at {rest_m} m')
+        self.last_move = track.summarise(late_s if late_s > LATE_S else 0.0)
+        if late_s > LATE_S:
+            self.late_moves += 1
+            _logger.warning('the move to %.4f m took %.2f s too long', position_m, late_s)
+        return self._to_rest_state(report)
 
     def _watch(self, connection: GrblConnection, track: MotionTrack) -> GuideState | None:
         last = self._position.last
@@ -383,7 +426,7 @@ class LinearGuideClient:
             self._motions.unless_stopping(connection.start_cycle)
         return state
 
-    def _stop_move(self, target_m: float) -> str:
+    def _stop_move(self, target: str) -> str:
         connection, _ = self._require_connection()
         try:
             connection.hold_and_reset()
@@ -395,9 +438,7 @@ class LinearGuideClient:
             raise MotionFailedError(
                 f'Stopping lost the position: {self._position.trouble}; home the guide.'
             )
-        return (
-            f'Stopped at {position_m:.4f} m on the way to {target_m:.4f} m; the position is kept.'
-        )
+        return f'Stopped at {position_m:.4f} m on the way to {target}; the position is kept.'
 
     def _fail_move(self, target_m: float, reason: str) -> str:
         self._give_up(reason)

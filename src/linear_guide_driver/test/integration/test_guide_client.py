@@ -320,6 +320,68 @@ def test_a_killed_driver_leaves_little_for_the_controller_to_carry_out(grbl):
     assert grbl.mpos < killed_at + 10
 
 
+HOME_MOVE_AND_HOME = """
+import sys
+from linear_guide_driver import LinearGuideClient, LinearGuideConfig
+client = LinearGuideClient(LinearGuideConfig(port=sys.argv[1]))
+client.connect()
+client.home()
+client.move_to(0.1, 0.1)
+client.home()
+"""
+
+
+def test_a_driver_killed_in_a_homing_from_a_known_position_leaves_as_little(grbl):
+    grbl.settings[25] = '1200.000'  # 20 mm/s
+    driver = subprocess.Popen([sys.executable, '-c', HOME_MOVE_AND_HOME, grbl.port])
+    wait_until(lambda: grbl.state == 'Idle' and '$H' in grbl.lines and grbl.mpos > -101)
+    wait_until(lambda: grbl.mpos < -110)
+    driver.kill()
+    driver.wait()
+    killed_at = grbl.mpos
+    wait_until(lambda: not grbl.is_moving)
+    assert grbl.mpos > killed_at - 10  # $H sent at once would go on to the switch, 80 mm away
+    assert grbl.lines.count('$H') == 1
+
+
+@pytest.mark.parametrize(('homed_mm', 'near_m'), [(-199.0, 0.003), (-1.0, 0.197)])
+def test_a_homing_from_a_known_position_begins_near_the_switch(guide, grbl, homed_mm, near_m):
+    grbl.homed_mm, grbl.home_s = homed_mm, 0.3
+    guide.home()
+    guide.move_to(0.1, 0.1)
+    for start_m in (0.1, near_m):  # there is no way to go for the second
+        homing = Background(guide.home)
+        wait_until(lambda: grbl.state == 'Home')
+        assert grbl.mpos == pytest.approx((near_m - 0.2) * 1e3, abs=0.01), start_m
+        assert homing.end() is None
+        guide.move_to(near_m, 0.1)
+
+
+def test_a_homing_that_is_stopped_before_its_cycle_keeps_the_position(guide, grbl):
+    guide.home()
+    guide.move_to(0.1, 0.1)
+    homing = Background(guide.home)
+    wait_until(lambda: grbl.is_moving)
+    assert guide.request_stop()
+    assert 'on the way to the reference switch; the position is kept' in str(homing.end())
+    assert not guide.trouble
+    guide.move_to(0.1, 0.1)
+    assert grbl.lines.count('$H') == 1
+
+
+def test_a_fault_before_the_homing_cycle_asks_for_a_homing(guide, grbl):
+    guide.home()
+    guide.move_to(0.1, 0.1)
+    homing = Background(guide.home)
+    wait_until(lambda: grbl.is_moving)
+    grbl.raise_alarm(1)
+    assert 'Homing failed: the controller reported ALARM:1' in str(homing.end())
+    assert guide.trouble
+    lines = len(grbl.lines)
+    guide.home()  # the whole way, since the position is unknown
+    assert not any(line.startswith('G1') for line in grbl.lines[lines:])
+
+
 def test_a_move_that_pauses_on_the_way_is_counted_and_a_steady_one_is_known(guide, grbl):
     guide.home()
     guide.move_to(0.051, 0.05)

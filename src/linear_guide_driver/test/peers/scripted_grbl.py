@@ -39,6 +39,7 @@ class ScriptedGrbl(PtyPeer):
         self.is_deaf = False
         self.state = 'Alarm'  # locked after power-up, as with homing switched on
         self.home_s = 0.05
+        self.homed_mm = -199.0  # where a homing cycle ends [mm]
         self.banner = b"\r\nGrbl 1.1h ['$' for help]\r\n"
         self.build = b'[VER:1.1h.20190830:]\r\n[OPT:%s,15,128]\r\nok\r\n'
         self.pause_s = 0.0  # for how long it shall stop on the way, once
@@ -194,6 +195,6 @@ class ScriptedGrbl(PtyPeer):
             self.say(b'ok\r\n')
 
     def _homed(self):
-        self._rest(-199.0)
+        self._rest(self.homed_mm)
         self.state = 'Idle'
         self.say(b'ok\r\n')
