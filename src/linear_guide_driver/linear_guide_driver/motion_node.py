@@ -31,6 +31,7 @@ from tactile_ros.health import (
     Heartbeat,
     HeartbeatWatch,
     OK,
+    Presence,
     ReadinessPublisher,
 )
 from tactile_ros.polling import PollingNode
@@ -208,6 +209,7 @@ class MotionNode(PollingNode):
         self._diagnostics: Diagnostics | None = None
         self._readiness: ReadinessPublisher | None = None
         self._heartbeat: Heartbeat | None = None
+        self._presence: Presence | None = None
         self._loss = ''  # why the running goal has been ended
         self._parts = ExitStack()  # takes back what was made, last things first
 
@@ -241,11 +243,12 @@ class MotionNode(PollingNode):
         self._rig_stop = RigStop(self, self._latch, self.stop_device, self.on_stop_change)
         self._parts.callback(self._rig_stop.close)
         lease_s = config.heartbeat_timeout_s
-        watches = [HeartbeatWatch(self, '~/heartbeat', lease_s, is_own=True)]
-        watches += [HeartbeatWatch(self, topic, lease_s) for topic in config.heartbeat_topics]
+        presence = self._presence = Presence(self)
+        self._parts.callback(presence.close)
+        watches = [HeartbeatWatch(self, topic, lease_s) for topic in config.heartbeat_topics]
         for watch in watches:
             self._parts.callback(watch.close)
-        self._watches = (self._latch, _Activity(self), *watches)
+        self._watches = (self._latch, _Activity(self), presence.rivals, *watches)
 
     def offer(self, **services: Callable[[], tuple[bool, str]]) -> None:
         """Offer a ``std_srvs/Trigger`` for each function, and tell how the device is.
@@ -295,6 +298,15 @@ class MotionNode(PollingNode):
         return find_loss(self._watches, time.monotonic_ns())
 
     # -- goals of a subclass -------------------------------------------------------------------
+
+    def refuse_rivals(self) -> None:
+        """Abort the goal while there is a second node like this one, before any other reason.
+
+        Both receive each goal, and the client hears the first answer: it must name both.
+        """
+        presence = self._presence
+        if presence is not None and (rivals := presence.rivals.find_loss()):
+            raise GoalAborted(str(rivals))
 
     def wait_for_peers(self, goal: Goal, awaits: Callable[[], bool]) -> None:
         """Wait while ``awaits()`` says that a needed topic was never heard, as after a start.

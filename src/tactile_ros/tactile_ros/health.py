@@ -176,11 +176,20 @@ def heartbeat_qos(lease_s: float = LEASE_S, extra_ns: int = 0) -> QoSProfile:
 
 
 class Heartbeat:
-    """Publisher of ``~/heartbeat``; before each beat it asks ``is_well()``."""
+    """Publisher of ``~/heartbeat``; before each beat it asks ``is_well()``.
 
-    def __init__(self, node: Node, is_well: Callable[[], bool]) -> None:
+    On another ``topic`` it offers another lease [s].
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        is_well: Callable[[], bool],
+        topic: str = '~/heartbeat',
+        lease_s: float = LEASE_S,
+    ) -> None:
         self._node, self._is_well = node, is_well
-        self._publisher = node.create_publisher(Empty, '~/heartbeat', heartbeat_qos())
+        self._publisher = node.create_publisher(Empty, topic, heartbeat_qos(lease_s))
         self._lock = threading.Lock()
         self._due_s = 0.0
         self._is_closed = False
@@ -213,15 +222,15 @@ class HeartbeatWatch:
     each other's goals. A publisher that was killed is alive no longer than the lease, although
     it stays in the graph for many seconds.
 
-    A publisher that is silent for longer than the lease ``timeout_s``, at least `LEASE_S`, is not
-    alive [s]. The node's own topic may be silent: only a second publisher is a loss. TactileError:
-    the middleware does not tell of liveliness.
+    A publisher that is silent for longer than the lease ``timeout_s``, at least the lease that it
+    offers, is not alive [s]. With ``rivals_only`` the topic may be silent: only a second publisher
+    is a loss. TactileError: the middleware does not tell of liveliness.
     """
 
     def __init__(
-        self, node: Node, topic: str, timeout_s: float = LEASE_S, *, is_own: bool = False
+        self, node: Node, topic: str, timeout_s: float = LEASE_S, *, rivals_only: bool = False
     ) -> None:
-        self._node, self._timeout_s, self._is_own = node, timeout_s, is_own
+        self._node, self._timeout_s, self._rivals_only = node, timeout_s, rivals_only
         self._subscription = node.create_subscription(
             Empty,
             topic,
@@ -251,8 +260,8 @@ class HeartbeatWatch:
 
     @property
     def was_heard(self) -> bool:
-        """True once a publisher was alive, and always of the node's own topic."""
-        return self._count_alive() > 0 or self._was_heard or self._is_own
+        """True once a publisher was alive, and always of a topic that may be silent."""
+        return self._count_alive() > 0 or self._was_heard or self._rivals_only
 
     def find_loss(self, now_ns: int = 0) -> Refusal | None:
         """Return why nothing may move, or None while one publisher is alive.
@@ -262,7 +271,7 @@ class HeartbeatWatch:
         alive = self._count_alive()
         if alive > 1:
             return self._describe_rivals(alive)
-        if alive or self._is_own:
+        if alive or self._rivals_only:
             return None
         if self._was_heard:
             return Refusal(
@@ -302,12 +311,41 @@ class HeartbeatWatch:
     def _describe_rivals(self, alive: int) -> Refusal:
         """Name the publishers; the graph also knows dead ones."""
         known = self._node.get_publishers_info_by_topic(self._subscription.topic_name)
-        names = {f'{each.node_namespace.rstrip("/")}/{each.node_name}' for each in known}
+        names = [f'{each.node_namespace.rstrip("/")}/{each.node_name}' for each in known]
         return Refusal(
             f'{alive} nodes are alive on {self._topic} ({", ".join(sorted(names))}): '
             'two rigs share this ROS domain',
             'end one, or start it with another ROS_DOMAIN_ID or namespace',
         )
+
+
+PRESENCE_LEASE_S, PRESENCE_PERIOD_S = 1.0, 0.3
+"""Lease and period of the beats of a `Presence` [s]."""
+
+
+class Presence:
+    """Sign on ``~/presence`` that a node has servers, and a watch for a second node with them.
+
+    A heartbeat ceases while the device is not well. Its node still receives goals, though, and
+    its answer could hide that of the other node. ``rivals`` is a loss while there are two nodes.
+    """
+
+    def __init__(self, node: TactileNode) -> None:
+        topic = '~/presence'
+        self.rivals = HeartbeatWatch(node, topic, PRESENCE_LEASE_S, rivals_only=True)
+        self._beats = Heartbeat(node, lambda: True, topic, PRESENCE_LEASE_S)
+        self._calls = node.call_every(PRESENCE_PERIOD_S, self._beats.beat)
+
+    def close(self) -> None:
+        """Take publisher and watch away."""
+        self._calls.cancel()
+        self._beats.close()
+        self.rivals.close()
+
+
+def watch_rivals(node: Node, name: str) -> HeartbeatWatch:
+    """Return a watch on another node that is a loss while two nodes of that name have servers."""
+    return HeartbeatWatch(node, f'{name}/presence', PRESENCE_LEASE_S, rivals_only=True)
 
 
 def _ignore(_: Empty) -> None: ...

@@ -116,9 +116,9 @@ def test_of_two_tendon_drivers_none_winds_in_and_both_let_out(bench, servo, twin
     try:
         with twins(TendonActuatorNode, port=second_servo.port, **TENDON) as second:
             sentence = (
-                '2 nodes are alive on tendon_actuator/heartbeat (/tendon_actuator): two rigs '
-                'share this ROS domain; end one, or start it with another ROS_DOMAIN_ID or '
-                'namespace.'
+                '2 nodes are alive on tendon_actuator/presence (/tendon_actuator, '
+                '/tendon_actuator): two rigs share this ROS domain; end one, or start it with '
+                'another ROS_DOMAIN_ID or namespace.'
             )
             for node in (bench.node, second):
                 wait_until(lambda node=node: node._find_missing() == [sentence])
@@ -135,8 +135,32 @@ def test_of_two_tendon_drivers_none_winds_in_and_both_let_out(bench, servo, twin
     assert bench.result(handle)[0] == 'succeeded'
 
 
+def test_a_second_tendon_driver_that_is_not_well_is_a_rival_too(bench, servo, twins):
+    bench.start(TendonActuatorNode, port=servo.port, slack_after_s=0.2, **TENDON)
+    second_servo = ScriptedServo()
+    try:
+        with twins(TendonActuatorNode, port=second_servo.port, **TENDON) as second:
+            wait_until(lambda: 'two rigs share' in ' '.join(bench.node._find_missing()))
+            watch = HeartbeatWatch(bench.peer, 'tendon_actuator/heartbeat')
+            wait_until(lambda: '2 nodes' in str(watch.find_loss()))
+            second_servo.unplug()
+            wait_until(lambda: not second.is_well() and not watch.find_loss())
+            for _ in range(3):  # either of the two may answer
+                handle = bench.send(PullTendon, '/tendon_actuator/pull', **PULL)
+                status, result = bench.result(handle)
+                assert (status, 'two rigs share' in result.message) == ('aborted', True)
+            assert abs(servo.position - SLACK) <= 33
+            watch.close()
+    finally:
+        second_servo.close()
+    wait_until(lambda: not bench.node._find_missing())
+    handle = bench.send(PullTendon, '/tendon_actuator/pull', **PULL)
+    assert bench.result(handle)[0] == 'succeeded'
+
+
 def test_of_two_guides_a_moving_one_stops_and_none_moves(bench, grbl, twins):
-    bench.start(LinearGuideNode, port=grbl.port, poll_rate_hz=20.0)
+    alone = {'poll_rate_hz': 20.0, 'tendon_topic': ''}
+    bench.start(LinearGuideNode, port=grbl.port, **alone)
     assert bench.result(bench.send(HomeGuide, '/linear_guide/home'))[0] == 'succeeded'
     move = {'position_m': 0.19, 'speed_m_s': 0.005}
     handle = bench.send(MoveGuide, '/linear_guide/move', **move)
@@ -145,7 +169,7 @@ def test_of_two_guides_a_moving_one_stops_and_none_moves(bench, grbl, twins):
     end = send(bench.peer, handle.get_result_async)
     second_grbl = ScriptedGrbl()
     try:
-        with twins(LinearGuideNode, port=second_grbl.port) as second:
+        with twins(LinearGuideNode, port=second_grbl.port, **alone) as second:
             # Each has to hear the other: either of the two may answer the next goal.
             for node in (bench.node, second):
                 wait_until(lambda node=node: 'two rigs share' in ' '.join(node._find_missing()))

@@ -29,7 +29,7 @@ from tactile_msgs.action import HomeGuide, RunTrial
 from tactile_msgs.msg import Classification, ModelInfos
 from tactile_ros.errors import TactileError
 from tactile_ros.goals import send
-from tactile_ros.health import Diagnostics, Health, OK
+from tactile_ros.health import Diagnostics, Health, OK, watch_rivals
 from tactile_ros.lifecycle import MessageGuard
 from tactile_ros.process import INTERRUPT_TIMEOUT_S
 from tactile_ros.qos import LATEST, RESULTS
@@ -71,6 +71,10 @@ class OperatorNode(Node):  # type: ignore[misc]
         self._diagnostics: Diagnostics | None = None
         self._home = ActionClient(self, HomeGuide, 'linear_guide/home')
         self._run = ActionClient(self, RunTrial, 'trial_runner/run_trial')
+        self._rivals = {
+            self._home: watch_rivals(self, 'linear_guide'),
+            self._run: watch_rivals(self, 'trial_runner'),
+        }
         self._stopped = threading.Event()
         self._handles: list[Any] = []  # of goals that run
         self.create_service(Trigger, '~/stop', self._on_stop)
@@ -87,6 +91,11 @@ class OperatorNode(Node):  # type: ignore[misc]
         )
         for kind, topic, take, qos in wanted if answers else ():
             self.create_subscription(kind, topic, guard.wrap(topic, take), qos)
+
+    def destroy_node(self) -> None:
+        for watch in self._rivals.values():
+            watch.close()
+        super().destroy_node()
 
     def stop(self) -> None:
         """Cancel the goal that runs, and send none until `resume`."""
@@ -178,6 +187,8 @@ class OperatorNode(Node):  # type: ignore[misc]
             raise StoppedError(f'{what}: {refusal}')
         if not is_there:
             raise TactileError(f'{what}: the action server does not answer; is the rig running?')
+        if rivals := self._rivals[client].find_loss():  # either may answer
+            raise TactileError(f'{what}: {rivals}')
         answer = send(self, lambda: client.send_goal_async(goal))
         try:
             handle = answer.result(ANSWER_TIMEOUT_S)

@@ -6,6 +6,7 @@
 import threading
 
 import pytest
+from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from tactile_bringup.nodes import operator_node
@@ -13,6 +14,7 @@ from tactile_bringup.nodes.operator_node import OperatorNode, StoppedError
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_ros.errors import TactileError
 from tactile_ros.goals import send
+from tactile_ros.health import Heartbeat, PRESENCE_LEASE_S
 from tactile_ros.node_group import NodeGroup
 from tactile_testing.waiting import DEADLINE_S, wait_until
 
@@ -34,6 +36,26 @@ def test_a_trial_that_is_given_up_is_cancelled_and_the_next_one_runs(operated, m
     monkeypatch.undo()
     second = TrialRequest('stiffness', 'flexion', trial_id='second', hold_s=0.5)
     assert operator.run_trial(second) == 'second'
+
+
+def test_an_operator_sends_no_goal_to_two_trial_runners(operated, context):
+    bench, operator = operated
+    twin = Node('trial_runner', context=context)
+    heart = Heartbeat(twin, lambda: True, '~/presence', PRESENCE_LEASE_S)
+
+    def is_seen():
+        heart.beat()
+        return operator._rivals[operator._run].find_loss()
+
+    wait_until(is_seen)
+    with pytest.raises(TactileError, match=r'the trial: 2 nodes are alive on trial_runner/pres'):
+        operator.run_trial(TrialRequest('stiffness', 'flexion', hold_s=0.5))
+    heart.close()
+    twin.destroy_node()
+    wait_until(lambda: not operator._rivals[operator._run].find_loss())
+    request = TrialRequest('stiffness', 'flexion', trial_id='first', hold_s=0.5)
+    assert operator.run_trial(request) == 'first'
+    assert [event.phase for event in bench.events].count('approach') == 1
 
 
 def test_a_rig_that_does_not_come_to_rest_is_said(operated, monkeypatch):

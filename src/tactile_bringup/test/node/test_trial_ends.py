@@ -19,7 +19,7 @@ from trial_bench import DEADLINE_S
 
 from tactile_msgs.action import MoveGuide
 from tactile_ros.goals import send
-from tactile_ros.health import Heartbeat, HeartbeatWatch
+from tactile_ros.health import Heartbeat, HeartbeatWatch, PRESENCE_LEASE_S
 from tactile_ros.qos import STREAM
 from tactile_testing.waiting import wait_until
 
@@ -56,9 +56,9 @@ def test_a_driver_that_falls_silent_ends_the_trial_with_its_reason(bench, protoc
 
 @contextmanager
 def second_node(bench, context, name):
-    """Let a second node of a name be alive."""
+    """Let a second node of a name have servers; its device is not well."""
     node = Node(name, context=context)
-    heart = Heartbeat(node, lambda: True)
+    heart = Heartbeat(node, lambda: True, '~/presence', PRESENCE_LEASE_S)
     timer = bench.client.create_timer(0.02, heart.beat)
     yield
     bench.client.destroy_timer(timer)
@@ -69,7 +69,9 @@ def second_node(bench, context, name):
 def test_a_second_tendon_driver_ends_the_trial_and_refuses_the_next(bench, context):
     handle = bench.touch('stiffness')
     goals = len(bench.tendon.goals)
-    sentence = '2 nodes are alive on tendon_actuator/heartbeat (/tendon_actuator): two rigs share'
+    sentence = (
+        '2 nodes are alive on tendon_actuator/presence (/tendon_actuator, /tendon_actuator): two'
+    )
     with second_node(bench, context, 'tendon_actuator'):
         assert sentence in bench.end(handle).message
         bench.wait_until_released()
@@ -85,7 +87,7 @@ def test_of_two_trial_runners_none_runs_a_trial(bench, context):
             lambda: bench.readiness and 'two rigs share' in ' '.join(bench.readiness[-1].missing)
         )
         message = bench.end(bench.start('stiffness')).message
-    assert '2 nodes are alive on trial_runner/heartbeat (/trial_runner)' in message
+    assert '2 nodes are alive on trial_runner/presence (/trial_runner, /trial_runner)' in message
     assert (bench.guide.goals, bench.tendon.goals) == ([], [])
 
 

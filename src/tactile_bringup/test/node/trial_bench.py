@@ -20,7 +20,7 @@ from tactile_bringup.nodes.trial_runner_node import TrialRunnerNode
 from tactile_msgs.action import MoveGuide, PullTendon, RunTrial
 from tactile_msgs.msg import Readiness, StrainBlock, TrialEvent
 from tactile_ros.goals import GoalAborted, GoalRunner, send
-from tactile_ros.health import Heartbeat
+from tactile_ros.health import Heartbeat, Presence
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, LATEST, STREAM
@@ -87,6 +87,7 @@ class Device(TactileNode):
         self._runner = GoalRunner(self, action_type, f'~/{verb}', self._work)
         self.states = self.create_publisher(JointState, '~/joint_states', STREAM)
         self.heart = Heartbeat(self, lambda: self.beats)
+        self._presence = Presence(self)
         self._timer = self.create_timer(PERIOD_S, self._report)
         self._ready = None
 
@@ -126,7 +127,8 @@ class Device(TactileNode):
         goal.wait(self.delays.get(number, 0.0))
         goal.check()
         self._move(goal, number)
-        return self._type.Result(message='ended')
+        rest = {'position_m': self.position_m} if self._type is MoveGuide else {}
+        return self._type.Result(message='ended', **rest)
 
     def _move(self, goal, number):
         request = goal.request
@@ -143,6 +145,7 @@ class Device(TactileNode):
             self._motion = None
 
     def tear_down(self):
+        self._presence.close()
         self._runner.close()
 
 
