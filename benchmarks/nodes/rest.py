@@ -61,7 +61,10 @@ class Phase(NamedTuple):
 PHASES = {
     'approach': Phase((SLACK, START), {'do': 'move', 'position_m': 0.16, 'speed_m_s': 0.04}),
     'contact': Phase((SLACK, START), PULL),
-    'glide': Phase((SLACK, START, CONTACT), {'do': 'move', 'position_m': 0.1, 'speed_m_s': 0.015}),
+    'glide': Phase(
+        (SLACK, START, CONTACT),
+        {'do': 'move', 'position_m': 0.1, 'speed_m_s': 0.015, 'allow_taut': True},
+    ),
     'hold': Phase((SLACK, START, CONTACT), None),
 }
 FAULTS = (

@@ -10,16 +10,21 @@ import time
 from typing import Any
 
 from linear_guide_driver.grbl.guide_client import HOMING, LinearGuideClient
+from linear_guide_driver.interlock import Slack, TendonInterlock, TendonReport
 from linear_guide_driver.motion_node import MotionNode
 from linear_guide_driver.records import GuideState, LinearGuideConfig
 from linear_guide_driver.safety import TopicWatchdog
 from tactile_msgs.action import HomeGuide, MoveGuide
-from tactile_msgs.msg import StrainBlock
+from tactile_msgs.msg import StrainBlock, TendonSlack
 from tactile_ros.goals import Goal, GoalAborted, GoalRunner
 from tactile_ros.health import ERROR, Health, OK, WARN
-from tactile_ros.qos import NEWEST
+from tactile_ros.qos import LATEST, NEWEST
 from tactile_ros.refusal import Refusal
 from tactile_ros.strain import NOT_LIVE
+
+TAUT_WAIT_S = 0.5
+"""How long a goal waits for a taut tendon: the end of its release may be reported after the result
+of that [s]."""
 
 
 class LinearGuideNode(MotionNode):
@@ -27,7 +32,8 @@ class LinearGuideNode(MotionNode):
 
     Actions ``~/move`` and ``~/home``, services ``~/stop`` and ``~/reset``; joint states only while
     the position is known. A motion ends, with the reason in its result, when something that it
-    needs is lost.
+    needs is lost. Unless the goal says ``allow_taut``, it needs a slack
+    tendon.
     """
 
     device = 'guide'
@@ -35,6 +41,8 @@ class LinearGuideNode(MotionNode):
 
     def __init__(self, node_name: str = 'linear_guide', **node_options: Any) -> None:
         super().__init__(node_name, LinearGuideConfig, **node_options)
+        self._interlock: TendonInterlock | None = None
+        self._allows_taut = False  # the running goal
 
     def set_up(self, config: LinearGuideConfig) -> None:
         self._client = LinearGuideClient(
@@ -48,6 +56,9 @@ class LinearGuideNode(MotionNode):
         super().set_up(config)
         if config.strain_timeout_s:
             self._watch_strain(config.strain_timeout_s)
+        self._interlock = None
+        if config.tendon_topic:
+            self._watch_tendon(config.tendon_topic)
         GoalRunner(self, MoveGuide, '~/move', self._move, accepting=self.accepting)
         GoalRunner(self, HomeGuide, '~/home', self._home, accepting=self.accepting)
         self.offer()
@@ -94,14 +105,21 @@ class LinearGuideNode(MotionNode):
         )
 
     def _await_topics(self, goal: Goal) -> None:
-        """Wait for what has not been heard yet; abort if it stays silent."""
+        """Wait for what has not been heard yet, and for a slack tendon; abort without them."""
+        self.refuse_rivals()
+        self._allows_taut = goal.request.allow_taut
+        began_s = time.monotonic()
 
         def awaits() -> bool:
             self.poll_now()
-            return not all(watch.was_heard for watch in self._watches)
+            if not all(watch.was_heard for watch in self._watches):
+                return True
+            slack = self._judge_tendon()
+            may_become_slack = time.monotonic() - began_s < TAUT_WAIT_S
+            return slack is Slack.UNKNOWN or (slack is Slack.TAUT and may_become_slack)
 
         self.wait_for_peers(goal, awaits)
-        if loss := self.find_peer_loss():
+        if loss := self.find_loss():
             raise GoalAborted(str(loss), **self._find_rest())
 
     def _watch_strain(self, timeout_s: float) -> None:
@@ -120,7 +138,30 @@ class LinearGuideNode(MotionNode):
         return super().find_peer_loss()
 
     def find_loss(self) -> Refusal | None:
-        return self.find_peer_loss()
+        return self.find_peer_loss() or (None if self._allows_taut else self._find_interlock())
+
+    # -- the tendon --------------------------------------------------------------------------
+
+    def _watch_tendon(self, topic: str) -> None:
+        release = self.resolve_service_name(f'{topic.rpartition("/")[0]}/release')
+        interlock = self._interlock = TendonInterlock(topic, release)
+
+        def hear(message: TendonSlack, _: Any) -> None:
+            report = TendonReport(Slack(message.state), message.displacement_m, message.reason)
+            interlock.take(report, time.monotonic_ns())
+
+        self.poll(TendonSlack, topic, hear, LATEST)
+
+    def _judge_tendon(self) -> Slack:
+        """Return what is known of the tendon, as far as the running goal needs to know it."""
+        if self._interlock is None or self._allows_taut:
+            return Slack.SLACK
+        return self._interlock.judge(time.monotonic_ns())
+
+    def _find_interlock(self) -> Refusal | None:
+        """Return why the tendon keeps the guide from moving, or None."""
+        interlock = self._interlock
+        return None if interlock is None else interlock.find_refusal(time.monotonic_ns())
 
     @staticmethod
     def _to_feedback(state: GuideState) -> dict[str, float]:
@@ -156,7 +197,12 @@ class LinearGuideNode(MotionNode):
 
     def find_obstacles(self) -> list[str]:
         trouble = f'{self._format_trouble()}.' if self._client.trouble else ''
-        return [str(each) for each in (trouble, self.find_peer_loss()) if each]
+        loss, interlock = self.find_peer_loss(), self._interlock
+        tendon = None
+        # A taut tendon is no obstacle: a trial slackens it before it moves the guide.
+        if interlock is not None and interlock.judge(time.monotonic_ns()) is Slack.UNKNOWN:
+            tendon = self._find_interlock()
+        return [str(each) for each in (trouble, loss, tendon) if each]
 
     def judge_health(self, state: GuideState) -> Health:
         client = self._client

@@ -98,6 +98,11 @@ class LinearGuideConfig(_MotionConfig):
         unit='s',
         range=(0.0, 10.0),
     )
+    tendon_topic: str = parameter(
+        'tendon_actuator/slack',
+        'topic on which the tendon actuator says whether its tendon is slack; without a slack '
+        'tendon the guide moves only in the glide of a trial; empty: the guide carries no tendon',
+    )
     joint_name: str = parameter('linear_guide_joint', 'name of the joint in joint states')
     frame_id: str = parameter('linear_guide_link', 'frame of the joint states')
 

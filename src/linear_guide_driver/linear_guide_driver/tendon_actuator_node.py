@@ -15,12 +15,13 @@ from rclpy.time import Time
 
 from linear_guide_driver.dynamixel.tendon_client import TendonActuatorClient
 from linear_guide_driver.errors import capitalise, LinearGuideDriverError
+from linear_guide_driver.interlock import judge_slack, Slack, TendonReport
 from linear_guide_driver.motion_node import MotionNode
 from linear_guide_driver.records import REST_REPORT_S, TendonActuatorConfig, TendonState
 from linear_guide_driver.safety import Ending, State, Zero
 from linear_guide_driver.tension import find_limit_warnings
 from tactile_msgs.action import HomeTendon, PullTendon
-from tactile_msgs.msg import StrainBlock, Tare
+from tactile_msgs.msg import StrainBlock, Tare, TendonSlack
 from tactile_ros.goals import Goal, GoalRunner
 from tactile_ros.hang_watch import HangWatch
 from tactile_ros.health import ERROR, Health, OK, WARN
@@ -45,7 +46,7 @@ class TendonActuatorNode(MotionNode):
 
     Actions ``~/pull`` and ``~/home``, services ``~/stop``, ``~/reset`` and ``~/release``. Feeds
     ``tendon_sensor/strain`` and the heartbeat topics to `linear_guide_driver.safety`, which every
-    motion has to pass.
+    motion has to pass. Topic ``~/slack`` says whether the tendon is slack, for the guide.
     """
 
     device = 'tendon actuator'
@@ -54,9 +55,15 @@ class TendonActuatorNode(MotionNode):
         super().__init__(node_name, TendonActuatorConfig, **node_options)
         self._hang_watch: HangWatch | None = None
         self._report_due_s = 0.0  # a joint state at rest
+        self._slack: Any = None  # publisher
+        self._slack_report = TendonReport(Slack.UNKNOWN)  # the last one
+        self._slack_due_s = 0.0
 
     def set_up(self, config: TendonActuatorConfig) -> None:
         super().set_up(config)
+        self._slack = self.create_publisher(TendonSlack, '~/slack', LATEST)
+        self._slack_due_s = 0.0
+        self._parts.callback(self.destroy_publisher, self._slack)
         if config.hang_timeout_s:
             self._hang_watch = HangWatch(config.hang_timeout_s)
             self._parts.callback(self._hang_watch.close)
@@ -126,6 +133,7 @@ class TendonActuatorNode(MotionNode):
             }
 
         if request.displacement_m:
+            self.refuse_rivals()
             self.wait_for_peers(goal, lambda: client.safety.awaits_first)
         state = self.carry_out(
             goal,
@@ -156,6 +164,7 @@ class TendonActuatorNode(MotionNode):
             tension_n = client.safety.tension_n or 0.0
             return {'displacement_m': state.displacement_m, 'tension_n': tension_n}
 
+        self.refuse_rivals()
         self.wait_for_peers(goal, lambda: client.safety.awaits_first)
         taut_n = goal.request.taut_tension_n or self.config.taut_tension_n
         shift_m = self.carry_out(goal, partial(client.home, taut_n), to_feedback)
@@ -231,6 +240,7 @@ class TendonActuatorNode(MotionNode):
 
     def _on_turn(self, pause_s: float) -> None:
         self.beat()
+        self._report_slack()
         if self._hang_watch is not None:
             self._hang_watch.turn(pause_s)
 
@@ -239,6 +249,29 @@ class TendonActuatorNode(MotionNode):
             return
         self._report_due_s = time.monotonic() + REST_REPORT_S
         self.publish_joint(state.displacement_m, state.velocity_m_s, state.received_at_ns)
+
+    def _report_slack(self) -> None:
+        """Publish whether the tendon is slack at each change, and now and then; poll thread."""
+        client, now_s = self._client, time.monotonic()
+        state, safety = client.state, client.safety
+        if client.trouble or state is None:
+            report = TendonReport(Slack.UNKNOWN, reason=client.trouble or 'no servo was read yet')
+        else:
+            report = judge_slack(
+                state.displacement_m,
+                safety.zero,
+                is_slack=safety.is_slack(state.displacement_m, time.monotonic_ns()),
+                was_slack=self._slack_report.slack is Slack.SLACK,
+                has_sensor=not self.config.unguarded,
+            )
+        is_new = (report.slack, report.reason) != self._slack_report[::2]
+        self._slack_report = report
+        if is_new or now_s >= self._slack_due_s:
+            self._slack_due_s = now_s + REST_REPORT_S
+            slack, displacement_m, reason = report
+            message = TendonSlack(state=slack.value, displacement_m=displacement_m, reason=reason)
+            message.header.stamp = Time(nanoseconds=self.now_ns()).to_msg()
+            self._slack.publish(message)
 
     def is_well(self) -> bool:
         return not self._client.trouble

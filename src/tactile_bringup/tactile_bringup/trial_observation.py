@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import math
 
-from linear_guide_driver.grbl.guide_client import MotionSummary
+from linear_guide_driver.grbl.guide_client import MotionSummary, MOVED_M
 from tactile_bringup.trial_protocols import TrialConfig
+from tactile_ros.refusal import Refusal
 
 REST_SPEED_M_S = 0.0005
 """A tendon this slow is at rest: two steps of the servo's speed with a pulley of 10 mm."""
@@ -108,6 +109,46 @@ class TendonContact:
                 'set the clock during trials'
             )
         return ''
+
+
+class GuideRest:
+    """Detector of a guide that moves while the finger touches an object.
+
+    States reported before the guide came to rest may arrive later; they do not count.
+    """
+
+    def __init__(self) -> None:
+        self.end()
+
+    def begin(self, position_m: float) -> None:
+        """Watch a guide that rests at a position [m]."""
+        self.end()
+        self._rest_m: float | None = position_m
+
+    def end(self) -> None:
+        """Watch no more: the guide may move."""
+        self._rest_m = None
+        self._was_there = False
+        self._away_m: float | None = None
+
+    def take(self, stamp_ns: int, position_m: float, velocity_m_s: float) -> None:
+        """Take in one state of the guide: stamp [ns], position [m], speed [m/s]."""
+        if self._rest_m is None:
+            return
+        if abs(position_m - self._rest_m) <= MOVED_M:
+            self._was_there = True
+        elif self._was_there:
+            self._away_m = position_m
+
+    def find_motion(self) -> Refusal | None:
+        """Return that the guide has moved, or None while it rests."""
+        if self._rest_m is None or self._away_m is None:
+            return None
+        return Refusal(
+            f'the guide moved from {self._rest_m:.4f} m to {self._away_m:.4f} m while the finger '
+            'touched the object',
+            'let nothing else command the guide during a trial',
+        )
 
 
 def judge_glide(summary: MotionSummary | None, speed_m_s: float, config: TrialConfig) -> str:

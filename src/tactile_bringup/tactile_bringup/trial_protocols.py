@@ -249,6 +249,9 @@ def trial_steps(config: TrialConfig, request: TrialRequest) -> list[Step]:
 def longest_trial_s(config: TrialConfig, request: TrialRequest) -> float:
     """Return how long a trial may take at most [s]: its motions and waits, and every time-out."""
     total_s = config.server_timeout_s  # until the drivers are ready
+    # A tendon that is taut is slackened first.
+    total_s += 2 * config.server_timeout_s
+    total_s += config.displacement_m(request.contact) / config.pull_speed_m_s
     for step in trial_steps(config, request):
         if isinstance(step, WaitStep):
             total_s += step.duration_s

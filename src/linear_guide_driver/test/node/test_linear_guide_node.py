@@ -15,10 +15,12 @@ from tactile_ros.goals import send
 from tactile_ros.qos import LATEST
 from tactile_testing.waiting import wait_until
 
+ALONE = {'poll_rate_hz': 20.0, 'tendon_topic': ''}
+
 
 @pytest.fixture
 def guide(bench, grbl):
-    bench.start(LinearGuideNode, port=grbl.port, poll_rate_hz=20.0)
+    bench.start(LinearGuideNode, port=grbl.port, **ALONE)
     return bench
 
 
@@ -141,7 +143,7 @@ def test_configure_fails_cleanly_without_a_port_and_works_afterwards(bench, grbl
 def test_a_move_ends_when_what_it_needs_falls_silent_though_the_clock_stands(
     bench, grbl, topic, parameters
 ):
-    bench.start(LinearGuideNode, port=grbl.port, poll_rate_hz=20.0, peer_wait_s=0.1, **parameters)
+    bench.start(LinearGuideNode, port=grbl.port, peer_wait_s=0.1, **ALONE, **parameters)
     bench.stop_clock()
     bench.aborts(move(bench, 0.1, 0.05), f'been heard on {topic} yet')
     with Peers(bench):

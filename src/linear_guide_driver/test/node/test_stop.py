@@ -121,7 +121,7 @@ def test_a_cancelled_goal_holds_and_latches_nothing(bench, servo, peers):
 
 
 def test_a_stopped_guide_refuses_to_move_until_it_is_reset(bench, grbl):
-    bench.start(LinearGuideNode, port=grbl.port, poll_rate_hz=20.0)
+    bench.start(LinearGuideNode, port=grbl.port, poll_rate_hz=20.0, tendon_topic='')
     assert bench.result(bench.send(HomeGuide, '/linear_guide/home'))[0] == 'succeeded'
     handle = bench.send(MoveGuide, '/linear_guide/move', position_m=0.15, speed_m_s=0.05)
     wait_until(lambda: grbl.is_moving)
@@ -146,7 +146,8 @@ def test_one_stop_stops_the_whole_rig_and_a_restarted_driver_is_stopped_too(
         heard = hear_readiness(bench, 'tendon_actuator', 'linear_guide')
         assert bench.result(bench.send(HomeGuide, '/linear_guide/home'))[0] == 'succeeded'
         pull_taut(bench, peers)
-        handle = bench.send(MoveGuide, '/linear_guide/move', position_m=0.15, speed_m_s=0.02)
+        glide = {'position_m': 0.15, 'speed_m_s': 0.02, 'allow_taut': True}
+        handle = bench.send(MoveGuide, '/linear_guide/move', **glide)
         wait_until(lambda: grbl.is_moving)
         assert bench.call('/tendon_actuator/stop').success
         bench.aborts(handle, f'{PRESSED} /tendon_actuator')

@@ -23,7 +23,7 @@ from linear_guide_driver.records import REST_REPORT_S
 from tactile_bringup.trial_protocols import TrialConfig, TrialRequest
 from tactile_msgs.msg import Readiness, StrainBlock
 from tactile_ros.goals import Goal, GoalAborted, GoalCanceled, send
-from tactile_ros.health import HeartbeatWatch
+from tactile_ros.health import HeartbeatWatch, watch_rivals
 from tactile_ros.polling import PollingNode
 from tactile_ros.qos import LATEST, NEWEST, STREAM
 from tactile_ros.strain import NOT_LIVE
@@ -111,6 +111,7 @@ class TrialDevice:
         self._node, self.name, self._words = node, name, name.replace('_', ' ')
         self._config, self._on_state = config, on_state
         self._heartbeat = HeartbeatWatch(node, f'{name}/heartbeat', config.heartbeat_timeout_s)
+        self._rivals = watch_rivals(node, name)
         self._readiness: Readiness | None = None
         self._position_m: float | None = None
         self._reported_s = -math.inf  # when its last joint state came
@@ -126,6 +127,7 @@ class TrialDevice:
     def close(self) -> None:
         """Take clients and subscriptions away."""
         self._heartbeat.close()
+        self._rivals.close()
         self.client.destroy()
         self._node.destroy_client(self._cancel)
         self._node.unpoll(self._states)
@@ -155,16 +157,27 @@ class TrialDevice:
     def format_loss(self) -> str:
         """Return that its heartbeat has ended, and why if it said so; empty while it beats.
 
-        A heartbeat that was never heard is none that can end. Two drivers are a loss, too.
+        A heartbeat that was never heard is none that can end. Two drivers are a loss, too, also
+        when only one of them is well: either may answer a goal.
         """
         heartbeat = self._heartbeat
+        if rivals := self._rivals.find_loss():
+            return str(rivals)
         if not heartbeat.was_heard or not (loss := heartbeat.find_loss()):
             return ''
         return ' '.join([str(loss), *self._reasons()])
 
-    def format_silence(self) -> str:
-        """Return that nobody sees where it is; empty while its joint states come."""
-        timeout_s = self._config.heartbeat_timeout_s
+    @property
+    def position_m(self) -> float | None:
+        """Its last reported position [m]; None before the first."""
+        return self._position_m
+
+    def format_silence(self, least_s: float = 0.0) -> str:
+        """Return that its joint states do not come; empty while they do.
+
+        They may be silent for ``heartbeat_timeout_s``, or ``least_s`` if that is longer [s].
+        """
+        timeout_s = max(self._config.heartbeat_timeout_s, least_s)
         if time.monotonic() - self._reported_s <= timeout_s:
             return ''
         return (

@@ -18,6 +18,7 @@ from rclpy.time import Time
 from linear_guide_driver.dynamixel.tendon_client import POSITION_TOLERANCE_M
 from linear_guide_driver.grbl.guide_client import MotionTrack
 from linear_guide_driver.motion_node import RigStop
+from linear_guide_driver.safety import SLACK_M
 from linear_guide_driver.stop_latch import StopLatch
 from tactile_bringup.nodes.trial_devices import (
     ContactLost,
@@ -27,7 +28,7 @@ from tactile_bringup.nodes.trial_devices import (
     StrainWatch,
     TrialDevice,
 )
-from tactile_bringup.trial_observation import judge_glide, TendonContact
+from tactile_bringup.trial_observation import GuideRest, judge_glide, TendonContact
 from tactile_bringup.trial_protocols import (
     glide_speed_m_s,
     GuideStep,
@@ -41,13 +42,16 @@ from tactile_bringup.trial_protocols import (
 from tactile_msgs.action import MoveGuide, PullTendon, RunTrial
 from tactile_msgs.msg import TrialEvent
 from tactile_ros.goals import Goal, GoalAborted, GoalRunner, wait_for
-from tactile_ros.health import Heartbeat, HeartbeatWatch, ReadinessPublisher
+from tactile_ros.health import Heartbeat, Presence, ReadinessPublisher
 from tactile_ros.periodic import Periodic
 from tactile_ros.polling import PollingNode
 from tactile_ros.qos import EVENTS
 
 CANCEL_S = 1.0
 """Longest wait for the guide's driver to answer a cancellation [s]."""
+
+GUIDE_SILENCE_S = 1.5
+"""Longest silence of the joint states of a guide at rest, which come every 0.2 s [s]."""
 
 BEAT_S = 0.04
 """Period of the sign of life while no trial runs [s]."""
@@ -98,7 +102,7 @@ class TrialRunnerNode(PollingNode):
         self._tendon: TrialDevice | None = None
         self._strain: StrainWatch | None = None
         self._heartbeat: Heartbeat | None = None
-        self._rivals: HeartbeatWatch | None = None
+        self._presence: Presence | None = None
         self._latch = StopLatch()
         self._rig_stop: RigStop | None = None
         self._turned_s = 0.0  # when the executor came round
@@ -107,6 +111,7 @@ class TrialRunnerNode(PollingNode):
         self._began_s = math.inf  # when it began to wait for what a trial needs
         self._parts = ExitStack()  # takes back what was made, last things first
         self._contact = TendonContact()
+        self._rest = GuideRest()
         self._trial: RunningTrial | None = None
         self._count = 0
 
@@ -115,7 +120,8 @@ class TrialRunnerNode(PollingNode):
         self._parts.callback(self._rig_stop.close)
         self._events = self.create_lifecycle_publisher(TrialEvent, '~/events', EVENTS)
         self._parts.callback(self.destroy_lifecycle_publisher, self._events)
-        self._guide = TrialDevice(self, 'linear_guide', MoveGuide, 'move', config)
+        guide = ('linear_guide', MoveGuide, 'move', config)
+        self._guide = TrialDevice(self, *guide, self._rest.take)
         self._parts.callback(self._guide.close)
         tendon = ('tendon_actuator', PullTendon, 'pull', config)
         self._tendon = TrialDevice(self, *tendon, self._contact.take)
@@ -131,8 +137,8 @@ class TrialRunnerNode(PollingNode):
         )
         self._heartbeat = Heartbeat(self, lambda: self.is_active)
         self._parts.callback(self._heartbeat.close)
-        self._rivals = HeartbeatWatch(self, '~/heartbeat', is_own=True)
-        self._parts.callback(self._rivals.close)
+        self._presence = Presence(self)
+        self._parts.callback(self._presence.close)
         self._ready = ReadinessPublisher(self, self._find_missing)
         self._parts.callback(self._ready.close)
         self._began_s = time.monotonic()
@@ -162,7 +168,7 @@ class TrialRunnerNode(PollingNode):
                 self._tendon.client.send_goal_async(self._pull(self._trial.request))
             self._runner = None
         self._parts.close()
-        self._ready = self._heartbeat = self._rivals = self._telling = self._rig_stop = None
+        self._ready = self._heartbeat = self._presence = self._telling = self._rig_stop = None
         self._strain = self._guide = self._tendon = self._events = None
 
     def _accepting(self) -> str:
@@ -195,10 +201,10 @@ class TrialRunnerNode(PollingNode):
         if guide is None or tendon is None or strain is None:
             return ['The trial runner is not configured; configure its node.']
         self.poll_now()
-        rivals = self._rivals
+        presence = self._presence
         parts = [
             self._format_stop(),
-            '' if rivals is None else str(rivals.find_loss() or ''),
+            '' if presence is None else str(presence.rivals.find_loss() or ''),
             *guide.find_missing(),
             *tendon.find_missing(),
             strain.format_silence(),
@@ -279,12 +285,19 @@ class TrialRunnerNode(PollingNode):
 
     def _carry_out_guide(self, step: GuideStep, trial: RunningTrial, is_new: bool) -> None:
         assert self._guide is not None
-        move = MoveGuide.Goal(position_m=step.position_m, speed_m_s=step.speed_m_s)
+        self._rest.end()
+        move = MoveGuide.Goal(
+            position_m=step.position_m,
+            speed_m_s=step.speed_m_s,
+            allow_taut=step.phase == TrialEvent.PHASE_GLIDE,
+        )
         if step.phase == TrialEvent.PHASE_APPROACH:
             self._begin(trial, None)
             self._wait_until_ready(trial)
             trial.has_moved = True
-            self._guide.call(move, lambda: self._check(trial))
+            self._slacken(trial)
+            result = self._guide.call(move, lambda: self._check(trial))
+            self._rest.begin(result.position_m)
             return
         track = self._guide.track(step.position_m, step.speed_m_s)
         result = self._move(self._guide, move, track, trial, is_new)
@@ -295,6 +308,13 @@ class TrialRunnerNode(PollingNode):
             if problem := judge_glide(summary, step.speed_m_s, self.config):
                 raise GoalAborted(problem)
             trial.glide_end_ns = track.end_ns
+
+    def _slacken(self, trial: RunningTrial) -> None:
+        """Slacken a tendon that is taut before the trial: the guide would drag the finger."""
+        tendon = self._tendon
+        assert tendon is not None
+        if tendon.position_m is not None and tendon.position_m > SLACK_M:
+            tendon.call(self._pull(trial.request), lambda: self._check(trial))
 
     def _carry_out_tendon(self, step: TendonStep, trial: RunningTrial, is_new: bool) -> None:
         assert self._tendon is not None
@@ -312,6 +332,7 @@ class TrialRunnerNode(PollingNode):
         else:
             trial.displacement_error_m = self._contact.error_m
             self._contact.end()
+            self._rest.end()
             if is_new and trial.glide_end_ns is not None:
                 self._begin(trial, trial.glide_end_ns)
                 is_new = False
@@ -396,13 +417,19 @@ class TrialRunnerNode(PollingNode):
         """Raise when the rig is stopped, or something that the trial needs is lost."""
         if stop := self._format_stop():
             raise GoalAborted(stop)
-        if (rivals := self._rivals) is not None and (rival := rivals.find_loss()):
+        presence = self._presence
+        if presence is not None and (rival := presence.rivals.find_loss()):
             raise GoalAborted(str(rival))
         for device in (self._guide, self._tendon):
             if device is not None and (loss := device.format_loss()):
                 raise GoalAborted(loss)
         if loss := self._contact.format_loss():
             raise ContactLost(loss)
+        if (motion := self._rest.find_motion()) is not None:
+            raise GoalAborted(str(motion))
+        guide = self._guide if trial.needs_strain else None
+        if guide is not None and (silence := guide.format_silence(GUIDE_SILENCE_S)):
+            raise GoalAborted(silence)
         watched = (self._strain, self._tendon) if trial.needs_strain else ()
         for source in watched:
             if source is not None and (loss := source.format_silence()):
@@ -412,6 +439,7 @@ class TrialRunnerNode(PollingNode):
         """Bring the rig to rest and raise the trial's end."""
         trial.displacement_error_m = max(trial.displacement_error_m, self._contact.error_m)
         self._contact.end()
+        self._rest.end()
         # The guide first, so that it rests before the tendon moves.
         guide = self._guide if trial.has_moved else None
         cancelled = None if guide is None else guide.cancel_goals()

@@ -10,7 +10,7 @@ import pytest
 from linear_guide_driver.dynamixel import registers
 from linear_guide_driver.grbl.guide_client import MotionSummary
 from tactile_bringup.nodes.trial_devices import REPORT_S
-from tactile_bringup.trial_observation import judge_glide, TendonContact
+from tactile_bringup.trial_observation import GuideRest, judge_glide, TendonContact
 from tactile_bringup.trial_protocols import TrialConfig
 from tactile_features.config import FeatureConfig
 
@@ -138,3 +138,18 @@ def test_the_tolerances_are_those_that_move_a_spectral_line_by_a_bin():
     highest_hz = features.rate_hz / 2
     assert CONFIG.speed_tolerance == pytest.approx(bin_hz / highest_hz, rel=0.02)
     assert CONFIG.lag_tolerance_s == pytest.approx(1 / highest_hz, rel=0.02)
+
+
+def test_a_guide_that_moves_while_it_should_rest_is_seen_and_late_reports_are_not():
+    rest = GuideRest()
+    rest.take(0, 0.01, 0.0)
+    assert rest.find_motion() is None
+    rest.begin(0.06)
+    for position_m in (0.055, 0.0599, 0.0601):  # on its way, and at rest
+        rest.take(0, position_m, 0.04)
+        assert rest.find_motion() is None
+    rest.take(0, 0.0605, 0.0)
+    rest.take(0, 0.06, 0.0)
+    assert 'moved from 0.0600 m to 0.0605 m' in str(rest.find_motion())
+    rest.end()
+    assert rest.find_motion() is None

@@ -20,13 +20,14 @@ from tactile_bringup.launch_config.graph import ModelChoice, NodeDescription, Po
 from tactile_bringup.nodes.graph_runner import ros_context, running_graph
 from tactile_bringup.nodes.operator_node import OperatorNode
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_msgs.action import HomeGuide, RunTrial
+from tactile_msgs.action import HomeGuide, MoveGuide, PullTendon, RunTrial
 from tactile_msgs.msg import TrialEvent
 from tactile_ros.errors import TactileError
 from tactile_ros.goals import send
 from tactile_ros.qos import EVENTS
 from tactile_sim.rig_process import SimulatedRig
 from tactile_testing.simulated_rigs import (
+    advance_rig,
     GUARD,
     home_at,
     home_fast,
@@ -63,6 +64,8 @@ class Watcher(Node):
         self.create_subscription(TrialEvent, 'trial_runner/events', self.events.append, EVENTS)
         self.client = ActionClient(self, RunTrial, 'trial_runner/run_trial')
         self.homing = ActionClient(self, HomeGuide, 'linear_guide/home')
+        self.moving = ActionClient(self, MoveGuide, 'linear_guide/move')
+        self.pulling = ActionClient(self, PullTendon, 'tendon_actuator/pull')
 
     def phases(self):
         return [event.phase for event in self.events]
@@ -247,6 +250,51 @@ class TestSharedRig:
         assert GLIDE['lag_tolerance_s'] < result.glide_lag_s < 2.0
         assert nodes['linear_guide']._client.late_moves > late_moves
         watcher.wait_for_phase('aborted')
+
+    def test_a_taut_tendon_is_slackened_before_a_trial_and_keeps_the_guide_from_homing(
+        self, shared
+    ):
+        rig, operator, watcher, _ = shared
+        rig.mount('texture', 'R1', 'flexion')
+        goal = MoveGuide.Goal(position_m=0.13, speed_m_s=0.1)
+        watcher.result_of(watcher.start(watcher.moving, goal))
+        goal = PullTendon.Goal(displacement_m=0.0049, speed_m_s=0.01, contact='flexion')
+        watcher.result_of(watcher.start(watcher.pulling, goal))
+        at_m = truth_at_rest(rig)['guide_position_m']
+        with pytest.raises(TactileError, match=r'taut.*ros2 service call /tendon_actuator/rel'):
+            operator.home_guide()
+        assert rig.truth()['guide_position_m'] == pytest.approx(at_m, abs=1e-5)
+        handle = watcher.start_trial('texture')
+        last, dragged_m = rig.truth(), 0.0
+
+        def has_approached():
+            nonlocal last, dragged_m
+            truth, is_over = rig.truth(), 'contact' in watcher.phases()
+            least_m = min(truth['tendon_displacement_m'], last['tendon_displacement_m'])
+            if least_m > 0.001 and not is_over:
+                dragged_m += abs(truth['guide_position_m'] - last['guide_position_m'])
+            last = truth
+            return is_over
+
+        wait_until(has_approached)
+        assert dragged_m < 2e-4
+        assert 'done after' in watcher.result_of(handle).message
+
+    def test_a_guide_that_moves_in_a_hold_ends_the_trial_and_the_tendon_is_slackened(self, shared):
+        rig, _, watcher, _ = shared
+        rig.mount('stiffness', 'none', 'flexion')
+        handle = watcher.start_trial('stiffness', hold_s=100.0)
+        watcher.wait_for_phase('hold')
+        watcher.start(watcher.moving, MoveGuide.Goal(position_m=0.1, speed_m_s=0.02))
+        advance_rig(rig, 1.0)
+        assert watcher.phases()[-1] == 'hold', 'the interlock refuses to move'
+        goal = MoveGuide.Goal(position_m=0.1, speed_m_s=0.02, allow_taut=True)
+        watcher.start(watcher.moving, goal)
+        message = watcher.result_of(handle).message
+        assert 'ended in hold: the guide moved from 0.0600 m to ' in message
+        truth = truth_at_rest(rig)
+        assert truth['tendon_displacement_m'] == pytest.approx(0.0, abs=1e-4)
+        assert truth['guide_position_m'] < 0.09
 
 
 def test_a_force_of_another_node_is_felt_and_the_end_of_the_nodes_brings_the_rig_to_rest(
