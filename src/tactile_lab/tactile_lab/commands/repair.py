@@ -29,6 +29,7 @@ def repair(
     """
     from tactile_bags.audit import audit_bag, summarise_audits
     from tactile_bags.bag_repair import repair_bag
+    from tactile_bags.errors import BagError
 
     output = Output(as_json)
     repaired = repair_bag(bag, target)
@@ -36,8 +37,14 @@ def repair(
         output.say(f'{bag} was closed in order; a copy was made all the same')
     if repaired.damage:
         output.say(f'{repaired.damage}; the copy holds what could be read')
-    audits = audit_bag(target)
     output.say(f'{target}: {repaired.message_count} messages')
+    try:
+        audits = audit_bag(target)
+    except BagError as error:  # a message that the damage has made unreadable is copied as it is
+        if not repaired.damage:
+            raise
+        audits = []
+        output.say(f'not audited: {error}')
     output.say_audits(audits)
     output.result({'bag': str(target), **asdict(repaired), 'audit': summarise_audits(audits)})
     raise typer.Exit(1 if repaired.damage else 0)
