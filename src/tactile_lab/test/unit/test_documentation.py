@@ -142,7 +142,7 @@ def test_what_a_user_reads_first_is_short():
         return sum(len(re.findall(r'\S*\w\S*', page.read_text())) for page in pages)
 
     assert count(ROOT / name for name in FIRST_PAGES) < 6_000
-    assert len((ROOT / 'README.md').read_text().splitlines()) < 120
+    assert len((ROOT / 'README.md').read_text().splitlines()) < 130
 
 
 def interface_fields():
