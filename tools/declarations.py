@@ -6,7 +6,8 @@
 ``package.xml`` names ROS packages and rosdep keys, ``setup.py`` distributions on PyPI. An
 import counts wherever it stands, within a function too. So does the name of a message type
 in a string, such as ``std_msgs/msg/Header``: its class is imported by that name.
-``requirements/packages.txt`` is what pip installs: the sum of all.
+``requirements/packages.txt`` is what pip installs: the sum of all. Its lower bounds are those of
+each ``setup.py`` and ``package.xml``, and are the versions that ``requirements/noble.txt`` tests.
 """
 
 from __future__ import annotations
@@ -127,6 +128,48 @@ def requirements_of(setup_py: Path) -> tuple[set[str], set[str]]:
     raise SystemExit(f'{setup_py} calls no setup()')
 
 
+def name_of(requirement: str) -> str:
+    """Return the distribution that a requirement names, without its bound and comment."""
+    return re.split('[#<>=; ]', requirement)[0].strip()
+
+
+def read_requirements(name: str) -> dict[str, str]:
+    """Return the requirements in a file of ``requirements/``, without comments, by distribution."""
+    lines = (ROOT / 'requirements' / name).read_text('utf-8').splitlines()
+    found = [line.partition('#')[0].strip() for line in lines]
+    return {name_of(line): line for line in reversed(found) if line}
+
+
+def check_bounds(folders: Iterable[Path]) -> list[str]:
+    """Return one sentence for each lower bound that differs between the places that state it."""
+    wanted = read_requirements('packages.txt')
+    bounds = {name: line.partition('>=')[2] for name, line in wanted.items()}
+    # Two libraries may share a key; the one that it is named after is listed first.
+    of_keys: dict[str, str] = {}
+    for library in LIBRARIES.values():
+        of_keys.setdefault(library.key, bounds.get(library.distribution, ''))
+    of_keys['python3-rosbags-pip'] = bounds['rosbags']  # listed behind lz4, which it brings
+    faults = []
+    for folder in folders:
+        faults += [
+            f'src/{folder.name}/setup.py has {line}, requirements/packages.txt {wanted[name]}'
+            for line in sorted(requirements_of(folder / 'setup.py')[0])
+            if (name := name_of(line)) in wanted and line != wanted[name]
+        ]
+        for element in ElementTree.parse(folder / 'package.xml').getroot().iter('exec_depend'):
+            key, stated = (element.text or '').strip(), element.get('version_gte', '')
+            if key in of_keys and stated != of_keys[key]:
+                faults.append(
+                    f'src/{folder.name}/package.xml has version_gte="{stated}" for {key}, '
+                    f'requirements/packages.txt "{of_keys[key]}"'
+                )
+    for name, line in read_requirements('noble.txt').items():
+        tested = re.split('==|;', line)[1].strip()
+        if bounds.get(name) and not f'{tested}.'.startswith(f'{bounds[name]}.'):
+            faults.append(f'requirements/noble.txt tests {line}, packages.txt says {wanted[name]}')
+    return faults
+
+
 def check_package(folder: Path) -> list[str]:
     """Return one sentence for each import that is not declared, and for the reverse."""
     name = folder.name
@@ -138,7 +181,7 @@ def check_package(folder: Path) -> list[str]:
     keys = _keys(code - optional)
     stated = keys_of(folder / 'package.xml', 'depend', 'exec_depend')
     for_tests = keys_of(folder / 'package.xml', 'test_depend')
-    required, extras = requirements_of(folder / 'setup.py')
+    required, extras = (set(map(name_of, r)) for r in requirements_of(folder / 'setup.py'))
     lists = {
         # Where it is declared: what must stand there, what stands there, what may.
         'exec_depend of package.xml': (keys, stated, NOT_IMPORTED.get(name, set())),
@@ -169,12 +212,9 @@ def check_package(folder: Path) -> list[str]:
 
 def check_wheel(folders: Iterable[Path]) -> list[str]:
     """Return one sentence for each difference between the packages and what pip installs."""
-    listed = {
-        re.split('[#<>=]', line)[0].strip()
-        for line in (ROOT / 'requirements' / 'packages.txt').read_text('utf-8').splitlines()
-    } - {''}
-    needed = set().union(*(requirements_of(folder / 'setup.py')[0] for folder in folders))
-    needed = needed - {'setuptools'} | TRAINING
+    listed = set(read_requirements('packages.txt'))
+    required = set().union(*(requirements_of(folder / 'setup.py')[0] for folder in folders))
+    needed = {name_of(line) for line in required} - {'setuptools'} | TRAINING
     pyproject = (ROOT / 'pyproject.toml').read_text('utf-8')
     faults = [f'requirements/packages.txt lacks {name}' for name in sorted(needed - listed)]
     faults += [f'requirements/packages.txt names {name}' for name in sorted(listed - needed)]
@@ -199,6 +239,7 @@ def _pypi(modules: set[str]) -> set[str]:
 def main() -> int:
     folders = sorted(p.parent for p in (ROOT / 'src').glob('*/setup.py'))
     faults = [fault for folder in folders for fault in check_package(folder)]
+    faults += check_bounds(f for f in folders if f.name not in NOT_INSTALLED_BY_PIP)
     faults += check_wheel([f for f in folders if f.name not in NOT_INSTALLED_BY_PIP])
     for fault in faults:
         print(fault)

@@ -4,7 +4,8 @@
 """Check what `pip install .` gives: the packages without ROS, in an empty environment.
 
 ``python tools/wheel.py`` builds the wheel with the Python that runs this, installs it with pip
-into a new virtual environment and uses it: from the command line, and in the examples.
+into a new virtual environment and uses it: from the command line, and in the examples. Then the
+tests of the cores run there (tools/test_cores.sh), with the newest version of every library.
 """
 
 from __future__ import annotations
@@ -47,9 +48,11 @@ def main() -> int:
         pip = [python, '-m', 'pip', '--quiet', '--disable-pip-version-check']
         run([*pip, 'wheel', '--no-deps', '--wheel-dir', folder, ROOT], folder)
         (wheel,) = folder.glob('tendon_tactile-*.whl')
-        run([*pip, 'install', f'{wheel}[cluster]', 'pytest'], folder)
+        run([*pip, 'install', f'{wheel}[cluster]', 'hypothesis', 'pytest'], folder)
         print(f'installed after {time.monotonic() - started:.0f} s', flush=True)
+        print(run([*pip, 'list'], folder), flush=True)
         use(python, folder)
+        print(run(['sh', ROOT / 'tools' / 'test_cores.sh', python], folder), flush=True)
     version = sys.version.split()[0]
     print(f'{wheel.name} works on Python {version}, {time.monotonic() - started:.0f} s')
     return 0

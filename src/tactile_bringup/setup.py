@@ -23,7 +23,7 @@ setup(
         (f'share/{package_name}/systemd', sorted(glob('systemd/*.service'))),
     ],
     install_requires=[
-        'PyYAML',
+        'PyYAML>=6.0',
         'setuptools',
     ],
     extras_require={'test': ['pytest']},
