@@ -16,6 +16,7 @@ from pathlib import Path
 import resource
 import statistics
 import subprocess
+import sys
 import tempfile
 import time
 

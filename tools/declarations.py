@@ -134,7 +134,7 @@ def name_of(requirement: str) -> str:
 
 
 def read_requirements(name: str) -> dict[str, str]:
-    """Return the requirements in a file of ``requirements/``, without comments, by distribution."""
+    """Return the lines of a file of ``requirements/``, without comments, by distribution."""
     lines = (ROOT / 'requirements' / name).read_text('utf-8').splitlines()
     found = [line.partition('#')[0].strip() for line in lines]
     return {name_of(line): line for line in reversed(found) if line}
