@@ -201,39 +201,38 @@ class TendonServo:
         read that confirms watchdog and current. It travels in one packet with its velocity. The
         torque is switched on after a read that confirms everything else.
         """
-        desired, waits = self._desired, False
+        desired = self._desired
         if actual.watchdog == registers.WATCHDOG_TRIPPED:
-            self._is_arming = True
+            self._goal_counts, self._is_arming = None, True
             self.bus.write_once(registers.BUS_WATCHDOG, registers.WATCHDOG_OFF)
-            self._goal_counts = None  # the goal that was locked may tighten
+            if actual.is_torque_on:  # so that it trips again if nothing else is heard
+                self.bus.write_once(registers.BUS_WATCHDOG, self._watchdog)
+            actual = self.read()  # it may have moved: the goal that was locked is in force again
         if actual.watchdog == self._watchdog:
             self._is_arming = False
-        elif actual.is_torque_on:  # it works only then
-            waits = True
-            self._is_arming = True
-            self.bus.write_once(registers.BUS_WATCHDOG, self._watchdog)
-        if actual.goal_current != desired.current:
-            waits = True
-            self.bus.write_once(registers.GOAL_CURRENT, desired.current)
+        is_armed = actual.watchdog == self._watchdog or not actual.is_torque_on
+        has_current = actual.goal_current == desired.current
         tightens = desired.tightens and may_tighten
         is_goal_there = self.is_goal_in_force(actual) or (
             # Some firmware lets the goal follow the position while the torque is off.
             not actual.is_torque_on
             and abs(actual.goal_counts - actual.position_counts) <= SETTLED_COUNTS
         )
-        if not is_goal_there or (actual.profile_acceleration, actual.profile_velocity) != (
-            0,
-            desired.velocity,
-        ):
-            if tightens and waits and not is_goal_there:
-                return False
-            waits = waits or not actual.is_torque_on
+        profile = actual.profile_acceleration, actual.profile_velocity
+        is_well = is_goal_there and profile == (0, desired.velocity)
+        waits = tightens and not is_goal_there and not (is_armed and has_current)
+        if not is_well and not waits:
             self._goal_counts = self._find_goal(actual.position_counts, tightens=tightens)
             data = registers.encode_goal(desired.velocity, self._goal_counts)
             self.bus.write_block(registers.GOAL_BLOCK, data)
+        if not has_current:
+            self.bus.write_once(registers.GOAL_CURRENT, desired.current)
+        if not is_armed:  # the watchdog works only with the torque on
+            self._is_arming = True
+            self.bus.write_once(registers.BUS_WATCHDOG, self._watchdog)
         if actual.is_torque_on:
-            return True
-        if not waits:
+            return not waits
+        if is_well and has_current:
             self.bus.write_once(registers.TORQUE_ENABLE, 1)
         return False
 

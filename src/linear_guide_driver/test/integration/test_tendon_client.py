@@ -32,7 +32,7 @@ def test_the_peers_checksum_is_the_documented_one():
 def test_connect_sets_the_servo_up_in_a_safe_order(tendon, servo):
     assert tendon.identification == 'Dynamixel XM430-W350 firmware 45'
     order = [address for address, _ in servo.writes]
-    assert order == [11, 20, 102, 108, 112, 116, 64, 98]
+    assert order == [11, 20, 108, 112, 116, 102, 64, 98]
     assert dict(servo.writes) == {
         98: 20,
         11: 5,
@@ -353,14 +353,15 @@ def test_one_pull_at_a_time_and_close_lets_the_tendon_out_before_the_torque_goes
         tendon.pull_to(0.0)
 
 
-def test_no_pull_runs_at_the_speed_of_another(tendon, servo):
+def test_no_pull_runs_at_the_speed_of_another(tendon, servo, monkeypatch):
+    monkeypatch.setattr(servo_monitor, 'FAILED_POLLS', 50)  # a busy computer answers for a servo
     tendon.pull_to(0.002)
     tendon.request_release()  # as fast as the servo can
     wait_until(lambda: servo.position == 2048)
     lost, speeds = [], []
 
     def lose(address):
-        if address != 116 or lost:
+        if address not in (112, 116) or lost:
             return False
         lost.append(address)
         servo._answer(0)  # late, to a write before

@@ -284,6 +284,7 @@ class Tendon(RuleBasedStateMachine):
         try:
             self.client._begin(pull, speed_m_s)
             self.goal_m = self.client._goal_m
+            self.lost_since_ns = None  # a fresh pull begins the holding time anew
         except MotionRefusedError:
             self.pull = None
             place_m = 0.0 if self.is_stopped else max(0.0, self.at_m)
@@ -517,6 +518,8 @@ class Tendon(RuleBasedStateMachine):
             for field, size in find_fields(address, len(data))
         }
         self.note_wrong(self.check_write, written)
+        if written.get(98) == 0:  # the goal that was locked is in force until the next poll
+            self.strange_since_ns = self.now_ns
         if written.get(64) or 20 in written:
             self.zero_lost_counts = self.servo.lost_counts
             self.has_restarted = False
