@@ -312,9 +312,10 @@ class TendonSafety:
             tightens = self._winds_in and self.ending is None
             self.tension.add_current(current_a if tightens else None, now_ns)
 
-    def find_current_limit_a(self, contact: str) -> float:
-        """Return the largest motor current of a pull of this contact [A]."""
-        return self._config.currents_a[contact]
+    def find_current_limit_a(self, pull: Pull) -> float:
+        """Return the largest motor current of a pull [A]."""
+        config = self._config
+        return config.current_limit_a if pull.lets_out else config.currents_a[pull.contact]
 
     def set_zero(self, zero: Zero, reason: str = '') -> None:
         """Note what is known of the zero, and why nothing is. Later samples confirm it."""

@@ -418,7 +418,7 @@ class TendonActuatorClient:
                 end = self._format_end()
                 self.request_release(reason=end)
                 raise MotionFailedError(
-                    f'{end} It got no further with {self._config.current_limit_a} A; '
+                    f'{end} It got no further with {self.safety.find_current_limit_a(pull):g} A; '
                     'the tendon is let out.'
                 )
 
@@ -484,10 +484,9 @@ class TendonActuatorClient:
             self._bring_about()
             return abs(goal_m - start_m)
 
-    def _find_current(self, _: Pull) -> int:
+    def _find_current(self, pull: Pull) -> int:
         """Return the current limit of a pull, in the servo's units."""
-        servo, _monitor = self._require_connection()
-        return servo.current
+        return registers.a_to_current(self.safety.find_current_limit_a(pull))
 
     def _shift_zero(self, shift_m: float) -> None:
         """Count displacements from ``shift_m`` further in, in the servo itself [m]."""

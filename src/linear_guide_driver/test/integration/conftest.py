@@ -11,7 +11,14 @@ from linear_guide_driver import TendonActuatorClient, TendonActuatorConfig
 
 @pytest.fixture
 def config(servo):
-    return TendonActuatorConfig(port=servo.port, watchdog_s=0.4, speed_m_s=0.04, unguarded=True)
+    return TendonActuatorConfig(
+        port=servo.port,
+        watchdog_s=0.4,
+        speed_m_s=0.04,
+        unguarded=True,
+        flexion_current_a=0.3,
+        abduction_current_a=0.3,
+    )
 
 
 @pytest.fixture

@@ -393,6 +393,15 @@ def test_a_current_limit_whose_packet_is_lost_is_in_force_before_the_torque_is(c
     tendon.pull_to(0.002)
 
 
+def test_a_pull_has_the_current_limit_of_its_contact(connect, servo):
+    tendon = connect(flexion_current_a=0.15, abduction_current_a=0.05)
+    for contact, current in (('flexion', 56), ('abduction', 19)):
+        tendon.pull_to(0.002, contact=contact)
+        assert servo.get(102, 2) == current
+        tendon.pull_to(0.0)
+        assert servo.get(102, 2) == 112
+
+
 def test_nothing_tightens_before_the_current_limit_is_confirmed(tendon, servo):
     count, lost = len(servo.writes), []
 

@@ -472,7 +472,7 @@ class Tendon(RuleBasedStateMachine):
         assert not self.monitor.outage
         assert self.servo.table[64]
         assert self.servo.table[98] == 10
-        assert self.servo.get(102, 2) == registers.a_to_current(self.config.current_limit_a)
+        assert self.servo.get(102, 2) == self.client._servo.desired.current
 
     # -- what must hold ------------------------------------------------------------------
 
@@ -559,7 +559,10 @@ class Tendon(RuleBasedStateMachine):
 
     def check_speed(self, velocity):
         highest = registers.m_s_to_velocity(self.speed_m_s, self.config.pulley_radius_m)
-        limit = registers.a_to_current(self.config.current_limit_a)
+        limit_a = self.config.current_limit_a
+        if self.pull is not None:
+            limit_a = self.safety.find_current_limit_a(self.pull)
+        limit = registers.a_to_current(limit_a)
         assert 0 < velocity <= highest, f'velocity {velocity} instead of {highest}'
         assert 0 < self.servo.get(102, 2) <= limit, f'current {self.servo.get(102, 2)}'
 

@@ -79,6 +79,17 @@ def hold_taut(safety, sensor, contact='flexion', tension_n=1.0):
     assert safety.decide(TAUT_M, 0) is Order.FOLLOW
 
 
+@pytest.mark.parametrize('displacement_m', [0.0049, 0.003])
+def test_the_lower_limit_counts_for_a_pull_that_does_not_tighten(safety, displacement_m):
+    sensor = Sensor(safety)
+    hold_taut(safety, sensor)
+    sensor.send(10 * MS, 2.0)
+    safety.admit(Pull(displacement_m, 'abduction'), TAUT_M, 10 * MS)
+    assert sensor.send(20 * MS, 4.0)
+    assert safety.decide(TAUT_M, 20 * MS) is Order.RELEASE
+    assert '4.00 N, is above the limit, 3.0 N' in safety.reason
+
+
 # -- one publisher ------------------------------------------------------------------------------
 
 
@@ -375,9 +386,10 @@ def test_a_short_peak_of_the_current_is_no_disagreement(mismatch_n):
 
 
 def test_each_contact_has_its_current_limit(safety):
-    assert safety.find_current_limit_a('flexion') == 0.15
-    assert safety.find_current_limit_a('abduction') == 0.05
-    assert make(current_limit_a=0.04).find_current_limit_a('flexion') == 0.04
+    assert safety.find_current_limit_a(Pull(0.004)) == 0.15
+    assert safety.find_current_limit_a(Pull(0.004, 'abduction')) == 0.05
+    assert safety.find_current_limit_a(Pull(0.0, '')) == 0.3
+    assert make(current_limit_a=0.04).find_current_limit_a(Pull(0.004)) == 0.04
 
 
 # -- what is said at the start -------------------------------------------------------------------

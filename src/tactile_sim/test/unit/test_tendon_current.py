@@ -80,10 +80,11 @@ class Bench:
 
     def pull(self, displacement_m, speed_m_s, frozen_n=None):
         """Pull until there, or for 3 s, or until safety ends it; return the last order."""
-        self.safety.admit(Pull(displacement_m, self.contact), 0.0, self.now_ns)
+        pull = Pull(displacement_m, self.contact)
+        self.safety.admit(pull, 0.0, self.now_ns)
         velocity = round(speed_m_s / M_PER_COUNT / VELOCITY_COUNTS_S)
         self.write(known.PROFILE_VELOCITY, velocity)
-        current_a = self.safety.find_current_limit_a(self.contact)
+        current_a = self.safety.find_current_limit_a(pull)
         self.write(known.GOAL_CURRENT, round(current_a / known.CURRENT_UNIT_A))
         goal = CATALOGUE.rig().tendon.slack_count + round(displacement_m / M_PER_COUNT)
         self.write(known.GOAL_POSITION, goal)
