@@ -93,7 +93,8 @@ def test_a_fault_with_the_torque_on_refuses_winding_in_alone(connect, servo):
     with pytest.raises(MotionRefusedError, match=r'voltage out of.*configure the driver again'):
         tendon.pull_to(0.02)
     tendon.pull_to(0.005)
-    tendon.safety.add_samples([16.0], False, time.monotonic_ns())
+    assert tendon.safety.add_samples([16.0], False, time.monotonic_ns())
+    tendon.supervise()
     wait_until(lambda: servo.position == 2048)
     tendon.pull_to(0.0)
     tendon.request_release()
