@@ -176,6 +176,16 @@ class TendonSensorConfig:
         unit='N',
         range=(0.0, 1e6),
     )
+    tendon_topic: str = parameter(
+        'tendon_actuator/slack',
+        'topic on which a tendon actuator says whether its tendon is slack: the tare is neither '
+        'set nor cleared while it is taut; empty: no actuator is asked',
+    )
+    trial_topic: str = parameter(
+        'trial_runner/events',
+        'topic of the events of trials: the tare is neither set nor cleared while a trial runs; '
+        'empty: no trials are heard of',
+    )
     simulated: bool = parameter(
         False,
         'the sensor is simulated: marks every sample, and by it all that is derived. The '

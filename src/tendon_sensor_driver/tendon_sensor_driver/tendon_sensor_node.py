@@ -14,11 +14,13 @@ from typing import Any
 from geometry_msgs.msg import WrenchStamped
 from std_srvs.srv import Trigger
 
-from tactile_msgs.msg import StrainBlock, Tare
+from tactile_msgs.msg import StrainBlock, Tare, TendonSlack, TrialEvent
 from tactile_ros import health as diagnostics
 from tactile_ros.node_group import run_node
 from tactile_ros.periodic import Periodic
-from tactile_ros.qos import LATEST, STREAM
+from tactile_ros.polling import PolledSubscription
+from tactile_ros.qos import EVENTS, LATEST, STREAM
+from tactile_ros.refusal import Refusal
 from tactile_ros.stages import ignore, RecordPublisher, Stage, StageNode
 from tactile_ros.strain import StrainBlock as StrainRecord
 from tactile_ros.strain import StrainStatus
@@ -38,6 +40,57 @@ from tendon_sensor_driver.sensors import make_sensor
 
 WATCH_PERIOD_S = 0.2
 _NEWS_PERIODS = 5  # what was counted in the last second is news
+
+
+class LastMessage:
+    """The last message of a topic, taken when it is asked for, so that it costs nothing before."""
+
+    def __init__(self, node: TendonSensorNode, kind: Any, topic: str, profile: Any) -> None:
+        self._message: Any = None
+        self._subscription = PolledSubscription(node, kind, topic, self._take, profile)
+
+    def get(self) -> Any:
+        """Return the message; None if none has come, or its publisher has gone."""
+        self._subscription.poll()
+        return self._message if self._subscription.get_publisher_count() else None
+
+    def close(self) -> None:
+        """Unsubscribe. Harmless when called twice."""
+        self._subscription.close()
+
+    def _take(self, message: Any, _: Any) -> None:
+        self._message = message
+
+
+class TareGuard:
+    """Refuses a change of the tare that would shift the tension limits of a tendon in use."""
+
+    def __init__(self, node: TendonSensorNode, config: TendonSensorConfig) -> None:
+        self._slack = self._event = None
+        if config.tendon_topic:
+            self._slack = LastMessage(node, TendonSlack, config.tendon_topic, LATEST)
+        if config.trial_topic:
+            self._event = LastMessage(node, TrialEvent, config.trial_topic, EVENTS)
+
+    def find_refusal(self) -> Refusal | None:
+        """Return why the tare must stay as it is, or None."""
+        slack = self._slack.get() if self._slack else None
+        if slack is not None and slack.state == TendonSlack.TAUT:
+            return Refusal(
+                f'the tendon is tightened by {slack.displacement_m * 1e3:.1f} mm',
+                'let it go slack: ros2 service call /tendon_actuator/release std_srvs/srv/Trigger',
+            )
+        event = self._event.get() if self._event else None
+        ends = (TrialEvent.PHASE_DONE, TrialEvent.PHASE_ABORTED)
+        if event is not None and event.phase not in ends:
+            return Refusal(f'trial {event.trial_id} is running', 'wait for its end, or cancel it')
+        return None
+
+    def close(self) -> None:
+        """Unsubscribe. Harmless when called twice."""
+        for last in (self._slack, self._event):
+            if last is not None:
+                last.close()
 
 
 class SensorStage(Stage):
@@ -76,6 +129,7 @@ class SensorStage(Stage):
         # Not held back while inactive: it is a state, and a recorder wants it from the start.
         self._tare_state = node.create_publisher(Tare, '~/tare_state', LATEST)
         self._publish_tare(self._zero.clear(self._node.now_ns()))
+        self._guard = TareGuard(node, config)
         self._services = [
             node.create_service(Trigger, name, callback)
             for name, callback in (
@@ -112,6 +166,7 @@ class SensorStage(Stage):
             self._client = None
         while self._services:
             self._node.destroy_service(self._services.pop())
+        self._guard.close()
         self._node.destroy_publisher(self._tare_state)
         self._strain.close()
         self._wrench.close()
@@ -155,6 +210,10 @@ class SensorStage(Stage):
     # -- on the executor -----------------------------------------------------------------
 
     def _on_tare(self, _: Any, response: Any) -> Any:
+        if refusal := self._guard.find_refusal():
+            response.message = f'no tare: {refusal}'
+            self._node.get_logger().warning(response.message)
+            return response
         try:
             bias = self._zero.measure(self._node.now_ns())
         except tare.TareError as error:
@@ -172,6 +231,9 @@ class SensorStage(Stage):
         return response
 
     def _on_clear_tare(self, _: Any, response: Any) -> Any:
+        if refusal := self._guard.find_refusal():
+            response.message = f'the tare stays: {refusal}'
+            return response
         self._drift_n = None
         self._publish_tare(self._zero.clear(self._node.now_ns()))
         response.success = True

@@ -7,6 +7,8 @@ from diagnostic_msgs.msg import DiagnosticStatus
 import pytest
 from rclpy.lifecycle import TransitionCallbackReturn
 
+from tactile_msgs.msg import TendonSlack, TrialEvent
+from tactile_ros.qos import EVENTS, LATEST
 from tactile_ros.strain import StrainStatus
 from tendon_sensor_driver import encode_reading
 
@@ -116,3 +118,29 @@ def test_the_serial_number_is_the_hardware_id(graph, monkeypatch):
     assert graph.node.bring_up()
     graph.spin_until(lambda: graph.diagnostics)
     assert graph.diagnostics[-1].status[0].hardware_id == 'A50285BI'
+
+
+def test_a_tare_is_refused_while_the_tendon_is_taut_or_a_trial_runs(make_graph, sensor):
+    graph = make_graph(sensor.port, tare_samples=5, unit='N')
+    graph.bring_up()
+    publish = graph.listener.create_publisher
+    slack = publish(TendonSlack, '/left/tendon_actuator/slack', LATEST)
+    events = publish(TrialEvent, '/left/trial_runner/events', EVENTS)
+
+    def await_answer(name, text):
+        graph.spin_until(lambda: text in graph.call(name).message)
+
+    slack.publish(TendonSlack(state=TendonSlack.TAUT, displacement_m=0.0049))
+    for name in ('tare', 'clear_tare'):
+        await_answer(name, 'the tendon is tightened by 4.9 mm; let it go slack')
+    slack.publish(TendonSlack(state=TendonSlack.SLACK))
+    events.publish(TrialEvent(trial_id='T1', phase=TrialEvent.PHASE_GLIDE))
+    for name in ('tare', 'clear_tare'):
+        await_answer(name, 'trial T1 is running; wait')
+    events.publish(TrialEvent(trial_id='T1', phase=TrialEvent.PHASE_DONE))
+    await_answer('tare', 'only 0 of 5 samples')
+    slack.publish(TendonSlack(state=TendonSlack.TAUT))
+    await_answer('tare', 'the tendon is tightened')
+    graph.listener.destroy_publisher(slack)  # its node has gone
+    await_answer('tare', 'only 0 of 5 samples')
+    assert graph.call('clear_tare').success
