@@ -315,3 +315,19 @@ def test_a_second_life_of_the_trial_runner_works_like_the_first(bench):
         assert len(bench.runner.goal_runners) == 1
         assert len(bench.runner._managed_entities) == 1
         assert bench.action.wait_for_server(timeout_sec=DEADLINE_S)
+
+
+def test_a_guide_that_moves_or_says_no_position_in_a_hold_ends_the_trial(bench):
+    handle = bench.touch('stiffness')
+    bench.wait_for_phase('hold')
+    bench.guide.position_m += 0.001
+    assert 'ended in hold: the guide moved from 0.0100 m to 0.0110 m' in bench.end(handle).message
+    bench.wait_until_released()
+    bench.guide.position_m = 0.0
+    bench.events.clear()
+    handle = bench.start('stiffness')
+    bench.wait_for_phase('hold')
+    bench.guide.publish = lambda _: None
+    message = bench.end(handle).message
+    assert 'No position came on linear_guide/joint_states for 1.5 s' in message
+    bench.wait_until_released()
