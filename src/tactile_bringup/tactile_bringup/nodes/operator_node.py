@@ -114,7 +114,7 @@ class OperatorNode(Node):  # type: ignore[misc]
         return response
 
     def _on_stop_state(self, message: DiagnosticStatus) -> None:
-        self._stop_state = max(self._stop_state, stop_state_from_msg(message))
+        self._stop_state = stop_state_from_msg(message)  # a rig that starts again counts from 0
 
     def tell_progress(self, number: int, count: int, request: TrialRequest) -> None:
         """Say on ``/diagnostics`` that this is trial ``number`` of ``count``."""

@@ -14,7 +14,11 @@ from urllib.parse import urlsplit
 from tactile_bringup.trial_protocols import ProtocolError, TrialRequest
 from tactile_ros.errors import TactileError
 
-ACTIONS = ('stop', 'tare', 'home', 'trial')
+ACTIONS = ('stop', 'release', 'reset', 'tare', 'home', 'trial')
+
+OF_ALL_FINGERS = ('stop', 'release', 'reset')
+"""Actions that are for the whole rig, and name no finger."""
+
 LONGEST_COMMAND = 4096
 LONGEST_NAME = 200
 
@@ -51,8 +55,8 @@ class CommandError(TactileError):
 class Command:
     """Command from a page: one of `ACTIONS`, for a finger by its namespace.
 
-    A stop is for all fingers. The page knows the token from its address. The sentence about the
-    command's end has its ``id``.
+    Those of `OF_ALL_FINGERS` are for all of them. The page knows the token from its address. The
+    sentence about the command's end has its ``id``.
     """
 
     action: str

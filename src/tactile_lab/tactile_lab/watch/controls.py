@@ -15,7 +15,7 @@ from rclpy.context import Context
 
 from tactile_bringup.nodes.operator_node import OperatorNode
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_lab.watch.node import CANCEL, place_of, TARE, WatchNode
+from tactile_lab.watch.node import CANCEL, place_of, RELEASES, RESETS, TARE, WatchNode
 from tactile_ros.errors import TactileError
 from tactile_ros.goals import send
 from tactile_ros.node_group import NodeGroup
@@ -53,8 +53,8 @@ class WatchControls:
     async def stop(self) -> str:
         """End sessions, cancel trials, stop guides and tendons; all at the same time.
 
-        Returns the nodes that have confirmed it. It is an error when there is nothing to stop, or
-        something has not confirmed it.
+        Each rig stays stopped until `reset`. Returns the nodes that have confirmed it. It is an
+        error when there is nothing to stop, or something has not confirmed it.
         """
         self._node.state.was_stopped = True
         for operator, _ in self._operators.values():
@@ -66,18 +66,45 @@ class WatchControls:
         answers = await asyncio.gather(
             *(self._stop_one(clients[path], path) for path in order), return_exceptions=True
         )
-        confirmed: list[str] = []
-        silent: list[str] = []
+        confirmed: dict[str, None] = {}  # a trial runner is asked twice
+        silent: dict[str, None] = {}
         for path, answer in zip(order, answers, strict=True):
             if answer is None:
                 continue
             is_bad = isinstance(answer, BaseException) or getattr(answer, 'success', True) is False
-            (silent if is_bad else confirmed).append(_node_name(path))
+            (silent if is_bad else confirmed)[_node_name(path)] = None
         if not silent and not confirmed:
             raise TactileError(f'stop: no node that moves anything is known here; {REMEDY}')
         if silent:
             raise TactileError(f'stop: no confirmation from {", ".join(silent)}; {REMEDY}')
         return f'stop: confirmed by {", ".join(confirmed)}'
+
+    async def release(self) -> str:
+        """Let all tendons out to slack."""
+        return await self._ask_all('release', RELEASES)
+
+    async def reset(self) -> str:
+        """End the stopped state of all rigs; nothing moves by it, and no session goes on."""
+        return await self._ask_all('reset', RESETS)
+
+    async def _ask_all(self, action: str, names: tuple[str, ...]) -> str:
+        """Call services of all fingers at the same time; an error when one refuses."""
+        clients = self._node.clients_of(names)
+        answers = await asyncio.gather(
+            *(self._stop_one(client, path) for path, client in clients.items()),
+            return_exceptions=True,
+        )
+        done: list[str] = []
+        for path, answer in zip(clients, answers, strict=True):
+            if isinstance(answer, BaseException):
+                raise TactileError(f'{action}: {answer}')
+            if answer is not None and not answer.success:
+                raise TactileError(f'{action}: {_node_name(path)}: {answer.message}')
+            if answer is not None:
+                done.append(_node_name(path))
+        if not done:
+            raise TactileError(f'{action}: no node that could do it is known here')
+        return f'{action}: done by {", ".join(done)}'
 
     async def tare(self, finger: str) -> str:
         """Set the tension to zero."""
@@ -142,4 +169,7 @@ async def _is_there(client: Any, timeout_s: float) -> bool:
 
 def _node_name(path: str) -> str:
     """Return a node's name with its namespace, from the name of one of its services."""
-    return path.strip('/').removesuffix('/stop').removesuffix('/run_trial/_action/cancel_goal')
+    path = path.strip('/').removesuffix('/run_trial/_action/cancel_goal')
+    for service in ('/stop', '/release', '/reset'):
+        path = path.removesuffix(service)
+    return path

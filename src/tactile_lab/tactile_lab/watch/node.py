@@ -11,12 +11,13 @@ import threading
 from typing import Any
 
 from action_msgs.srv import CancelGoal
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_srvs.srv import Trigger
 
+from linear_guide_driver.motion_node import STATES, stop_state_from_msg, STOP_TOPIC
 from tactile_classifier.conversions import classification_from_msg, model_infos_from_msg
 from tactile_features.conversions import (
     event_from_msg,
@@ -54,7 +55,16 @@ CANCEL = 'trial_runner/run_trial/_action/cancel_goal'
 TARE = 'tendon_sensor/tare'
 HOME = 'linear_guide/home/_action/send_goal'
 TRIAL = 'trial_runner/run_trial/_action/send_goal'
-ASKED = (SESSION_STOP, 'linear_guide/stop', 'tendon_actuator/stop', CANCEL, TARE)
+STOPS = (
+    SESSION_STOP,
+    'linear_guide/stop',
+    'tendon_actuator/stop',
+    'trial_runner/stop',
+    CANCEL,
+)
+RELEASES = ('tendon_actuator/release',)
+RESETS = ('linear_guide/reset', 'tendon_actuator/reset', 'trial_runner/reset')
+ASKED = (*STOPS, *RELEASES, *RESETS, TARE)
 CONTROLS = {'tare': TARE, 'home': HOME, 'trial': TRIAL}
 
 TYPES = {Trigger: 'std_srvs/srv/Trigger', CancelGoal: 'action_msgs/srv/CancelGoal'}
@@ -69,9 +79,12 @@ PROFILES = {
     ModelInfos: LATEST,
     Readiness: LATEST,
     Slip: RESULTS,
+    DiagnosticStatus: STATES,
 }
 
-KINDS: dict[str, type] = {f'tactile_msgs/msg/{kind.__name__}': kind for kind in PROFILES}
+KINDS: dict[str, type] = {
+    f'{kind.__module__.partition(".")[0]}/msg/{kind.__name__}': kind for kind in PROFILES
+}
 
 
 class WatchNode(Node):  # type: ignore[misc]
@@ -143,6 +156,8 @@ class WatchNode(Node):  # type: ignore[misc]
             kind = next((KINDS[name] for name in types if name in KINDS), None)
             if self._answers_only and kind not in (TrialEvent, Classification, ModelInfos):
                 continue
+            if kind is DiagnosticStatus and not topic.endswith(f'/{STOP_TOPIC}'):
+                continue
             if kind is None or topic in self._topics or len(self._topics) >= MOST_SUBSCRIPTIONS:
                 continue
             if self.count_publishers(topic):  # others listen to what nobody sends
@@ -150,6 +165,8 @@ class WatchNode(Node):  # type: ignore[misc]
                 self._listen(topic, kind)
         if not self._answers_only:
             services = self._look_for_services()
+            ends = tuple(f'/{name}' for name in RELEASES)
+            self.state.set_can_release(any(path.endswith(ends) for path in services))
             for finger in self.state.fingers:
                 can = [
                     do for do, name in CONTROLS.items() if place_of(finger.name, name) in services
@@ -176,12 +193,17 @@ class WatchNode(Node):  # type: ignore[misc]
         return self._service_clients.get(path)
 
     def stop_clients(self) -> dict[str, Any]:
-        """Return clients by name for all that can move, whether or not it has sent samples.
+        """Return clients by name for all that can move, whether or not it has sent samples."""
+        return self.clients_of(STOPS)
+
+    def clients_of(self, names: tuple[str, ...]) -> dict[str, Any]:
+        """Return clients by path for services of these names, of any finger.
 
         Some may have no server: clients of other pages bear the same names.
         """
         self._look_for_services()
-        return {p: c for p, c in self._service_clients.items() if not p.endswith(f'/{TARE}')}
+        ends = tuple(f'/{name}' for name in names)
+        return {p: c for p, c in self._service_clients.items() if p.endswith(ends)}
 
     def must_confirm(self, path: str) -> bool:
         """Return whether a stop without this service's answer is not confirmed.
@@ -216,6 +238,9 @@ class WatchNode(Node):  # type: ignore[misc]
             Classification: lambda m: state.take_answer(finger, classification_from_msg(m)),
             ModelInfos: lambda m: update(Finger.take_models, model_infos_from_msg(m).models),
             TrialEvent: lambda m: update(Finger.take_event, event_from_msg(m)),
+            DiagnosticStatus: lambda m: state.take_stop(
+                topic.strip('/').rpartition('/')[0], stop_state_from_msg(m).reason
+            ),
             Readiness: lambda m: state.take_readiness(device, list(m.missing)),
             Slip: lambda m: update(
                 Finger.take_slip, m.motion, m.onset.sec * 10**9 + m.onset.nanosec, m.tension_n

@@ -21,6 +21,7 @@ from tactile_lab.watch.access import (
     Command,
     HEADERS,
     LONGEST_COMMAND,
+    OF_ALL_FINGERS,
     read_command,
     WatchOptions,
 )
@@ -240,7 +241,7 @@ class WatchServer:
             sentence, level = await self._carry_out(command), 'ok'
         except Exception as error:  # whatever it is, the page must hear of it
             sentence, level = str(error) or type(error).__name__, 'error'
-        of_one = command is not None and command.action != 'stop'
+        of_one = command is not None and command.action not in OF_ALL_FINGERS
         finger = command.finger if command and of_one else None
         self._state.say(sentence, level, command.id if command else '', finger)
 
@@ -249,6 +250,10 @@ class WatchServer:
         match command.action:
             case 'stop':
                 return await controls.stop()
+            case 'release':
+                return await controls.release()
+            case 'reset':
+                return await controls.reset()
             case 'tare':
                 return await controls.tare(finger)
             case 'home':

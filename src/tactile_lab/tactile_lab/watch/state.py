@@ -61,6 +61,8 @@ class WatchState:
         self._controls: dict[str, tuple[str, ...]] = {}
         self._devices: dict[str, tuple[float, dict[str, Any]]] = {}
         self._missing: dict[str, tuple[str, ...]] = {}
+        self._stops: dict[str, str] = {}  # reasons of stopped rigs, by namespace
+        self._can_release = False
         self._sentences: deque[dict[str, Any]] = deque(maxlen=MOST_SENTENCES)
         self._progress = ''
         self._version = 0
@@ -118,6 +120,24 @@ class WatchState:
                 self._missing[device] = tuple(missing)
                 self._version += 1
 
+    def take_stop(self, namespace: str, reason: str) -> None:
+        """Take the stopped state of the rig in a namespace; an empty reason: not stopped.
+
+        The last message counts, not the one with the highest number: a rig that has started again
+        counts from 0.
+        """
+        with self._lock:
+            if reason != self._stops.get(namespace, '') and len(self._stops) < MOST_DEVICES:
+                self._version += 1
+                self._stops[namespace] = reason
+
+    def set_can_release(self, can_release: bool) -> None:
+        """Set whether there is a tendon that can be let out."""
+        with self._lock:
+            if can_release != self._can_release:
+                self._can_release = can_release
+                self._version += 1
+
     def set_controls(self, name: str, controls: Sequence[str]) -> None:
         """Set what can be asked of a finger: ``stop``, ``tare``, ``home``, ``trial``."""
         with self._lock:
@@ -159,6 +179,12 @@ class WatchState:
                 ],
                 'devices': self._describe_devices(),
                 'progress': self._progress,
+                'can_release': self._can_release,
+                'stopped': [
+                    {'finger': namespace, 'reason': reason}
+                    for namespace, reason in sorted(self._stops.items())
+                    if reason
+                ],
                 'said': list(self._sentences),
             }
 

@@ -65,13 +65,13 @@ def buttons(context):
 
 
 def wait_for_stops(buttons, *paths):
-    wait_until(lambda: buttons._node.stop_clients() and set(paths) <= buttons._node._heard)
+    wait_until(lambda: buttons._node._look_for_services() and set(paths) <= buttons._node._heard)
 
 
-def offer_stop(node, path, calls, *, success=True):
+def offer_stop(node, path, calls, *, success=True, message=''):
     def stop(_, response):
         calls.append(path)
-        response.success = success
+        response.success, response.message = success, message
         return response
 
     node.create_service(Trigger, path, stop)
@@ -129,3 +129,27 @@ def test_a_driver_that_is_gone_is_missed_by_those_who_knew_it(context, buttons, 
         wait_until(late.stop_clients)
         with pytest.raises(TactileError, match='no node that moves anything is known'):
             asyncio.run(WatchControls(late, context).stop())
+
+
+def test_release_and_reset_reach_all_fingers_and_say_what_was_refused(context, buttons):
+    calls, driver = [], Node('driver', context=context)
+    paths = ['/linear_guide/reset', '/left/tendon_actuator/reset', '/left/tendon_actuator/release']
+    for path in paths:
+        offer_stop(driver, path, calls)
+    with NodeGroup([driver], context):
+        wait_for_stops(buttons, *paths)
+        assert asyncio.run(buttons.release()) == 'release: done by left/tendon_actuator'
+        assert calls == paths[2:]
+        said = asyncio.run(buttons.reset()).removeprefix('reset: done by ').split(', ')
+        assert sorted(said) == ['left/tendon_actuator', 'linear_guide']
+        assert sorted(calls) == sorted(paths)
+        refusal = 'The emergency stop is pressed; release it.'
+        offer_stop(driver, '/trial_runner/reset', calls, success=False, message=refusal)
+        wait_for_stops(buttons, '/trial_runner/reset')
+        with pytest.raises(TactileError, match=f'reset: trial_runner: {refusal}'):
+            asyncio.run(buttons.reset())
+
+
+def test_nothing_to_release_is_said(buttons):
+    with pytest.raises(TactileError, match='release: no node that could do it is known'):
+        asyncio.run(buttons.release())

@@ -241,6 +241,45 @@ def test_stop_ends_the_trial_and_brings_guide_and_tendon_to_rest(rig, browser):
 
 
 @needs_chromium
+def test_a_stopped_rig_says_why_until_it_is_reset_on_the_page(rig, browser):
+    _, context, watch = rig
+    browser.open(watch.address.split('#')[0])  # without the token
+    browser.wait_for('document.querySelector(".tension")')
+    click(browser, 'stop')
+    browser.wait_for('!document.getElementById("stopped").hidden')
+    assert browser.evaluate('document.getElementById("reset").hidden')
+    assert browser.evaluate('document.getElementById("release").hidden')
+    browser.open('about:blank')
+    browser.open(watch.address)
+    browser.wait_for('!document.getElementById("stopped").hidden')
+    assert re.fullmatch(
+        r'Stopped: Stop was pressed on /\w+\. Nothing tightens or moves until Reset\.',
+        text_of(browser, '#stopped'),
+    )
+    for scheme in ('light', 'dark'):
+        browser.set_scheme(scheme)
+        for size in ((1280, 900), (390, 844), (844, 390)):
+            browser.resize(*size)
+            assert browser.evaluate(NO_OVERFLOW), size
+            assert browser.evaluate(STOP_IS_SEEN), size
+            assert browser.evaluate(CONTRAST) >= 4.5, size
+    browser.set_scheme('light')
+    browser.resize(1280, 900)
+    start_trial(browser, 'stiffness', 'none')
+    wait_for_log(browser, 'The rig is stopped: Stop was pressed')
+    click(browser, 'release')
+    wait_for_log(browser, 'release: done by tendon_actuator')
+    press(browser, 'reset')
+    wait_for_log(browser, 'reset: done by')
+    browser.wait_for('document.getElementById("stopped").hidden')
+    browser.wait_for('document.getElementById("reset").disabled')
+    operator = OperatorNode(context)
+    with NodeGroup([operator], context):
+        operator.home_guide()  # it moves again
+    assert browser.console == []
+
+
+@needs_chromium
 def test_a_page_without_fingers_says_what_to_do_and_that_it_is_cut_off(context, browser):
     with watching(context, WatchOptions()) as watch:
         browser.open(watch.address)
@@ -264,6 +303,12 @@ class StoppableRig:
     async def stop(self):
         self.stops += 1
         return f'stop: confirmed by rig {self.stops}'
+
+    async def release(self):
+        return 'release: done by rig'
+
+    async def reset(self):
+        return 'reset: done by rig'
 
 
 def press(browser, element):

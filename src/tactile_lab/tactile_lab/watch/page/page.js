@@ -201,8 +201,23 @@
     showSaid();
     const line = stopped && state.said.find((said) => said.id === stopped.id);
     if (line) Object.assign(stopped, { level: line.level, text: line.text });
+    showStopped();
     showOutcome();
     showButtons();
+  }
+
+  /* The latched state of Stop, whoever has stopped the rig. */
+  function showStopped() {
+    const element = $('stopped');
+    if (!element.hidden && !state.stopped.length) stopped = null;  // it was reset
+    element.hidden = !state.stopped.length;
+    enableReset();
+    set(element, state.stopped.map((rig) => `Stopped${rig.finger ? ` (${rig.finger})` : ''}: ${rig.reason}. `
+      + 'Nothing tightens or moves until Reset.').join(' '));
+  }
+
+  function enableReset() {
+    $('reset').disabled = $('stopped').hidden || document.body.classList.contains('off');
   }
 
   function showDevices() {
@@ -244,6 +259,8 @@
     }
     which.hidden = names.length < 2;
     const can = (chosen() || { can: [] }).can;
+    $('release').hidden = !(token && state.can_release);
+    $('reset').hidden = !(token && (state.can_release || state.stopped.length));  // no button moves by a stop
     for (const action of ['tare', 'home', 'trial']) {
       $(action).hidden = !(token && can.includes(action));
     }
@@ -289,6 +306,7 @@
   document.addEventListener('keydown', (event) => {
     if (event.key === 'Escape' && !event.repeat) stop();
   }, true);
+  for (const action of ['release', 'reset']) $(action).addEventListener('click', () => send({ do: action, token }));
   $('tare').addEventListener('click', () => ask('tare'));
   $('home').addEventListener('click', () => ask('home'));
   $('which').addEventListener('change', () => state && showButtons());
@@ -317,7 +335,8 @@
     $('cut').hidden = isOn;
     document.body.classList.toggle('off', !isOn);
     $('stop').classList.toggle('off', !isOn);
-    for (const button of document.querySelectorAll('.moves button, #go')) button.disabled = !isOn;
+    for (const button of document.querySelectorAll('.moves button, #release, #go')) button.disabled = !isOn;
+    enableReset();
   }
 
   function connect() {
