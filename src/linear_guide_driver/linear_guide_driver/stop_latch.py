@@ -159,10 +159,10 @@ class StopLatch:
 
     def check(self, now_ns: int) -> None:
         """Latch when the emergency stop says stop, or is lost. Call it periodically [ns]."""
-        lapse = self._find_lapse(now_ns)
-        self._lapse = ''
-        if lapse and not self.state.is_stopped:
-            self.stop(lapse)
+        if lapse := self._find_lapse(now_ns):
+            self._lapse = ''
+            if not self.state.is_stopped:
+                self.stop(lapse)
 
     # -- a watch -----------------------------------------------------------------------------
 
