@@ -15,6 +15,14 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
 from rclpy.task import Future
 
+from tactile_ros.clock_watch import ClockWatch, LOOK_S, Standstill
+from tactile_ros.refusal import Refusal
+
+EXPIRE_S = 1.0
+"""Time after a standstill of the process in which no goal is begun [s].
+
+Goals that were sent during the standstill are taken within a moment after it."""
+
 
 def send(node: Node, request: Callable[[], Future]) -> concurrent.futures.Future[Any]:
     """Have the executor's thread send a request of ``node``; return its answer to be.
@@ -75,12 +83,21 @@ class GoalCanceled(GoalEnd):
 
 
 class Goal:
-    """One goal, as its worker sees it; ``request`` is the goal message."""
+    """One goal, as its worker sees it; ``request`` is the goal message.
 
-    def __init__(self, handle: ServerGoalHandle, feedback_type: type) -> None:
+    With a ``watch`` the goal ends early when the process has stood still.
+    """
+
+    def __init__(
+        self, handle: ServerGoalHandle, feedback_type: type, watch: ClockWatch | None = None
+    ) -> None:
         self.request = handle.request
+        self.end_reason: Refusal | None = None
+        """Why the goal is to end early, if it is not by request."""
         self._handle = handle
         self._feedback_type = feedback_type
+        self._watch = watch
+        self._began_s = 0.0 if watch is None else watch.read_s()
         self._end = threading.Event()
 
     def feedback(self, **fields: Any) -> None:
@@ -94,20 +111,33 @@ class Goal:
 
     @property
     def end_requested(self) -> bool:
+        """True when the goal is to end early."""
+        last = self._watch.look() if self._watch is not None else None
+        if last is not None and last.end_s > self._began_s and self.end_reason is None:
+            self.end_reason = _refuse_after(last)
+            self.request_end()
         return self._end.is_set()
 
     def wait(self, seconds: float) -> bool:
         """Sleep; return True as soon as the goal is to end early."""
-        return self._end.wait(seconds)
+        return self._end.wait(seconds) or self.end_requested
 
     def check(self) -> None:
         """Raise `GoalCanceled` when the goal is to end early."""
-        if self._end.is_set():
-            raise GoalCanceled('cancelled')
+        if self.end_requested:
+            raise GoalCanceled(str(self.end_reason or 'cancelled'))
+
+
+def _refuse_after(standstill: Standstill) -> Refusal:
+    return Refusal(
+        f'This process stood still for {standstill.duration_s:.1f} s: it was stopped, or its '
+        'computer was suspended',
+        'send the goal again',
+    )
 
 
 class GoalRunner:
-    """An action server that runs ``work(goal)`` for one goal at a time, on a thread of its own.
+    """An action server that runs ``work(goal)`` for one goal at a time, on a separate thread.
 
     ``work`` returns the result message, or raises `GoalAborted` or `GoalCanceled`; any other
     exception aborts the goal with its text. Result messages must have a field ``message``.
@@ -115,6 +145,10 @@ class GoalRunner:
     then, or while another runs, is aborted with that reason in its result: a rejection would
     reach the client without one. A request for which ``preempts(request)`` is true ends every
     running goal of the node instead, and ``accepting`` is not asked.
+
+    A goal ends early when the process stood still meanwhile, and a goal that may have waited for
+    that long is not begun. Both do not apply to requests that preempt. ``watch`` detects
+    standstills.
     """
 
     def __init__(
@@ -126,12 +160,15 @@ class GoalRunner:
         *,
         accepting: Callable[[], str] = lambda: '',
         preempts: Callable[[Any], bool] = lambda _: False,
+        watch: ClockWatch | None = None,
     ) -> None:
         self._node = node
         self._type = action_type
         self._work = work
         self._accepting = accepting
         self._preempts = preempts
+        self._watch = watch or ClockWatch()
+        self._looks = node.call_every(LOOK_S, self._look)
         self._lock = threading.Lock()
         self._goal: Goal | None = None
         self._ended = Future()  # done when the running goal is over
@@ -163,6 +200,7 @@ class GoalRunner:
         The client of a goal that still runs gets no result: the server is gone.
         """
         self.end_goal()
+        self._looks.cancel()
         thread = self._thread
         if thread is not None and thread is not threading.current_thread():
             thread.join(timeout_s)
@@ -176,17 +214,36 @@ class GoalRunner:
         self.end_goal()
         return CancelResponse.ACCEPT
 
+    def _look(self) -> None:
+        """End the running goal if the process stood still; periodic."""
+        self._watch.look()
+        goal = self._goal
+        if goal is not None:
+            goal.end_requested  # noqa: B018 - looks
+
+    def _find_refusal(self, preempts: bool) -> str:
+        """Return why a goal cannot be begun now, or an empty string."""
+        if self._goal:
+            return 'another goal is running'
+        if preempts:
+            return ''
+        last = self._watch.look()
+        if last is not None and self._watch.read_s() - last.end_s < EXPIRE_S:
+            return str(_refuse_after(last))
+        return self._accepting()
+
     async def _execute(self, handle: ServerGoalHandle) -> Any:
-        if preempts := self._preempts(handle.request):
+        preempts = self._preempts(handle.request)
+        if preempts:
             for runner in self._node.goal_runners:
                 while runner.is_busy:
                     runner.end_goal()
                     await runner._ended  # noqa: SLF001 - of its own class
         with self._lock:
-            reason = '' if preempts else self._accepting()
-            reason = 'another goal is running' if self._goal else reason
+            reason = self._find_refusal(preempts)
             if not reason:
-                goal = self._goal = Goal(handle, self._type.Feedback)
+                watch = None if preempts else self._watch
+                goal = self._goal = Goal(handle, self._type.Feedback, watch)
                 self._ended = Future()
         if not reason and handle.is_cancel_requested:  # while it waited for its turn
             goal.request_end()
@@ -231,4 +288,9 @@ class GoalRunner:
             handle.abort()
         if not isinstance(outcome, GoalEnd):
             self._node.get_logger().error(f'goal failed: {outcome}')
-        return self._type.Result(message=str(outcome), **getattr(outcome, 'fields', {}))
+        # Work that does not use `Goal.check` knows only that it had to end.
+        message = str(outcome)
+        reason = '' if self._goal is None else str(self._goal.end_reason or '')
+        if reason not in message:
+            message = f'{reason} {message}'
+        return self._type.Result(message=message, **getattr(outcome, 'fields', {}))

@@ -7,14 +7,18 @@ Look here first when a new version of rclpy breaks something.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
+from rclpy.action import ActionClient
+from rclpy.action.client import ClientGoalHandle
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.subscription import Subscription
+from rclpy.task import Future
 
 RCLError = rclpy_implementation.RCLError
 """Error of the C layer. `rclpy.exceptions` has no name for it."""
@@ -48,6 +52,34 @@ class SubscriptionStatus:
     def destroy(self) -> None:
         """Give it back; `take` then raises."""
         self._event.destroy_when_not_in_use()
+
+
+class GoalIdClient(ActionClient):  # type: ignore[misc]
+    """An action client that knows goals by their id, whether or not their acceptance was heard.
+
+    ``on_status`` is called on the executor's thread with each list of statuses that the server
+    publishes. rclpy keeps only the statuses of goals whose acceptance has arrived.
+    """
+
+    def __init__(
+        self, node: Node, action_type: Any, name: str, on_status: Callable[[Any], object]
+    ) -> None:
+        self._on_status = on_status
+        super().__init__(node, action_type, name)
+
+    def result_async(self, goal_id: Any) -> Future:
+        """Request a goal's result; it has the status UNKNOWN when the server has no such goal."""
+        return ClientGoalHandle(self, goal_id, None).get_result_async()
+
+    def cancel_async(self, goal_id: Any) -> Future:
+        """Request the end of a goal."""
+        return ClientGoalHandle(self, goal_id, None).cancel_goal_async()
+
+    async def execute(self, taken_data: dict[str, Any]) -> None:
+        """Take what has come; called by the executor."""
+        if 'status' in taken_data:
+            self._on_status(taken_data['status'].status_list)
+        await super().execute(taken_data)
 
 
 def take_message(subscription: Subscription) -> tuple[Any, Any] | None:

@@ -13,7 +13,6 @@ from typing import Any
 
 from action_msgs.msg import GoalStatus
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.action import ActionClient
 from rclpy.context import Context
 from rclpy.node import Node
 from std_srvs.srv import Trigger
@@ -21,14 +20,13 @@ from std_srvs.srv import Trigger
 from linear_guide_driver.motion_node import STATES, stop_state_from_msg, STOP_TOPIC
 from linear_guide_driver.stop_latch import StopState
 from tactile_bags.recorded_topics import CLASSIFICATION_TOPIC, MODELS_TOPIC
-from tactile_bringup.nodes.trial_devices import cancel_late_goal
 from tactile_bringup.trial_protocols import longest_trial_s, TrialConfig, TrialRequest
 from tactile_classifier.conversions import classification_from_msg, model_infos_from_msg
 from tactile_classifier.records import ClassificationResult, ModelInfo
 from tactile_msgs.action import HomeGuide, RunTrial
 from tactile_msgs.msg import Classification, ModelInfos
 from tactile_ros.errors import TactileError
-from tactile_ros.goals import send
+from tactile_ros.goal_client import GoalClient, GoalLostError, SentGoal
 from tactile_ros.health import Diagnostics, Health, OK, watch_rivals
 from tactile_ros.lifecycle import MessageGuard
 from tactile_ros.process import INTERRUPT_TIMEOUT_S
@@ -69,14 +67,14 @@ class OperatorNode(Node):  # type: ignore[misc]
         self.trial_config = TrialConfig()
         self._progress = Health(OK, '', {})
         self._diagnostics: Diagnostics | None = None
-        self._home = ActionClient(self, HomeGuide, 'linear_guide/home')
-        self._run = ActionClient(self, RunTrial, 'trial_runner/run_trial')
+        self._home = GoalClient(self, HomeGuide, 'linear_guide/home')
+        self._run = GoalClient(self, RunTrial, 'trial_runner/run_trial')
         self._rivals = {
             self._home: watch_rivals(self, 'linear_guide'),
             self._run: watch_rivals(self, 'trial_runner'),
         }
         self._stopped = threading.Event()
-        self._handles: list[Any] = []  # of goals that run
+        self._goals: list[SentGoal] = []  # that run
         self.create_service(Trigger, '~/stop', self._on_stop)
         self._stop_state = StopState()  # of the rig
         self._arrived = threading.Condition()
@@ -93,15 +91,16 @@ class OperatorNode(Node):  # type: ignore[misc]
             self.create_subscription(kind, topic, guard.wrap(topic, take), qos)
 
     def destroy_node(self) -> None:
-        for watch in self._rivals.values():
-            watch.close()
+        for client, rivals in self._rivals.items():
+            rivals.close()
+            client.close()
         super().destroy_node()
 
     def stop(self) -> None:
         """Cancel the goal that runs, and send none until `resume`."""
         self._stopped.set()
-        for handle in list(self._handles):
-            send(self, handle.cancel_goal_async)
+        for goal in list(self._goals):
+            goal.cancel()
 
     def resume(self) -> None:
         """Take goals again after a stop."""
@@ -179,7 +178,7 @@ class OperatorNode(Node):  # type: ignore[misc]
             )
         return tuple(answers[name] for name in models)
 
-    def _call(self, client: ActionClient, what: str, goal: Any, timeout_s: float) -> Any:
+    def _call(self, client: GoalClient, what: str, message: Any, timeout_s: float) -> Any:
         is_there = not self._stopped.is_set() and client.wait_for_server(ANSWER_TIMEOUT_S)
         if self._stopped.is_set():
             raise StoppedError(f'{what}: stopped from a live page')
@@ -189,45 +188,50 @@ class OperatorNode(Node):  # type: ignore[misc]
             raise TactileError(f'{what}: the action server does not answer; is the rig running?')
         if rivals := self._rivals[client].find_loss():  # either may answer
             raise TactileError(f'{what}: {rivals}')
-        answer = send(self, lambda: client.send_goal_async(goal))
+        goal = client.send(message)
+        self._goals.append(goal)
         try:
-            handle = answer.result(ANSWER_TIMEOUT_S)
-        except concurrent.futures.TimeoutError:
-            answer.add_done_callback(cancel_late_goal)
-            raise TactileError(f'{what}: the goal was not taken') from None
-        if not handle.accepted:
-            raise TactileError(f'{what}: the goal was rejected')
-        self._handles.append(handle)
-        if self._stopped.is_set():  # while the goal was on its way
-            send(self, handle.cancel_goal_async)
-        result = send(self, handle.get_result_async)
-        try:
-            reply = result.result(timeout_s)
-        except concurrent.futures.TimeoutError:
-            send(self, handle.cancel_goal_async)
-            raise TactileError(
-                f'{what}: no end within {timeout_s:.0f} s; '
-                + self._wait_for_rest(result, END_TIMEOUT_S)
-            ) from None
-        except KeyboardInterrupt:
-            # The rig comes to rest, and the recording tells how the trial ended.
-            send(self, handle.cancel_goal_async)
-            self._wait_for_rest(result, INTERRUPT_TIMEOUT_S)
-            raise
+            reply = self._wait_for_end(goal, what, timeout_s)
+        except GoalLostError as error:
+            raise TactileError(f'{what}: {error}') from None
         finally:
-            self._handles.remove(handle)
+            self._goals.remove(goal)
         if reply.status == GoalStatus.STATUS_SUCCEEDED:
             return reply.result
         is_stop = reply.status == GoalStatus.STATUS_CANCELED or self._stopped.is_set()
         is_stop = is_stop or self._stop_state.is_stopped
         raise (StoppedError if is_stop else TactileError)(f'{what}: {reply.result.message}')
 
-    def _wait_for_rest(self, result: concurrent.futures.Future[Any], timeout_s: float) -> str:
-        """Wait for the end of a cancelled goal; return a sentence about it."""
+    def _wait_for_end(self, goal: SentGoal, what: str, timeout_s: float) -> Any:
+        """Return the answer at the end of a goal; the goal is cancelled if it comes late."""
+        if self._stopped.is_set():  # while the goal was sent
+            goal.cancel()
         try:
-            return f'cancelled: {result.result(timeout_s).result.message}'
+            goal.taken.result(ANSWER_TIMEOUT_S)
         except concurrent.futures.TimeoutError:
-            return (
-                f'cancelled, and not at rest {timeout_s:g} s later; bring the rig to rest '
-                'by hand, then start its nodes again'
-            )
+            goal.cancel()
+            raise TactileError(f'{what}: the goal was not taken') from None
+        try:
+            return goal.end.result(timeout_s)
+        except concurrent.futures.TimeoutError:
+            goal.cancel()
+            rest = _wait_for_rest(goal, END_TIMEOUT_S)
+            raise TactileError(f'{what}: no end within {timeout_s:.0f} s; {rest}') from None
+        except KeyboardInterrupt:
+            # The rig comes to rest, and the recording tells how the trial ended.
+            goal.cancel()
+            _wait_for_rest(goal, INTERRUPT_TIMEOUT_S)
+            raise
+
+
+def _wait_for_rest(goal: SentGoal, timeout_s: float) -> str:
+    """Wait for the end of a cancelled goal; return a sentence about it."""
+    try:
+        return f'cancelled: {goal.end.result(timeout_s).result.message}'
+    except GoalLostError as error:
+        return f'cancelled: {error}'
+    except concurrent.futures.TimeoutError:
+        return (
+            f'cancelled, and not at rest {timeout_s:g} s later; bring the rig to rest '
+            'by hand, then start its nodes again'
+        )

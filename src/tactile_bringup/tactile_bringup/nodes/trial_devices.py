@@ -14,7 +14,6 @@ from typing import Any
 
 from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
-from rclpy.action import ActionClient
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
 
@@ -22,7 +21,9 @@ from linear_guide_driver.grbl.guide_client import MotionTrack
 from linear_guide_driver.records import REST_REPORT_S
 from tactile_bringup.trial_protocols import TrialConfig, TrialRequest
 from tactile_msgs.msg import Readiness, StrainBlock
-from tactile_ros.goals import Goal, GoalAborted, GoalCanceled, send
+from tactile_ros.clock_watch import boot_time_s
+from tactile_ros.goal_client import GoalClient, GoalLostError, SentGoal
+from tactile_ros.goals import Goal, GoalAborted, GoalCanceled
 from tactile_ros.health import HeartbeatWatch, watch_rivals
 from tactile_ros.polling import PollingNode
 from tactile_ros.qos import LATEST, NEWEST, STREAM
@@ -40,14 +41,14 @@ class RunningTrial:
     life.
     """
 
-    def __init__(self, request: TrialRequest, goal: Goal) -> None:
-        self.request, self.goal = request, goal
+    def __init__(self, request: TrialRequest, goal: Goal, longest_s: float) -> None:
+        self.request, self.goal, self.longest_s = request, goal, longest_s
         self.phase = ''
         self.stamp_ns = 0  # of the last event
         self.has_moved = self.needs_strain = self.is_watched = False
         self.glide_end_ns: int | None = None
         self.glide_speed_m_s = self.glide_lag_s = self.displacement_error_m = 0.0
-        self._started_s = self._looked_s = time.monotonic()
+        self._started_s, self._looked_s = time.monotonic(), boot_time_s()
 
     @property
     def elapsed_s(self) -> float:
@@ -59,7 +60,7 @@ class RunningTrial:
         Raises `GoalAborted` when nobody has looked for longer than ``most_s`` [s]: the process was
         stopped, or got no core.
         """
-        now_s = time.monotonic()
+        now_s = boot_time_s()  # a suspended computer watches nothing either
         away_s, self._looked_s = now_s - self._looked_s, now_s
         if away_s > most_s:
             raise GoalAborted(
@@ -115,11 +116,11 @@ class TrialDevice:
         self._readiness: Readiness | None = None
         self._position_m: float | None = None
         self._reported_s = -math.inf  # when its last joint state came
-        self._left: concurrent.futures.Future[Any] | None = None  # a goal nobody waits for
+        self._left: SentGoal | None = None  # a goal nobody waits for
         self._left_s = -math.inf  # since when
         self._track: MotionTrack | None = None
         self._track_end_s = -math.inf  # until when it takes joint states
-        self.client = ActionClient(node, action_type, f'{name}/{verb}')
+        self._goals = GoalClient(node, action_type, f'{name}/{verb}')
         self._cancel = node.create_client(CancelGoal, f'{name}/{verb}/_action/cancel_goal')
         self._told = node.create_subscription(Readiness, f'{name}/ready', self._on_ready, LATEST)
         self._states = node.poll(JointState, f'{name}/joint_states', self._on_joint_state, STREAM)
@@ -128,7 +129,7 @@ class TrialDevice:
         """Take clients and subscriptions away."""
         self._heartbeat.close()
         self._rivals.close()
-        self.client.destroy()
+        self._goals.close()
         self._node.destroy_client(self._cancel)
         self._node.unpoll(self._states)
         self._node.destroy_subscription(self._told)
@@ -137,7 +138,7 @@ class TrialDevice:
 
     def find_missing(self) -> list[str]:
         """Return a sentence for each thing without which it takes no goal."""
-        if not self.client.server_is_ready():
+        if not self._goals.server_is_ready():
             return [f'The {self._words} does not answer; start and activate its node.']
         if loss := self.format_loss():
             return [loss]
@@ -222,7 +223,11 @@ class TrialDevice:
 
     def send(self, message: Any) -> None:
         """Send a goal and wait for nothing: a driver without heartbeat may still hear it."""
-        self._leave(send(self._node, lambda: self.client.send_goal_async(message)))
+        self._leave(self._goals.send(message))
+
+    def send_unwatched(self, message: Any) -> None:
+        """Send a goal on the executor's thread, just before `close`."""
+        self._goals.send_unwatched(message)
 
     def call(
         self,
@@ -243,54 +248,35 @@ class TrialDevice:
 
     def _run(self, message: Any, check: Callable[[], None], deadline_s: float) -> Any:
         """Send a goal and wait for its end, as `call` says; return the result."""
-        if not self.client.wait_for_server(timeout_sec=self._config.server_timeout_s):
+        if not self._goals.wait_for_server(self._config.server_timeout_s):
             raise GoalAborted(f'the {self._words} does not answer; is its node active?')
-        answer = send(self._node, lambda: self.client.send_goal_async(message))
+        goal = self._goals.send(message)
         refusal = f'the {self._words} did not take the goal'
         in_time_s = min(deadline_s, time.monotonic() + self._config.server_timeout_s)
-        try:
-            handle = self._wait(answer, check, in_time_s, refusal)
-        except (GoalAborted, GoalCanceled):
-            answer.add_done_callback(cancel_late_goal)
-            self._leave(answer)
-            raise
-        if not handle.accepted:
-            raise GoalAborted(f'the {self._words} rejected the goal')
-        result = send(self._node, handle.get_result_async)
         lateness = f'the {self._words} did not end its goal; see its log'
         try:
-            reply = self._wait(result, check, deadline_s, lateness)
+            self._wait(goal.taken, check, in_time_s, refusal)
+            reply = self._wait(goal.end, check, deadline_s, lateness)
         except (GoalAborted, GoalCanceled):
-            # Let it come to rest, so that the next goal does not meet this one.
-            send(self._node, handle.cancel_goal_async)
-            end_s = time.monotonic() + self._config.server_timeout_s
-            with suppress(GoalAborted):
-                self._wait(result, lambda: None, end_s, lateness)
-            self._left, self._left_s = result, time.monotonic()
+            goal.cancel()
+            if goal.taken.done():  # let it come to rest, so that the next goal does not meet it
+                end_s = time.monotonic() + self._config.server_timeout_s
+                with suppress(GoalAborted):
+                    self._wait(goal.end, lambda: None, end_s, lateness)
+            self._leave(goal)
             raise
         check()
         if reply.status != GoalStatus.STATUS_SUCCEEDED:
             raise GoalAborted(f'{self._words}: {reply.result.message}')
         return reply.result
 
-    def _leave(self, answer: concurrent.futures.Future[Any]) -> None:
-        """Note when a goal ends that nobody waits for, so that the next goal can."""
-        end: concurrent.futures.Future[Any] = concurrent.futures.Future()
-
-        def follow(answer: concurrent.futures.Future[Any]) -> None:  # on the executor's thread
-            if answer.exception() is not None or not answer.result().accepted:
-                end.set_result(None)
-            else:
-                answer.result().get_result_async().add_done_callback(
-                    lambda _: end.set_result(None)
-                )
-
-        self._left, self._left_s = end, time.monotonic()
-        answer.add_done_callback(follow)
+    def _leave(self, goal: SentGoal) -> None:
+        """Note a goal that nobody waits for, so that the next goal waits for its end."""
+        self._left, self._left_s = goal, time.monotonic()
 
     def _is_left_busy(self) -> bool:
         """Return whether an abandoned goal still runs, for at most ``server_timeout_s``."""
-        if self._left is None or self._left.done():
+        if self._left is None or self._left.end.done():
             return False
         return time.monotonic() - self._left_s < self._config.server_timeout_s
 
@@ -307,12 +293,15 @@ class TrialDevice:
             if not self._node.context.ok():
                 raise GoalAborted('the process is ending')
             problem = lateness if time.monotonic() > deadline_s else self.format_loss()
-            if not self.client.server_is_ready():
+            if not self._goals.server_is_ready():
                 problem = f'the {self._words} went away; is its node running?'
             if problem:
                 check()  # who stood still meanwhile has heard of nothing
                 raise GoalAborted(problem)
-        return future.result()
+        try:
+            return future.result()
+        except GoalLostError as error:
+            raise GoalAborted(f'{self._words}: {error}') from None
 
     # -- what it says --------------------------------------------------------------------------
 
@@ -356,9 +345,3 @@ class StrainWatch:
         self.is_simulated = bool(block.status & StrainBlock.STATUS_SIMULATED)
         if block.tension_n and not block.status & NOT_LIVE:
             self._heard_s = time.monotonic()
-
-
-def cancel_late_goal(answer: concurrent.futures.Future[Any]) -> None:
-    """Cancel a goal that was taken when nobody waited for it any more."""
-    if answer.exception() is None and answer.result().accepted:
-        answer.result().cancel_goal_async()

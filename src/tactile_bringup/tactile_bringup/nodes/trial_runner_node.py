@@ -32,6 +32,7 @@ from tactile_bringup.trial_observation import GuideRest, judge_glide, TendonCont
 from tactile_bringup.trial_protocols import (
     glide_speed_m_s,
     GuideStep,
+    longest_trial_s,
     Step,
     TendonStep,
     trial_steps,
@@ -165,7 +166,7 @@ class TrialRunnerNode(PollingNode):
             # Not for long: with the executor waiting here, the trial gets no more answers.
             self._runner.close(timeout_s=0.5)
             if self._runner.is_busy and self._trial and self._tendon and self.context.ok():
-                self._tendon.client.send_goal_async(self._pull(self._trial.request))
+                self._tendon.send_unwatched(self._pull(self._trial.request))
             self._runner = None
         self._parts.close()
         self._ready = self._heartbeat = self._presence = self._telling = self._rig_stop = None
@@ -255,7 +256,8 @@ class TrialRunnerNode(PollingNode):
         trial_id = asked['trial_id'] or f'trial-{self._now_ns() // 10**9}-{self._count:04d}'
         request = TrialRequest(**{**asked, 'trial_id': trial_id})
         steps = trial_steps(self.config, request)  # refuses, before anything moves
-        self._trial = trial = RunningTrial(request, goal)
+        longest_s = longest_trial_s(self.config, request)
+        self._trial = trial = RunningTrial(request, goal, longest_s)
         try:
             for step in steps:
                 goal.check()
@@ -404,8 +406,12 @@ class TrialRunnerNode(PollingNode):
     def _find_end(self, trial: RunningTrial) -> None:
         """Raise what ends the trial."""
         self.poll_now()
+        trial.look(self.config.heartbeat_timeout_s)  # first, since it says more than a cancel
         trial.goal.check()
-        trial.look(self.config.heartbeat_timeout_s)
+        if trial.elapsed_s > trial.longest_s:
+            raise GoalAborted(
+                f"it did not end within {trial.longest_s:.0f} s; see the drivers' logs"
+            )
         try:
             self._find_loss(trial)
         except GoalAborted:

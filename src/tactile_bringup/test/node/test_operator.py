@@ -91,14 +91,14 @@ def test_a_session_that_was_stopped_between_two_trials_moves_nothing(operated):
 def test_a_stop_while_the_goal_is_on_its_way_cancels_the_trial(operated, monkeypatch):
     bench, operator = operated
     bench.guide.waits_in = (1,)
-    send_goal = operator._run.send_goal_async
+    send = operator._run.send
 
-    def send_goal_before_stop(goal):
-        answer = send_goal(goal)
+    def send_before_stop(goal):
+        sent = send(goal)
         operator.stop()
-        return answer
+        return sent
 
-    monkeypatch.setattr(operator._run, 'send_goal_async', send_goal_before_stop)
+    monkeypatch.setattr(operator._run, 'send', send_before_stop)
     with pytest.raises(StoppedError, match='cancelled'):
         operator.run_trial(TrialRequest('texture', 'flexion'))
 

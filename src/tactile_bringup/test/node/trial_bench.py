@@ -10,7 +10,6 @@ import subprocess
 import time
 
 from ament_index_python.packages import get_package_prefix
-from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.time import Time
@@ -19,7 +18,8 @@ from sensor_msgs.msg import JointState
 from tactile_bringup.nodes.trial_runner_node import TrialRunnerNode
 from tactile_msgs.action import MoveGuide, PullTendon, RunTrial
 from tactile_msgs.msg import Readiness, StrainBlock, TrialEvent
-from tactile_ros.goals import GoalAborted, GoalRunner, send
+from tactile_ros.goal_client import GoalClient
+from tactile_ros.goals import GoalAborted, GoalRunner
 from tactile_ros.health import Heartbeat, Presence
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import NodeGroup
@@ -199,7 +199,7 @@ class Bench:
         self.client.create_subscription(
             Readiness, 'trial_runner/ready', self.readiness.append, LATEST
         )
-        self.action = ActionClient(self.client, RunTrial, 'trial_runner/run_trial')
+        self.action = GoalClient(self.client, RunTrial, 'trial_runner/run_trial')
         self.groups = {
             node: NodeGroup([node], context=context)
             for node in (self.guide, self.tendon, self.sensor, self.runner, self.client)
@@ -207,7 +207,7 @@ class Bench:
         }
         for group in self.groups.values():
             group.__enter__()
-        assert self.action.wait_for_server(timeout_sec=START_S)
+        assert self.action.wait_for_server(START_S)
         if is_apart:  # it has found the devices, and is heard
             wait_until(lambda: self.readiness and self.readiness[-1].ready, timeout_s=START_S)
 
@@ -224,20 +224,27 @@ class Bench:
             self.process.wait()
         for group in reversed(self.groups.values()):
             group.close()
+        self.action.close()
 
     def touch(self, protocol):
         """Start a trial that stays in contact: in its hold, or before its glide."""
         self.guide.waits_in = (2,) if protocol == 'texture' else ()
-        handle = self.start(protocol)
-        wait_until(lambda: len(self.guide.goals) == 2 or 'hold' in self.phases)
-        return handle
+        goal = self.start(protocol)
+        wait_until(
+            lambda: len(self.guide.goals) == 2 or {'hold', 'aborted'} & {*self.phases},
+            lambda: self.events,
+        )
+        assert 'aborted' not in self.phases, self.events[-1].message
+        return goal
 
     def start(self, protocol, hold_s=100.0):
         goal = RunTrial.Goal(protocol=protocol, contact='flexion', hold_s=hold_s)
-        return send(self.client, lambda: self.action.send_goal_async(goal)).result(DEADLINE_S)
+        sent = self.action.send(goal)
+        assert sent.taken.result(DEADLINE_S)
+        return sent
 
-    def end(self, handle):
-        return send(self.client, handle.get_result_async).result(DEADLINE_S).result
+    def end(self, goal):
+        return goal.end.result(DEADLINE_S).result
 
     def wait_for_phase(self, phase):
         wait_until(lambda: phase in self.phases)

@@ -17,6 +17,7 @@ from tactile_bringup.nodes.operator_node import OperatorNode
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_lab.watch.node import CANCEL, place_of, RELEASES, RESETS, TARE, WatchNode
 from tactile_ros.errors import TactileError
+from tactile_ros.goal_client import call_until_answered
 from tactile_ros.goals import send
 from tactile_ros.node_group import NodeGroup
 
@@ -143,13 +144,19 @@ class WatchControls:
         """Return a service's answer; None where there is no server, and none is missed."""
         if not self._node.must_confirm(path) and not await _is_there(client, FIND_TIMEOUT_S):
             return None
-        return await self._call(client, path)
+        return await self._call(client, path, repeats=True)
 
-    async def _call(self, client: Any, path: str) -> Any:
+    async def _call(self, client: Any, path: str, repeats: bool = False) -> Any:
+        """Call a service; with ``repeats`` again while no answer comes."""
+
         async def call() -> Any:
             await _is_there(client, ANSWER_TIMEOUT_S)
             request = client.srv_type.Request()
-            return await asyncio.wrap_future(send(self._node, lambda: client.call_async(request)))
+            if repeats:
+                answer = call_until_answered(self._node, client, request, ANSWER_TIMEOUT_S)
+            else:
+                answer = send(self._node, lambda: client.call_async(request))
+            return await asyncio.wrap_future(answer)
 
         try:
             return await asyncio.wait_for(call(), ANSWER_TIMEOUT_S)

@@ -11,6 +11,7 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
 
 from tactile_msgs.action import MoveGuide
+from tactile_ros.clock_watch import boot_time_s, ClockWatch
 from tactile_ros.goals import GoalAborted, GoalRunner, send
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import NodeGroup
@@ -24,6 +25,8 @@ class Server(TactileNode):
     def __init__(self, work, **options):
         super().__init__('server', NoConfig, **options)
         self.refusal = ''
+        self.slept_s = 0.0
+        watch = ClockWatch(read_s=lambda: boot_time_s() + self.slept_s)
         self.runner = GoalRunner(
             self,
             MoveGuide,
@@ -31,6 +34,7 @@ class Server(TactileNode):
             work,
             accepting=lambda: self.refusal,
             preempts=lambda request: request.position_m == 0.0,
+            watch=watch,
         )
 
     def tear_down(self):
@@ -211,3 +215,51 @@ def test_clean_up_waits_for_the_goal_to_end(held_rig):
     wait_until(lambda: not server.runner.is_busy)
     assert server.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
     assert server.goal_runners == []
+
+
+def test_a_goal_ends_when_the_computer_was_suspended(rig):
+    def work(goal):
+        assert goal.wait(DEADLINE_S)
+        goal.check()
+
+    server, client = rig(work)
+    handle = client.send()
+    wait_until(lambda: server.runner.is_busy)
+    server.slept_s = 30.0
+    status, result = client.result(handle)
+    assert status == GoalStatus.STATUS_ABORTED
+    assert 'This process stood still for 30.' in result.message
+    assert 'send the goal again' in result.message
+
+
+def test_a_goal_that_may_have_waited_for_long_is_not_begun(rig):
+    begun = []
+
+    def work(goal):
+        begun.append(goal.request.position_m)
+        return MoveGuide.Result(message='there')
+
+    server, client = rig(work)
+    server.slept_s = 30.0
+    status, result = client.result(client.send())
+    assert (status, begun) == (GoalStatus.STATUS_ABORTED, [])
+    assert 'This process stood still for 30.' in result.message
+    assert client.result(client.send(0.0))[1].message == 'there'  # it may always be begun
+    wait_until(lambda: client.result(client.send())[1].message == 'there')
+    assert client.result(client.send())[1].message == 'there'
+
+
+def test_a_goal_that_preempts_goes_on_after_a_suspend(rig):
+    release = threading.Event()
+
+    def work(goal):
+        assert release.wait(DEADLINE_S)
+        goal.check()
+        return MoveGuide.Result(message='slack')
+
+    server, client = rig(work)
+    handle = client.send(0.0)
+    wait_until(lambda: server.runner.is_busy)
+    server.slept_s = 30.0
+    release.set()
+    assert client.result(handle)[1].message == 'slack'
