@@ -281,13 +281,15 @@ class Tendon(RuleBasedStateMachine):
 
     def begin(self, pull, speed_m_s=SPEED_M_S):
         self.pull, self.speed_m_s = pull, speed_m_s
+        is_latched = self.latch.find_loss(self.now_ns) is not None
         try:
             self.client._begin(pull, speed_m_s)
             self.goal_m = self.client._goal_m
             self.lost_since_ns = None  # a fresh pull begins the holding time anew
         except MotionRefusedError:
             self.pull = None
-            place_m = 0.0 if self.is_stopped else max(0.0, self.at_m)
+            # While the latch is set, or its emergency stop was not heard, only slack is granted.
+            place_m = 0.0 if is_latched else max(0.0, self.at_m)
             lets_out = not pull.is_homing and pull.displacement_m <= place_m
             assert not (lets_out and self.can_be_reached), 'letting out was refused'
         except LinearGuideDriverError as error:
