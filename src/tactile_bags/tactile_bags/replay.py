@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A recording run again through the plain core, and compared with what was recorded, bit for bit.
+"""A recording run again through the plain core, and compared with what was recorded.
 
 `replay_through_core` calls the objects that the nodes call, without a ROS graph;
 `tactile_bringup.nodes.replay_nodes` does the same through real nodes.
@@ -10,7 +10,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+import math
 from typing import Any
 
 import numpy as np
@@ -197,6 +198,9 @@ def recorded_recalibration(recorded: TactileResults) -> int:
     return max((answer.recalibration_trials for answer in recorded.classifications), default=0)
 
 
+ROUNDING = 1e-9
+"""Largest share of itself by which a recorded number may differ from the one that is computed."""
+
 TAIL_S = 1.0
 """Time before the end of a recording within which a completed result may be missing [s]."""
 
@@ -205,17 +209,19 @@ Result = FeatureWindow | ClassificationResult
 
 @dataclass(frozen=True)
 class Comparison:
-    """Result of a bit-for-bit comparison of two passes over a recording.
+    """Result of a comparison of two passes over a recording.
 
     ``first_difference`` is one sentence, empty when the passes are equal; ``left_out`` says what
     was not compared, because it began before the recording, or lies at its interrupted end in
-    one pass only.
+    one pass only. ``is_exact`` is true when equal passes are equal bit for bit. A recording of
+    another computer may differ by rounding, because NumPy's sums depend on the processor.
     """
 
     first_difference: str
     window_count: int
     classification_count: int
     left_out: str = ''
+    is_exact: bool = True
 
     @property
     def is_equal(self) -> bool:
@@ -227,16 +233,17 @@ def compare_with_recorded(
 ) -> Comparison:
     """Compare what was recorded with what the core makes of the recorded samples and events.
 
-    At its end, a recording that is interrupted can lack what became complete just then, or the
-    last samples of what was recorded. This tail is left out: it lies within `TAIL_S` of the end,
-    and nothing of its kind comes after it. What lacks before it is a difference. Also left out is
-    a phase that had begun when the recording did: its first samples are not there.
+    Numbers may differ by `ROUNDING` of themselves. At its end, a recording that is interrupted can
+    lack what became complete just then, or the last samples of what was recorded. This tail is
+    left out: it lies within `TAIL_S` of the end, and nothing of its kind comes after it. What lacks
+    before it is a difference. Also left out is a phase that had begun when the recording did: its
+    first samples are not there.
 
     ``end_ns`` is the arrival of the last message of the recording, ``begin_ns`` the time of its
     first sample [ns].
     """
     names = 'the recording', 'the core'
-    whole = compare(recorded, core, names)
+    whole = compare(recorded, core, names, rounding=ROUNDING)
     if whole.is_equal:
         return whole
     begun = {
@@ -250,7 +257,8 @@ def compare_with_recorded(
     )
     from_ns = end_ns - round(TAIL_S * 1e9)
     late = _tail(other, one, from_ns), _tail(one, other, from_ns)
-    comparison = compare(_without(one, late[1]), _without(other, late[0]), names)
+    kept = _without(one, late[1]), _without(other, late[0])
+    comparison = compare(*kept, names, rounding=ROUNDING)
     if not comparison.is_equal:
         return whole
     return replace(comparison, left_out=_format_left_out([*begun.values()], *late))
@@ -319,22 +327,38 @@ def _count(results: Sequence[Result]) -> str:
     return f'{what} of trial {trials}'
 
 
-def compare(one: TactileResults, other: TactileResults, names: tuple[str, str]) -> Comparison:
-    """Compare two passes, which have these names: every feature, label, score and stamp."""
-    difference = _first_difference('feature windows', one.windows, other.windows, names)
-    difference = difference or _first_difference(
-        'classifications', one.classifications, other.classifications, names
+def compare(
+    one: TactileResults, other: TactileResults, names: tuple[str, str], *, rounding: float = 0.0
+) -> Comparison:
+    """Compare two passes, which have these names: every feature, label, score and stamp.
+
+    Numbers may differ by the share ``rounding`` of themselves, those of an array by that share of
+    the largest one.
+    """
+    kinds: tuple[tuple[str, Sequence[Any], Sequence[Any]], ...] = (
+        ('feature windows', one.windows, other.windows),
+        ('classifications', one.classifications, other.classifications),
     )
-    return Comparison(difference, len(one.windows), len(one.classifications))
+
+    def find_difference(share: float) -> str:
+        found = (_first_difference(what, a, b, names, share) for what, a, b in kinds)
+        return next(filter(None, found), '')
+
+    difference = find_difference(0.0)
+    is_exact = not difference
+    if difference and rounding:
+        difference = find_difference(rounding)
+    counts = len(one.windows), len(one.classifications)
+    return Comparison(difference, *counts, is_exact=is_exact)
 
 
 def _first_difference(
-    what: str, one: Sequence[Any], other: Sequence[Any], names: tuple[str, str]
+    what: str, one: Sequence[Any], other: Sequence[Any], names: tuple[str, str], rounding: float
 ) -> str:
     for left, right in zip(one, other, strict=False):
         for item in fields(left):
             a, b = getattr(left, item.name), getattr(right, item.name)
-            if not _same(a, b):
+            if not _same(a, b, rounding):
                 return (
                     f'{what} of trial {left.trial_id or "(none)"}: {item.name} is '
                     f'{_short(a)} in {names[0]} and {_short(b)} in {names[1]}'
@@ -344,10 +368,22 @@ def _first_difference(
     return ''
 
 
-def _same(a: Any, b: Any) -> bool:
+def _same(a: Any, b: Any, rounding: float) -> bool:
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
         a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
-        return bool(a.shape == b.shape and a.tobytes() == b.tobytes())
+        if a.shape != b.shape:
+            return False
+        if not rounding:
+            return bool(a.tobytes() == b.tobytes())
+        largest = float(np.max(np.abs(a), initial=0.0, where=np.isfinite(a)))
+        return bool(np.allclose(a, b, rtol=0.0, atol=rounding * largest, equal_nan=True))
+    if rounding and is_dataclass(a) and type(a) is type(b):
+        pairs = [(getattr(a, item.name), getattr(b, item.name)) for item in fields(a)]
+        return all(_same(x, y, rounding) for x, y in pairs)
+    if rounding and isinstance(a, tuple) and isinstance(b, tuple) and len(a) == len(b):
+        return all(_same(x, y, rounding) for x, y in zip(a, b, strict=True))
+    if rounding and isinstance(a, float) and isinstance(b, float):
+        return math.isclose(a, b, rel_tol=rounding) or (math.isnan(a) and math.isnan(b))
     # The texts tell -0.0 from 0.0, and no other two numbers that are equal.
     return bool(a == b) and repr(a) == repr(b)
 

@@ -12,7 +12,13 @@ from rclpy.serialization import serialize_message
 from tactile_bags import BagWriter, EVENT_TOPIC, FEATURES_TOPIC, STRAIN_TOPIC, TactileBag
 from tactile_bags.recorded_setup import recorded_features
 from tactile_bags.recorded_topics import JOINT_STATE, RecordedTopic
-from tactile_bags.replay import compare, recorded_results, replay_through_core
+from tactile_bags.replay import (
+    compare,
+    recorded_results,
+    replay_through_core,
+    ROUNDING,
+    TactileResults,
+)
 from tactile_features import FeatureConfig, Outcome, TrialEvent, TrialFeatureExtractor
 from tactile_features.conversions import (
     event_to_msg,
@@ -108,3 +114,21 @@ def test_a_replay_gives_up_what_the_node_gave_up(tmp_path, inputs, end_s, count)
     if count:
         assert recorded.windows[0].outcome == Outcome.GAP
         assert 'no samples came within 5 s' in recorded.windows[0].reason
+
+
+@pytest.mark.parametrize(
+    ('other', 'is_equal'),
+    [([1.0 + 2e-16, 3e-17], True), ([1.0 + 1e-6, 3e-17], False), ([1.0, 1e-6], False)],
+)
+def test_rounding_of_another_processor_is_no_difference_but_not_exact(tmp_path, other, is_equal):
+    write_bag(tmp_path / 'bag', [*DIED, *HOLD], GIVEN_UP_S, 60.0)
+    with TactileBag(tmp_path / 'bag') as bag:
+        (window,) = replay_through_core(bag, None, recorded_features(bag)).windows
+    one, two = (
+        TactileResults([dataclasses.replace(window, values=np.array(values))])
+        for values in ([1.0, 1e-17], other)
+    )
+    assert not compare(one, two, NAMES).is_equal
+    found = compare(one, two, NAMES, rounding=ROUNDING)
+    assert (found.is_equal, found.is_exact) == (is_equal, False)
+    assert compare(one, one, NAMES, rounding=ROUNDING).is_exact

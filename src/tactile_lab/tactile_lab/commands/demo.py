@@ -240,7 +240,7 @@ def print_summary(
 ) -> None:
     """Print the end of the demo."""
     right = sum(trial.is_right for trial in live)
-    equal = all(report.is_equal for report in reports)
+    equal = all(c.is_exact for report in reports for c in report.comparisons.values())
     agreement = 'agree bit for bit' if equal else 'DO NOT agree'
     output.say(
         f'\n[bold]{right} of {len(live)} live trials named correctly (SIMULATED rig); '

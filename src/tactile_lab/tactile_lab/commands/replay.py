@@ -151,7 +151,8 @@ def print_report(report: ReplayReport, output: Output) -> None:
     finger = f'{report.namespace}: ' if report.namespace else ''
     times = f', {report.replay_count} times' if report.replay_count > 1 else ''
     for name, comparison in report.comparisons.items():
-        verdict = comparison.first_difference or f'equal, bit for bit{times}'
+        equal = 'equal, bit for bit' if comparison.is_exact else 'equal, apart from rounding'
+        verdict = comparison.first_difference or f'{equal}{times}'
         output.say(
             f'{finger}{name}: {verdict} ({comparison.window_count} feature windows, '
             f'{comparison.classification_count} classifications)'
