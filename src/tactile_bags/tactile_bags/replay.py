@@ -235,9 +235,9 @@ def compare_with_recorded(
 
     Numbers may differ by `ROUNDING` of themselves. At its end, a recording that is interrupted can
     lack what became complete just then, or the last samples of what was recorded. This tail is
-    left out: it lies within `TAIL_S` of the end, and nothing of its kind comes after it. What lacks
-    before it is a difference. Also left out is a phase that had begun when the recording did: its
-    first samples are not there.
+    left out: it lies within `TAIL_S` of the end, and nothing of its kind comes after it. A result
+    that is missing before it is a difference. Also left out is a phase that had begun when the
+    recording did: its first samples are not there.
 
     ``end_ns`` is the arrival of the last message of the recording, ``begin_ns`` the time of its
     first sample [ns].
