@@ -22,7 +22,8 @@ def on_cluster(address: str) -> Iterator[None]:
 
     ``address``: of the scheduler, such as ``tcp://192.168.1.10:8786``.
 
-    Raises `TactileError` when Dask is not installed, or no scheduler with workers answers.
+    Raises `TactileError` when Dask is not installed, joblib is too old, or no scheduler with
+    workers answers.
     """
     if not address:
         yield
@@ -33,8 +34,14 @@ def on_cluster(address: str) -> Iterator[None]:
         raise TactileError(
             '--cluster needs Dask: pip install "dask[distributed]", here and on the workers'
         ) from error
-    from joblib import parallel_config
+    from joblib import __version__, parallel_config
 
+    # The Dask backend of older ones hands out no results before the last one is there.
+    if tuple(map(int, __version__.split('.')[:2])) < (1, 4):
+        raise TactileError(
+            f'--cluster needs joblib 1.4 or later, and this is {__version__}: '
+            'pip install "joblib>=1.4", here and on the workers'
+        )
     try:
         client = Client(address, timeout=TIMEOUT_S)
     except (OSError, ValueError) as error:

@@ -11,6 +11,7 @@ from tactile_command import ask_tactile, hear_tactile
 distributed = pytest.importorskip(
     'distributed', reason='Dask is an extra: tendon-tactile[cluster]'
 )
+pytest.importorskip('joblib', '1.4', reason='--cluster needs joblib 1.4 or later')
 
 
 @pytest.fixture(scope='module')
