@@ -6,14 +6,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.measuring import Report, Row
 from benchmarks.sessions.sessions import Array, count_seeds, describe, simulate_windows, TRAIN
 from benchmarks.simulator.trials import CONTACTS
 from tactile_classifier.confidence.calibration import fit_novelty, make_group_folds
 from tactile_classifier.confidence.novelty import NoveltyMeasure
-from tactile_classifier.confidence.recalibration import fit_session_statistics, TRIALS
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.estimators.classifiers import (
     build_estimator,
@@ -35,19 +33,13 @@ CASES = (
 
 
 def run_thresholds(quick: bool) -> Report:
-    """Judge the threshold of the model file, and that of a recalibrated model."""
+    """Judge the threshold of the model file."""
     seeds, tests = count_seeds(quick)
     rows = []
     for protocol, features in CASES:
         for contact in CONTACTS:
-            found: dict[str, list[Array]] = {}
-            for seed in seeds:
-                for name, sessions in _judge(protocol, features, contact, seed, tests).items():
-                    found.setdefault(name, []).append(sessions)
-            rows += [
-                Row(f'{features}, {contact}: {name}', more=_summarise(runs))
-                for name, runs in found.items()
-            ]
+            runs = [_judge(protocol, features, contact, seed, tests) for seed in seeds]
+            rows.append(Row(f'{features}, {contact}', more=_summarise(runs)))
     return Report(
         f'thresholds for unknown objects: {describe(seeds, tests)}',
         '',
@@ -58,19 +50,17 @@ def run_thresholds(quick: bool) -> Report:
     )
 
 
-def _judge(protocol: str, features: str, contact: str, seed: int, tests: int) -> dict[str, Array]:
-    """Return false rejections, misses and accuracy of each test session, by the threshold."""
+def _judge(protocol: str, features: str, contact: str, seed: int, tests: int) -> Array:
+    """Return false rejection, misses and accuracy of each test session [%]."""
     windows, labels, sessions, rate_hz = simulate_windows(protocol, contact, seed, tests)
     config = FeatureConfig(**{f'{protocol}_features': features})
     values, spec = features_from_trials(protocol, windows, rate_hz, config=config)
     table = FeatureTable(values, labels, spec, {'session_id': sessions})
     train, test = table.take(sessions < TRAIN), table.take(sessions >= TRAIN)
     folds, scaling = make_group_folds(train), DEFAULT_SCALING[table.task]
-    measure, _, by_session = fit_novelty(train, folds, RATE)
-    statistics = fit_session_statistics(train, folds, measure.metric, RATE)
-    assert statistics is not None
+    measure, _, threshold = fit_novelty(train, folds, RATE)
     estimator = build_estimator('knn', scaling).fit(train.values, train.labels)
-    classes, label = np.unique(test.labels, return_inverse=True)
+    classes = np.unique(test.labels)
     others = {str(one): train.labels != one for one in classes}
     without = {
         one: NoveltyMeasure.fit(
@@ -78,39 +68,28 @@ def _judge(protocol: str, features: str, contact: str, seed: int, tests: int) ->
         )
         for one, kept in others.items()
     }
-    rows: dict[str, list[list[float]]] = {}
-    generator = np.random.default_rng(seed)
+    rows = []
     for each in np.unique(test.column('session_id')):
-        (trials,) = np.nonzero(test.column('session_id') == each)
-        known, rest = np.split(generator.permutation(trials), [TRIALS])
-        offset, threshold, _ = statistics.recalibrate(
-            test.values[known], label[known], measure.compute
-        )
-        for name, limit, shift in (
-            ('sessions', by_session, 0.0 * offset),
-            (f'{TRIALS} known trials', threshold, offset),
-        ):
-            moved = test.values[rest] - shift
-            named = classes[compute_raw_scores(estimator, moved).argmax(axis=1)]
-            # Only labels that the known trials do not show can be unknown.
-            missed: list[NDArray[np.bool_]] = [
-                without[one].compute(moved[test.labels[rest] == one]) <= limit
-                for one in np.setdiff1d(test.labels[rest], test.labels[known])
+        trials = test.take(test.column('session_id') == each)
+        named = classes[compute_raw_scores(estimator, trials.values).argmax(axis=1)]
+        missed = [
+            without[one].compute(trials.values[trials.labels == one]) <= threshold
+            for one in np.unique(trials.labels)
+        ]
+        rows.append(
+            [
+                np.mean(measure.compute(trials.values) > threshold),
+                np.mean(np.concatenate(missed)),
+                np.mean(named == trials.labels),
             ]
-            rows.setdefault(name, []).append(
-                [
-                    float((measure.compute(moved) > limit).mean()),
-                    float(np.mean(np.concatenate(missed))) if missed else np.nan,
-                    float((named == test.labels[rest]).mean()),
-                ]
-            )
-    return {name: 100.0 * np.array(found) for name, found in rows.items()}
+        )
+    return 100.0 * np.array(rows)
 
 
 def _summarise(runs: list[Array]) -> dict[str, str]:
     seeds = np.array([run[:, 0].mean() for run in runs])
     sessions = np.concatenate([run[:, 0] for run in runs])
-    missed, accuracy = np.nanmean(np.concatenate(runs)[:, 1:], axis=0)
+    missed, accuracy = np.concatenate(runs)[:, 1:].mean(axis=0)
     return {
         'false rejection': f'{seeds.mean():.1f} ± {seeds.std():.1f} '
         f'({seeds.min():.1f}, {seeds.max():.1f})',

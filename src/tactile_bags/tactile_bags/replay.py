@@ -177,10 +177,7 @@ def replay_through_core(
     features: RecordedFeatures,
     namespace: str = '',
 ) -> TactileResults:
-    """Return features and classifications of a finger's recording, without any node.
-
-    ``models`` that the recording is to recalibrate must not have been used before.
-    """
+    """Return features and classifications of a finger's recording, without any node."""
     replayed = replay_phases(bag, features, namespace)
     results = TactileResults(replayed.windows, made_at_ns=replayed.made_at_ns)
     if models is not None:
@@ -191,11 +188,6 @@ def replay_through_core(
             at_ns = results.made_at_ns[id(window)]
             results.made_at_ns |= {id(answer): at_ns for answer in answers}
     return results.sort()
-
-
-def recorded_recalibration(recorded: TactileResults) -> int:
-    """Return the known trials that the models waited for, by their answers; 0: none."""
-    return max((answer.recalibration_trials for answer in recorded.classifications), default=0)
 
 
 ROUNDING = 1e-9

@@ -70,12 +70,6 @@ ARGUMENTS = [
         'params_file, or no classifier',
     ),
     DeclareLaunchArgument(
-        'recalibrate',
-        default_value='0',
-        description='known trials (trial events with session_id and object_label) at the start '
-        'of each session that correct the models for it; 0: none, otherwise 5 or more',
-    ),
-    DeclareLaunchArgument(
         'phases',
         default_value='',
         choices=['', 'stated', 'texture', 'stiffness'],
@@ -126,7 +120,6 @@ def launch_setup(context):
             stated,
             '' if phases == 'stated' else phases,
             contact,
-            arguments['recalibrate'],
         )
         of_models = models.parameters if models else {}
         found = {} if phases == 'stated' else {'phases': phases, 'detected_contact': contact}
@@ -173,7 +166,7 @@ def launch_setup(context):
                     package='tactile_classifier',
                     executable='tactile_classifier_node',
                     name='tactile_classifier',
-                    parameters=[file, of_models, models.recalibration, common],
+                    parameters=[file, of_models, common],
                     **process,
                 )
             )

@@ -76,7 +76,7 @@ def launch_setup(context):
                         executable='tactile_classifier_node',
                         name='tactile_classifier',
                         namespace=namespace,
-                        parameters=[file, of_models, models.recalibration, common],
+                        parameters=[file, of_models, common],
                         **process,
                     )
                 )

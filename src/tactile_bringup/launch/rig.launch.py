@@ -83,12 +83,6 @@ ARGUMENTS = [
         'classifier',
     ),
     DeclareLaunchArgument(
-        'recalibrate',
-        default_value='0',
-        description='known trials (trial events with session_id and object_label) at the start '
-        'of each session that correct the models for it; 0: none, otherwise 5 or more',
-    ),
-    DeclareLaunchArgument(
         'object',
         default_value='',
         description='the plate or object under the finger of the simulated rig; empty: R1 for '
@@ -139,9 +133,7 @@ def launch_setup(context):
         name: file.of(name, namespace)
         for name in ('tendon_sensor', 'tactile_features', 'tactile_classifier')
     }
-    models = ModelChoice.of_finger(
-        arguments['models'], stated, protocol, contact, arguments['recalibrate']
-    )
+    models = ModelChoice.of_finger(arguments['models'], stated, protocol, contact)
     of_models = models.parameters if models else {}
 
     # -- the nodes -----------------------------------------------------------------------------
@@ -206,7 +198,7 @@ def launch_setup(context):
                 package='tactile_classifier',
                 executable='tactile_classifier_node',
                 name='tactile_classifier',
-                parameters=[CONFIG, file, of_models, models.recalibration, common],
+                parameters=[CONFIG, file, of_models, common],
                 **process,
             )
         )

@@ -72,8 +72,6 @@ class ClassificationResult:
         An answer on the first part of a window, and whether the stopping rule holds.
     error_rate : float
         Share of wrong answers that the stopping rule allows [1]; negative: no rule.
-    recalibration_trials : int
-        Known trials of the session that the model was recalibrated with [1]; 0: none.
     window_start_ns, window_end_ns : int
         Times of the window's first and last sample (ROS time) [ns].
     """
@@ -98,7 +96,6 @@ class ClassificationResult:
     partial: bool = False
     decided: bool = True
     error_rate: float = -1.0
-    recalibration_trials: int = 0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -112,7 +109,6 @@ class ModelInfo:
     contact: str
     labels: tuple[str, ...]
     specification_digest: str
-    recalibration_trials: int
     simulated: bool
     contact_filter: str = ''
 
@@ -138,13 +134,6 @@ class ClassifierConfig:
         '',
         'take models and classify windows of this contact only; empty: of any',
         choices=('', *CONTACTS),
-    )
-    recalibration_trials: int = parameter(
-        0,
-        'number of trials at the start of each session to recalibrate with, whose object_label '
-        'is stated and known to the model; 0: do not, otherwise 5 or more',
-        unit='1',
-        range=(0, 1000),
     )
     vision_messages: bool = parameter(
         False,

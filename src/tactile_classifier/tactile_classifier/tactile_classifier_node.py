@@ -46,7 +46,7 @@ class ClassifierStage(Stage):
     def __init__(self, node: TactileClassifierNode, config: ClassifierConfig) -> None:
         self._node = node
         vision = vision_class() if config.vision_messages else None
-        models = ModelSet.load(config.models, config.contact, config.recalibration_trials)
+        models = ModelSet.load(config.models, config.contact)
         self.answering = Answering(models)
         self._log_models(models)
         self._publishers = [self._make_publisher('~/classification')]
@@ -144,9 +144,7 @@ class TactileClassifierNode(StageNode):
     first decided one of each trial goes to the log. With the parameter ``vision_messages``
     answers go to ``~/vision_classification``, too. The models are latched on ``~/models``.
 
-    Configuring loads the models. A file that cannot be used is named, and the others run. With
-    the parameter ``recalibration_trials`` the first known trials of each session correct the
-    answers, not the files.
+    Configuring loads the models. A file that cannot be used is named, and the others run.
     """
 
     poll_s = 0.02  # windows come a few times a trial

@@ -125,8 +125,6 @@ class FeatureWindow:
         `FeatureSpec.digest` of the specification that made the values; empty: not known.
     stamp_error_s : float
         Largest bound on the error of its samples' stamps [s]; negative: not known.
-    session_id, object_label : str
-        As the trial states them; empty: not known.
     """
 
     feature_set: str
@@ -150,8 +148,6 @@ class FeatureWindow:
     measures: tuple[Measure, ...] = ()
     specification_digest: str = ''
     stamp_error_s: float = -1.0
-    session_id: str = ''
-    object_label: str = ''
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, FeatureWindow):

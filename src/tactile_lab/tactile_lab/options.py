@@ -328,14 +328,3 @@ DescriptionOption = Annotated[
 JobsOption = Annotated[
     int, typer.Option(help='How many processes simulate; -1: one for each core.')
 ]
-RecalibrateOption = Annotated[
-    int,
-    typer.Option(
-        '--recalibrate',
-        metavar='TRIALS',
-        min=0,
-        max=1000,
-        help='Number of trials that name their object, at the start of each session, that correct '
-        'the models: 5 or more. 0: none.',
-    ),
-]

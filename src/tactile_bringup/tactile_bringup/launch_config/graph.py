@@ -90,21 +90,11 @@ class ModelChoice:
 
     path: Path  # folder of model files, or one file
     contact: str = ''  # models of another contact are passed over; empty: none is
-    recalibration_trials: int = 0  # known trials of a session that correct them; 0: none
     rate_hz: float = 0.0  # sample rate that they were trained at [Hz]; 0: they differ
 
     @classmethod
-    def read(
-        cls, path: Path | None, task: str = '', contact: str = '', recalibrate: str | int = 0
-    ) -> ModelChoice | None:
+    def read(cls, path: Path | None, task: str = '', contact: str = '') -> ModelChoice | None:
         """Return the models for a task and a contact (empty: for any); None without a path."""
-        from tactile_classifier.confidence.recalibration import TRIALS
-
-        text = str(recalibrate)
-        if not text.isdecimal() or 0 < int(text) < TRIALS:
-            raise TactileError(
-                f'recalibrate is "{text}"; it must be a number of trials: {TRIALS} or more, or 0'
-            )
         if path is None:
             return None
         from tactile_features import read_contracts  # slow to import
@@ -118,16 +108,11 @@ class ModelChoice:
                 f'{path} has no model for {task} {contact}'.rstrip() + f', only for {only}'
             )
         rate_hz = shared_rate_hz(each.wanted.spec for each in contracts)
-        return cls(path.resolve(), contact, int(text), rate_hz)
+        return cls(path.resolve(), contact, rate_hz)
 
     @classmethod
     def of_finger(
-        cls,
-        given: str,
-        stated: NodeParameters,
-        task: str = '',
-        contact: str = '',
-        recalibrate: str | int = 0,
+        cls, given: str, stated: NodeParameters, task: str = '', contact: str = ''
     ) -> ModelChoice | None:
         """Return the models of a finger: those at a path, or those that a parameter file states.
 
@@ -140,9 +125,6 @@ class ModelChoice:
             Path(place).expanduser() if place else None,
             task,
             contact or of_classifier.get('contact', '') or of_features.get('contact', ''),
-            of_classifier.get('recalibration_trials', 0)
-            if recalibrate in (0, '0')
-            else recalibrate,
         )
 
     @classmethod
@@ -161,7 +143,6 @@ class ModelChoice:
         return cls.read(
             gather_models(find_models(bag, namespace), scratch),
             contact=infos[0].contact_filter if infos else '',
-            recalibrate=max((info.recalibration_trials for info in infos), default=0),
         )
 
     @property
@@ -169,12 +150,6 @@ class ModelChoice:
         """Parameters of the nodes that read the models."""
         contact = {'contact': self.contact} if self.contact else {}
         return {'models': str(self.path), **contact}
-
-    @property
-    def recalibration(self) -> dict[str, int]:
-        """Parameters of the classifier node alone."""
-        trials = self.recalibration_trials
-        return {'recalibration_trials': trials} if trials else {}
 
 
 def sensing_graph(
@@ -197,7 +172,7 @@ def sensing_graph(
     nodes = [] if of_sensor is None else [NodeDescription(SENSOR_NODE, of_sensor)]
     nodes.append(NodeDescription(FEATURES_NODE, told))
     if models:
-        nodes.append(NodeDescription(CLASSIFIER_NODE, {**told, **models.recalibration}))
+        nodes.append(NodeDescription(CLASSIFIER_NODE, told))
     return [_placed(node, parameters, namespace) for node in nodes]
 
 

@@ -100,7 +100,6 @@ def hand_graph(
     sensor_topic: str = '',
     simulate: Callable[[str], str] | None = None,
     models: str = '',
-    recalibrate: str | int = 0,
     phases: str = '',
     contact: str = '',
     slip: bool = False,
@@ -111,7 +110,7 @@ def hand_graph(
 
     A finger with an empty name is the only one, in the hand's own ``namespace``. See
     `sensor_parameters` for ``sensor_port`` (of a single finger) and ``sensor_topic``, and
-    `ModelChoice.of_finger` for ``models``, ``recalibrate`` and ``contact``.
+    `ModelChoice.of_finger` for ``models`` and ``contact``.
 
     Parameters
     ----------
@@ -138,7 +137,7 @@ def hand_graph(
         }
         found = phases or stated[FEATURES_NODE].get('phases', PHASES_STATED)
         choice = ModelChoice.of_finger(
-            models, stated, '' if found == PHASES_STATED else found, contact, recalibrate
+            models, stated, '' if found == PHASES_STATED else found, contact
         )
         port = sensor_port
         is_stated = {'port', 'sensor'} & stated[SENSOR_NODE].keys()

@@ -56,7 +56,6 @@ def replay_through_nodes(
     *,
     expected: TactileResults,
     namespace: str = '',
-    recalibration_trials: int = 0,
     contact: str = '',
 ) -> TactileResults:
     """Send a recording's strain and events to fresh nodes and collect what they publish.
@@ -74,7 +73,7 @@ def replay_through_nodes(
     player = Node('bag_player', context=context, namespace=namespace)
     try:
         executor.add_node(player)
-        choice = ModelChoice.read(models, contact=contact, recalibrate=recalibration_trials)
+        choice = ModelChoice.read(models, contact=contact)
         graph = sensing_graph(
             NO_PORT, choice, {FEATURES_NODE: asdict(config)}, namespace=namespace
         )

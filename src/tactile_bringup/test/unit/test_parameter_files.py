@@ -53,7 +53,7 @@ thumb:
     [
         ('tendon_senser: {ros__parameters: {rate_hz: 60.0}}', 'did you mean tendon_sensor?'),
         (
-            '/**/stiffness_classifier: {ros__parameters: {recalibration_trials: 5}}',
+            '/**/stiffness_classifier: {ros__parameters: {contact: flexion}}',
             'is now called tactile_classifier',
         ),
         ('tendon_sensor: {ros__parameters: {prot: x}}', 'does not have; did you mean port?'),

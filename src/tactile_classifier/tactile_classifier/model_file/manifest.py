@@ -31,9 +31,8 @@ from tactile_features.model_contract import (
 from tactile_features.spec import FeatureSpec
 from tactile_ros.errors import plain_text
 
-STATISTICS, RECALIBRATED = 'session_statistics', 'recalibrated'
 KNOWN_NOVELTY = 'held_out_novelty'
-"""Entries of a manifest's ``calibration``."""
+"""Entry of a manifest's ``calibration``."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,8 +106,7 @@ class Manifest:
         ``split``, ``groups``, ``trials`` and ``held_out``, the columns that make a group, of the
         held-out trials behind the thresholds and probabilities, and ``session_share``, the share
         of new groups in which the thresholds hold (negative: there were no groups), or ``reason``
-        why there are none. With sessions also ``session_statistics``, one entry a stage, for
-        `recalibrate`; and ``recalibrated``, what `recalibrate` took and found.
+        why there are none.
         ``held_out_novelty``: for each stage the novelties of held-out trials, by group.
         ``unlearned``: rejection of labels left out in turn (`UnlearnedLabels`).
     false_alarm_rate : float
@@ -285,11 +283,6 @@ def list_facts(manifest: Manifest) -> dict[str, str]:
             f'{stage.sample_count / spec.rate_hz:g} s {100 * stage.accuracy:.1f} %'
             for stage in partial
         )
-    if RECALIBRATED in calibration:
-        again = calibration[RECALIBRATED]
-        facts['recalibrated'] = (
-            f'for one session, with {again["trials"]} known trials; from model {again["model_id"]}'
-        )
     facts['made with'] = ', '.join(f'{name} {v}' for name, v in sorted(manifest.versions.items()))
     return facts
 
@@ -321,7 +314,7 @@ def format_scores(manifest: Manifest) -> str:
 
 def list_limits(manifest: Manifest) -> list[str]:
     """Return what the model was not tested on, in sentences."""
-    training, calibration = manifest.training, manifest.calibration
+    training = manifest.training
     limits = []
     if manifest.simulated:
         limits.append('SIMULATED trials say nothing of a real finger.')
@@ -347,8 +340,6 @@ def list_limits(manifest: Manifest) -> list[str]:
         limits.append('It never answers "unknown": every object is given a name.')
     if manifest.score_kind != PROBABILITY:
         limits.append('Its scores are no probabilities.')
-    if RECALIBRATED in calibration:
-        limits.append('It is recalibrated for one session. Take the original for another.')
     return limits
 
 
@@ -366,13 +357,9 @@ def _format_sessions(manifest: Manifest) -> str:
     things = format_groups(calibration)
     share, groups = calibration.get('session_share', -1.0), calibration.get('groups', 0)
     if isinstance(share, float) and share > 0.0:
-        holds = (
-            'was shifted by the known trials of one session'
-            if RECALIBRATED in calibration
-            else f'holds in {100 * share:.0f} % of new {things} like these'
-        )
         return (
-            f'{groups} {things} were held out in turn. The threshold for unknown objects {holds}.'
+            f'{groups} {things} were held out in turn. The threshold for unknown objects holds in '
+            f'{100 * share:.0f} % of new {things} like these.'
         )
     if 'reason' in calibration:
         return f'No session was held out: {calibration["reason"]}. A new session may do worse.'

@@ -16,15 +16,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tactile_classifier.confidence.recalibration import Correction, SessionStatistics
 from tactile_classifier.errors import DatasetError, ModelFileError, refuse_damage
-from tactile_classifier.model_file.manifest import (
-    KNOWN_NOVELTY,
-    Manifest,
-    RECALIBRATED,
-    Stage,
-    STATISTICS,
-)
+from tactile_classifier.model_file.manifest import KNOWN_NOVELTY, Manifest, Stage
 from tactile_classifier.model_file.onnx_session import open_session
 from tactile_classifier.model_file.samples import SampleWindow
 from tactile_classifier.records import (
@@ -184,7 +177,6 @@ class TactileModel:
         self.partial_samples = self.manifest.partial_samples
         self._announced: Mapping[str, FeatureSpec] = {}
         self._stages = {stage.sample_count: stage for stage in self.manifest.stages}
-        self._offsets = _read_offsets(self.manifest)
         self._known_novelty = _read_known_novelty(self.manifest)
         self._rows = max(1, min(ROWS_AT_ONCE, BYTES_AT_ONCE // len(data)))
         self._session = open_session(container.model)
@@ -250,8 +242,6 @@ class TactileModel:
                 f'(windows, {len(self.spec.names)}){remedy}'
             )
         rows = np.ascontiguousarray(rows)
-        if sample_count in self._offsets:
-            rows = rows - self._offsets[sample_count]
         if sample_count not in self._stages:
             raise KeyError(sample_count)
         if not len(rows):
@@ -302,7 +292,7 @@ class TactileModel:
         if found.reason:
             judged = _Judged(Outcome.NO_FEATURES, reason=found.reason)
         else:
-            judged = self._judge(found.values, self._stages[part], None)
+            judged = self._judge(found.values, self._stages[part])
         return self._answer_of(judged, part)
 
     @cached_property
@@ -335,22 +325,18 @@ class TactileModel:
         is_of_set = window.feature_set == self.spec.feature_set
         return is_of_set and contacts_agree(self.contact, window.contact)
 
-    def classify_window(
-        self, window: FeatureWindow, correction: Correction | None = None
-    ) -> ClassificationResult:
+    def classify_window(self, window: FeatureWindow) -> ClassificationResult:
         """Return the answer on one window of features, or why there is none.
 
         A window whose novelty is above the threshold is unknown. A partial window is decided when
-        it is known and its answer's probability reaches the stopping rule's. Without a correction
-        of the window's session, the model is used as its file is.
+        it is known and its answer's probability reaches the stopping rule's.
         """
         stage = self._stages[window.sample_count if window.partial else 0]
         reason = self._why_not(window)
         if reason:
             judged = _Judged(Outcome.NO_FEATURES, reason=reason)
         else:
-            judged = self._judge(window.values, stage, correction)
-        threshold = stage.novelty_threshold
+            judged = self._judge(window.values, stage)
         return ClassificationResult(
             task=self.manifest.task,
             trial_id=window.trial_id,
@@ -364,7 +350,7 @@ class TactileModel:
             scores=judged.scores,
             score_kind=self.manifest.score_kind,
             novelty=judged.novelty,
-            novelty_threshold=threshold if correction is None else correction.novelty_threshold,
+            novelty_threshold=stage.novelty_threshold,
             window_start_ns=window.window_start_ns,
             window_end_ns=window.window_end_ns,
             frame_id=window.frame_id,
@@ -372,16 +358,11 @@ class TactileModel:
             partial=window.partial,
             decided=judged.is_decided if window.partial else True,
             error_rate=self.manifest.stop_error_rate if window.partial else -1.0,
-            recalibration_trials=0 if correction is None else correction.trials,
         )
 
-    def _judge(
-        self, values: npt.NDArray[np.float64], stage: Stage, correction: Correction | None
-    ) -> _Judged:
+    def _judge(self, values: npt.NDArray[np.float64], stage: Stage) -> _Judged:
         """Return the answer on the features of one window, shape (k,)."""
         threshold = stage.novelty_threshold
-        if correction is not None:
-            values, threshold = values - correction.offset, correction.novelty_threshold
         try:
             found = self.compute(values[np.newaxis], stage.sample_count)
         except ModelFileError as error:
@@ -458,8 +439,7 @@ class TactileModel:
             if not has_novelty:
                 missing.append(f'no novelty, never unknown: {calibration.get("reason", "")}')
             elif p_value is None:
-                why = 'it is recalibrated for one session' if self._offsets else 'train it again'
-                missing.append(f'no p-value, the file states no held-out novelties: {why}')
+                missing.append('no p-value, the file states no held-out novelties: train it again')
         names = {Outcome.UNKNOWN: UNKNOWN, Outcome.NO_FEATURES: NO_ANSWER}
         return Answer(
             label=names.get(judged.outcome, judged.label),
@@ -515,50 +495,10 @@ class TactileModel:
                 raise ModelFileError('its graph gives answers that are none of its labels')
 
 
-def read_statistics(model: TactileModel) -> dict[int, SessionStatistics]:
-    """Return the statistics of sessions in a model's file, by samples of its stages.
-
-    Raises ModelFileError when it was recalibrated already, states none, or is damaged.
-    """
-    manifest = model.manifest
-    if RECALIBRATED in manifest.calibration:
-        raise ModelFileError(
-            f'model {model.model_id} is recalibrated: take the model that it came from, '
-            f'{manifest.calibration[RECALIBRATED].get("model_id")}'
-        )
-    if STATISTICS not in manifest.calibration:
-        raise ModelFileError(
-            f'model {model.model_id} states nothing of sessions: train it on two sessions or more'
-        )
-    entries = manifest.calibration[STATISTICS]
-    if not isinstance(entries, list) or len(entries) != len(manifest.stages):
-        raise ModelFileError('its statistics of sessions are not one entry a stage')
-    return {
-        stage.sample_count: SessionStatistics.from_dict(
-            entry, len(model.labels), len(manifest.spec.names)
-        )
-        for stage, entry in zip(manifest.stages, entries, strict=True)
-    }
-
-
-def _read_offsets(manifest: Manifest) -> dict[int, npt.NDArray[np.float64]]:
-    """Return what a recalibrated model takes off features, by samples; empty: nothing."""
-    entry = manifest.calibration.get(RECALIBRATED, {'offsets': []})
-    with refuse_damage('its recalibration is'):
-        offsets = [np.array(offset, dtype=np.float64) for offset in entry['offsets']]
-    shape = (len(manifest.spec.names),)
-    if any(offset.shape != shape or not np.isfinite(offset).all() for offset in offsets):
-        raise ModelFileError('its recalibration does not fit its features')
-    if offsets and len(offsets) != len(manifest.stages):
-        raise ModelFileError('its recalibration does not have one offset a stage')
-    counts = [stage.sample_count for stage in manifest.stages]
-    return dict(zip(counts, offsets, strict=False))
-
-
 def _read_known_novelty(manifest: Manifest) -> dict[int, _KnownNovelty] | None:
     """Return the novelties of held-out trials by samples; None: not stated."""
     entries = manifest.calibration.get(KNOWN_NOVELTY)
-    if entries is None or RECALIBRATED in manifest.calibration:
+    if entries is None:
         return None
     with refuse_damage('its novelties of held-out trials are'):
         found = {
@@ -586,10 +526,10 @@ def find_training_trials(
 ) -> npt.NDArray[np.bool_] | None:
     """Return which trials of features, shape (trials, k), the model was trained on.
 
-    None when its file does not tell: one without novelty, or recalibrated for a session. The
-    others measure novelty from their training trials, so these have none.
+    None when its file does not tell: one without novelty. The others measure novelty from their
+    training trials, so these have none.
     """
-    if RECALIBRATED in model.manifest.calibration or not len(values):
+    if not len(values):
         return None
     novelty = model.compute(values).novelty
     return novelty < SAME_TRIAL if len(novelty) else None

@@ -1,12 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writing what was trained, or what known trials of a session correct, as one ONNX file."""
+"""Writing what was trained as one ONNX file."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-import dataclasses
 import os
 from pathlib import Path
 import tempfile
@@ -14,10 +13,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from tactile_classifier.confidence.recalibration import Matrix
-from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.estimators.classifiers import on_one_thread
 from tactile_classifier.model_file.graphs import (
     add_answer,
     add_neighbours,
@@ -29,13 +25,11 @@ from tactile_classifier.model_file.graphs import (
     Graph,
     Shape,
 )
-from tactile_classifier.model_file.manifest import format_card, Manifest, RECALIBRATED
+from tactile_classifier.model_file.manifest import format_card
 from tactile_classifier.model_file.model import (
     ANSWER,
     INPUT,
-    load_model,
     NOVELTY,
-    read_statistics,
     SAMPLES,
     SCORES,
     TactileModel,
@@ -43,7 +37,7 @@ from tactile_classifier.model_file.model import (
 from tactile_classifier.records import NO_ANSWER, ROCKET, UNKNOWN
 from tactile_classifier.training.trainer import FittedStage, Trained
 from tactile_features.model_contract import MAX_MODEL_BYTES
-from tactile_features.onnx_container import pack_container, replace_manifest
+from tactile_features.onnx_container import pack_container
 
 if TYPE_CHECKING:
     from sklearn.pipeline import Pipeline
@@ -226,57 +220,3 @@ def replace_file(path: Path, data: bytes) -> None:
         if temporary is not None:
             Path(temporary).unlink(missing_ok=True)
         raise ModelFileError(f'cannot write model {path}: {error.strerror}') from error
-
-
-def write_recalibrated(
-    path: str | Path, source: str | Path, tables: Mapping[int, FeatureTable]
-) -> TactileModel:
-    """Write a model with offsets and thresholds for a session; return it as loaded.
-
-    The graph stays as it is. The manifest states the model that it came from, the ``source``, and
-    what the known trials were. Tables of these are by samples: 0, the full windows, and each of
-    the model's ``partial_samples``. Raises ModelFileError when the model cannot be recalibrated,
-    or the trials do not fit it, and TooFewTrialsError when there are too few.
-    """
-    model = load_model(source)
-    manifest = recalibrate(model, tables)
-    data = replace_manifest(Path(source).read_bytes(), manifest.to_dict(), format_card(manifest))
-    recalibrated = TactileModel(data, str(Path(path).absolute()))
-    replace_file(Path(path), data)
-    return recalibrated
-
-
-@on_one_thread
-def recalibrate(model: TactileModel, tables: Mapping[int, FeatureTable]) -> Manifest:
-    """Return the manifest of the recalibrated model. See `write_recalibrated`."""
-    manifest = model.manifest
-    statistics = read_statistics(model)
-    table = tables[0]
-    unknown = np.setdiff1d(table.labels, model.labels)
-    if len(unknown):
-        raise ModelFileError(f'model {model.model_id} does not know the label "{unknown[0]}"')
-    offsets, stages = [], []
-    for stage in manifest.stages:
-        known = tables[stage.sample_count]
-        model.check_fits(known.spec)
-
-        def compute_novelty(moved: Matrix, count: int = stage.sample_count) -> Matrix:
-            return model.compute(moved, count).novelty
-
-        label = np.searchsorted(model.labels, known.labels)
-        correction = statistics[stage.sample_count].recalibrate(
-            known.values, label, compute_novelty
-        )
-        offsets.append(correction.offset.tolist())
-        threshold = correction.novelty_threshold
-        stages.append(dataclasses.replace(stage, novelty_threshold=threshold))
-    stated: dict[str, Any] = {
-        'model_id': model.model_id,
-        'trials': len(table),
-        'sessions': sorted({str(name) for name in table.columns.get('session_id', [])}),
-        'labels': sorted({str(name) for name in table.labels}),
-        'sha256': table.compute_sha256(),
-        'offsets': offsets,
-    }
-    calibration = {**manifest.calibration, RECALIBRATED: stated}
-    return dataclasses.replace(manifest, stages=tuple(stages), calibration=calibration)

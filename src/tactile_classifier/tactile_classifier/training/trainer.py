@@ -26,7 +26,6 @@ from tactile_classifier.confidence.calibration import (
     make_group_folds,
 )
 from tactile_classifier.confidence.novelty import NoveltyMeasure, rank_of_sessions
-from tactile_classifier.confidence.recalibration import fit_session_statistics
 from tactile_classifier.datasets.dataset import FeatureTable, find_column
 from tactile_classifier.errors import DatasetError, TooFewTrialsError
 from tactile_classifier.estimators.classifiers import (
@@ -214,7 +213,6 @@ def _calibrate(
             tables[0].column(name)
     try:
         folds = make_group_folds(tables[0], columns)
-        sessions = make_group_folds(tables[0])
         stages = [
             calibrate_stage(table, classifier, scaling, folds, false_alarm_rate)
             for table in tables
@@ -232,12 +230,6 @@ def _calibrate(
     unlearned = leave_labels_out(tables[0], folds, stages[0].novelty.metric, false_alarm_rate)
     if unlearned is not None:
         stated['unlearned'] = dataclasses.asdict(unlearned)
-    statistics = [
-        fit_session_statistics(table, sessions, stage.novelty.metric, false_alarm_rate)
-        for table, stage in zip(tables, stages, strict=True)
-    ]
-    if all(statistics):
-        stated['session_statistics'] = [each.to_dict() for each in statistics if each]
     return stages, stated, folds.session
 
 

@@ -99,7 +99,6 @@ def test_only_an_active_node_answers_and_it_can_be_configured_again(make_finger,
         ({'models': ''}, 'the parameter models is empty'),
         ({'models': '/nowhere/m.onnx'}, 'cannot read model /nowhere/m.onnx'),
         ({'contact': 'abduction'}, 'are for flexion, the parameter contact is abduction'),
-        ({'recalibration_trials': 3}, 'recalibration_trials is 3; it must be 0 or at least 5'),
         pytest.param(
             {'vision_messages': True},
             'vision_msgs is not installed',
@@ -117,12 +116,10 @@ def test_what_it_cannot_do_is_said_and_it_is_not_configured(
     mended = {
         'models': str(model_path),
         'contact': 'flexion',
-        'recalibration_trials': 5,
         'vision_messages': False,
     }
     node.set_parameters([Parameter(name, value=value) for name, value in mended.items()])
     assert node.bring_up()
-    assert node.answering.models.infos[0].recalibration_trials == 5
 
 
 @pytest.mark.skipif(not HAS_VISION, reason='vision_msgs is not installed; it is not on PyPI')

@@ -27,10 +27,10 @@ from tactile_classifier.model_file.manifest import (
     Stage,
     TrainingTrials,
 )
-from tactile_classifier.model_file.model import read_model_card
+from tactile_classifier.model_file.model import load_model, read_model_card
 from tactile_classifier.records import CLASSIFIER_TITLES
 from tactile_classifier.training.feature_choice import ChoicePlan
-from tactile_classifier.training.model_writer import write_model, write_recalibrated
+from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import describe_training, train
 from tactile_features.config import FeatureConfig
 from tactile_features.onnx_container import MAX_CARD_BYTES
@@ -144,7 +144,7 @@ def test_any_entry_may_hold_anything(field, value):
 @given(
     st.sampled_from(['cross_validation', 'calibration']),
     st.sampled_from(
-        ['mean', 'split', 'groups', 'session_share', 'reason', 'choice', 'recalibrated',
+        ['mean', 'split', 'groups', 'session_share', 'reason', 'choice',
          'unlearned', 'spread', 'held_out']
     ),
     JSON,
@@ -198,14 +198,6 @@ SEVERAL = TrainingTrials(3, 3, 2, 0.02, 0.03, 0)
             {'training': SEVERAL, 'calibration': {'reason': '12 trials cannot'}},
             ['No session was held out: 12 trials cannot. A new', 'not calibrated: 12 trials'],
             ['one session only'],
-        ),
-        (
-            {'calibration': {**GOOD.calibration, 'recalibrated': {'trials': 6, 'model_id': 'm'}}},
-            [
-                'recalibrated: for one session, with 6 known trials; from model m',
-                'was shifted by the known trials of one session',
-            ],
-            ['% of new sessions'],
         ),
         (
             {'stages': (FULL_WINDOW, Stage(60, accuracy=0.75)), 'score_kind': 'votes'},
@@ -263,14 +255,12 @@ def test_the_card_says_what_was_chosen_and_what_unlearned_labels_do(texture_tabl
     assert list_facts(GOOD)['chosen'] == 'features and classifier as stated, not by the folds'
 
 
-def test_files_hold_the_card_of_their_manifest(small_table, model_path, tmp_path):
-    recalibrated = write_recalibrated(
-        tmp_path / 'r.onnx', model_path, {0: small_table.take(np.arange(0, 36, 6))}
-    )
-    card = read_model_card(tmp_path / 'r.onnx')
-    assert card == format_card(recalibrated.manifest)
+def test_files_hold_the_card_of_their_manifest(model_path):
+    manifest = load_model(model_path).manifest
+    card = read_model_card(model_path)
+    assert card == format_card(manifest)
     assert '- answers: texture, flexion: plate 0, plate 1, plate 2\n' in card
-    assert '3 sessions were held out in turn.' in list_limits(recalibrated.manifest)[1]
+    assert '3 sessions were held out in turn.' in list_limits(manifest)[1]
 
 
 def test_the_card_of_many_long_and_strange_labels_stays_short_plain_text(small_table, tmp_path):

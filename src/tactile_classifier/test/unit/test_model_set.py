@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
 import tactile_classifier
-from tactile_classifier.answering import Answering, LiveRecalibration, ModelSet
+from tactile_classifier.answering import Answering, ModelSet
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.model import load_model
 from tactile_classifier.records import Outcome
@@ -75,7 +75,7 @@ def test_a_folder_is_read_whatever_its_files_are_called(folder):
     assert (first.task, first.contact, first.simulated) == ('texture', 'flexion', True)
     assert first.model_id.endswith(first.sha256[:12])
     assert first.labels == alone[0].labels
-    assert (first.specification_digest, first.recalibration_trials) == (FULL.digest, 0)
+    assert first.specification_digest == FULL.digest
     contracts, refused = read_contracts(folder, 'flexion')
     assert refused == []
     assert [
@@ -157,27 +157,6 @@ def test_without_a_usable_model_the_sentence_names_the_folder(tmp_path, read):
         read('/nowhere/m')
 
 
-def test_each_model_is_recalibrated_by_itself(folder, window_of, small_table):
-    answering = Answering(ModelSet.load(folder, 'flexion', 5))
-    models = answering.models
-    assert [i.recalibration_trials for i in models.infos] == [5] * 3
-    (refused,) = models.refused
-    assert 'states nothing of sessions' in refused
-    live = {
-        spec.digest: LiveRecalibration(load_model(folder / f'{name}.onnx'), 5)
-        for name, spec in (('a', FULL), ('b', SHORT))
-    }
-    for trial in (0, 12, 24, 3, 15, 27, 6):
-        label = str(small_table.labels[trial])
-        for spec in (FULL, SHORT):
-            window = window_of(spec, trial, session_id='s', object_label=label)
-            assert live[spec.digest].classify(window) in answering.answer(window)
-    assert answering.values()['recalibrated with trials'] == 5
-    news = answering.take_news()
-    assert sum('session "s": texture' in each for each in news) == 3
-    assert all(each.endswith('recalibrated with 5 known trials') for each in news)
-
-
 def test_counts_and_news_of_answers(folder, window_of):
     answering = Answering(ModelSet.load(folder, 'flexion'))
     wanted = FeatureSpecifications((WantedFeatures(FULL), WantedFeatures(SHORT)))
@@ -195,7 +174,6 @@ def test_counts_and_news_of_answers(folder, window_of):
         'windows for others': 2,
         'windows of another specification': 0,
         'answers on partial windows': 2,
-        'recalibrated with trials': 0,
         'models': 4,
         'refused model files': 0,
     }

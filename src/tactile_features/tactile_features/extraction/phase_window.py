@@ -344,8 +344,6 @@ class PhaseWindow:
             speed_m_s=self._speed_m_s,
             specification_digest=self._spec.digest,
             stamp_error_s=_worst_error_s(samples),
-            session_id=self.start.session_id,
-            object_label=self.start.object_label,
         )
 
 

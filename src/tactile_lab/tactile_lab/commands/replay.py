@@ -206,7 +206,6 @@ def _replay_finger(
         compare,
         compare_with_recorded,
         first_sample_ns,
-        recorded_recalibration,
         recorded_results,
         replay_through_core,
     )
@@ -226,15 +225,12 @@ def _replay_finger(
     recorded = recorded_results(bag, namespace)
     _check_has_features(bag, recorded)
     infos = recorded_models(bag, namespace)
-    # Version 0.1 did not record it; its answers tell.
-    known = max((info.recalibration_trials for info in infos), default=0)
-    known = known or recorded_recalibration(recorded)
     contact = next((info.contact_filter for info in infos), '')
     comparisons: dict[str, Comparison] = {}
     count = 0
     while count < times and all(c.is_equal for c in comparisons.values()):
         count += 1
-        loaded = ModelSet.load(models, contact, known) if models else None
+        loaded = ModelSet.load(models, contact) if models else None
         core = replay_through_core(bag, loaded, features, namespace)
         comparisons['recorded and plain core'] = compare_with_recorded(
             recorded, core, bag.end_ns, first_sample_ns(bag, namespace) or 0
@@ -248,7 +244,6 @@ def _replay_finger(
                     context,
                     expected=core,
                     namespace=namespace,
-                    recalibration_trials=known,
                     contact=contact,
                 )
             names = ('the core', 'the nodes')

@@ -10,7 +10,6 @@ from tactile_lab import options
 
 def rig(
     models: options.ModelOption = None,
-    recalibrate: options.RecalibrateOption = 0,
     given: options.RigOptions = options.RIG,
     namespace: options.NamespaceOption = '',
     record: options.RecordOption = None,
@@ -31,7 +30,7 @@ def rig(
     if hold_signals().received:
         return
     parameters = read_rig_parameters(given.params, namespace)
-    choice = ModelChoice.of_finger(str(models or ''), parameters, recalibrate=recalibrate)
+    choice = ModelChoice.of_finger(str(models or ''), parameters)
     with ExitStack() as stack:
         ports, simulated_rig = open_ports(given, seed, stack)
         nodes = rig_graph(

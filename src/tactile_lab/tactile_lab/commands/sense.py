@@ -21,7 +21,6 @@ class FingerOptions:
 
     sensor_topic: options.SensorTopicOption = ''
     models: options.ModelOption = None
-    recalibrate: options.RecalibrateOption = 0
     phases: Annotated[
         str,
         typer.Option(

@@ -38,15 +38,13 @@ class TrainedModel:
 
     def to_dict(self) -> dict[str, Any]:
         """Return what JSON can hold."""
-        from tactile_lab.datasets.tables import describe_calibration
-
         return {
             'path': str(self.path),
             'model_id': self.model_id,
             'evaluation': self.evaluation.to_dict(),
             'choice': self.manifest.cross_validation.get('choice'),
             'parts': [asdict(part) for part in self.manifest.stages],
-            'calibration': describe_calibration(self.manifest),
+            'calibration': dict(self.manifest.calibration),
             'false_alarm_rate': self.manifest.false_alarm_rate,
             'stop_error_rate': self.manifest.stop_error_rate,
         }
@@ -105,14 +103,6 @@ def train(
     ] = 0.05,
     over: options.OverOption = None,
     detrend: options.DetrendOption = None,
-    recalibrate: Annotated[
-        Optional[Path],
-        typer.Option(
-            metavar='MODEL',
-            help='Do not train. Correct threshold and features of this model for the session of '
-            'the bags, by five or more of its trials with known labels.',
-        ),
-    ] = None,
     features: Annotated[
         Optional[str],
         typer.Option(
@@ -155,9 +145,6 @@ def train(
     from tactile_lab.datasets.reading import Reading
 
     output = Output(as_json)
-    if recalibrate is not None:
-        run_recalibrate(recalibrate, recordings, folder, output, force=force)
-        return
     if features == AUTO and classifier:
         raise TactileError('--features auto chooses the classifier: leave --classifier out')
     if group and classifier:
@@ -354,42 +341,3 @@ def train_models(
             TrainedModel(paths[key], model.model_id, table, evaluation, trained.manifest)
         )
     return models
-
-
-def run_recalibrate(
-    original: Path, recordings: Sequence[Path], folder: Path, output: Output, *, force: bool
-) -> None:
-    """Write a model for the session of the bags' trials, and print what it was."""
-    from tactile_classifier.model_file.model import load_model
-    from tactile_classifier.training.model_writer import write_recalibrated
-    from tactile_lab.datasets.feature_tables import open_features
-    from tactile_lab.datasets.reading import Reading
-    from tactile_lab.datasets.tables import describe_calibration
-
-    model = load_model(original)
-    with open_features(recordings, Reading(task=model.task)) as source:
-        tables = source.tables(model.spec.config_values()).tables
-        fitting = [
-            table
-            for (_, contact, *_), table in tables.items()
-            if len({contact, model.contact} - {''}) < 2
-        ]
-        if len(fitting) != 1:
-            raise TactileError(
-                f'the bags must hold {model.task} trials of one contact that model '
-                f'{model.model_id} was trained for'
-            )
-        (table,) = fitting
-        path = model_path(folder, model.task, model.contact)
-        refuse_to_replace([path], force=force)
-        make_output_folder(folder)
-        seconds = [count / model.spec.rate_hz for count in model.partial_samples]
-        partial = source.partial_tables(table, seconds) if seconds else {}
-    found = write_recalibrated(path, original, {0: table, **partial})
-    before, after = (each.manifest.stages[0].novelty_threshold for each in (model, found))
-    output.say(
-        f'{path}: {model.model_id} for the session of {len(table)} known trials; unknown: above '
-        f'novelty {after:.2f}, before {before:.2f}; {found.model_id}'
-    )
-    calibration = describe_calibration(found.manifest)
-    output.result({'path': str(path), 'model_id': found.model_id, 'calibration': calibration})

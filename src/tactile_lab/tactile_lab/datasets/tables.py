@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 from tactile_classifier.evaluation.cross_validation import Evaluation
 from tactile_classifier.evaluation.intervals import Interval
@@ -93,16 +93,6 @@ def format_warnings(evaluations: Sequence[Evaluation]) -> list[str]:
     """Return the warnings of some evaluations of one table, each once."""
     found = [warning for evaluation in evaluations for warning in evaluation.warnings]
     return [f'warning: {warning}' for warning in dict.fromkeys(found)]
-
-
-def describe_calibration(manifest: Manifest) -> dict[str, Any]:
-    """Return the manifest's entry without its long lists."""
-    from tactile_classifier.model_file.manifest import RECALIBRATED, STATISTICS
-
-    found = {k: v for k, v in manifest.calibration.items() if k != STATISTICS}
-    if RECALIBRATED in found:
-        found[RECALIBRATED] = {k: v for k, v in found[RECALIBRATED].items() if k != 'offsets'}
-    return found
 
 
 def describe_answers(manifest: Manifest) -> list[str]:

@@ -90,20 +90,3 @@ def test_a_model_states_how_its_spectra_were_detrended(texture_bag, tmp_path, de
         (row,) = (table.column('window_start_ns') == window.window_start_ns).nonzero()[0]
         assert window.sample_count == 30 or not model.format_mismatch(window)
         assert tables[window.sample_count].values[row].tobytes() == window.values.tobytes()
-
-
-def test_recalibration_reads_bags_of_the_session_and_replaces_nothing_unasked(
-    texture_bag, simulate_bag, tmp_path
-):
-    (trained,) = train_on(texture_bag, tmp_path / 'models', partial_seconds=[1.0])
-    today = tmp_path / 'today'
-    of_today = simulate_bag('texture', 'flexion', 1, seed=6)
-    command = ('train', of_today, '--recalibrate', trained.path, '-o', today)
-    assert 'for the session of' in hear_tactile(*command)
-    (written,) = today.iterdir()
-    model = load_model(written)
-    stated = model.manifest.calibration['recalibrated']
-    assert stated['model_id'] == trained.model_id
-    assert len(stated['offsets']) == 2  # of whole and partial windows
-    assert 'session_statistics' not in trained.to_dict()['calibration']
-    assert 'would be replaced' in hear_tactile(*command, code=2)

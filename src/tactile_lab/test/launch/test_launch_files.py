@@ -66,7 +66,6 @@ def test_a_rig_is_that_of_the_command(protocol, namespace, trained, parameter_fi
         protocol,
         namespace=namespace,
         models=models,
-        recalibrate=5,
         record=record,
         params_file=parameter_file(text),
         **given,
@@ -77,7 +76,7 @@ def test_a_rig_is_that_of_the_command(protocol, namespace, trained, parameter_fi
         name: config.of(name, namespace) | stated.of(name, namespace)
         for name in ('tendon_sensor', 'linear_guide', 'tendon_actuator', 'trial_runner')
     }
-    choice = ModelChoice.read(trained, protocol, 'flexion', 5) if models else None
+    choice = ModelChoice.read(trained, protocol, 'flexion') if models else None
     expected = rig_graph(PORTS, choice, parameters, simulated=False, namespace=namespace)
     expected.append(recorder_node(record, namespace, classifier=choice is not None))
     assert nodes == as_dict(expected)

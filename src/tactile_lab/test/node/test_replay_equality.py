@@ -75,7 +75,6 @@ class Case(NamedTuple):
     bag: Path
     models: Path
     config: FeatureConfig
-    recalibration_trials: int = 0
 
     def parameters(self):
         """Return the parameters of each node."""
@@ -87,14 +86,14 @@ class Case(NamedTuple):
         }
         return {
             'tactile_features': {**of_features, **models},
-            'tactile_classifier': {**models, 'recalibration_trials': self.recalibration_trials},
+            'tactile_classifier': models,
             'slip_detector': {},
         }
 
 
 @pytest.fixture(scope='module')
 def texture(simulate_bag, tmp_path_factory):
-    """Return a case with partial windows and recalibration."""
+    """Return a case with partial windows."""
     source = simulate_bag('texture', 'flexion', 4, seed=5, sessions=2)
     models = tmp_path_factory.mktemp('texture_models')
     with open_features([source]) as features:
@@ -104,7 +103,7 @@ def texture(simulate_bag, tmp_path_factory):
     bag = simulate_bag('texture', 'flexion', 1, seed=6)
     with TactileBag(bag) as recording:
         config = recorded_features(recording).config
-    return Case(bag, models, config, recalibration_trials=5)
+    return Case(bag, models, config)
 
 
 @pytest.fixture(scope='module')
@@ -121,7 +120,7 @@ def outputs_of_core(case):
     plan = plan_features(case.config, case.models)
     with TactileBag(case.bag) as bag:
         features = RecordedFeatures(case.config, plan.wanted)
-        models = ModelSet.load(case.models, recalibration_trials=case.recalibration_trials)
+        models = ModelSet.load(case.models)
         results = replay_through_core(bag, models, features)
         slip, extractor = SlipDetector(SlipConfig()), TrialFeatureExtractor(case.config)
         for message in sensed_messages(bag):
@@ -347,7 +346,7 @@ def test_every_way_of_running_gives_the_same_messages(request, name, context, tm
     answers = expected['tactile_classifier/classification']
     if name == 'texture':
         assert counts['tactile_features/partial_features'] == 16
-        assert [a.recalibration_trials for a in answers] == [0] * 5 + [5] * 3
+        assert len(answers) == 8
     else:
         assert counts['tactile_features/detected_events'] > 30
         assert len(answers) == 15

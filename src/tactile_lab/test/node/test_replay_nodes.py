@@ -3,7 +3,6 @@
 
 """A recording through real nodes gives the answers of the core and of the recording."""
 
-from collections import Counter
 import dataclasses
 
 import numpy as np
@@ -24,8 +23,6 @@ from tactile_classifier.training.trainer import train
 from tactile_features.conversions import feature_window_to_msg
 from tactile_lab.commands.replay import replay_and_compare
 from tactile_lab.datasets.feature_tables import read_tables
-
-TRIALS = 6
 
 
 def train_model(bag, path, classifier='knn', change=lambda table: table, **options):
@@ -71,34 +68,6 @@ def test_the_model_and_not_the_parameters_decides_on_the_windows(stiffness_bag, 
     comparison = compare(core, nodes, ('the core', 'the nodes'))
     assert comparison.is_equal, comparison.first_difference
     assert comparison.window_count == comparison.classification_count == 15
-
-
-def test_known_trials_correct_the_nodes_and_the_replay_alike(simulate_bag, tmp_path, context):
-    models = tmp_path / 'models'
-    models.mkdir()
-    training = simulate_bag('stiffness', 'flexion', 4, seed=3, sessions=4)
-    train_model(training, models / 'stiffness.onnx')
-    before = (models / 'stiffness.onnx').read_bytes()
-    source = simulate_bag('stiffness', 'flexion', 2, seed=11, sessions=2)
-    with TactileBag(source) as bag:
-        features = recorded_features(bag)
-        loaded = ModelSet.load(models, recalibration_trials=TRIALS)
-        core = replay_through_core(bag, loaded, features)
-        nodes = replay_through_nodes(
-            bag, models, features.config, context, expected=core, recalibration_trials=TRIALS
-        )
-        untouched = replay_through_core(bag, ModelSet.load(models), features)
-    # Each of the two sessions begins with the model as trained.
-    counts = [answer.recalibration_trials for answer in nodes.classifications]
-    assert counts == 2 * (TRIALS * [0] + 4 * [TRIALS])
-    thresholds = Counter(answer.novelty_threshold for answer in nodes.classifications)
-    assert sorted(thresholds.values()) == [4, 4, 2 * TRIALS]
-    report = replayed(source, tmp_path / 'live', nodes, models=models)
-    assert all(c.classification_count == 20 for c in report.comparisons.values())
-    assert (models / 'stiffness.onnx').read_bytes() == before
-    pairs = zip(untouched.classifications, nodes.classifications, strict=True)
-    changed = [one.novelty != other.novelty for one, other in pairs]
-    assert changed == 2 * (TRIALS * [False] + 4 * [True])  # else there was nothing to repeat
 
 
 def test_a_replay_answers_windows_of_the_contact_that_the_node_answered(stiffness_bag, tmp_path):

@@ -52,11 +52,11 @@ def test_rig_has_every_node_with_its_port(models):
 
 
 def test_features_and_classifier_get_the_models_and_nothing_out_of_them(trained):
-    choice = ModelChoice.read(trained, 'stiffness', 'flexion', '5')
+    choice = ModelChoice.read(trained, 'stiffness', 'flexion')
     nodes = by_name(rig_graph(PORTS, choice, {}, simulated=False))
     told = {'models': str(trained), 'contact': 'flexion'}
     assert nodes['tactile_features'].parameters == told
-    assert nodes[CLASSIFIER_NODE].parameters == {**told, 'recalibration_trials': 5}
+    assert nodes[CLASSIFIER_NODE].parameters == told
 
 
 def test_the_recorder_waits_for_a_classifier_where_one_runs():
@@ -118,17 +118,7 @@ def test_the_models_of_a_finger_fit_its_task_and_its_contact(trained, tmp_path):
         ModelChoice.read(Path('nowhere'))
 
 
-@pytest.mark.parametrize('recalibrate', ['some', '3', '-5', '5.0'])
-def test_a_number_of_known_trials_that_cannot_be_is_refused(trained, recalibrate):
-    with pytest.raises(TactileError, match=f'recalibrate is "{recalibrate}"; it must be a number'):
-        ModelChoice.read(trained, recalibrate=recalibrate)
-    with pytest.raises(TactileError, match='recalibrate'):
-        ModelChoice.read(None, recalibrate=recalibrate)
-
-
-def test_models_and_recalibration_may_stand_in_a_parameter_file(trained):
-    stated = {'tactile_classifier': {'models': str(trained), 'recalibration_trials': 9}}
-    choice = ModelChoice.of_finger('', stated)
-    assert (choice.path, choice.recalibration_trials) == (trained, 9)
-    assert ModelChoice.of_finger('', stated, recalibrate='5').recalibration_trials == 5
+def test_models_may_be_named_in_a_parameter_file(trained):
+    stated = {'tactile_classifier': {'models': str(trained)}}
+    assert ModelChoice.of_finger('', stated).path == trained
     assert ModelChoice.of_finger('', {}) is None
