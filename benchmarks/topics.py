@@ -50,8 +50,6 @@ TOPICS = (
     Topic('unlearned', 'accuracy.choices', 'labels that training has not seen', LONG),
     Topic('calibration-error', 'accuracy.choices', 'stated and true error of probabilities', LONG),
     Topic('peers', 'accuracy.peers', 'features of aeon and tsfresh beside ours', LONG),
-    Topic('pitch', 'events.pitch_and_press', 'groove pitch: error, coverage of its uncertainty'),
-    Topic('press', 'events.pitch_and_press', 'stiffness and relaxation: error, coverage'),
     Topic('slip', 'events.slip', 'slip detector: misses, latency, false alarms'),
     Topic('phases', 'events.phases', 'phases found in the tension: how often, how exactly'),
     Topic('phase-features', 'events.phases', 'accuracy with found phases, beside stated ones'),

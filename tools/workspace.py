@@ -238,6 +238,10 @@ class Workspace:
             ],
             'the build failed; the end of its output is above',
         )
+        # colcon keeps links to files that are gone, such as a removed message.
+        for path in self.install.rglob('*'):
+            if path.is_symlink() and not path.exists():
+                path.unlink()
         shell = f'. "{self.install}/local_setup.bash" && env -0'
         done = subprocess.run(
             ['bash', '-c', shell], capture_output=True, env=self.environment(), cwd=ROOT

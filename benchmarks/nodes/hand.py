@@ -77,7 +77,6 @@ class Case:
             'texture_samples': self.block * self.blocks_a_window,
             'texture_crop_start_s': 0.0,
             'texture_crop_end_s': 0.0,
-            'measures': False,  # milliseconds of arithmetic a window, which are not the path's
             'stiffness_min_s': 0.5,
             'buffer_s': 20.0,
         }

@@ -231,7 +231,7 @@ class CleanTrials:
 
     def extract(self, setting: Setting) -> list[FloatArray | None]:
         """Return the features of each trial, or None where there are none."""
-        config = FeatureConfig(measures=False, max_gap_samples=setting.max_gap_samples)
+        config = FeatureConfig(max_gap_samples=setting.max_gap_samples)
         rows: list[FloatArray | None] = []
         for i, tension_n in enumerate(self.sense(setting.noise_n)):
             kept = np.isfinite(tension_n) & (self.draw_losses(i, len(tension_n)) >= setting.lost)

@@ -26,6 +26,9 @@ from tactile_features.feature_sets.registry import PHASE_OF_TASK
 from tactile_features.spec import FeatureSpec, shared_rate_hz, spec_for, WantedFeatures
 from tactile_ros.errors import TactileError
 
+GONE = frozenset({'measures', 'glide_speed_uncertainty', 'detected_pull_speed_m_s'})
+"""Parameters of the feature node in older recordings that no window depends on."""
+
 WRITTEN_IN = 'written_in'
 """Entry of the metadata: folder of the bag when it was recorded."""
 
@@ -62,10 +65,10 @@ class RecordedFeatures:
             raise BagError(f'its features cannot be computed here: {error}') from error
         return config
 
-    def without_parts(self, *, measures: bool = False) -> RecordedFeatures:
-        """Return the same with full windows alone, with measures or without."""
+    def without_parts(self) -> RecordedFeatures:
+        """Return the same, without partial windows."""
         return RecordedFeatures(
-            replace(self.config, measures=measures, partial_samples=()),
+            replace(self.config, partial_samples=()),
             tuple(WantedFeatures(each.spec) for each in self.wanted),
         )
 
@@ -94,10 +97,14 @@ def recorded_features(bag: TactileBag, namespace: str = '') -> RecordedFeatures:
 
 
 def _renamed(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return parameters of a recording by the names of today."""
+    """Return parameters of a recording by the names of today, without those that are gone."""
     if not isinstance(values, Mapping):
         raise TypeError(f'they are {type(values).__name__}, not names and values')
-    return {'partial_samples' if k == 'running_samples' else k: v for k, v in values.items()}
+    return {
+        'partial_samples' if name == 'running_samples' else name: value
+        for name, value in values.items()
+        if name not in GONE
+    }
 
 
 def nominal_rate_hz(bag: TactileBag, namespace: str = '') -> float:

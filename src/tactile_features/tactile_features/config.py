@@ -112,12 +112,6 @@ class FeatureConfig(WindowParameters):
         unit='m/s',
         range=(0.0, 1.0),
     )
-    detected_pull_speed_m_s: float = parameter(
-        0.0,
-        'with phases found in the tension: speed of the tendon in the pull; 0: not known',
-        unit='m/s',
-        range=(0.0, 1.0),
-    )
     detected_contact: str = parameter(
         '',
         'with phases found in the tension: how the finger touches; empty: not known',
@@ -127,16 +121,6 @@ class FeatureConfig(WindowParameters):
         False,
         'deprecated: with phases found in the tension, marks all that is derived from it as '
         'simulated. The samples of a simulated sensor say so themselves',
-    )
-    measures: bool = parameter(
-        True,
-        'estimate physical quantities from each window: pitch of grooves, stiffness, relaxation',
-    )
-    glide_speed_uncertainty: float = parameter(
-        0.005,
-        'relative standard uncertainty of the stated glide speed, for the pitch of the grooves',
-        unit='1',
-        range=(0.0, 1.0),
     )
     frame_id: str = parameter('tendon_sensor_link', 'frame of the sensor')
 

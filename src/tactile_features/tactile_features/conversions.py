@@ -19,7 +19,7 @@ import numpy as np
 
 from tactile_features import records
 from tactile_features.errors import FeatureError
-from tactile_features.records import FeatureWindow, Measure, Outcome, TrialEvent
+from tactile_features.records import FeatureWindow, Outcome, TrialEvent
 from tactile_features.slip import Slip, SlipConfig
 from tactile_features.spec import FeatureSpec, FeatureSpecifications, WantedFeatures
 from tactile_ros.errors import MessageError
@@ -166,7 +166,6 @@ def feature_window_from_msg(msg: Any) -> FeatureWindow:
             window_start_ns=_stamp_from_msg(msg.window_start),
             window_end_ns=_stamp_from_msg(msg.window_end),
             frame_id=msg.header.frame_id,
-            measures=tuple(_copy(measure, Measure) for measure in msg.measures),
             partial=bool(msg.running),
         )
     )
@@ -180,7 +179,6 @@ def _copy(msg: Any, record: Any, **converted: Any) -> Any:
 
 def feature_window_to_msg(window: FeatureWindow) -> Any:
     """Return the ``tactile_msgs/TactileFeatures`` of a record."""
-    from tactile_msgs.msg import Measure as MeasureMsg
     from tactile_msgs.msg import TactileFeatures
 
     fields = dataclasses.asdict(window)
@@ -192,10 +190,6 @@ def feature_window_to_msg(window: FeatureWindow) -> Any:
         outcome=int(fields.pop('outcome')),
         running=fields.pop('partial'),
         values=fields.pop('values').tolist(),
-        measures=[
-            MeasureMsg(defined=not measure['reason'], **measure)
-            for measure in fields.pop('measures')
-        ],
         **fields,
     )
 

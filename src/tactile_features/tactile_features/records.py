@@ -76,27 +76,6 @@ class TrialEvent:
     mounting_id: str = ''
 
 
-@dataclass(frozen=True)
-class Measure:
-    """A physical quantity estimated from one window, or the reason why there is none.
-
-    Attributes
-    ----------
-    name, unit : str
-        Such as ``groove_pitch`` and ``m``.
-    value, standard_uncertainty : float
-        In ``unit``; both 0 when ``reason`` is not empty.
-    reason : str
-        One sentence when the quantity is not defined; empty otherwise.
-    """
-
-    name: str
-    unit: str
-    value: float = 0.0
-    standard_uncertainty: float = 0.0
-    reason: str = ''
-
-
 @dataclass(frozen=True, eq=False)
 class FeatureWindow:
     """The features of one window of tension, or the reason why there are none.
@@ -119,8 +98,6 @@ class FeatureWindow:
         The first part of a window that still fills.
     speed_m_s : float
         Sliding speed that the features were computed with; 0: they need none [m/s].
-    measures : tuple of Measure
-        Physical quantities of the same window.
     specification_digest : str
         `FeatureSpec.digest` of the specification that made the values; empty: not known.
     stamp_error_s : float
@@ -145,7 +122,6 @@ class FeatureWindow:
     frame_id: str
     partial: bool = False
     speed_m_s: float = 0.0
-    measures: tuple[Measure, ...] = ()
     specification_digest: str = ''
     stamp_error_s: float = -1.0
 

@@ -85,7 +85,6 @@ class _FinishedPhase:
         self,
         begun: TrialEvent,
         end: TrialEvent,
-        before: TrialEvent | None,
         lanes: Sequence[_Lane],
         *,
         is_past: bool,
@@ -93,7 +92,7 @@ class _FinishedPhase:
         self.end = end
         self.is_past = is_past
         self._waiting = deque(
-            PhaseWindow(begun, end, lane.config, lane.buffer, before)
+            PhaseWindow(begun, end, lane.config, lane.buffer)
             for lane in lanes
             if lane.phase == begun.phase
         )
@@ -189,7 +188,6 @@ class TrialFeatureExtractor:
         is_stated = config.phases == PHASES_STATED
         self._buffer = self._lanes[0].buffer if is_stated else self._buffer_for(config)
         self._event: TrialEvent | None = None
-        self._before: TrialEvent | None = None
         self._waiting: deque[_FinishedPhase] = deque()
         self._signal = None if is_stated else SignalPhases(config)
         self._detected: list[TrialEvent] = []
@@ -302,14 +300,10 @@ class TrialFeatureExtractor:
 
     def _take_event(self, event: TrialEvent, *, is_past: bool = False) -> list[FeatureWindow]:
         begun, self._event = self._event, event
-        before, self._before = self._before, begun
         if begun is not None and begun != event:
             same_trial = begun.trial_id == event.trial_id and not _begins_again(begun, event)
             if same_trial and begun.phase in (PHASE_GLIDE, PHASE_HOLD):
-                same = before is not None and before.trial_id == begun.trial_id
-                before = before if same else None
-                phase = _FinishedPhase(begun, event, before, self._lanes, is_past=is_past)
-                self._waiting.append(phase)
+                self._waiting.append(_FinishedPhase(begun, event, self._lanes, is_past=is_past))
         if begun != event:
             for lane in self._lanes:
                 lane.begin(event)

@@ -14,14 +14,10 @@ from numpy.typing import NDArray
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.feature_set import RATE_TOLERANCE, WindowSamples
-from tactile_features.measures import measure_glide, measure_hold
 from tactile_features.records import (
     FeatureWindow,
-    Measure,
     Outcome,
     PHASE_ABORTED,
-    PHASE_CONTACT,
-    PHASE_GLIDE,
     TrialEvent,
 )
 from tactile_features.spec import spec_of
@@ -38,21 +34,6 @@ CROP_MARGIN = 10.0
 """Where this many crops are shorter than the window, they limit the stamp error in its place."""
 
 _NO_SAMPLES: Samples = np.empty(0, SAMPLE)
-
-
-def _format_unfit(pull: Samples) -> str:
-    """Return why the samples of a pull measure nothing, or an empty string."""
-    if len(pull) < 2:
-        return 'the pull into contact has no samples'
-    if pull['hole'][1:].any() or pull['interpolated'].any():
-        return 'samples of the pull into contact are missing'
-    faults = _name_faults(pull)
-    return f'samples of the pull into contact are {faults}' if faults else ''
-
-
-def _name_faults(samples: Samples) -> str:
-    status = int(np.bitwise_or.reduce(samples['status']))
-    return ' and '.join(text for bit, text in _BAD_STATUS.items() if status & bit)
 
 
 class _Cut(NamedTuple):
@@ -83,8 +64,8 @@ class PhaseWindow:
     what happens there only while e is small against it: `CROP_MARGIN` crops count as
     T where they are shorter. A crop of 0 sets no limit.
 
-    ``start`` is the phase's event, ``end`` the trial's next one, ``before`` the one before. The
-    buffer has the samples under the gap policy of ``config``.
+    ``start`` is the phase's event, ``end`` the trial's next one. The buffer has the samples under
+    the gap policy of ``config``.
     """
 
     def __init__(
@@ -93,10 +74,8 @@ class PhaseWindow:
         end: TrialEvent,
         config: FeatureConfig,
         buffer: SampleBuffer,
-        before: TrialEvent | None = None,
     ) -> None:
         self.start = start
-        self._before = before
         self.end = end
         self._config = config
         self._buffer = buffer
@@ -131,12 +110,9 @@ class PhaseWindow:
         cut = self._cut()
         if cut is None:
             return None
-        window = self._refuse_evicted()
-        if window is None:
-            window = self.time_out() if self._is_too_late(cut.after) else self._assess(cut)
-        if window.outcome != Outcome.OK or not self._config.measures:
-            return window
-        return dataclasses.replace(window, measures=self._measure(cut.samples))
+        if refused := self._refuse_evicted():
+            return refused
+        return self.time_out() if self._is_too_late(cut.after) else self._assess(cut)
 
     def refuse_by_events(self) -> FeatureWindow | None:
         """Return the window where the events alone say that it has no features."""
@@ -182,17 +158,14 @@ class PhaseWindow:
         return late_ns > self._config.samples_timeout_s * 1e9
 
     def _refuse_evicted(self) -> FeatureWindow | None:
-        if not self._has_evicted(self._from_ns):
+        evicted_ns = self._buffer.evicted_ns
+        if evicted_ns is None or evicted_ns < self._from_ns:
             return None
         reason = (
             f'the buffer of {self._config.buffer_s:g} s no longer holds the full window; '
             'raise buffer_s'
         )
         return self.refuse(Outcome.GAP, reason)
-
-    def _has_evicted(self, stamp_ns: int) -> bool:
-        evicted_ns = self._buffer.evicted_ns
-        return evicted_ns is not None and evicted_ns >= stamp_ns
 
     def _first_samples(self) -> _Cut | None:
         """Return as many samples as are wanted, or None while there are fewer."""
@@ -240,20 +213,6 @@ class PhaseWindow:
 
     def _compute(self, samples: WindowSamples) -> NDArray[np.float64]:
         return self._set.compute(samples)
-
-    def _measure(self, samples: Samples) -> tuple[Measure, ...]:
-        if self.start.phase == PHASE_GLIDE:
-            speed_m_s = self.start.glide_speed_m_s
-            return measure_glide(samples, speed_m_s, self._config.glide_speed_uncertainty)
-        before = self._before
-        if before is None or before.phase != PHASE_CONTACT:
-            return measure_hold(samples, _NO_SAMPLES, 0.0, 'no pull into contact was seen')
-        begin = self._buffer.first_at(before.stamp_ns)
-        pull = self._buffer.samples[begin : self._buffer.first_beyond(self.start.stamp_ns)]
-        no_pull = _format_unfit(pull)
-        if self._has_evicted(before.stamp_ns):
-            no_pull = 'the buffer no longer holds the pull into contact; raise buffer_s'
-        return measure_hold(samples, pull, before.pull_speed_m_s, no_pull)
 
     def _format_step(self, cut: _Cut) -> str:
         after_ns = [] if cut.after is None else [cut.after['step_ns']]
@@ -304,8 +263,9 @@ class PhaseWindow:
         return ''
 
     def _format_fault(self, samples: Samples) -> str:
-        if faults := _name_faults(samples):
-            return f'samples in the window are {faults}'
+        status = int(np.bitwise_or.reduce(samples['status']))
+        if faults := [text for bit, text in _BAD_STATUS.items() if status & bit]:
+            return f'samples in the window are {" and ".join(faults)}'
         if not np.isfinite(samples['tension_n']).all():
             return 'samples in the window are not finite'
         span_ns = int(samples['stamp_ns'][-1]) - int(samples['stamp_ns'][0])

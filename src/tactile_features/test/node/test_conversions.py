@@ -144,7 +144,6 @@ windows = records_of(
     window_end_ns=stamps_ns,
     first_sequence=uint64,
     status=st.integers(0, 511),
-    measures=st.lists(records_of(records.Measure), max_size=2).map(tuple),
 )
 
 

@@ -238,7 +238,7 @@ def test_real_recordings(feature_set):
 def test_windows_begin_where_the_page_says(feature_set, offset_ns):
     """By the defaults of the page; samples every 1/64 s, so that crops can end on one."""
     rate_hz, period_ns, start_ns = 64.0, 15_625_000, 10**18
-    config = configure(feature_set, rate_hz=rate_hz, measures=False)
+    config = configure(feature_set, rate_hz=rate_hz)
     tension_n = np.random.default_rng(5).standard_normal(600).cumsum()
     first = 64 * 10**9
     begin_ns, end_ns = start_ns + 64 * period_ns - offset_ns, start_ns + 560 * period_ns

@@ -104,7 +104,6 @@ def test_events_state_what_the_parameters_know():
     config = dataclasses.replace(
         STIFFNESS,
         detected_simulated=True,
-        detected_pull_speed_m_s=0.01,
         detected_object_label='apple',
         detected_session_id='s7',
     )
@@ -112,7 +111,7 @@ def test_events_state_what_the_parameters_know():
     assert len(events) == 4
     for each in events:
         assert (each.object_label, each.session_id, each.protocol) == ('apple', 's7', 'stiffness')
-        assert (each.pull_speed_m_s, each.glide_speed_m_s) == (0.01, 0.0)
+        assert each.glide_speed_m_s == 0.0
         assert (each.detected, each.simulated, each.contact) == (True, True, 'flexion')
         assert each.trial_id == f'detected-{events[0].stamp_ns}'
     # Windows do not depend on them.
@@ -125,7 +124,6 @@ def test_a_known_sliding_speed_serves_the_features_that_need_one():
         phases='texture',
         texture_features='texture_spatial',
         detected_glide_speed_m_s=0.015,
-        measures=False,
     )
     (window,), _, events = run(config, blocks_of(pull(), Random(0)))
     assert events[1].glide_speed_m_s == window.speed_m_s == 0.015

@@ -66,9 +66,8 @@ def evaluate(
         typer.Option(
             '--answers',
             help='Also rejection of unknown objects, with each label left out in turn, and '
-            'calibration of probabilities; from bags also early predictions and physical '
-            'measures. Takes about half a minute more for each set of '
-            'texture trials.',
+            'calibration of probabilities; from bags also early predictions. Takes about '
+            'half a minute more for each set of texture trials.',
         ),
     ] = False,
     seed: options.SeedOption = 0,

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -25,7 +25,6 @@ from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.registry import task_of
 from tactile_features.records import (
     FeatureWindow,
-    Measure,
     Outcome,
     PHASE_ABORTED,
     PHASE_DONE,
@@ -99,16 +98,15 @@ class BagFeatures(RecordingFeatures):
     ) -> dict[int, FeatureTable]:
         fields = table.spec.config_values()
         counts = count_samples(seconds, FeatureConfig(**fields, buffer_s=600.0))
-        found = {
-            (*source, window.window_start_ns, window.sample_count): window.values
-            for *source, window in self._replay(
-                table,
-                lambda recorded: RecordedFeatures(
-                    replace(recorded.config, **fields, partial_samples=counts, measures=False)
-                ),
-            )
-            if window.partial
-        }
+        found: dict[tuple[str, str, int, int], NDArray[np.float64]] = {}
+        for path, namespace in sorted(set(_list_rows(table, 'bag', 'namespace'))):
+            bag = self._bags[path]
+            recorded = recorded_features(bag, namespace)
+            features = RecordedFeatures(replace(recorded.config, **fields, partial_samples=counts))
+            for window in replay_phases(bag, features, namespace, finish=True).windows:
+                if window.partial and window.outcome == Outcome.OK:
+                    key = path, namespace, window.window_start_ns, window.sample_count
+                    found[key] = window.values
         trials = _list_rows(table, 'bag', 'namespace', 'window_start_ns')
         try:
             return {
@@ -119,33 +117,6 @@ class BagFeatures(RecordingFeatures):
             }
         except KeyError as error:
             raise BagError(f'a window has no features of its first part: {error}') from error
-
-    def measures(self, table: FeatureTable) -> list[tuple[Measure, ...]]:
-        found = {
-            (*source, window.window_start_ns, window.window_end_ns): window.measures
-            for *source, window in self._replay(
-                table, lambda recorded: recorded.without_parts(measures=True)
-            )
-        }
-        trials = _list_rows(table, 'bag', 'namespace', 'window_start_ns', 'window_end_ns')
-        try:
-            return [found[trial] for trial in trials]
-        except KeyError as error:
-            raise BagError(
-                'the features are of other windows than those recorded, and measures are not '
-                'made of these'
-            ) from error
-
-    def _replay(
-        self, table: FeatureTable, change: Callable[[RecordedFeatures], RecordedFeatures]
-    ) -> Iterator[tuple[str, str, FeatureWindow]]:
-        """Yield bag, namespace and window of each usable window of the table's bags."""
-        for path, namespace in sorted(set(_list_rows(table, 'bag', 'namespace'))):
-            bag = self._bags[path]
-            features = change(recorded_features(bag, namespace))
-            for window in replay_phases(bag, features, namespace, finish=True).windows:
-                if window.outcome == Outcome.OK:
-                    yield path, namespace, window
 
     def windows(self, table: FeatureTable, rows: Sequence[int]) -> list[Samples]:
         trials = _list_rows(table, 'bag', 'namespace', 'window_start_ns', 'window_end_ns')
@@ -172,11 +143,10 @@ def _list_rows(table: FeatureTable, *names: str) -> list[tuple[Any, ...]]:
 
 
 def _choose(path: str, recorded: RecordedFeatures, chosen: Fields) -> RecordedFeatures:
-    # A table has features of full windows alone: measures would be made in vain.
     if not chosen:
         return recorded.without_parts()
     try:
-        config = replace(recorded.bound(), partial_samples=(), measures=False, **chosen)
+        config = replace(recorded.bound(), partial_samples=(), **chosen)
     except FeatureError as error:
         raise BagError(f'{path}: {error}') from error
     return RecordedFeatures(config)

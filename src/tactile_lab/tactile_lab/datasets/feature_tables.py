@@ -29,7 +29,7 @@ from tactile_classifier.datasets.dataset import ALL, Channel, FeatureTable, usab
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
 from tactile_features.extraction.extractor import features_from_trials
-from tactile_features.records import Measure, PHASE_GLIDE, PROTOCOL_TEXTURE
+from tactile_features.records import PHASE_GLIDE, PROTOCOL_TEXTURE
 from tactile_lab.datasets.reading import parse_span, Reading, select_trials
 from tactile_ros.errors import TactileError
 
@@ -110,13 +110,6 @@ class RecordingFeatures(ABC):
         [s].
 
         Raises `TactileError` when ``seconds`` do not fit into the window.
-        """
-
-    @abstractmethod
-    def measures(self, table: FeatureTable) -> list[tuple[Measure, ...]]:
-        """Return what was measured in the window of each trial.
-
-        Raises `TactileError` when the recording has no such windows.
         """
 
     @abstractmethod
@@ -309,9 +302,6 @@ class TrialFeatures(RecordingFeatures):
 
         counts = count_samples(seconds, config)
         return {count: replace(table, values=compute(count)) for count in counts}
-
-    def measures(self, table: FeatureTable) -> list[tuple[Measure, ...]]:
-        raise TactileError('needs the stream of a bag; an archive has windows alone')
 
     def windows(self, table: FeatureTable, rows: Sequence[int]) -> list[Samples]:
         signals = self._trials.signal(None if self._channel == ALL else self._channel)

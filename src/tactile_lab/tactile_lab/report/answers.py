@@ -1,24 +1,20 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Answers of a model besides a label: unknown objects, early predictions, physical measures."""
+"""Answers of a model besides a label: unknown objects, early predictions."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, TYPE_CHECKING
-
-import numpy as np
-from numpy.typing import NDArray
 
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ClassifierError
 from tactile_classifier.evaluation.plans import Task
 from tactile_features.config import FeatureConfig
 from tactile_features.feature_sets.registry import find_feature_set
-from tactile_features.records import Measure, PROTOCOL_TEXTURE
+from tactile_features.records import PROTOCOL_TEXTURE
 from tactile_features.spec import spec_for
 from tactile_lab.datasets.feature_tables import RecordingFeatures
 from tactile_ros.errors import TactileError
@@ -31,41 +27,16 @@ CLASSIFIER = 'knn'
 """Default classifier of `tactile train`; it uses the default scaling."""
 
 FALSE_ALARM_RATE = 0.05
-SPREAD_NEEDS = 5
-"""Of fewer values no spread is told."""
-
 STEPS = 6
 """Number of equal parts of the window; an early prediction follows each."""
 
 
 @dataclass(frozen=True)
-class MeasureSummary:
-    """One measure on the trials of one label, of which ``measured`` gave a value.
-
-    Numbers are in ``unit``, and None without values. ``spread`` is half the width of the range of
-    the middle 68 % of the values, which is one standard deviation where they are normal; None
-    below `SPREAD_NEEDS` values. ``standard_uncertainty`` is the median of those that the measures
-    state. ``reason`` is the most frequent reason for no value; empty where each trial has one.
-    """
-
-    name: str
-    unit: str
-    label: str
-    trials: int
-    measured: int
-    median: float | None
-    spread: float | None
-    standard_uncertainty: float | None
-    reason: str
-
-
-@dataclass(frozen=True)
 class Answers:
-    """Answers on one set of trials; ``not_done`` says why one is None or empty."""
+    """Answers on one set of trials; ``not_done`` says why one is None."""
 
     open_set: OpenSetEvaluation | None
     stopping: StoppingEvaluation | None
-    measures: tuple[MeasureSummary, ...]
     not_done: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
@@ -73,27 +44,18 @@ class Answers:
         return {
             'open_set': self.open_set and self.open_set.to_dict(),
             'stopping': self.stopping and self.stopping.to_dict(),
-            'measures': [asdict(measure) for measure in self.measures],
             'not_done': list(self.not_done),
         }
 
 
-@dataclass(frozen=True)
-class WindowExtras:
-    """Features of the first parts of each window by samples, and measures of each trial.
-
-    A sentence says why there are none.
-    """
-
-    partial: dict[int, FeatureTable] | str
-    measures: tuple[tuple[Measure, ...], ...] | str
+PartialTables = dict[int, FeatureTable] | str
+"""Features of the first part of each window by samples, or a sentence why there are none."""
 
 
-def read_extras(features: RecordingFeatures, table: FeatureTable) -> WindowExtras:
-    """Read parts of the windows and measures from an open recording."""
+def read_partial(features: RecordingFeatures, table: FeatureTable) -> PartialTables:
+    """Read the features of parts of the windows from an open recording."""
     partial, no_partial = _try(_read_partial, features, table)
-    measures, no_measures = _try(features.measures, table)
-    return WindowExtras(no_partial or partial, no_measures or tuple(measures))
+    return no_partial or partial
 
 
 def _read_partial(features: RecordingFeatures, table: FeatureTable) -> dict[int, FeatureTable]:
@@ -113,32 +75,33 @@ def _read_partial(features: RecordingFeatures, table: FeatureTable) -> dict[int,
 
 
 class AnswersPlan:
-    """The work on one set of trials, in three tasks; see `Plan`.
+    """The work on one set of trials, in two tasks; see `Plan`.
 
     Trials that agree in the columns ``hold_out`` are held out together; empty: single trials.
     """
 
-    def __init__(self, table: FeatureTable, hold_out: Sequence[str], extras: WindowExtras) -> None:
+    def __init__(
+        self, table: FeatureTable, hold_out: Sequence[str], partial: PartialTables
+    ) -> None:
         self._table = table
         self._hold_out = tuple(hold_out)
-        self._extras = extras
+        self._partial = partial
 
     def tasks(self) -> list[Task]:
         """Return the tasks."""
-        table, hold_out, extras = self._table, self._hold_out, self._extras
+        table, hold_out = self._table, self._hold_out
         return [
             (_try, (_evaluate_open_set, table, hold_out)),
-            (_try, (_evaluate_stopping, table, hold_out, extras.partial)),
-            (_try, (_summarise_measures, table, extras.measures)),
+            (_try, (_evaluate_stopping, table, hold_out, self._partial)),
         ]
 
     def finish(self, answers: Sequence[tuple[Any, str]]) -> Answers:
         """Put their results together."""
-        (open_set, stopping, measures), reasons = zip(*answers, strict=True)
-        names = ('unknown objects', 'early predictions', 'measures')
+        (open_set, stopping), reasons = zip(*answers, strict=True)
+        names = ('unknown objects', 'early predictions')
         told = zip(names, reasons, strict=True)
         not_done = tuple(f'{name}: {reason}' for name, reason in told if reason)
-        return Answers(open_set, stopping, measures or (), not_done)
+        return Answers(open_set, stopping, not_done)
 
 
 def _try(work: Callable[..., Any], *arguments: Any) -> tuple[Any, str]:
@@ -158,7 +121,7 @@ def _evaluate_open_set(table: FeatureTable, hold_out: Sequence[str]) -> OpenSetE
 
 
 def _evaluate_stopping(
-    table: FeatureTable, hold_out: Sequence[str], partial: dict[int, FeatureTable] | str
+    table: FeatureTable, hold_out: Sequence[str], partial: PartialTables
 ) -> StoppingEvaluation:
     from tactile_classifier.evaluation.early_answers import evaluate_stopping
 
@@ -166,46 +129,4 @@ def _evaluate_stopping(
         raise TactileError(partial)
     return evaluate_stopping(
         table, partial, CLASSIFIER, hold_out=hold_out, false_alarm_rate=FALSE_ALARM_RATE
-    )
-
-
-def _summarise_measures(
-    table: FeatureTable, measures: tuple[tuple[Measure, ...], ...] | str
-) -> tuple[MeasureSummary, ...]:
-    if isinstance(measures, str):
-        raise TactileError(measures)
-    return summarise_measures(table.labels, measures)
-
-
-def summarise_measures(
-    labels: NDArray[Any], measures: Sequence[Sequence[Measure]]
-) -> tuple[MeasureSummary, ...]:
-    """Return one summary a measure and label, from labels and measures of each trial."""
-    found: dict[tuple[str, str, str], list[Measure]] = {}
-    for label, of_trial in zip(labels, measures, strict=True):
-        for measure in of_trial:
-            found.setdefault((measure.name, str(label), measure.unit), []).append(measure)
-    order = list(dict.fromkeys(name for name, _, _ in found))
-    keys = sorted(found, key=lambda key: (order.index(key[0]), key[1]))
-    return tuple(_summarise(*key, found[key]) for key in keys)
-
-
-def _summarise(name: str, label: str, unit: str, measures: Sequence[Measure]) -> MeasureSummary:
-    good = [measure for measure in measures if not measure.reason]
-    median = spread = uncertainty = None
-    if good:
-        low, median, high = np.quantile([m.value for m in good], [0.16, 0.5, 0.84]).tolist()
-        spread = 0.5 * (high - low) if len(good) >= SPREAD_NEEDS else None
-        uncertainty = float(np.median([m.standard_uncertainty for m in good]))
-    reasons = Counter(measure.reason for measure in measures if measure.reason)
-    return MeasureSummary(
-        name=name,
-        unit=unit,
-        label=label,
-        trials=len(measures),
-        measured=len(good),
-        median=median,
-        spread=spread,
-        standard_uncertainty=uncertainty,
-        reason=reasons.most_common(1)[0][0] if reasons else '',
     )

@@ -19,7 +19,6 @@ from tactile_lab.datasets.tables import format_interval, format_warnings
 from tactile_lab.output import named_errors
 from tactile_lab.report import drawings
 from tactile_lab.report.analysis import SetResult
-from tactile_lab.report.answers import MeasureSummary
 from tactile_lab.report.published import compare_with_paper, format_design, is_the_papers
 from tactile_lab.report.significance import find_components, format_alike_pairs
 from tactile_lab.report.summary import (
@@ -33,8 +32,6 @@ from tactile_lab.report.summary import (
 
 TITLE = 'Touch through the tendon: evaluation'
 FILE_NAME = 'report.html'
-
-_SHOWN_UNITS = {'m': ('mm', 1e3), 'N/m': ('N/mm', 1e-3)}
 
 
 def report_path(path: Path) -> Path:
@@ -90,32 +87,6 @@ def format_split(result: SetResult, each: OpenSetEvaluation | StoppingEvaluation
     return f'{result.recordings.table.task}: {format_classifier(each)}, {each.split}'
 
 
-def format_measure(each: MeasureSummary) -> list[str]:
-    """Return the cells of a measure's row."""
-    unit, factor = _SHOWN_UNITS.get(each.unit, (each.unit, 1.0))
-    numbers = (each.median, each.spread, each.standard_uncertainty)
-    absent = 'too few' if each.measured else 'none'
-    return [
-        f'{each.name.replace("_", " ")} [{unit}]',
-        each.label,
-        f'{each.measured} of {each.trials}',
-        *(absent if number is None else f'{factor * number:.3f}' for number in numbers),
-    ]
-
-
-def list_unmeasured(summaries: Sequence[MeasureSummary]) -> list[str]:
-    """Return why there are trials without a value: a sentence for each measure and reason."""
-    labels: dict[tuple[str, str], list[str]] = {}
-    for each in summaries:
-        if each.reason:
-            missing = f'{each.label} ({each.trials - each.measured} of {each.trials})'
-            labels.setdefault((each.name.replace('_', ' '), each.reason), []).append(missing)
-    return [
-        f'No {name} of {", ".join(found)}, most often because: {reason}.'
-        for (name, reason), found in labels.items()
-    ]
-
-
 _FUNCTIONS: Sequence[Callable[..., Any]] = (
     compare_with_paper,
     drawings.draw_accuracies,
@@ -133,9 +104,7 @@ _FUNCTIONS: Sequence[Callable[..., Any]] = (
     format_design,
     format_features,
     format_first_sentence,
-    format_measure,
     format_model,
     format_split,
     format_warnings,
-    list_unmeasured,
 )

@@ -321,11 +321,6 @@ class Finger:
         return {
             'from': self._seconds(window.window_start_ns),
             'to': self._seconds(window.window_end_ns),
-            'measures': [
-                {'name': m.name, 'unit': m.unit, 'value': rounded(m.value)}
-                for m in window.measures
-                if not m.reason
-            ],
         }
 
     def spectrum(self) -> dict[str, Any] | None:

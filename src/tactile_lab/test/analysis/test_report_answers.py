@@ -9,28 +9,18 @@ import json
 import numpy as np
 import pytest
 
-from tactile_bags import TactileBag
-from tactile_bags.errors import BagError
-from tactile_bags.recorded_setup import recorded_features
-from tactile_bags.replay import replay_phases
 from tactile_classifier.confidence import calibration
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.evaluation.open_set import evaluate_open_set
 from tactile_classifier.evaluation.plans import run_plans
 from tactile_features.config import FeatureConfig
-from tactile_features.records import Measure
 from tactile_features.spec import spec_for
 from tactile_lab.datasets.feature_tables import open_features
 from tactile_lab.datasets.reading import select_features
 from tactile_lab.report import answers as answers_module
 from tactile_lab.report.analysis import analyse
-from tactile_lab.report.answers import (
-    AnswersPlan,
-    read_extras,
-    summarise_measures,
-    WindowExtras,
-)
-from tactile_lab.report.build import build_page, list_unmeasured
+from tactile_lab.report.answers import AnswersPlan, read_partial
+from tactile_lab.report.build import build_page
 from tactile_lab.report.recordings import make_sets
 from tactile_lab.report.significance import find_components, format_alike_pairs
 from tactile_lab.report.summary import answer_rows
@@ -52,8 +42,7 @@ def make_holds(gap, each=15):
 
 
 def answer(table, hold_out=('session_id',)):
-    extras = WindowExtras('not of holds', 'an archive has windows alone')
-    (answers,) = run_plans([AnswersPlan(table, hold_out, extras)])
+    (answers,) = run_plans([AnswersPlan(table, hold_out, 'not of holds')])
     return answers
 
 
@@ -91,63 +80,26 @@ def test_what_cannot_be_done_says_why_and_the_rest_is_done():
     assert answers.open_set.split == 'stratified 6-fold over trials'
     assert max(unknown.miss_rate for unknown in answers.open_set.unknown) == 0.0
     assert answers.stopping is None
-    assert answers.measures == ()
-    assert answers.not_done == (
-        'early predictions: not of holds',
-        'measures: an archive has windows alone',
-    )
+    assert answers.not_done == ('early predictions: not of holds',)
     two = answer(holds.take(np.isin(holds.labels, ['far', 'twin'])))
     assert two.open_set is None
     assert two.not_done[0].startswith('unknown objects: there are 2 labels')
 
 
-def test_measures_are_those_of_the_windows(stiffness_bag):
+def test_holds_have_no_early_predictions(stiffness_bag):
     with open_features([stiffness_bag]) as features:
         (table,) = features.tables().tables.values()
-        measures = features.measures(table)
-        columns = {**table.columns, 'window_end_ns': table.column('window_end_ns') + 1}
-        moved = FeatureTable(table.values, table.labels, table.spec, columns)
-        with pytest.raises(BagError, match='other windows than those recorded'):
-            features.measures(moved)
-        extras = read_extras(features, table)
-    assert extras.partial == 'only texture has them; a hold is answered when it is over'
-    assert extras.measures == tuple(measures)
-    with TactileBag(stiffness_bag) as bag:
-        windows = {w.trial_id: w for w in replay_phases(bag, recorded_features(bag)).windows}
-    assert len(measures) == len(table) == 15
-    for trial_id, found in zip(table.column('trial_id'), measures, strict=True):
-        assert found == windows[trial_id].measures
-        assert 'relaxation_time' in {measure.name for measure in found}
-
-
-def test_summary_counts_what_has_no_value_and_leaves_it_out():
-    def pitch(value, uncertainty):
-        return (Measure('groove_pitch', 'm', value, uncertainty),)
-
-    none = (Measure('groove_pitch', 'm', reason='no grooves'),)
-    rough = [pitch(0.001 * k, 0.0001 * k) for k in (3, 4, 5, 6, 7)]
-    labels = np.array(['flat', *['rough'] * 6, 'flat'])
-    flat, found = summarise_measures(labels, [none, *rough, none, none])
-    few = summarise_measures(labels[1:5], rough[:4])[0]
-    assert (few.measured, few.median, few.spread) == (4, pytest.approx(0.0045), None)
-    assert (flat.label, flat.trials, flat.measured) == ('flat', 2, 0)
-    assert (flat.median, flat.spread, flat.standard_uncertainty) == (None, None, None)
-    assert (found.label, found.trials, found.measured) == ('rough', 6, 5)
-    assert found.median == pytest.approx(0.005)
-    assert found.spread == pytest.approx(0.5 * 0.004 * 0.68)
-    assert found.standard_uncertainty == pytest.approx(0.0005)
-    assert list_unmeasured([flat, found]) == [
-        'No groove pitch of flat (2 of 2), rough (1 of 6), most often because: no grooves.'
-    ]
+        partial = read_partial(features, table)
+    assert partial == 'only texture has them; a hold is answered when it is over'
 
 
 def test_chosen_features_have_no_early_predictions_and_whole_names(texture_bag):
     with open_features([texture_bag]) as features:
         (table,) = features.tables().tables.values()
         few = select_features(table, ','.join(table.spec.names[3:6]))
-        extras = read_extras(features, few)
-    assert extras.partial == 'some of the features alone have no early predictions'
-    assert len(extras.measures) == len(table)
+        assert read_partial(features, few) == (
+            'some of the features alone have no early predictions'
+        )
     names = ('one__size', 'other__size', *table.spec.names[2:])
     twins = dataclasses.replace(table, spec=dataclasses.replace(table.spec, names=names))
     assert select_features(twins, 'other__size').spec.names == ('other__size',)
@@ -158,7 +110,7 @@ def test_chosen_features_have_no_early_predictions_and_whole_names(texture_bag):
 def test_sections_stand_in_page_and_json_with_split_and_mark(answered):
     (result,), page = answered
     assert result.answers.not_done == ()
-    for heading in ('Unknown objects', 'Early predictions', 'Measures'):
+    for heading in ('Unknown objects', 'Early predictions'):
         assert f'<summary>{heading}</summary>' in page
     captions = [part.split('</caption>')[0] for part in page.split('<caption>')[1:]]
     ours = [c for c in captions if '3 nearest neighbours, not scaled, ' in c]
@@ -172,10 +124,6 @@ def test_sections_stand_in_page_and_json_with_split_and_mark(answered):
         assert '>SIMULATED</text>' in figure
     document = json.loads(json.dumps(result.to_dict(), allow_nan=False))
     assert document['answers']['stopping']['seconds'] == [0.5, 1.0, 1.5, 2.0, 2.5, 3.0]
-    assert {measure['name'] for measure in document['answers']['measures']} == {'groove_pitch'}
-    pitches = {m.label: m.median for m in result.answers.measures}
-    assert pitches['R1'] == pytest.approx(0.006, rel=0.02)
-    assert pitches['F'] is None
 
 
 def test_mean_p_is_explained_by_counting_pairs(answered):

@@ -36,7 +36,6 @@ UNITLESS = {
     'uint32',
     'std_msgs/Header',
     'builtin_interfaces/Time',
-    'Measure',
 }
 
 

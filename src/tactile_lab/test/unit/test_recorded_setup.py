@@ -5,6 +5,7 @@
 
 import dataclasses
 import hashlib
+import json
 
 import pytest
 from rclpy.serialization import serialize_message
@@ -89,6 +90,14 @@ def test_parameters_that_cannot_be_are_refused(record, config):
         with pytest.raises(BagError, match='feature parameters'):
             recorded_features(bag)
         assert nominal_rate_hz(bag) == 0.0
+
+
+def test_parameters_that_are_gone_are_passed_over(record):
+    topic, message = announce(USUAL, samples_timeout_s=7.0)
+    gone = {'measures': True, 'glide_speed_uncertainty': 0.01, 'detected_pull_speed_m_s': 0.02}
+    message.config = json.dumps({**json.loads(message.config), **gone})
+    with TactileBag(record((topic, message))) as bag:
+        assert recorded_features(bag).config == FeatureConfig(samples_timeout_s=7.0)
 
 
 def test_each_specification_of_a_phase_has_a_table(record):

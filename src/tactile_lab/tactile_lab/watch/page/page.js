@@ -90,12 +90,7 @@
       else if (answer.right === false) set(verdict, `\u2717 stated for the trial: ${answer.true}`);
       else set(verdict, answer.outcome === 'label' ? '' : answer.reason);
       this.showScores(answer);
-      const notes = [];
-      for (const m of (finger.window ? finger.window.measures : [])) {
-        const [value, unit] = m.unit === 'm' ? [Number((1000 * m.value).toPrecision(4)), 'mm'] : [m.value, m.unit];
-        notes.push(`${m.name.replaceAll('_', ' ')} ${value} ${unit}`);
-      }
-      notes.push(`model ${answer.model}${answer.simulated ? ', SIMULATED' : ''}`);
+      const notes = [`model ${answer.model}${answer.simulated ? ', SIMULATED' : ''}`];
       for (const other of finger.answers.slice(0, -1)) {
         if (other.trial !== answer.trial || other.task !== answer.task) continue;
         notes.push(`model ${other.model}: ${other.outcome === 'label' ? other.label : other.reason}`);
