@@ -42,12 +42,6 @@ class Grips:
     def times_s(self) -> FloatArray:
         return self.motion.sample_times_s
 
-    def cut(self, trial: int, from_s: float, to_s: float) -> tuple[FloatArray, FloatArray]:
-        """Seconds since the first sample, and tension, of a part of a trial."""
-        chosen = (self.times_s >= from_s) & (self.times_s <= to_s)
-        times_s = self.times_s[chosen]
-        return times_s - times_s[0], self.tension_n[trial, chosen]
-
 
 def simulate_grips(
     request: TrialRequest,
