@@ -393,7 +393,7 @@ class TrialFeatureExtractor:
         if event is not None and event.phase in (PHASE_GLIDE, PHASE_HOLD):
             self._event = None  # its end would be on another clock
             reason = format_clock_step(step_ns, event.phase)
-            phase = _FinishedPhase(event, event, None, self._lanes, is_past=False)
+            phase = _FinishedPhase(event, event, self._lanes, is_past=False)
             self._waiting.append(phase)
             windows += self._end_oldest(lambda window: window.refuse(Outcome.BAD_TIME, reason))
         return windows

@@ -389,6 +389,13 @@ def test_an_end_that_comes_before_its_start_is_a_clock_that_was_set_back(phase):
     assert '3.500 s before its start' in window.reason
 
 
+@pytest.mark.parametrize('phase', ['glide', 'hold'])
+def test_a_clock_that_is_set_back_within_a_phase_refuses_it_before_it_ends(phase):
+    (window,) = run(event(0.4, phase), *stepped(30, -20.0))
+    assert window.outcome == BAD_TIME
+    assert "the host's clock was set back by 20.000 s" in window.reason
+
+
 def test_phases_that_wait_when_the_stream_begins_at_an_earlier_time_are_refused():
     waiting = block(0, 30), event(2.0, 'glide'), event(3.5, 'done')
     (window,) = run(*waiting, block(0, 1))
