@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Each node of the launched rig killed in contact: all rests, and the tendon goes slack.
+"""Kill or freeze each node of the launched rig in contact: all motion ends, the tendon goes slack.
 
-With TACTILE_KILLS=FILE it appends what it measured, a line of JSON a kill; docs/motion.md has
-the table.
+With TACTILE_KILLS=FILE, one line of JSON with the measured times is appended for each case;
+docs/motion.md has the table.
 """
 
 import contextlib
@@ -39,7 +39,15 @@ WATCHED_S = 6.0
 SLACK_M = 0.0006
 STEP_M = 1e-6
 
-VICTIMS = ('tendon_sensor_node', 'linear_guide_node', 'tendon_actuator_node', 'trial_runner_node')
+FROZEN_S = 5.0
+VICTIMS = {
+    'sensor driver': ('tendon_sensor_node',),
+    'guide driver': ('linear_guide_node',),
+    'tendon driver': ('tendon_actuator_node',),
+    'trial runner': ('trial_runner_node',),
+    'tendon and sensor': ('tendon_actuator_node', 'tendon_sensor_node'),
+}
+FAULTS = {'killed': signal.SIGKILL, 'frozen': signal.SIGSTOP}
 SCENES = {
     'texture': ('R1', TrialEvent.PHASE_GLIDE),
     'stiffness': ('rubber_shell', TrialEvent.PHASE_HOLD),
@@ -126,32 +134,51 @@ class LaunchedRig:
             self._domain.__exit__(None, None, None)
 
 
-def watch(rig):
-    """Return when guide and tendon last moved on, and when the tendon was slack, from now [s]."""
+def watch(rig, resume):
+    """Return when guide and tendon last moved on, and when the tendon was slack, from now [s].
+
+    `resume` is called after FROZEN_S; the watch goes on for WATCHED_S after that.
+    """
     began_s, before = time.monotonic(), rig.truth()
-    rest = {'guide_rest_s': 0.0, 'tendon_in_s': 0.0, 'slack_s': None}
-    while (passed_s := time.monotonic() - began_s) < WATCHED_S or rest['slack_s'] is None:
+    rest = {'guide_rest_s': 0.0, 'tighten_s': 0.0, 'slack_s': None}
+    resumed = False
+    while (passed_s := time.monotonic() - began_s) < FROZEN_S + WATCHED_S or not rest['slack_s']:
         assert passed_s < DEADLINE_S, f'the tendon is still taut: {before}'
+        if passed_s >= FROZEN_S and not resumed:
+            resume()
+            resumed = True
         now = advance_rig(rig, 0.004)
         if abs(now['guide_position_m'] - before['guide_position_m']) > STEP_M:
             rest['guide_rest_s'] = passed_s
         if now['tendon_displacement_m'] - before['tendon_displacement_m'] > STEP_M:
-            rest['tendon_in_s'] = passed_s
+            rest['tighten_s'] = passed_s
         if rest['slack_s'] is None and now['tendon_displacement_m'] < SLACK_M:
             rest['slack_s'] = passed_s
         before = now
     return rest
 
 
-def run_until_killed(operator, request):
+def send(processes, number):
+    """Send a signal to those of the processes that are still there."""
+    for process in processes:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(process, number)
+
+
+def run_until_killed(operator, request, problems):
     # Without the runner no result comes; the test may end before the operator has given up.
-    with contextlib.suppress(TactileError, RuntimeError):
+    try:
         operator.run_trial(request)
+    except (TactileError, RuntimeError) as error:
+        problems.append(str(error))
 
 
 @pytest.mark.parametrize('protocol', SCENES)
+@pytest.mark.parametrize('fault', FAULTS)
 @pytest.mark.parametrize('victim', VICTIMS)
-def test_a_killed_node_leaves_a_slack_tendon_and_the_next_trial_runs(tmp_path, protocol, victim):
+def test_a_dead_node_leaves_a_slack_tendon_and_the_next_trial_runs(
+    tmp_path, protocol, fault, victim
+):
     label, phase = SCENES[protocol]
     log = tmp_path / 'launch.log'
     launched = LaunchedRig(protocol, log)
@@ -159,15 +186,25 @@ def test_a_killed_node_leaves_a_slack_tendon_and_the_next_trial_runs(tmp_path, p
     request = TrialRequest(protocol, 'flexion', label)
     try:
         launched.insist(operator.home_guide)
-        threading.Thread(target=run_until_killed, args=(operator, request), daemon=True).start()
-        wait_until(lambda: phase in launched.phases, lambda: f'no {phase}')
+        problems = []
+        threading.Thread(
+            target=run_until_killed, args=(operator, request, problems), daemon=True
+        ).start()
+        wait_until(
+            lambda: phase in launched.phases,
+            lambda: f'phases {launched.phases}, not {phase}: {problems}',
+        )
         assert advance_rig(rig, 0.5)['tendon_displacement_m'] > 0.002
-        os.kill(find_process(launched.process.pid, victim), signal.SIGKILL)
-        rest = watch(rig)
+        victims = [find_process(launched.process.pid, node) for node in VICTIMS[victim]]
+        send(victims, FAULTS[fault])
+        rest = watch(rig, resume=lambda: send(victims, signal.SIGCONT))
+        completed = TrialEvent.PHASE_DONE in launched.phases
         launched.phases.clear()
+        again_s = time.monotonic()
         launched.insist(operator.home_guide)
         launched.insist(lambda: operator.run_trial(TrialRequest(protocol, 'flexion', label)))
         assert TrialEvent.PHASE_DONE in launched.phases
+        rest['again_s'] = time.monotonic() - again_s
         code = launched.close()
         rest['slack_at_the_end'] = rig.truth()['tendon_displacement_m'] < SLACK_M
     except BaseException:
@@ -177,7 +214,7 @@ def test_a_killed_node_leaves_a_slack_tendon_and_the_next_trial_runs(tmp_path, p
     finally:
         rig.close()
     if path := os.environ.get('TACTILE_KILLS'):
+        row = {'victim': victim, 'fault': fault, 'phase': phase, 'completed': completed}
         with open(path, 'a') as file:
-            row = {'victim': victim, 'phase': phase, **rest, 'exit': code}
-            file.write(json.dumps(row) + '\n')
-    assert (code, rest['slack_at_the_end']) == (0, True)
+            file.write(json.dumps({**row, **rest, 'exit': code}) + '\n')
+    assert (code, rest['slack_at_the_end'], completed) == (0, True, False)
