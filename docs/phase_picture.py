@@ -24,7 +24,7 @@ def draw_phases(path: Path) -> None:
     """Draw the tension, what was commanded (dashed) and what was found."""
     figure, axes = plt.subplots(1, 2, figsize=(11, 3.6), layout='constrained')
     for axis, (protocol, label, contact) in zip(axes, _TRIALS, strict=True):
-        planned = plan_trial(TrialConfig(simulated=True), TrialRequest(protocol, contact))
+        planned = plan_trial(TrialConfig(), TrialRequest(protocol, contact))
         trials = simulate_trials(protocol, label, contact, planned.timeline, 1, _SEED)
         tension_n = trials.tension_n[0, : planned.sample_count]
         time_s = np.arange(len(tension_n)) / planned.rate_hz

@@ -108,7 +108,7 @@ def simulate_session(
         What differs from the defaults of `TrialConfig`.
     """
     catalogue = default_catalogue()
-    config = TrialConfig(simulated=True, **motion)  # type: ignore[arg-type]
+    config = TrialConfig(**motion)  # type: ignore[arg-type]
     planned = plan_trial(config, TrialRequest(protocol, contact), catalogue)
     period_ns = round(1e9 / planned.rate_hz)
     readings: list[FloatArray] = []

@@ -82,7 +82,7 @@ def _simulate_scenes(
     request = TrialRequest('slip', contact)
     count = 5 if quick else 20
     return [
-        simulate_grips(request, TrialConfig(simulated=True), label, count, seed, session, rate_hz)
+        simulate_grips(request, TrialConfig(), label, count, seed, session, rate_hz)
         for session in range(3)
     ]
 
@@ -180,7 +180,7 @@ def _find_slip_s(grips: Grips, trial: int, phases: dict[str, float]) -> float | 
 
 def _hold(contact: str, hold_s: float, count: int, rate_hz: float) -> Grips:
     request = TrialRequest('stiffness', contact, hold_s=hold_s)
-    config = TrialConfig(simulated=True)
+    config = TrialConfig()
     return simulate_grips(request, config, 'solid_rubber', count, SEEDS[0], 0, rate_hz)
 
 

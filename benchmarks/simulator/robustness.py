@@ -180,7 +180,7 @@ def _gather(rows: Sequence[tuple[str, FloatArray | None]]) -> Features:
 
 
 def _configure(study: Study, setting: Setting) -> TrialConfig:
-    usual = TrialConfig(simulated=True)
+    usual = TrialConfig()
     speed_m_s = setting.glide_speed_m_s or usual.glide_speed_m_s
     depth = f'{study.contact}_displacement_m'
     return replace(

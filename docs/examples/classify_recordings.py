@@ -19,7 +19,7 @@ from tactile_sim.descriptions.catalogue import Catalogue
 from tactile_sim.physics.trials import simulate_trials
 
 catalogue = Catalogue(None)
-planned = plan_trial(TrialConfig(simulated=True), TrialRequest('texture', 'flexion'), catalogue)
+planned = plan_trial(TrialConfig(), TrialRequest('texture', 'flexion'), catalogue)
 glide_s = dict(planned.phases)['glide']
 parts = [
     (label, session, simulate_trials('texture', label, 'flexion', planned.timeline, 6, seed=1, session=session))

@@ -20,7 +20,7 @@ from tactile_sim import Catalogue, simulate_trials
 
 catalogue = Catalogue(None)
 rig = catalogue.rig()
-planned = plan_trial(TrialConfig(simulated=True), TrialRequest('texture', 'flexion'), catalogue)
+planned = plan_trial(TrialConfig(), TrialRequest('texture', 'flexion'), catalogue)
 print(f'the load cell of the simulated rig: {rig.load_cell.noise_n:g} N of noise, {rig.load_cell.rate_hz:g} Hz')
 
 # %%

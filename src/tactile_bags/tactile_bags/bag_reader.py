@@ -44,6 +44,7 @@ from tactile_bags.recorded_topics import (
     STRAIN_TOPIC,
 )
 from tactile_bags.sqlite_reader import SqliteFile
+from tactile_bags.stored_definitions import complete_message, store_of_definition
 from tactile_ros.errors import TactileError
 
 MAX_UNPACKED_BYTES = 4 * 2**30
@@ -69,11 +70,24 @@ class BagMessage:
     store: Typestore
 
     def decode(self) -> Any:
-        """Return the message with the fields of its definition; `BagError` when it is damaged."""
+        """Return the message with the fields of the installed definition.
+
+        Bytes of another definition are decoded by the one that the bag stores: fields that the
+        installed definition does not have are left out, and fields that the bag lacks have their
+        defaults. `BagError` when the message is damaged.
+        """
         try:
-            return self.store.deserialize_cdr(self.data, self.type_name)
+            message = self.store.deserialize_cdr(self.data, self.type_name)
         except Exception as error:  # the decoder trusts what it reads
             raise BagError(f'a message on {self.topic} is damaged: {error}') from error
+        if not self.is_of_another_release:
+            return message
+        return complete_message(message, self.type_name, self.store)
+
+    @property
+    def is_of_another_release(self) -> bool:
+        """Whether the bag has another definition of its type than the installed one."""
+        return self.store is not message_store()
 
 
 class TactileBag:
@@ -110,7 +124,8 @@ class TactileBag:
         self._store = message_store()
         self._files: list[McapFile | SqliteFile] = []
         self._merged = _MergedFiles(self._files)
-        self._foreign: dict[str, str] = {}  # sentences by type that is defined otherwise here
+        self._foreign: dict[str, str] = {}  # sentences by type that cannot be decoded here
+        self._stored: dict[str, Typestore] = {}  # by topic of another definition
         self._stack = ExitStack()
         try:
             metadata = self._open()
@@ -220,7 +235,11 @@ class TactileBag:
                 )
                 if topic.type_name in (STRAIN, EVENT):
                     raise BagError(reason)
-                self._foreign[topic.type_name] = reason
+                store = store_of_definition(topic, type_hash)
+                if store is None:
+                    self._foreign[topic.type_name] = reason
+                else:
+                    self._stored[topic.name] = store
 
     def _compare_counts(self, metadata: BagMetadata) -> str:
         """Return where finished files hold other messages than they or the metadata state."""
@@ -332,8 +351,8 @@ class TactileBag:
         BagDamageError
             When the file is damaged; what came before has been given.
         BagError
-            When one of the types is named and was recorded with another definition. A bag whose
-            samples or events were is not opened.
+            When one of the types is named and was recorded with another definition, which the bag
+            does not store. A bag with another definition of samples or events is not opened.
         """
         for type_name in type_names:
             if type_name in self._foreign:
@@ -347,7 +366,8 @@ class TactileBag:
                     continue
                 if self._packing == 'message':
                     data = _unpack_message(data)
-                yield BagMessage(topic.name, topic.type_name, received_at_ns, data, self._store)
+                store = self._stored.get(topic.name, self._store)
+                yield BagMessage(topic.name, topic.type_name, received_at_ns, data, store)
         except (BagError, OSError) as error:
             raise BagDamageError(f'{self.path} is damaged: {error}') from error
         if self.damage:
@@ -392,10 +412,6 @@ def _read_metadata(custom: dict[str, str]) -> dict[str, Any]:
         raise BagError(f'the custom data of its metadata.yaml are no JSON: {error}') from error
     if not isinstance(metadata, dict):
         raise BagError('the custom data of its metadata.yaml are not a JSON object')
-    if not isinstance(metadata.get('models', ''), str):
-        raise BagError(
-            'the custom data of its metadata.yaml have an entry "models" that is no path'
-        )
     return metadata
 
 

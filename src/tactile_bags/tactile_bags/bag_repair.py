@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-import os
 from pathlib import Path
 
 import yaml
@@ -40,9 +39,6 @@ def repair_bag(source: Path, target: Path) -> Repair:
     """
     with TactileBag(source, needs_all=False) as bag:
         metadata = {**bag.metadata, 'repaired_from_sha256': bag.sha256()}
-        if metadata.get('models'):
-            models = (source / str(metadata['models'])).resolve()
-            metadata['models'] = os.path.relpath(models, target.resolve())
         count, damage = 0, ''
         with BagWriter(target, metadata) as writer:
             for topic in bag.stored_topics:

@@ -3,14 +3,16 @@
 
 """Feature specifications and models of a recording, from its messages.
 
-Recordings of version 0.1 state them in their metadata.
+A simulated recording states the parameters of its features in its metadata.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 import hashlib
+import json
+import logging
 import os
 from pathlib import Path
 from typing import Any
@@ -26,8 +28,7 @@ from tactile_features.feature_sets.registry import PHASE_OF_TASK
 from tactile_features.spec import FeatureSpec, shared_rate_hz, spec_for, WantedFeatures
 from tactile_ros.errors import TactileError
 
-GONE = frozenset({'measures', 'glide_speed_uncertainty', 'detected_pull_speed_m_s'})
-"""Parameters of the feature node in older recordings that no window depends on."""
+_logger = logging.getLogger(__name__)
 
 WRITTEN_IN = 'written_in'
 """Entry of the metadata: folder of the bag when it was recorded."""
@@ -79,7 +80,14 @@ def recorded_features(bag: TactileBag, namespace: str = '') -> RecordedFeatures:
     wanted: dict[str, WantedFeatures] = {}
     messages = list(bag.messages(SPECIFICATIONS, namespace=namespace))
     records = list(read_records(messages))
-    if messages and not records:
+    if messages and not records and messages[-1].is_of_another_release:
+        _logger.warning(
+            '%s: its specifications of features are of another release; features are computed as '
+            'here, with the recorded parameters',
+            bag.path,
+        )
+        config = _read_json(messages[-1].decode().config)
+    elif messages and not records:
         raise BagError(
             f'{bag.path}: its feature parameters are unusable: each message on '
             f'{messages[0].topic} is refused; the log says why'
@@ -91,20 +99,26 @@ def recorded_features(bag: TactileBag, namespace: str = '') -> RecordedFeatures:
             samples = tuple(sorted({*known, *each.partial_samples}))
             wanted[each.spec.digest] = WantedFeatures(each.spec, samples)
     try:
-        return RecordedFeatures(FeatureConfig(**_renamed(config)), tuple(wanted.values()))
+        return RecordedFeatures(_read_config(config), tuple(wanted.values()))
     except (TypeError, FeatureError) as error:
         raise BagError(f'{bag.path}: its feature parameters are unusable: {error}') from error
 
 
-def _renamed(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return parameters of a recording by the names of today, without those that are gone."""
+def _read_json(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        return text  # refused as no parameters
+
+
+def _read_config(values: Mapping[str, Any]) -> FeatureConfig:
+    """Return the parameters of a recording, without those that only another release has."""
     if not isinstance(values, Mapping):
         raise TypeError(f'they are {type(values).__name__}, not names and values')
-    return {
-        'partial_samples' if name == 'running_samples' else name: value
-        for name, value in values.items()
-        if name not in GONE
-    }
+    known = {field.name for field in fields(FeatureConfig)}
+    if unknown := sorted(map(str, values.keys() - known)):
+        _logger.info('parameters of another release are ignored: %s', ', '.join(unknown))
+    return FeatureConfig(**{name: value for name, value in values.items() if name in known})
 
 
 def nominal_rate_hz(bag: TactileBag, namespace: str = '') -> float:
@@ -119,7 +133,7 @@ def nominal_rate_hz(bag: TactileBag, namespace: str = '') -> float:
 
 
 def recorded_models(bag: TactileBag, namespace: str = '') -> tuple[ModelInfo, ...]:
-    """Return the models that answered while recording; none in recordings of version 0.1."""
+    """Return the models that answered while recording."""
     found: dict[str, ModelInfo] = {}
     for _, infos in read_records(bag.messages(MODELS, namespace=namespace)):
         found |= {info.model_id: info for info in infos.models}
@@ -127,21 +141,14 @@ def recorded_models(bag: TactileBag, namespace: str = '') -> tuple[ModelInfo, ..
 
 
 def find_models(bag: TactileBag, namespace: str = '') -> list[Path]:
-    """Return the model files that a recording was made with, or their folder; none: no models.
+    """Return the model files that a recording was made with; none: no models.
 
     A file is looked for where it was, then beside the bag where it was beside the bag: both may
     have been moved together. One that is not there, or has changed since, is a `TactileError`.
     """
     folder = (bag.path if bag.path.is_dir() else bag.path.parent).resolve()
-    if infos := recorded_models(bag, namespace):
-        written_in = str(bag.metadata.get(WRITTEN_IN, ''))
-        return [_find(info, folder, written_in) for info in infos]
-    if not (name := bag.metadata.get('models', '')):
-        return []
-    path = Path(folder, name).resolve()
-    if not path.exists():
-        raise TactileError(f'the models of this recording are not at {path}; name them: --models')
-    return [path]
+    written_in = str(bag.metadata.get(WRITTEN_IN, ''))
+    return [_find(info, folder, written_in) for info in recorded_models(bag, namespace)]
 
 
 def _find(info: ModelInfo, folder: Path, written_in: str) -> Path:

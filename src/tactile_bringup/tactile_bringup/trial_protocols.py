@@ -30,11 +30,6 @@ class TrialConfig(EmergencyStopConfig):
     displacements that bring the fingertip into contact.
     """
 
-    simulated: bool = parameter(
-        False,
-        'deprecated: marks every event as simulated. The samples of a simulated sensor say so '
-        'themselves',
-    )
     guide_start_m: float = parameter(
         0.060,
         'guide position with the fingertip over the start of the plate, or over the object',

@@ -117,11 +117,6 @@ class FeatureConfig(WindowParameters):
         'with phases found in the tension: how the finger touches; empty: not known',
         choices=('', CONTACT_FLEXION, CONTACT_ABDUCTION),
     )
-    detected_simulated: bool = parameter(
-        False,
-        'deprecated: with phases found in the tension, marks all that is derived from it as '
-        'simulated. The samples of a simulated sensor say so themselves',
-    )
     frame_id: str = parameter('tendon_sensor_link', 'frame of the sensor')
 
     def __post_init__(self) -> None:

@@ -475,7 +475,7 @@ class SignalPhases:
             phase=phase,
             message=message,
             glide_speed_m_s=config.detected_glide_speed_m_s if is_texture else 0.0,
-            simulated=config.detected_simulated or self._is_simulated,
+            simulated=self._is_simulated,
             detected=True,
         )
 

@@ -68,12 +68,6 @@ ELSEWHERE = {'import': ('import_recordings', 'import_recordings'), 'hand': ('sen
 UNTIL_A_SIGNAL = {'rig', 'sense', 'hand', 'watch'}
 """These run until SIGINT or SIGTERM, which is their regular end. The others are interrupted."""
 
-RENAMED = {
-    '--model': '--models', '--protocol': '--task', '--running': '--partial',
-    '--static-phase': '--crop',
-}  # fmt: skip
-"""Options of version 0.1, with their new names."""
-
 OF_ROS = {
     'ament_index_python', 'builtin_interfaces', 'diagnostic_msgs', 'domain_coordinator',
     'geometry_msgs', 'lifecycle_msgs', 'rcl_interfaces', 'rclpy', 'rosgraph_msgs',
@@ -96,7 +90,7 @@ _SUGGESTIONS = {'suggest_commands': False} if hasattr(_CLICK_ERRORS, 'NoSuchComm
 
 
 class StrictCommand(WholeNames, TyperCommand):
-    """Refuses an option that is given twice where only the last one counts, and old names."""
+    """Refuses an option that is given twice where only the last one counts."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
@@ -108,9 +102,6 @@ class StrictCommand(WholeNames, TyperCommand):
                 param.help = getattr(info, 'help', None)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        known = {opt for param in self.params for opt in param.opts}
-        for old in {arg.partition('=')[0] for arg in args} & RENAMED.keys() - known:
-            raise typer.BadParameter(f'the option {old} is now called {RENAMED[old]}')
         _, _, order = self.make_parser(ctx).parse_args(args=list(args))
         for param in order:
             is_value = isinstance(param, TyperOption) and not param.is_flag

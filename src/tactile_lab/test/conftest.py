@@ -47,7 +47,7 @@ def simulate_bag(tmp_path_factory):
     def simulate_bag(protocol, contact, trials_per_label, **plan):
         plan = SimulationPlan(protocol, contact, trials_per_label, **plan)
         folder = tmp_path_factory.mktemp('bags')
-        return write_simulated_bag(folder, plan, TrialConfig(simulated=True), FeatureConfig()).path
+        return write_simulated_bag(folder, plan, TrialConfig(), FeatureConfig()).path
 
     return simulate_bag
 

@@ -47,14 +47,6 @@ nothing moves need not."""
 AFTER_END_S = 2.0
 """For what is still being computed when the node has ended that ends all."""
 
-RENAMED = {
-    'model': 'is now called models',
-    'running': 'is now called partial',
-    'hand_file': 'is now params_file, a ROS parameter file: docs/from_0_1.md shows how to rewrite '
-    'a hand file',
-}
-"""Arguments of version 0.1, and what has become of them."""
-
 
 def shared_arguments(**defaults: str) -> list[DeclareLaunchArgument]:
     """Return the arguments that every launch file has; some may have another default."""
@@ -157,8 +149,6 @@ class Arguments:
             name, given, _ = word.partition(':=')
             if not given or name in self._values:
                 continue
-            if name in RENAMED:
-                raise TactileError(f'the argument {name} {RENAMED[name]}')
             close = get_close_matches(name, self._values, 1)
             known = f'did you mean {close[0]}?' if close else ', '.join(self._values)
             raise TactileError(f'there is no argument {name}; {known}')

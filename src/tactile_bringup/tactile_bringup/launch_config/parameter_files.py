@@ -46,7 +46,6 @@ MAX_BYTES = 2**20
 """Longest file of parameters that is read [byte]."""
 
 _OF_EVERY_NODE = ('autostart', 'use_sim_time', 'start_type_description_service')
-_OLD_CLASSIFIER = re.compile(r'(texture|stiffness)(_flexion|_abduction)?_classifier')
 
 NodeParameters = Mapping[str, Mapping[str, Any]]
 """Parameters by the name of the node."""
@@ -84,11 +83,6 @@ class ParameterFile:
             raise TactileError(f'cannot read the parameters in {path}: {error}') from error
         if not isinstance(document, dict):
             raise TactileError(f'{path} is no ROS parameter file: node names are expected on top')
-        if 'fingers' in document and 'ros__parameters' not in str(document['fingers']):
-            raise TactileError(
-                f'{path} is a hand file of version 0.1; a hand is described by a ROS parameter '
-                'file now: docs/from_0_1.md shows how to rewrite it'
-            )
         self._entries = tuple(
             _Entry(pattern, _flat(parameters))
             for pattern, parameters in _find_entries(document, '', path)
@@ -147,11 +141,6 @@ class ParameterFile:
 
     def _check(self, entry: _Entry) -> None:
         node = entry.node
-        if _OLD_CLASSIFIER.fullmatch(node):
-            raise TactileError(
-                f'{self.path} has parameters for {entry.pattern}; the classifier of a finger is '
-                'now called tactile_classifier and needs no parameters of windows'
-            )
         if node not in CONFIGS:
             # It may be for a node of somebody else.
             if close := get_close_matches(node, CONFIGS, 1, 0.8):

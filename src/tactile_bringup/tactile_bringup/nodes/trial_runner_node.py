@@ -510,8 +510,7 @@ class TrialRunnerNode(PollingNode):
             glide_speed_m_s=glide_speed_m_s(self.config, request),
             pull_speed_m_s=self.config.pull_speed_m_s,
             pull_displacement_m=self.config.displacement_m(request.contact),
-            simulated=self.config.simulated
-            or (self._strain is not None and self._strain.is_simulated),
+            simulated=self._strain is not None and self._strain.is_simulated,
         )
         # The clocks of the drivers may differ a little from this one.
         trial.stamp_ns = max(trial.stamp_ns, self._now_ns() if stamp_ns is None else stamp_ns)

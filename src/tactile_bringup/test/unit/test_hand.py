@@ -109,7 +109,6 @@ def test_a_simulated_finger_without_a_port_gets_one(graph):
             'right: {a: {tendon_sensor: {ros__parameters: {port: /dev/x}}}}',
             '/right/a/tendon_sensor, which is not started; there are /a/tendon_sensor',
         ),
-        ('', 'fingers: {index: {sensor_port: /dev/x}}', 'hand file of version 0.1'),
         ('index, index', '', 'index is named twice'),
         ('ring finger', '', '"ring finger" is no name'),
     ],

@@ -52,10 +52,6 @@ thumb:
     ('text', 'message'),
     [
         ('tendon_senser: {ros__parameters: {rate_hz: 60.0}}', 'did you mean tendon_sensor?'),
-        (
-            '/**/stiffness_classifier: {ros__parameters: {contact: flexion}}',
-            'is now called tactile_classifier',
-        ),
         ('tendon_sensor: {ros__parameters: {prot: x}}', 'does not have; did you mean port?'),
         ('a: {tendon_sensor: {ros__parameters: {colour: 1}}}', 'parameter colour, which tendon'),
         ('tendon_sensor: !!python/object/apply:os.system [true]', 'cannot read'),

@@ -103,7 +103,6 @@ def test_lost_samples_are_passed_over():
 def test_events_state_what_the_parameters_know():
     config = dataclasses.replace(
         STIFFNESS,
-        detected_simulated=True,
         detected_object_label='apple',
         detected_session_id='s7',
     )
@@ -112,7 +111,7 @@ def test_events_state_what_the_parameters_know():
     for each in events:
         assert (each.object_label, each.session_id, each.protocol) == ('apple', 's7', 'stiffness')
         assert each.glide_speed_m_s == 0.0
-        assert (each.detected, each.simulated, each.contact) == (True, True, 'flexion')
+        assert (each.detected, each.simulated, each.contact) == (True, False, 'flexion')
         assert each.trial_id == f'detected-{events[0].stamp_ns}'
     # Windows do not depend on them.
     assert config.without_detection() == FeatureConfig()

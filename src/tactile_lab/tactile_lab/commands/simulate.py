@@ -147,7 +147,7 @@ def simulate(
     if plot is not None:
         from tactile_lab.simulation.trial_picture import plot_simulated_trial
 
-        config = plans[0].configure(TrialConfig(simulated=True))
+        config = plans[0].configure(TrialConfig())
         plot_simulated_trial(plot, plans[0], config, catalogue)
         output.say(f'{plot}: one of them as a figure')
     described = [
@@ -193,7 +193,7 @@ def make_bags(
         if (folder / plan.name).exists():
             raise BagError(f'{folder / plan.name} exists already; name another folder')
     catalogue = catalogue or Catalogue(None)
-    config, features = TrialConfig(simulated=True), FeatureConfig()
+    config, features = TrialConfig(), FeatureConfig()
     started, done = time.monotonic(), 0
     total = sum(count_trials(plan, catalogue) for plan in plans)
     with output.progress('simulating trials') as show:

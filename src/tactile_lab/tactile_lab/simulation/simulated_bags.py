@@ -11,7 +11,7 @@ arguments with a small result, which joblib may run wherever it likes. No back-e
 here, so another one takes over by configuration, a cluster for instance:
 
     with joblib.parallel_config(backend='dask'):
-        write_simulated_bag(folder, plan, TrialConfig(simulated=True), FeatureConfig(), jobs=-1)
+        write_simulated_bag(folder, plan, TrialConfig(), FeatureConfig(), jobs=-1)
 
 Its workers need the same workspace; one bag is written by the calling process alone. The
 bytes of a bag do not depend on how many workers there are, nor where.

@@ -27,7 +27,7 @@ from tactile_lab.simulation.simulated_trials import (
 from tactile_ros.errors import TactileError
 from tactile_sim.physics.trials import SimulatedTrials
 
-CONFIG = TrialConfig(simulated=True)
+CONFIG = TrialConfig()
 RATE_HZ = 60
 
 

@@ -61,7 +61,7 @@ def new_folder():
 def simulated_bag(folder, protocol):
     """Return a bag of two simulated trials on each plate or object."""
     plan = SimulationPlan(protocol, 'flexion', 2, seed=7)
-    return write_simulated_bag(folder, plan, TrialConfig(simulated=True), FeatureConfig()).path
+    return write_simulated_bag(folder, plan, TrialConfig(), FeatureConfig()).path
 
 
 def trained_model(folder, protocol):

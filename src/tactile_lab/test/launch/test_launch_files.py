@@ -179,8 +179,7 @@ def test_what_does_not_fit_is_refused_with_a_sentence(name, values, sentence):
     ('word', 'sentence'),
     [
         ('modle:=x', 'there is no argument modle; did you mean models'),
-        ('model:=x', 'the argument model is now called models'),
-        ('hand_file:=x', 'the argument hand_file is now params_file'),
+        ('hand_file:=x', 'there is no argument hand_file'),
     ],
 )
 def test_an_argument_that_nobody_declares_is_refused_on_the_command_line(

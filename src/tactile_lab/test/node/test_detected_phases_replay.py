@@ -1,28 +1,14 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Recordings replayed through nodes: with phases found in the tension, and one of version 0.1."""
+"""Recordings replayed through nodes, with phases found in the tension."""
 
 import dataclasses
-from pathlib import Path
-
-from tactile_command import ask_tactile
 
 from tactile_bags import TactileBag
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
 from tactile_bags.replay import compare, replay_through_core
 from tactile_bringup.nodes.replay_nodes import replay_through_nodes
-
-
-def test_nodes_answer_a_recording_of_version_0_1_as_it_was_answered():
-    folder = Path(__file__).parents[1] / 'data' / 'recorded_by_0_1'
-    told = ask_tactile('replay', folder / 'recording', '--models', folder / 'models')
-    assert told['equal'], told
-    compared = told['fingers'][0]['comparisons']
-    assert set(compared) == {'recorded and plain core', 'plain core and nodes'}
-    for one in compared.values():
-        assert not one['left_out']
-        assert (one['window_count'], one['classification_count']) == (3, 3)
 
 
 def test_nodes_find_the_phases_that_the_core_finds(stiffness_bag, context):

@@ -44,21 +44,6 @@ def test_what_is_mistyped_is_named_once(arguments):
     assert done.output.count(arguments[-1] if len(arguments) == 1 else '--tak') == 1
 
 
-@pytest.mark.parametrize(
-    ('arguments', 'new'),
-    [
-        (['train', 'bag', '--running', '0.5'], '--partial'),
-        (['sense', '--simulated', '--model=models'], '--models'),
-        (['evaluate', 'trials.npz', '--static-phase', '1:5'], '--crop'),
-        (['experiment', 'new', 'x.yaml', '--objects', 'R1', '--protocol=texture'], '--task'),
-    ],
-)
-def test_an_option_of_version_0_1_is_refused_with_its_new_name(arguments, new):
-    done = CliRunner().invoke(program.app, arguments)
-    assert done.exit_code == 2
-    assert f'is now called {new}' in done.output
-
-
 def test_help_describes_arguments():
     # Click 8.5 keeps a help of its own for arguments, and Typer's was lost.
     for command, text in (('import', 'CSV'), ('show', '(.onnx)'), ('repair', 'never closed')):

@@ -8,12 +8,9 @@ from pathlib import Path
 import re
 
 import pytest
-import yaml
 
-from tactile_bringup.launch_config.hand import find_fingers
 from tactile_bringup.launch_config.parameter_files import ParameterFile
 from tactile_bringup.launch_config.parameter_tables import renew
-from tactile_ros.errors import TactileError
 import tactile_sim
 
 ROOT = Path(__file__).resolve().parents[4]
@@ -62,14 +59,6 @@ def yaml_blocks(page):
 )
 def test_parameter_files_of_the_pages_can_be_copied(text, parameter_file):
     ParameterFile(parameter_file(text))
-
-
-def test_the_hand_file_of_0_1_is_rewritten_with_all_its_fingers(parameter_file):
-    before, after = yaml_blocks(DOCS / 'from_0_1.md')
-    names = find_fingers('', ParameterFile(parameter_file(after)), 'left')
-    assert names == tuple(yaml.safe_load(before)['fingers'])
-    with pytest.raises(TactileError, match=r'docs/from_0_1.md shows how to rewrite it'):
-        ParameterFile(parameter_file(before))
 
 
 def test_constants_and_interfaces_are_those_of_the_code(monkeypatch):

@@ -5,13 +5,22 @@
 
 import dataclasses
 import hashlib
-import json
 
+import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
-from tactile_bags import BagWriter, MODELS_TOPIC, SPECIFICATIONS_TOPIC, TactileBag
+from tactile_bags import (
+    BagWriter,
+    message_store,
+    MODELS_TOPIC,
+    SPECIFICATIONS_TOPIC,
+    STRAIN_TOPIC,
+    TactileBag,
+)
 from tactile_bags.errors import BagError
+from tactile_bags.mcap_reader import StoredTopic
 from tactile_bags.recorded_setup import (
     find_models,
     gather_models,
@@ -21,7 +30,7 @@ from tactile_bags.recorded_setup import (
     RecordedFeatures,
     WRITTEN_IN,
 )
-from tactile_bags.recorded_topics import RecordedTopic
+from tactile_bags.recorded_topics import qos_text, RecordedTopic, SPECIFICATIONS
 from tactile_classifier import ModelInfos, ModelSet
 from tactile_classifier.conversions import model_infos_to_msg
 from tactile_features import FeatureConfig, FeatureSpecifications, spec_for, WantedFeatures
@@ -82,7 +91,49 @@ def test_rates_that_differ_are_no_rate_to_compare_with(record):
         assert nominal_rate_hz(bag) == 0.0
 
 
-@pytest.mark.parametrize('config', ['{"colour": 1}', '{"rate_hz": -1.0}', '"red"', '[1]'])
+def test_specifications_of_another_release_give_way_to_those_of_this_one(tmp_path):
+    """Their digests are not those that are computed here."""
+    installed = message_store()
+    definition, _ = installed.generate_msgdef(SPECIFICATIONS, ros_version=2)
+    definition = definition.replace('string digest\n', 'string digest\nstring colour\n')
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(definition, SPECIFICATIONS))
+    texts = {'names', 'units', 'parameter_names', 'parameter_values'}
+    nothing = {'string': '', 'uint32': 0, 'float64': 0.0}
+    entry = store.types['tactile_msgs/msg/FeatureSpecification'](
+        **{
+            name: nothing.get(detail[0], [] if name in texts else np.empty(0, np.uint32))
+            for name, (_, detail) in store.fielddefs['tactile_msgs/msg/FeatureSpecification'][1]
+        }
+    )
+    time = store.types['builtin_interfaces/msg/Time'](sec=0, nanosec=0)
+    header = store.types['std_msgs/msg/Header'](stamp=time, frame_id='')
+    config = '{"samples_timeout_s": 7.0, "colour": 1}'
+    message = store.types[SPECIFICATIONS](header=header, specifications=[entry], config=config)
+    topic = StoredTopic(
+        '/tactile_features/specifications',
+        SPECIFICATIONS,
+        store.hash_rihs01(SPECIFICATIONS),
+        definition,
+        qos=qos_text(latched=True),
+    )
+    with BagWriter(tmp_path / 'bag', {}) as writer:
+        writer.add_topic(STRAIN_TOPIC)
+        data = bytes(store.serialize_cdr(message, SPECIFICATIONS))
+        writer.write_raw(writer.add_stored_topic(topic), 1, data)
+    with TactileBag(tmp_path / 'bag') as bag:
+        features = recorded_features(bag)
+    assert features == RecordedFeatures(FeatureConfig(samples_timeout_s=7.0))
+
+
+def test_parameters_of_another_release_are_ignored(record):
+    topic, message = announce(USUAL)
+    message.config = '{"measures": true, "colour": 1, "samples_timeout_s": 7.0}'
+    with TactileBag(record((topic, message))) as bag:
+        assert recorded_features(bag).config == FeatureConfig(samples_timeout_s=7.0)
+
+
+@pytest.mark.parametrize('config', ['{"rate_hz": -1.0}', '"red"', '[1]'])
 def test_parameters_that_cannot_be_are_refused(record, config):
     topic, message = announce(USUAL)
     message.config = config
@@ -90,14 +141,6 @@ def test_parameters_that_cannot_be_are_refused(record, config):
         with pytest.raises(BagError, match='feature parameters'):
             recorded_features(bag)
         assert nominal_rate_hz(bag) == 0.0
-
-
-def test_parameters_that_are_gone_are_passed_over(record):
-    topic, message = announce(USUAL, samples_timeout_s=7.0)
-    gone = {'measures': True, 'glide_speed_uncertainty': 0.01, 'detected_pull_speed_m_s': 0.02}
-    message.config = json.dumps({**json.loads(message.config), **gone})
-    with TactileBag(record((topic, message))) as bag:
-        assert recorded_features(bag).config == FeatureConfig(samples_timeout_s=7.0)
 
 
 def test_each_specification_of_a_phase_has_a_table(record):
@@ -113,7 +156,7 @@ def test_each_specification_of_a_phase_has_a_table(record):
     assert alone.compute_sha256() == tables[second].compute_sha256()
 
 
-def test_a_recording_of_today_and_one_of_version_0_1_are_read_together(record, stiffness_bag):
+def test_a_recording_with_messages_and_one_with_metadata_are_read_together(record, stiffness_bag):
     (table,) = read_tables([stiffness_bag, record(announce(GLIDE, USUAL))]).tables.values()
     assert len(table) == 30
 
@@ -179,17 +222,3 @@ def test_several_models_are_gathered_in_one_folder(trained, tmp_path):
     assert gather_models([], scratch) is None
     (info,) = ModelSet.load(folder).infos  # the second is the same; its place is that of the file
     assert info.path == str(one)
-
-
-def test_version_0_1_states_features_and_models_in_its_metadata(record, models, tmp_path):
-    config = {'running_samples': [30, 90], 'stiffness_settle_s': 1.0}
-    path = record(feature_config=config, models='../models')
-    with TactileBag(path) as bag:
-        features = recorded_features(bag)
-        assert features.config.partial_samples == (30, 90)
-        assert features.specifications[-1] == SETTLED.spec
-        assert recorded_models(bag) == ()
-        assert find_models(bag) == [models]
-    models.rename(tmp_path / 'gone')
-    with TactileBag(path) as bag, pytest.raises(TactileError, match='name them: --models'):
-        find_models(bag)

@@ -33,7 +33,7 @@ def catalogue():
 
 
 def make_trials(study, catalogue, label):
-    config = TrialConfig(simulated=True)
+    config = TrialConfig()
     return study.CleanTrials('stiffness', label, study.Study(seed=7), config, catalogue, 0, 3)
 
 

@@ -15,7 +15,7 @@ from tactile_lab.simulation.trial_picture import (
 from tactile_ros.errors import TactileError
 from tactile_sim.descriptions.catalogue import Catalogue
 
-CONFIG = TrialConfig(simulated=True)
+CONFIG = TrialConfig()
 
 
 def picture_of(protocol, contact='flexion'):

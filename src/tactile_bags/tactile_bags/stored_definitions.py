@@ -1,0 +1,80 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Messages of another release, decoded by the definitions that their bag stores."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from rosbags.interfaces import Nodetype
+from rosbags.typesys.store import Typestore
+
+from tactile_bags.errors import BagError
+from tactile_bags.mcap_reader import StoredTopic
+from tactile_bags.recorded_topics import message_store
+
+
+def store_of_definition(topic: StoredTopic, type_hash: str) -> Typestore | None:
+    """Return the message types that a bag stores with a topic; None when they cannot be used.
+
+    The definition must have the stated hash. Arrays of fixed length and messages without fields
+    are refused: with them a few bytes could stand for any number of values.
+    """
+    from rosbags.typesys import get_types_from_msg, get_typestore, Stores  # slow to import
+
+    if topic.definition_format != 'ros2msg':
+        return None
+    store = get_typestore(Stores.EMPTY)
+    try:
+        types = get_types_from_msg(topic.definition, topic.type_name)
+        for _, fields in types.values():
+            if not fields or any(kind == Nodetype.ARRAY for _, (kind, _) in fields):
+                return None
+        store.register(types)
+        return store if store.hash_rihs01(topic.type_name) == type_hash else None
+    except Exception:  # the parser trusts what it reads
+        return None
+
+
+def complete_message(message: Any, type_name: str, stored: Typestore) -> Any:
+    """Return a message of a bag's own definition with the fields of the installed definition.
+
+    A field that the bag lacks has the default of its type. `BagError` when a field has another
+    type in the bag.
+    """
+    installed = message_store()
+    there = dict(stored.fielddefs[type_name][1])
+    values = {}
+    for name, desc in installed.fielddefs[type_name][1]:
+        if name not in there:
+            values[name] = _default(desc)
+        elif there[name] != desc:
+            raise BagError(f'{name} of {type_name} has another type in the recording than here')
+        else:
+            values[name] = _complete(getattr(message, name), desc, stored)
+    return installed.types[type_name](**values)
+
+
+def _complete(value: Any, desc: Any, stored: Typestore) -> Any:
+    kind, detail = desc
+    if kind == Nodetype.NAME:
+        return complete_message(value, detail, stored)
+    if kind == Nodetype.SEQUENCE and detail[0][0] == Nodetype.NAME:
+        return [complete_message(each, detail[0][1], stored) for each in value]
+    return value
+
+
+def _default(desc: Any) -> Any:
+    kind, detail = desc
+    if kind == Nodetype.SEQUENCE:
+        of_numbers = detail[0][0] == Nodetype.BASE and detail[0][1][0] != 'string'
+        return np.empty(0) if of_numbers else []
+    if kind == Nodetype.NAME:
+        installed = message_store()
+        fields = installed.fielddefs[detail][1]
+        return installed.types[detail](**{name: _default(field) for name, field in fields})
+    if kind == Nodetype.ARRAY:
+        return [_default(detail[0])] * detail[1]
+    return {'string': '', 'bool': False, 'float32': 0.0, 'float64': 0.0}.get(detail[0], 0)
