@@ -66,7 +66,8 @@ ELSEWHERE = {'import': ('import_recordings', 'import_recordings'), 'hand': ('sen
 """Module and function of the others: one name is a word of Python, one module has two commands."""
 
 UNTIL_A_SIGNAL = {'rig', 'sense', 'hand', 'watch'}
-"""These run until SIGINT or SIGTERM, which is their regular end. The others are interrupted."""
+"""These run until SIGINT, SIGTERM or SIGHUP, which is their regular end. The others are
+interrupted."""
 
 OF_ROS = {
     'ament_index_python', 'builtin_interfaces', 'diagnostic_msgs', 'domain_coordinator',

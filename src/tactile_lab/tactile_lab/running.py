@@ -76,7 +76,7 @@ def run_nodes(
     simulated_rig: SimulatedRig | None = None,
     simulated: bool = False,
 ) -> None:
-    """Run nodes in this process until SIGINT or SIGTERM, or until one of them fails.
+    """Run nodes in this process until a signal comes, or until one of them fails.
 
     ``watch`` serves a live page, ``quiet`` prints no line for each answer. ``simulated_rig`` gets
     what a trial of the live page names under its finger. ``simulated``: some sensor is simulated.

@@ -45,7 +45,8 @@ class HangWatch:
         self._writer: int | None = writer
         os.set_blocking(writer, False)  # a child that hangs must not stop the worker
         # The child inherits the mask: a signal to all is no reason to leave the parent alone.
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
+        blocked = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, blocked)
         try:
             self._child = subprocess.Popen(
                 [sys.executable, '-I', '-S', __file__, str(os.getpid()), str(reader)],

@@ -178,12 +178,12 @@ def _logger() -> Any:
 
 
 def run_node(factory: Callable[[], TactileNode], args: list[str] | None = None) -> int:
-    """Run one node until it is finished, or SIGINT or SIGTERM; return the process's exit code.
+    """Run one node until it is finished or a signal comes; return the process's exit code.
 
     With the parameter ``autostart`` (the default) the node configures and activates itself;
     without, it waits for a lifecycle manager. A node that cannot, or whose callback raises, exits
-    with 1. After a signal the code is 0, also while the node is configured, which is given up.
-    Ctrl-Z is ignored.
+    with 1. After SIGINT, SIGTERM or SIGHUP the code is 0, also while the node is configured, which
+    is given up. Ctrl-Z is ignored.
 
     Fast DDS can wait forever when a participant is destroyed while it hears another one end
     (eProsima/Fast-DDS issue 6513; seen with the wheels of PyPI). The nodes of a launch end

@@ -56,7 +56,8 @@ def _set_option(variable: str, option: int, value: int) -> None:
             ctypes.CDLL(None).mallopt(option, value)
 
 
-NUMBERS = (signal.SIGINT, signal.SIGTERM)
+NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Signals that end a process in order. A terminal sends SIGHUP when it is closed."""
 
 INTERRUPT_TIMEOUT_S = 10.0
 """Longest wait for interrupted work to end [s]."""
@@ -88,7 +89,9 @@ class Signals:
         for end in (self._read_end, self._write_end):
             os.set_blocking(end, False)
         for number in NUMBERS:
-            signal.signal(number, self._take)
+            # nohup has SIGHUP ignored, and what it starts goes on without its terminal.
+            if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, self._take)
         signal.set_wakeup_fd(self._write_end, warn_on_full_buffer=False)
         os.register_at_fork(
             before=lambda: signal.pthread_sigmask(signal.SIG_BLOCK, NUMBERS),
@@ -195,7 +198,7 @@ _signals: Signals | None = None
 
 
 def hold_signals() -> Signals:
-    """Take over SIGINT and SIGTERM for the rest of this process; call it on the main thread.
+    """Take over `NUMBERS` for the rest of this process; call it on the main thread.
 
     Nothing happens by itself when one comes: ask `Signals.received`, `Signals.wait`.
     """
@@ -230,6 +233,8 @@ def _give_back() -> None:
     signal.set_wakeup_fd(-1)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, NUMBERS)
 
 

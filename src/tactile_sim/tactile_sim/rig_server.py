@@ -23,6 +23,9 @@ from tactile_sim.errors import RigError, TactileSimError
 from tactile_sim.pty_server import RigClock, ServedRig
 from tactile_sim.rig import PalpationRig
 
+NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Signals that end the server."""
+
 _USAGE = (
     'send {"mount": {"protocol": ..., "object": ..., "contact": ...}}, in it if you like '
     '"numbers": [session, mounting, trial], {"state": true} '
@@ -31,7 +34,7 @@ _USAGE = (
 
 
 def main() -> int:
-    """Serve until the end of standard input, SIGINT or SIGTERM.
+    """Serve until the end of standard input, or one of `NUMBERS`.
 
     Prints the ports as one line of JSON when ready, of several rigs one line each. Answers the
     lines of JSON that `_USAGE` has; for faults see `tactile_sim.devices.faults`.
@@ -66,14 +69,14 @@ def main() -> int:
         type=float,
         default=0.0,
         metavar='S',
-        help='serve on for so long after SIGINT or SIGTERM, so that drivers that are ended at '
-        'the same time can bring the rig to rest',
+        help='serve on for so long after SIGINT, SIGTERM or SIGHUP, so that drivers that are '
+        'ended at the same time can bring the rig to rest',
     )
     arguments = parser.parse_args()
     if arguments.seed < 0:
         parser.error('--seed must not be negative')
     ending = _Ending(arguments.linger)
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in NUMBERS:
         signal.signal(number, ending.on_signal)
     try:
         catalogue = Catalogue(arguments.description)
@@ -104,7 +107,7 @@ class _Ending:
 
     def on_signal(self, number: int, frame: object) -> None:
         # Once is enough: a second signal must not interrupt the clearing up.
-        for other in (signal.SIGINT, signal.SIGTERM):
+        for other in NUMBERS:
             signal.signal(other, signal.SIG_IGN)
         self._end_s = time.monotonic() + self._linger_s
         if not self._linger_s > 0:

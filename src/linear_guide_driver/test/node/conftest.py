@@ -2,9 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 import concurrent.futures
+import os
+from pathlib import Path
+import subprocess
 import threading
 
 from action_msgs.msg import GoalStatus
+from ament_index_python.packages import get_package_prefix
 from diagnostic_msgs.msg import DiagnosticArray
 from dynamixel_sdk import port_handler
 import pytest
@@ -143,3 +147,26 @@ def diagnostics(bench):
     )
     wait_until(bench.node._diagnostics._publisher.get_subscription_count)
     return statuses
+
+
+@pytest.fixture
+def start_driver(bench, servo):
+    """Return what starts the tendon driver's program on the servo, with options of Popen."""
+    program = Path(
+        get_package_prefix('linear_guide_driver'), 'lib/linear_guide_driver/tendon_actuator_node'
+    )
+    processes = []
+
+    def start(popen=None, **parameters):
+        values = {'port': servo.port, **parameters}
+        words = [word for name, value in values.items() for word in ('-p', f'{name}:={value}')]
+        environment = {**os.environ, 'ROS_DOMAIN_ID': str(bench.context.get_domain_id())}
+        command = [program, '--ros-args', *words]
+        processes.append(subprocess.Popen(command, env=environment, **(popen or {})))
+        return processes[-1]
+
+    bench._thread.start()
+    yield start
+    for process in processes:
+        process.kill()
+        process.wait()

@@ -4,13 +4,10 @@
 """Signs of life of real drivers: hung workers, two rigs in one domain, a frozen tendon driver."""
 
 from contextlib import contextmanager
-import os
-from pathlib import Path
 import signal
 import subprocess
 
 from action_msgs.msg import GoalStatus
-from ament_index_python.packages import get_package_prefix
 import pytest
 import rclpy
 from rclpy.context import Context
@@ -188,35 +185,10 @@ def test_of_two_guides_a_moving_one_stops_and_none_moves(bench, grbl, twins):
 # -- a frozen tendon driver, in a process of its own --------------------------------------------
 
 
-@pytest.fixture
-def start_driver(bench, servo):
-    """Return what starts the tendon driver's program on the servo."""
-    program = Path(
-        get_package_prefix('linear_guide_driver'), 'lib/linear_guide_driver/tendon_actuator_node'
-    )
-    values = {'port': servo.port, 'hang_timeout_s': HANG_S, **TENDON}
-    parameters = [word for name, value in values.items() for word in ('-p', f'{name}:={value}')]
-    processes = []
-
-    def start():
-        process = subprocess.Popen(
-            [program, '--ros-args', *parameters],
-            env={**os.environ, 'ROS_DOMAIN_ID': str(bench.context.get_domain_id())},
-        )
-        processes.append(process)
-        return process
-
-    bench._thread.start()
-    yield start
-    for process in processes:
-        process.kill()
-        process.wait()
-
-
 def test_a_tendon_driver_that_waits_is_left_and_a_frozen_one_is_killed_and_the_next_lets_out(
     bench, servo, start_driver
 ):
-    driver = start_driver()
+    driver = start_driver(hang_timeout_s=HANG_S, **TENDON)
     watch = HeartbeatWatch(bench.peer, 'tendon_actuator/heartbeat')
     wait_until(lambda: not watch.find_loss(), timeout_s=START_S)
     servo.unplug()
@@ -230,7 +202,7 @@ def test_a_tendon_driver_that_waits_is_left_and_a_frozen_one_is_killed_and_the_n
     driver.send_signal(signal.SIGSTOP)
     assert driver.wait(START_S) == -signal.SIGKILL
     assert servo.position > SLACK + 200
-    driver = start_driver()
+    driver = start_driver(hang_timeout_s=HANG_S, **TENDON)
     wait_until(lambda: abs(servo.position - SLACK) <= 33, timeout_s=START_S)
     wait_until(lambda: not watch.find_loss(), timeout_s=START_S)
     driver.send_signal(signal.SIGINT)

@@ -94,7 +94,7 @@ RETRY_S = 5.0
 
 
 def main() -> int:
-    """Run the nodes until all are finished, one fails, SIGINT or SIGTERM; return the exit code."""
+    """Run the nodes until all are finished, one fails or a signal comes; return the exit code."""
     signals = prepare_process()
     from rclpy.logging import get_logger
     from rclpy.utilities import remove_ros_args

@@ -58,7 +58,7 @@ PROGRAMS = {
 
 @pytest.mark.parametrize(
     ('name', 'number'),
-    zip(PROGRAMS, itertools.cycle([signal.SIGINT, signal.SIGTERM]), strict=False),
+    zip(PROGRAMS, itertools.cycle([signal.SIGINT, signal.SIGTERM, signal.SIGHUP]), strict=False),
 )
 def test_a_signal_before_the_nodes_are_made_ends_a_program_with_zero(name, number):
     process = start(*PROGRAMS[name])

@@ -77,7 +77,8 @@ def start(*arguments):
 
 
 @pytest.mark.parametrize(
-    ('device', 'number'), [('waiting', signal.SIGINT), ('stuck', signal.SIGTERM)]
+    ('device', 'number'),
+    [('waiting', signal.SIGINT), ('stuck', signal.SIGTERM), ('waiting', signal.SIGHUP)],
 )
 def test_signal_ends_a_configuration_that_is_under_way(device, number):
     process = start('--ros-args', '-p', f'device:={device}')

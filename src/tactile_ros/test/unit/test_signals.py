@@ -53,7 +53,7 @@ assert hold_signals() is signals
 """)
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_work_is_interrupted_in_any_wait_and_only_once(number):
     program = """
 try:
@@ -87,10 +87,24 @@ try:
 except KeyboardInterrupt:
     print('at once')
 ignore_signals()
+os.kill(os.getpid(), signal.SIGHUP)
 os.kill(os.getpid(), signal.SIGTERM)
 os.kill(os.getpid(), signal.SIGINT)
 """
     assert run(program, signal.SIGTERM) == 'quiet\nat rest\ninterrupted\nat once\n'
+
+
+def test_what_nohup_has_started_goes_on_without_its_terminal():
+    program = """
+os.kill(os.getpid(), signal.SIGHUP)
+assert not signals.wait(0.1)
+os.kill(os.getpid(), signal.SIGINT)
+assert signals.wait() and signals.received == signal.SIGINT
+"""
+    ignored = 'import signal; signal.signal(signal.SIGHUP, signal.SIG_IGN)\n'
+    subprocess.run(
+        [sys.executable, '-c', ignored + HOLD + program, '0'], check=True, timeout=DEADLINE_S
+    )
 
 
 def test_a_forked_child_has_the_usual_handlers_and_does_not_disturb_its_parent():

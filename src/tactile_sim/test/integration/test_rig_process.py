@@ -101,7 +101,7 @@ def test_the_program_speaks_json_and_ends_cleanly(tmp_path):
     command = [sys.executable, '-m', 'tactile_sim.rig_server', '--links']
     running = {
         ending: subprocess.Popen([*command, tmp_path / ending.name], stdin=pipe, stdout=pipe)
-        for ending in (signal.SIGTERM, signal.SIGINT)
+        for ending in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
     }
     for ending, process in running.items():
         folder = tmp_path / ending.name
