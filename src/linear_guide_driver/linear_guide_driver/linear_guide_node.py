@@ -9,7 +9,7 @@ from functools import partial
 import time
 from typing import Any
 
-from linear_guide_driver.grbl.guide_client import HOMING, LinearGuideClient
+from linear_guide_driver.grbl.guide_client import LinearGuideClient
 from linear_guide_driver.interlock import Slack, TendonInterlock, TendonReport
 from linear_guide_driver.motion_node import MotionNode
 from linear_guide_driver.records import GuideState, LinearGuideConfig
@@ -59,8 +59,9 @@ class LinearGuideNode(MotionNode):
         self._interlock = None
         if config.tendon_topic:
             self._watch_tendon(config.tendon_topic)
-        GoalRunner(self, MoveGuide, '~/move', self._move, accepting=self.accepting)
-        GoalRunner(self, HomeGuide, '~/home', self._home, accepting=self.accepting)
+        find_refusal = self.find_goal_refusal
+        GoalRunner(self, MoveGuide, '~/move', self._move, find_refusal=find_refusal)
+        GoalRunner(self, HomeGuide, '~/home', self._home, find_refusal=find_refusal)
         self.offer()
 
     def stop(self) -> None:
@@ -184,7 +185,7 @@ class LinearGuideNode(MotionNode):
             message = 'The connection to the guide is lost: it may still move.'
         elif self.is_busy:
             message = 'The guide brakes; the running goal ends when it is at rest.'
-        self._loss = str(self._latch.find_loss(time.monotonic_ns()) or '')
+        self._loss = self._latch.find_loss(time.monotonic_ns())
         self.stop()
         return is_well, message
 
@@ -196,8 +197,7 @@ class LinearGuideNode(MotionNode):
         return not self._client.is_lost
 
     def find_obstacles(self) -> list[str]:
-        trouble = f'{self._format_trouble()}.' if self._client.trouble else ''
-        loss, interlock = self.find_peer_loss(), self._interlock
+        trouble, loss, interlock = self._client.trouble, self.find_peer_loss(), self._interlock
         tendon = None
         # A taut tendon is no obstacle: a trial slackens it before it moves the guide.
         if interlock is not None and interlock.judge(time.monotonic_ns()) is Slack.UNKNOWN:
@@ -215,11 +215,7 @@ class LinearGuideNode(MotionNode):
             'port': self.config.port,
         }
         if client.is_lost:
-            return Health(ERROR, f'{client.trouble}; plug it in and home the guide', values)
+            return Health(ERROR, str(client.trouble), values)
         if client.trouble:
-            return Health(WARN, self._format_trouble(), values)
+            return Health(WARN, str(client.trouble), values)
         return Health(OK, 'The position is known.', values)
-
-    def _format_trouble(self) -> str:
-        trouble = self._client.trouble
-        return f'{trouble}; {"wait for its end" if trouble == HOMING else "home the guide"}'

@@ -210,7 +210,7 @@ class MotionNode(PollingNode):
         self._readiness: ReadinessPublisher | None = None
         self._heartbeat: Heartbeat | None = None
         self._presence: Presence | None = None
-        self._loss = ''  # why the running goal has been ended
+        self._loss: Refusal | None = None  # why the running goal has been ended
         self._parts = ExitStack()  # takes back what was made, last things first
 
     def is_well(self) -> bool:
@@ -332,7 +332,7 @@ class MotionNode(PollingNode):
         a goal that is aborted.
         """
         due_s = time.monotonic()
-        self._loss = ''
+        self._loss = None
 
         def on_state(state: State) -> None:
             nonlocal due_s
@@ -343,7 +343,7 @@ class MotionNode(PollingNode):
 
         def should_stop() -> bool:
             if not goal.end_requested and (loss := self.find_loss()):
-                self._loss = str(loss)
+                self._loss = loss
                 self.get_logger().error(f'{loss} The {self.device} brakes.')
                 goal.request_end()
             return goal.end_requested
@@ -351,20 +351,21 @@ class MotionNode(PollingNode):
         try:
             return move(on_state, should_stop)
         except LinearGuideDriverError as error:
-            raise GoalAborted(f'{self._loss} {error}'.strip(), **find_rest()) from error
+            sentence = f'{self._loss} {error}' if self._loss else str(error)
+            raise GoalAborted(sentence, **find_rest()) from error
 
     @property
     def is_busy(self) -> bool:
         """True while a goal runs."""
         return any(runner.is_busy for runner in self.goal_runners)
 
-    def accepting(self) -> str:
-        """Return why no goal can be taken now; empty when one can."""
+    def find_goal_refusal(self) -> Refusal | None:
+        """Return why no goal can be taken now, or None."""
         if not self.is_active:
-            return f'The {self.device} is not active; activate its node first.'
+            return Refusal(f'The {self.device} is not active', 'activate its node first')
         if self.is_busy:
-            return f'The {self.device} is busy with another motion; stop it first.'
-        return ''
+            return Refusal(f'The {self.device} is busy with another motion', 'stop it first')
+        return None
 
     def end_goals(self) -> None:
         """Make every running goal end early."""

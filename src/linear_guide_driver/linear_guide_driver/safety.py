@@ -48,7 +48,7 @@ from enum import Enum
 import threading
 from typing import NamedTuple, Protocol
 
-from linear_guide_driver.errors import MotionRefusedError
+from linear_guide_driver.errors import capitalise, MotionRefusedError
 from linear_guide_driver.records import TendonActuatorConfig
 from linear_guide_driver.stop_latch import StopLatch
 from linear_guide_driver.tension import TensionSource
@@ -218,7 +218,7 @@ class TendonSafety:
         self.state = State.FREE
         self._release_at_ns: int | None = None
         self.reason = ''
-        self._loss = ''  # for which the tendon is held
+        self._loss: str | None = None  # for which the tendon is held
         self._cause = Ending.STOPPED
         self._pull: Pull | None = None
         self._winds_in = False
@@ -230,9 +230,10 @@ class TendonSafety:
     # -- what is known -------------------------------------------------------------------
 
     @property
-    def is_alarm(self) -> bool:
-        """True when the state was entered for a reason that nobody has commanded."""
-        return self.state is not State.FREE and self._cause is not Ending.STOPPED
+    def alarm(self) -> str | None:
+        """The reason of the state if it was entered without a command; None otherwise."""
+        is_alarm = self.state is not State.FREE and self._cause is not Ending.STOPPED
+        return self.reason if is_alarm else None
 
     @property
     def is_pulling(self) -> bool:
@@ -258,15 +259,6 @@ class TendonSafety:
         further out already is held: no release winds in.
         """
         return -self._config.max_displacement_m if self.zero is Zero.UNKNOWN else 0.0
-
-    @property
-    def tension_n(self) -> float | None:
-        """Latest tension [N]; None before the first sample."""
-        return self.tension.latest_n
-
-    def live_tension_n(self, now_ns: int) -> float | None:
-        """Return the latest tension [N]; None when valid samples do not arrive."""
-        return self.tension.live_n(now_ns)
 
     def is_slack(self, displacement_m: float, now_ns: int) -> bool:
         """Return whether the tendon counts as slack at this displacement [m]."""
@@ -297,14 +289,6 @@ class TendonSafety:
         """Take blocks of samples as `TensionSource.add`; return whether the order may change."""
         with self._lock:
             return self._judge_tension(self.tension.add(blocks, now_ns, clock_ns), now_ns)
-
-    def add_samples(
-        self, tension_n: Sequence[float], is_saturated: bool, now_ns: int, age_ns: int = 0
-    ) -> bool:
-        """Take samples without an origin; return whether the order may change."""
-        with self._lock:
-            highest_n = self.tension.add_samples(tension_n, is_saturated, now_ns, age_ns)
-            return self._judge_tension(highest_n, now_ns)
 
     def add_current(self, current_a: float, now_ns: int) -> None:
         """Take the motor current of a poll [A], before `decide`."""
@@ -347,11 +331,11 @@ class TendonSafety:
             )
         return limit_n
 
-    def admit(self, pull: Pull, start_m: float, now_ns: int, fault: str = '') -> None:
+    def admit(self, pull: Pull, start_m: float, now_ns: int, fault: Refusal | None = None) -> None:
         """Let a pull begin, or raise `MotionRefusedError` and change nothing.
 
         ``start_m`` is the displacement now, read under the bus's lock [m]: it tells whether the
-        pull winds in. With ``fault``, a sentence, of the servo it must not.
+        pull winds in. With a ``fault`` of the servo it must not.
         """
         with self._lock:
             if not pull.lets_out and (stop := self._latch.find_loss(now_ns)):
@@ -366,11 +350,12 @@ class TendonSafety:
                     if pull.is_homing
                     else self._find_zero_obstacle(start_m)
                 )
-                obstacle = by_zero or self._find_obstacle(
-                    self._needs_samples(pull), limit_n, now_ns, epoch
+                needs_samples = self._needs_samples(pull)
+                refusal = (
+                    fault or by_zero or self._find_obstacle(needs_samples, limit_n, now_ns, epoch)
                 )
-                if fault or obstacle:
-                    raise MotionRefusedError(fault or str(obstacle))
+                if refusal:
+                    raise MotionRefusedError(capitalise(str(refusal)))
                 self.limit_n = limit_n
                 if self.zero is Zero.UNCONFIRMED:  # without a sensor nothing else confirms it
                     self.zero = Zero.KNOWN
@@ -392,7 +377,7 @@ class TendonSafety:
         with self._lock:
             if self.state is State.HOLDING and self._release_at_ns is not None:
                 return  # held for a loss, and let out soon
-            if self._is_letting_out and (loss := find_loss(self._watches, now_ns)):
+            if self._is_letting_out and (loss := self._find_need_loss(now_ns)):
                 self._enter(State.RELEASING, f'{loss} The tendon is let out.', Ending.LOST)
                 return
             self._enter(State.HOLDING, 'The tendon was stopped.', Ending.STOPPED)
@@ -488,6 +473,10 @@ class TendonSafety:
             return stop
         if not self._winds_in and (is_slack or pull is not None):
             return None  # a slack tendon needs nothing, and letting out goes on
+        return self._find_need_loss(now_ns)
+
+    def _find_need_loss(self, now_ns: int) -> Refusal | None:
+        """Return which need of a taut tendon, or of a pull that tightens, is lost, or None."""
         if loss := find_loss(self._watches, now_ns):
             return loss
         if not self._needs_samples(self._pull or Pull(0.0)):

@@ -20,6 +20,7 @@ from collections.abc import Callable
 import threading
 from typing import NamedTuple
 
+from linear_guide_driver.errors import capitalise
 from tactile_ros.refusal import Refusal
 
 __all__ = ['EmergencyInput', 'StopLatch', 'StopState']
@@ -64,28 +65,27 @@ class EmergencyInput:
         """Take a message."""
         self._last = now_ns, is_stop
 
-    def find_stop(self, now_ns: int) -> str:
-        """Return the reason for a stop, a clause; empty while all is well or nothing has come."""
+    def find_stop(self, now_ns: int) -> Refusal | None:
+        """Return why the rig must stop, or None while all is well or nothing has come."""
         if self._last is None:
-            return ''
+            return None
+        remedy = 'release it, check its publisher, then reset'
         heard_at_ns, is_stop = self._last
         if is_stop:
-            return f'the emergency stop on {self._topic} is pressed'
+            return Refusal(f'the emergency stop on {self._topic} is pressed', remedy)
         if now_ns - heard_at_ns > self._timeout_ns:
             silence_s = self._timeout_ns / 1e9
-            return f'the emergency stop on {self._topic} was not heard for {silence_s:g} s'
-        return ''
+            reason = f'the emergency stop on {self._topic} was not heard for {silence_s:g} s'
+            return Refusal(reason, remedy)
+        return None
 
     def find_refusal(self, now_ns: int) -> Refusal | None:
         """Return why nothing may move and no reset is possible; None while all is well."""
         if not self.was_heard:
             reason = f'The emergency stop on {self._topic} has not been heard yet'
             return Refusal(reason, 'start its publisher')
-        if stop := self.find_stop(now_ns):
-            return Refusal(
-                f'{stop[0].upper()}{stop[1:]}', 'release it, check its publisher, then reset'
-            )
-        return None
+        stop = self.find_stop(now_ns)
+        return None if stop is None else Refusal(capitalise(stop.reason), stop.remedy)
 
 
 class StopLatch:
@@ -97,7 +97,9 @@ class StopLatch:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._lapse = ''  # a stop of the emergency input that `find_loss` has seen
+        self._lapse: Refusal | None = (
+            None  # a stop of the emergency input that `find_loss` has seen
+        )
         self.state = StopState()
         self.emergency: EmergencyInput | None = None
         self.leave()
@@ -160,9 +162,9 @@ class StopLatch:
     def check(self, now_ns: int) -> None:
         """Latch when the emergency stop says stop, or is lost. Call it periodically [ns]."""
         if lapse := self._find_lapse(now_ns):
-            self._lapse = ''
+            self._lapse = None
             if not self.state.is_stopped:
-                self.stop(lapse)
+                self.stop(lapse.reason)
 
     # -- a watch -----------------------------------------------------------------------------
 
@@ -178,8 +180,8 @@ class StopLatch:
             return refusal
         if lapse := self._find_lapse(now_ns):
             self._lapse = lapse  # `check` latches it, even if the input is heard again by then
-            return Refusal(f'The rig is stopped: {lapse}', RESET)
+            return Refusal(f'The rig is stopped: {lapse.reason}', RESET)
         return None if self.emergency is None else self.emergency.find_refusal(now_ns)
 
-    def _find_lapse(self, now_ns: int) -> str:
-        return self._lapse or (self.emergency.find_stop(now_ns) if self.emergency else '')
+    def _find_lapse(self, now_ns: int) -> Refusal | None:
+        return self._lapse or (self.emergency.find_stop(now_ns) if self.emergency else None)

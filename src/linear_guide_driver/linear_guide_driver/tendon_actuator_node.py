@@ -92,10 +92,10 @@ class TendonActuatorNode(MotionNode):
             PullTendon,
             '~/pull',
             self._pull,
-            accepting=self.accepting,
+            find_refusal=self.find_goal_refusal,
             preempts=lambda request: not request.displacement_m,
         )
-        GoalRunner(self, HomeTendon, '~/home', self._home, accepting=self.accepting)
+        GoalRunner(self, HomeTendon, '~/home', self._home, find_refusal=self.find_goal_refusal)
         self.offer(release=self._on_release)
 
     def stop(self) -> None:
@@ -129,7 +129,9 @@ class TendonActuatorNode(MotionNode):
             return {
                 'displacement_m': reached_m,
                 'duration_s': time.monotonic() - started_s,
-                'tension_n': (client.safety.tension_n or 0.0) if request.stop_tension_n else 0.0,
+                'tension_n': (client.safety.tension.latest_n or 0.0)
+                if request.stop_tension_n
+                else 0.0,
             }
 
         if request.displacement_m:
@@ -161,7 +163,7 @@ class TendonActuatorNode(MotionNode):
         client = self._client
 
         def to_feedback(state: TendonState) -> dict[str, float]:
-            tension_n = client.safety.tension_n or 0.0
+            tension_n = client.safety.tension.latest_n or 0.0
             return {'displacement_m': state.displacement_m, 'tension_n': tension_n}
 
         self.refuse_rivals()
@@ -253,9 +255,10 @@ class TendonActuatorNode(MotionNode):
     def _report_slack(self) -> None:
         """Publish whether the tendon is slack at each change, and now and then; poll thread."""
         client, now_s = self._client, time.monotonic()
-        state, safety = client.state, client.safety
-        if client.trouble or state is None:
-            report = TendonReport(Slack.UNKNOWN, reason=client.trouble or 'no servo was read yet')
+        state, safety, trouble = client.state, client.safety, client.trouble
+        if trouble or state is None:
+            reason = trouble.reason if trouble else 'no servo was read yet'
+            report = TendonReport(Slack.UNKNOWN, reason=reason)
         else:
             report = judge_slack(
                 state.displacement_m,
@@ -274,12 +277,12 @@ class TendonActuatorNode(MotionNode):
             self._slack.publish(message)
 
     def is_well(self) -> bool:
-        return not self._client.trouble
+        return self._client.trouble is None
 
     def find_obstacles(self) -> list[str]:
         client = self._client
-        if client.trouble:
-            return [f'{capitalise(client.trouble)}; {client.remedy}.']
+        if trouble := client.trouble:
+            return [capitalise(str(trouble))]
         obstacle = client.safety.find_obstacle(client.state.displacement_m, time.monotonic_ns())
         return [str(obstacle)] if obstacle else []
 
@@ -291,22 +294,24 @@ class TendonActuatorNode(MotionNode):
             'voltage_v': f'{state.voltage_v:.1f}',
             'temperature_c': f'{state.temperature_c:.0f}',
             'tension_limit_n': safety.limit_n,
-            'tension_n': 'unknown' if safety.tension_n is None else f'{safety.tension_n:.3f}',
+            'tension_n': 'unknown'
+            if safety.tension.latest_n is None
+            else f'{safety.tension.latest_n:.3f}',
             'safety': safety.state.value,
             'zero': safety.zero.value,
             'watchdog_recoveries': client.recoveries,
             'port': self.config.port,
         }
-        if client.trouble:
-            return Health(ERROR, client.trouble, values)
-        if safety.is_alarm or safety.zero is Zero.UNKNOWN:
+        if trouble := client.trouble:
+            return Health(ERROR, str(trouble), values)
+        if safety.alarm or safety.zero is Zero.UNKNOWN:
             return Health(WARN, safety.reason or next(iter(self.find_obstacles()), ''), values)
         if state.temperature_c >= client.temperature_limit_c - WARM_C:
             sentence = f'The servo is hot; it shuts down at {client.temperature_limit_c:.0f} C.'
             return Health(WARN, sentence, values)
         if abs(state.current_a) >= FULL_CURRENT * self.config.current_limit_a:
             return Health(WARN, 'The servo pulls with all the current that it may.', values)
-        if safety.tension_n is None:
+        if safety.tension.latest_n is None:
             return Health(WARN, 'No strain sample yet: the tension is not guarded.', values)
         if loss := safety.tension.find_loss(time.monotonic_ns()):
             return Health(WARN, f'The tension is not guarded: {loss}', values)

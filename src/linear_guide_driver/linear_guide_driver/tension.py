@@ -144,17 +144,6 @@ class TensionSource:
                     is_fresh = self._judge_age(block, status, now_ns, clock_ns)
             return self._take(samples, is_saturated, is_valid, is_fresh, now_ns)
 
-    def add_samples(
-        self, tension_n: Sequence[float], is_saturated: bool, now_ns: int, age_ns: int = 0
-    ) -> float | None:
-        """Take samples without an origin, which are ``age_ns`` older than usual."""
-        with self._lock:
-            finite = [value for value in tension_n if math.isfinite(value)]
-            is_valid = bool(finite) and len(finite) == len(tension_n)
-            self._age_ns, self._clock_age_ns = age_ns, 0
-            is_saturated = self._is_saturated(_SATURATED * is_saturated, finite)
-            return self._take(finite, is_saturated, is_valid, True, now_ns)
-
     def set_publishers(self, publishers: Mapping[bytes, str]) -> None:
         """Note which nodes publish the samples: their full names by endpoint."""
         with self._lock:

@@ -93,22 +93,24 @@ class TendonContact:
             self._least_error_m, self._nearest_ns = error_m, stamp_ns
         return self._nearest_ns if stamp_ns - self._nearest_ns >= STILL_NS else None
 
-    def format_loss(self) -> str:
-        """Return why the contact is lost; empty while the tendon stays at its displacement."""
+    def find_loss(self) -> Refusal | None:
+        """Return why the contact is lost, or None while the tendon stays at its displacement."""
         if self._wanted_m is None:
-            return ''
+            return None
         if self.error_m > self._tolerance_m:
-            return (
-                f'the tendon was wound in by {self.last_m:.4f} m instead of '
-                f'{self._wanted_m:.4f} m; displacement_tolerance_m allows {self._tolerance_m:g} m'
+            return Refusal(
+                f'the tendon was tightened by {self.last_m:.4f} m instead of '
+                f'{self._wanted_m:.4f} m, and displacement_tolerance_m allows '
+                f'{self._tolerance_m:g} m',
+                'see the diagnostics of the tendon actuator',
             )
         if self._set_back_ns > CLOCK_STEP_NS:
-            return (
+            return Refusal(
                 f"the clock of the tendon actuator's host was set back by "
-                f'{self._set_back_ns / 1e9:.2f} s in contact; repeat the trial, and let nothing '
-                'set the clock during trials'
+                f'{self._set_back_ns / 1e9:.2f} s in contact',
+                'repeat the trial, and let nothing set the clock during trials',
             )
-        return ''
+        return None
 
 
 class GuideRest:
@@ -151,26 +153,29 @@ class GuideRest:
         )
 
 
-def judge_glide(summary: MotionSummary | None, speed_m_s: float, config: TrialConfig) -> str:
-    """Return why a glide was not the commanded one [m/s]; empty when it was.
+def find_glide_fault(
+    summary: MotionSummary | None, speed_m_s: float, config: TrialConfig
+) -> Refusal | None:
+    """Return why a glide was not the commanded one [m/s], or None when it was.
 
     ``summary`` is None when too little was observed.
     """
     if summary is None:
-        return (
-            'too few positions of the guide were reported to judge its glide; raise poll_rate_hz '
-            'of linear_guide, or glide longer or slower'
+        return Refusal(
+            'too few positions of the guide were reported to judge its glide',
+            'raise poll_rate_hz of linear_guide, or glide longer or slower',
         )
     error = abs(summary.mean_speed_m_s / speed_m_s - 1.0)
     if error > config.speed_tolerance:
-        return (
-            f'the guide glided at {summary.mean_speed_m_s:.5f} m/s instead of {speed_m_s:g} m/s; '
-            f'speed_tolerance allows a share of {config.speed_tolerance:g}'
+        return Refusal(
+            f'the guide glided at {summary.mean_speed_m_s:.5f} m/s instead of {speed_m_s:g} m/s, '
+            f'and speed_tolerance allows a share of {config.speed_tolerance:g}',
+            'see the diagnostics of the guide',
         )
     if summary.lag_s > config.lag_tolerance_s:
-        return (
-            f'the guide fell {summary.lag_s:.3f} s behind its commanded motion in the glide; '
-            f'lag_tolerance_s allows {config.lag_tolerance_s:g} s; raise run_on_s of '
-            'linear_guide where its host is busy'
+        return Refusal(
+            f'the guide fell {summary.lag_s:.3f} s behind its commanded motion in the glide, and '
+            f'lag_tolerance_s allows {config.lag_tolerance_s:g} s',
+            'raise run_on_s of linear_guide where its host is busy',
         )
-    return ''
+    return None

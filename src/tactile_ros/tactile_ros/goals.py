@@ -141,10 +141,10 @@ class GoalRunner:
 
     ``work`` returns the result message, or raises `GoalAborted` or `GoalCanceled`; any other
     exception aborts the goal with its text. Result messages must have a field ``message``.
-    ``accepting()`` returns an empty string, or why no goal can be taken now. A goal that arrives
-    then, or while another runs, is aborted with that reason in its result: a rejection would
-    reach the client without one. A request for which ``preempts(request)`` is true ends every
-    running goal of the node instead, and ``accepting`` is not asked.
+    ``find_refusal()`` returns why no goal can be taken now, or None. A goal that arrives then, or
+    while another runs, is aborted with that reason in its result: a rejection would reach the
+    client without one. A request for which ``preempts(request)`` is true ends every running goal
+    of the node instead, and ``find_refusal`` is not asked.
 
     A goal ends early when the process stood still meanwhile, and a goal that may have waited for
     that long is not begun. Both do not apply to requests that preempt. ``watch`` detects
@@ -158,14 +158,14 @@ class GoalRunner:
         name: str,
         work: Callable[[Goal], Any],
         *,
-        accepting: Callable[[], str] = lambda: '',
+        find_refusal: Callable[[], Refusal | None] = lambda: None,
         preempts: Callable[[Any], bool] = lambda _: False,
         watch: ClockWatch | None = None,
     ) -> None:
         self._node = node
         self._type = action_type
         self._work = work
-        self._accepting = accepting
+        self._find_own_refusal = find_refusal
         self._preempts = preempts
         self._watch = watch or ClockWatch()
         self._looks = node.call_every(LOOK_S, self._look)
@@ -221,16 +221,16 @@ class GoalRunner:
         if goal is not None:
             goal.end_requested  # noqa: B018 - looks
 
-    def _find_refusal(self, preempts: bool) -> str:
-        """Return why a goal cannot be begun now, or an empty string."""
+    def _find_refusal(self, preempts: bool) -> Refusal | None:
+        """Return why a goal cannot be begun now, or None."""
         if self._goal:
-            return 'another goal is running'
+            return Refusal('Another goal is running', 'wait for its end, or cancel it')
         if preempts:
-            return ''
+            return None
         last = self._watch.look()
         if last is not None and self._watch.read_s() - last.end_s < EXPIRE_S:
-            return str(_refuse_after(last))
-        return self._accepting()
+            return _refuse_after(last)
+        return self._find_own_refusal()
 
     async def _execute(self, handle: ServerGoalHandle) -> Any:
         preempts = self._preempts(handle.request)
@@ -240,16 +240,16 @@ class GoalRunner:
                     runner.end_goal()
                     await runner._ended  # noqa: SLF001 - of its own class
         with self._lock:
-            reason = self._find_refusal(preempts)
-            if not reason:
+            refusal = self._find_refusal(preempts)
+            if refusal is None:
                 watch = None if preempts else self._watch
                 goal = self._goal = Goal(handle, self._type.Feedback, watch)
                 self._ended = Future()
-        if not reason and handle.is_cancel_requested:  # while it waited for its turn
-            goal.request_end()
-        if reason:
+        if refusal is not None:
             handle.abort()
-            return self._type.Result(message=reason)
+            return self._type.Result(message=str(refusal))
+        if handle.is_cancel_requested:  # while it waited for its turn
+            goal.request_end()
 
         outcome: list[Any] = []
         done = Future()
@@ -290,7 +290,7 @@ class GoalRunner:
             self._node.get_logger().error(f'goal failed: {outcome}')
         # Work that does not use `Goal.check` knows only that it had to end.
         message = str(outcome)
-        reason = '' if self._goal is None else str(self._goal.end_reason or '')
-        if reason not in message:
+        reason = None if self._goal is None else self._goal.end_reason
+        if reason is not None and str(reason) not in message:
             message = f'{reason} {message}'
         return self._type.Result(message=message, **getattr(outcome, 'fields', {}))

@@ -246,14 +246,14 @@ class TendonServo:
 
     # -- recognition ---------------------------------------------------------------------
 
-    def find_change(self, actual: ServoState) -> str:
-        """Return why a servo with its torque on is not as this driver has left it, or ''.
+    def check_unchanged(self, actual: ServoState) -> None:
+        """Raise `ServoChangedError` if a servo with its torque on is not as this driver left it.
 
         Call it with each state. The position counts from the last one without a change.
         """
         known = (self._watchdog, registers.WATCHDOG_TRIPPED)
         if actual.watchdog not in known and not self._is_arming:
-            return (
+            raise ServoChangedError(
                 f'the bus watchdog of {self.bus.name} was {self._watchdog} and is '
                 f'{actual.watchdog}: it has lost its power, or is another servo'
             )
@@ -261,15 +261,14 @@ class TendonServo:
         if self._seen is not None:
             counts, seen_s = self._seen
             if now_s - seen_s > EXCHANGE_S and not self._is_known(self._identify()[0]):
-                return f'{self.bus.name} is another servo than before'
+                raise ServoChangedError(f'{self.bus.name} is another servo than before')
             speed = JUMP_SPEED_SHARE * registers.velocity_to_counts_s(self.limits.velocity)
             if abs(actual.position_counts - counts) > JUMP_COUNTS + speed * (now_s - seen_s):
-                return (
+                raise ServoChangedError(
                     f'the position of {self.bus.name} has jumped from {counts} to '
                     f'{actual.position_counts} counts: it has lost its power, or is another servo'
                 )
         self._seen = actual.position_counts, now_s
-        return ''
 
     def _identify(self) -> tuple[_Identity, ServoSettings]:
         model = self.bus.ping()
@@ -324,7 +323,11 @@ class TendonServo:
                 )
             if self._is_set_up:
                 if actual.is_torque_on:
-                    return Found.OFF if self.find_change(actual) else Found.SAME
+                    try:
+                        self.check_unchanged(actual)
+                    except ServoChangedError:
+                        return Found.OFF
+                    return Found.SAME
                 # One that has shut down is restarted only when the driver is configured.
                 return Found.SAME if actual.hardware_error else Found.OFF
             if self._found and actual.is_torque_on:  # a set-up was cut off half way

@@ -27,6 +27,7 @@ from linear_guide_driver.errors import (
     LinearGuideDriverError,
 )
 from linear_guide_driver.records import REST_AFTER_S, TendonActuatorConfig, TendonState
+from tactile_ros.refusal import Refusal
 
 FAILED_POLLS = 5
 """Polls in a row that are not answered, or refused, after which it is an outage: about 0.2 s.
@@ -45,6 +46,9 @@ REST_POLLS = 4
 
 LONGEST_REST_POLL_S = 0.04
 """Longest period of polls at rest, however long ``watchdog_s`` is."""
+
+RESTART = 'remove the cause and configure the driver again'
+"""Remedy of a servo that reports a fault or has shut down."""
 
 CLOSING_S = 6.0
 """Longest wait for the thread: a servo that is just set up comes to rest within three seconds."""
@@ -89,25 +93,33 @@ class ServoMonitor:
         self._failed_polls = 0
         self._back_off_s = FIRST_BACK_OFF_S
         self.state: TendonState | None = None  # the last one
-        self.outage = ''  # why no command can be watched: no answers, or the torque is off
-        self.fault = ''  # reported while the torque is on: the servo must not wind in
+        self._outage: str | None = None
+        self._fault: str | None = None
         self.is_lost = False  # line or torque: the connection is made again before a command
         self.is_shut_down = False  # torque off because of a fault; only a restart ends that
         self._thread = threading.Thread(target=self._run, name='tendon poll', daemon=True)
 
     @property
-    def trouble(self) -> str:
-        """Outage or fault; empty when there is none."""
-        return self.outage or self.fault
+    def outage(self) -> Refusal | None:
+        """Why no command can be watched: no answers, or the torque is off; None without outage."""
+        if self._outage is None:
+            return None
+        if self.is_shut_down:
+            return Refusal(self._outage, RESTART)
+        if self.is_lost:
+            return Refusal(self._outage, 'the driver connects again by itself')
+        remedy = 'the driver asks again by itself; check wiring and power'
+        return Refusal(self._outage, remedy)
 
     @property
-    def remedy(self) -> str:
-        """The end of the trouble, as the end of a sentence."""
-        if self.is_shut_down or (self.fault and not self.outage):
-            return 'remove the cause and configure the driver again'
-        if self.is_lost:
-            return 'the driver connects again by itself'
-        return 'the driver asks again by itself; look after wiring and power'
+    def fault(self) -> Refusal | None:
+        """What the servo reports while its torque is on, so that it must not tighten, or None."""
+        return None if self._fault is None else Refusal(self._fault, RESTART)
+
+    @property
+    def trouble(self) -> Refusal | None:
+        """The outage or the fault, or None."""
+        return self.outage or self.fault
 
     @property
     def is_at_rest(self) -> bool:
@@ -144,9 +156,9 @@ class ServoMonitor:
     def fail(self, reason: str, *, is_lost: bool = False) -> None:
         """Note an outage; the first reason is the cause, what follow are its consequences."""
         with self._changed:
-            is_new = not self.outage or (is_lost and not self.is_lost)
+            is_new = self._outage is None or (is_lost and not self.is_lost)
             if is_new:
-                self.outage = reason
+                self._outage = reason
             self.is_lost = self.is_lost or is_lost
             self._changed.notify_all()
         self._on_loss(reason)
@@ -156,9 +168,9 @@ class ServoMonitor:
     def clear(self) -> None:
         """Forget the outage if the line is not lost: the servo answers again."""
         with self._changed:
-            if self.outage and not self.is_lost:
+            if self._outage is not None and not self.is_lost:
                 _logger.warning('the servo answers again')
-                self.outage = ''
+                self._outage = None
                 self._changed.notify_all()
 
     def wait_poll(self, timeout_s: float) -> TendonState | None:
@@ -166,7 +178,7 @@ class ServoMonitor:
         with self._changed:
             count = self._polls
             self._changed.wait_for(
-                lambda: self._polls > count or bool(self.outage) or self._closing.is_set(),
+                lambda: self._polls > count or self._outage or self._closing.is_set(),
                 timeout_s,
             )
             return self.state if self._polls > count else None
@@ -193,8 +205,8 @@ class ServoMonitor:
         except LinearGuideDriverError as error:
             self.hurry()
             if was_lost and self.is_lost:
-                is_new = isinstance(error, DeviceRefusedError) and str(error) != self.outage
-                self.outage = str(error)
+                is_new = isinstance(error, DeviceRefusedError) and str(error) != self._outage
+                self._outage = str(error)
                 if is_new:
                     self.tell_trouble(str(error))
                 self._back_off_s = min(2 * self._back_off_s, LONGEST_BACK_OFF_S)
@@ -208,7 +220,7 @@ class ServoMonitor:
                 return 0.0
             self.fail(f'the servo {"is silent" if is_silent else "refuses to be read"} ({error})')
         except Exception as error:  # the poll must outlive it: it lets the tendon out
-            if not self.outage:
+            if self._outage is None:
                 _logger.exception('reading the servo failed')
             self.fail(f'reading the servo failed: {error!r}', is_lost=self.is_lost)
         else:
@@ -227,7 +239,7 @@ class ServoMonitor:
             pause_s = self.poll_once()
             self._tell(self._on_turn, pause_s + (RESTORE_S if self.is_lost else 0.0))
             with self._changed:  # a fresh command that is heard ends the pause
-                self._changed.wait_for(lambda: not self.outage or self._closing.is_set(), pause_s)
+                self._changed.wait_for(lambda: not self._outage or self._closing.is_set(), pause_s)
         self._tell(self._on_turn, math.inf)
 
     def _wait_until_due(self, began_s: float) -> bool:
@@ -247,12 +259,12 @@ class ServoMonitor:
             self.fail(f'the servo has shut down: {words}')
         elif not servo.is_torque_on:
             self.fail("the servo's torque went off, so the slack reference is lost", is_lost=True)
-        elif words and not self.fault:
-            self.fault = f'the servo reports a fault: {words}'
-            self._on_loss(self.fault)
-            self.tell_trouble(self.fault)
+        elif words and self._fault is None:
+            self._fault = f'the servo reports a fault: {words}'
+            self._on_loss(self._fault)
+            self.tell_trouble(self._fault)
         if not words:
-            self.fault = ''
+            self._fault = None
         state = self._on_poll(servo)
         if servo.is_torque_on:
             self.clear()  # also what a command has noted meanwhile: it answers

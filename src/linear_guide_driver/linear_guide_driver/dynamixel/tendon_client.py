@@ -53,6 +53,7 @@ from linear_guide_driver.safety import (
     Zero,
 )
 from linear_guide_driver.stop_latch import StopLatch
+from tactile_ros.refusal import Refusal
 
 POSITION_TOLERANCE_M = 0.0005
 """Distance from its goal at which a pull may rest: the loop yields a little under load."""
@@ -123,7 +124,7 @@ class TendonActuatorClient:
         self._pull_state: DesiredState | None = None  # of the last pull
         self._goal_m = 0.0  # of the last pull
         self._is_brought = False  # everything of the desired state has been written
-        self._told = ''  # the last alarm
+        self._told: str | None = None  # the last alarm
         self.safety = TendonSafety(config, watches, latch)
         self.recoveries = 0
 
@@ -148,14 +149,9 @@ class TendonActuatorClient:
         return self._monitor is not None and self._monitor.is_at_rest
 
     @property
-    def trouble(self) -> str:
-        """The fault that keeps the servo from winding in; empty when there is none."""
-        return '' if self._monitor is None else self._monitor.trouble
-
-    @property
-    def remedy(self) -> str:
-        """The end of the trouble, as the end of a sentence."""
-        return '' if self._monitor is None else self._monitor.remedy
+    def trouble(self) -> Refusal | None:
+        """The outage or the fault that keeps the servo from tightening, or None."""
+        return None if self._monitor is None else self._monitor.trouble
 
     # -- life ----------------------------------------------------------------------------
 
@@ -395,8 +391,8 @@ class TendonActuatorClient:
             yield state
             if state is not None and self.safety.ending is Ending.REACHED:
                 return state
-            if monitor.outage:
-                raise MotionFailedError(f'The pull failed: {monitor.outage}.')
+            if outage := monitor.outage:
+                raise MotionFailedError(f'The pull failed: {outage.reason}.')
             # A pull to slack goes on when safety orders the same, whatever the reason.
             goes_on = pull.lets_out and self.safety.state is State.RELEASING
             if self._is_replaced and not goes_on:
@@ -441,7 +437,7 @@ class TendonActuatorClient:
         return registers.velocity_to_m_s(limit, self._config.pulley_radius_m)
 
     def _read_tension(self) -> float | None:
-        return self.safety.live_tension_n(time.monotonic_ns())
+        return self.safety.tension.live_n(time.monotonic_ns())
 
     def _format_end(self, reason: str = '') -> str:
         """Return how far the pull came, and the reason why no further."""
@@ -469,8 +465,7 @@ class TendonActuatorClient:
                 self.safety.release(RELEASED)
             self._check_reachable(monitor)
             start_m = servo.read_displacement_m()
-            fault = f'{capitalise(monitor.fault)}; {monitor.remedy}.' if monitor.fault else ''
-            self.safety.admit(pull, start_m, time.monotonic_ns(), fault)
+            self.safety.admit(pull, start_m, time.monotonic_ns(), monitor.fault)
             goal_m = pull.displacement_m
             if pull.lets_out:
                 goal_m = min(self.safety.slack_m, start_m)
@@ -550,9 +545,7 @@ class TendonActuatorClient:
     def _check_reachable(monitor: ServoMonitor) -> None:
         """Refuse a command while the torque is off or the connection is made again."""
         if monitor.is_lost or monitor.is_shut_down:
-            raise MotionRefusedError(
-                f'The tendon actuator cannot move: {monitor.outage}; {monitor.remedy}.'
-            )
+            raise MotionRefusedError(f'The tendon actuator cannot move: {monitor.outage}')
 
     def _bring_about(self) -> None:
         """Run the loop now, and again where a packet is lost, until nothing waits to be written.
@@ -595,7 +588,7 @@ class TendonActuatorClient:
                 self._desire(order)
             elif was is Order.RELEASE and self.safety.zero is Zero.UNKNOWN:
                 self._desire(Order.HOLD)  # slack by the sensor, before the goal
-        alarm = self.safety.reason if self.safety.is_alarm else ''
+        alarm = self.safety.alarm
         if alarm and alarm != self._told:
             self._require_connection()[1].tell_trouble(alarm)
         self._told = alarm
@@ -614,9 +607,11 @@ class TendonActuatorClient:
         if not polled.is_torque_on:
             self.safety.set_zero(Zero.UNKNOWN, "the servo's torque went off")
             return state
-        if change := servo.find_change(polled):
-            self.safety.set_zero(Zero.UNKNOWN, change)
-            raise ServoChangedError(change)
+        try:
+            servo.check_unchanged(polled)
+        except ServoChangedError as change:
+            self.safety.set_zero(Zero.UNKNOWN, str(change))
+            raise
         if polled.watchdog == registers.WATCHDOG_TRIPPED:
             self.recoveries += 1
             if self.safety.is_pulling and servo.is_goal_in_force(polled):

@@ -76,14 +76,14 @@ class GrblConnection:
         self._decoder = grbl.GrblDecoder()
         self._changed = threading.Condition()
         self._unanswered: deque[bytes] = deque()
-        self._refusal = ''
+        self._refusal: str | None = None
         self._report: grbl.StatusReport | None = None
         self._reports = 0
         self._idle_reports = 0  # in a row, while lines are unanswered
         self._banners = 0
         self._expects_banner = True
         self._settings: dict[int, str] = {}
-        self._fault = ''
+        self._fault: str | None = None
         self._is_quiet = True  # no answers to status queries are expected
         self._heard_at_s = self._polled_at_s = time.monotonic()
         self._rests_at_s = math.inf  # from when on it is queried seldom
@@ -139,7 +139,7 @@ class GrblConnection:
         with self._changed:
             self._unanswered.clear()
             self._idle_reports = 0
-            self._refusal = ''
+            self._refusal = None
             was_quiet = self._is_quiet
             self._is_quiet = was_quiet or not answers_status
             self._rests_at_s = math.inf
@@ -222,7 +222,7 @@ class GrblConnection:
         with self._changed:
             if self.is_lost:
                 raise DeviceConnectionError(self._fault)
-            self._fault = ''
+            self._fault = None
 
     def hold_and_reset(self) -> None:
         """Brake, wait for rest, then drop what is planned; keeps the position.

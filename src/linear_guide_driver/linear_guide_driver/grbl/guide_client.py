@@ -34,6 +34,7 @@ from linear_guide_driver.grbl.connection import GrblConnection
 from linear_guide_driver.grbl.protocol import GuideSettings
 from linear_guide_driver.motion import Motion, Motions
 from linear_guide_driver.records import GuideState, LinearGuideConfig
+from tactile_ros.refusal import Refusal
 
 MOVED_M = 0.0002
 """Displacement that counts as motion: above the resolution and the jitter of both axes."""
@@ -145,9 +146,11 @@ SLACK_S = 2.0
 LATE_S = 0.15
 """A move that takes so much longer than computed has paused on the way: pieces came late."""
 
-HOMING = 'the guide is being homed'
-HOMING_FAILED = 'the last homing did not succeed'
-NOT_HOMED = 'the guide has not been homed since the driver connected'
+HOME = 'home the guide'
+HOMING = Refusal('the guide is being homed', 'wait for its end')
+HOMING_FAILED = Refusal('the last homing did not succeed', HOME)
+NOT_HOMED = Refusal('the guide has not been homed since the driver connected', HOME)
+"""Reasons for which the position is unknown. Others are faults of controller and line."""
 
 _logger = logging.getLogger(__name__)
 
@@ -197,9 +200,12 @@ class LinearGuideClient:
         return None if last is None else last[0]
 
     @property
-    def trouble(self) -> str:
-        """The reason for which the guide must be homed before it can move; may be empty."""
-        return self._position.trouble
+    def trouble(self) -> Refusal | None:
+        """Why the guide must be homed before it can move, or None."""
+        trouble = self._position.trouble
+        if trouble is not None and self.is_lost:
+            return Refusal(trouble.reason, f'plug it in and {HOME}')
+        return trouble
 
     @property
     def is_lost(self) -> bool:
@@ -320,7 +326,7 @@ class LinearGuideClient:
             with closing(connection.stream([grbl.HOME], timeout_s, answers_status=False)) as wakes:
                 for _ in wakes:
                     yield time.monotonic() - started_s
-            self._position.trouble = ''  # before the last look: no later fault is forgotten
+            self._position.trouble = None  # before the last look: no later fault is forgotten
             report = connection.wait_report(REPLY_TIMEOUT_S)
             position_m = self._position.to_m(report)
             if position_m is None or not -1e-6 <= position_m <= self._config.travel_m + 1e-6:
@@ -375,9 +381,8 @@ class LinearGuideClient:
             )
         state = self.state
         if self._position.trouble or state is None or state.position_m is None:
-            raise MotionRefusedError(
-                f'The position is unknown: {self.trouble or "no report yet"}; home the guide.'
-            )
+            trouble = self.trouble or Refusal('no report yet', HOME)
+            raise MotionRefusedError(f'The position is unknown: {trouble}')
         return self._drive(position_m, speed_m_s)
 
     def _drive(self, position_m: float, speed_m_s: float) -> _News[GuideState]:
@@ -436,7 +441,7 @@ class LinearGuideClient:
             raise MotionFailedError(f'Stopping failed: {error}; home the guide.') from error
         if self._position.trouble or position_m is None:
             raise MotionFailedError(
-                f'Stopping lost the position: {self._position.trouble}; home the guide.'
+                f'Stopping lost the position: {self.trouble or Refusal("no report", HOME)}'
             )
         return f'Stopped at {position_m:.4f} m on the way to {target}; the position is kept.'
 
@@ -445,7 +450,7 @@ class LinearGuideClient:
         return f'The move to {target_m:.4f} m failed: {reason}; home the guide.'
 
     def _give_up(self, reason: str) -> None:
-        self._position.lose(reason)
+        self._position.lose(Refusal(reason, HOME))
         self._brake()
 
     def _brake(self) -> None:
@@ -490,7 +495,7 @@ class LinearGuideClient:
         state = self._position.to_state(report)
         if state.position_m is None:
             raise MotionFailedError(
-                f'The motion ended, then its position was lost: {self.trouble}; home the guide.'
+                f'The motion ended, then its position was lost: {self.trouble}'
             )
         return state
 
@@ -498,7 +503,7 @@ class LinearGuideClient:
 class _KnownPosition:
     """Turns reports into states; a fault makes the position unknown until the next homing.
 
-    ``trouble`` is why the guide must be homed before it can move; empty when it need not.
+    ``trouble`` is why the guide must be homed before it can move; None when it need not.
     ``direction`` is that of the running move: 1 or -1; 0 when there is none.
     """
 
@@ -514,7 +519,7 @@ class _KnownPosition:
         # When it came, by the node's clock and by the monotonic one [ns].
         self._last: tuple[grbl.StatusReport, int, int] | None = None
         self.direction = 0
-        self.trouble = ''
+        self.trouble: Refusal | None = None
 
     @property
     def last(self) -> tuple[GuideState, int] | None:
@@ -522,14 +527,14 @@ class _KnownPosition:
         last = self._last
         return None if last is None else (self.to_state(*last[:2]), last[2])
 
-    def lose(self, reason: str) -> None:
+    def lose(self, trouble: Refusal) -> None:
         """Note why the position is unknown. The first reason is the cause of the others."""
-        self.trouble = self.trouble or reason
+        self.trouble = self.trouble or trouble
 
     def take_fault(self, reason: str) -> None:
         """Take a fault of the controller or the line."""
-        if not self.trouble:
-            self.trouble = reason
+        if self.trouble is None:
+            self.trouble = Refusal(reason, HOME)
             self._on_trouble(reason)
 
     def take_report(self, report: grbl.StatusReport) -> None:

@@ -91,7 +91,7 @@ def test_a_bad_command_moves_nothing(guide, grbl):
         with pytest.raises(MotionRefusedError, match=text):
             guide.move_to(position_m, speed_m_s)
     assert not any('G1' in line for line in grbl.lines)
-    assert guide.trouble == ''
+    assert guide.trouble is None
 
 
 def test_a_setting_that_would_change_a_glide_is_refused(grbl):
@@ -132,7 +132,7 @@ def test_a_stop_brakes_and_keeps_the_position(guide, grbl):
         stop()
         move.ends_by(MotionStoppedError, 'the position is kept')
         assert not grbl.is_moving
-        assert guide.trouble == ''
+        assert guide.trouble is None
         assert guide.state.position_m == pytest.approx(0.2 + grbl.mpos / 1e3, abs=1e-6)
     guide.move_to(0.001, 0.1)
 
@@ -256,7 +256,7 @@ def test_a_silent_controller_is_noticed_at_rest_and_in_motion(guide, grbl, monke
     monkeypatch.setattr(connection, 'SILENCE_S', 0.4)
     guide.home()
     grbl.is_deaf = True
-    wait_until(lambda: 'silent' in guide.trouble)
+    wait_until(lambda: 'silent' in str(guide.trouble))
     grbl.is_deaf = False
     guide.home()
     move = Background(guide.move_to, 0.15, 0.05)

@@ -146,4 +146,4 @@ def test_an_unknown_zero_is_no_slack_tendon_until_it_was_slackened(bench, servo)
     assert client.state.displacement_m == pytest.approx(-0.02, abs=0.0006)
     servo.unplug()
     wait_until(lambda: heard[-1].state == TendonSlack.UNKNOWN)
-    assert bench.node._client.trouble in heard[-1].reason
+    assert bench.node._client.trouble.reason in heard[-1].reason

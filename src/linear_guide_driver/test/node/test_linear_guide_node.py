@@ -186,5 +186,5 @@ def test_ready_says_what_is_missing(guide, grbl, diagnostics):
     wait_until(lambda: readiness[-1].ready and joints)
     grbl.lose_power()  # told at once
     wait_until(lambda: diagnostics and 'restarted by itself' in diagnostics[-1].message)
-    assert diagnostics[-1].message.endswith('home the guide')
+    assert diagnostics[-1].message.endswith('home the guide.')
     wait_until(lambda: not readiness[-1].ready)

@@ -199,7 +199,7 @@ def test_homing_finds_where_the_tendon_is_taut_and_counts_from_there(tendon, ser
     for taut_at in (2048 + 65, 2048 - 65):  # slack by 1 mm, later taut by 2 mm already
         sensor.tension_n = lambda taut_at=taut_at: max(0.0, (servo.position - taut_at) / 65.19)
         present_n = sensor.tension_n()
-        wait_until(lambda n=present_n: tendon.node._client.safety.tension_n == n)
+        wait_until(lambda n=present_n: tendon.node._client.safety.tension.latest_n == n)
         status, result = tendon.result(home(tendon))
         assert status == 'succeeded', result.message
         taut_m = (taut_at - 2048) / 65.19e3 + 0.0002
@@ -214,7 +214,7 @@ def test_homing_finds_where_the_tendon_is_taut_and_counts_from_there(tendon, ser
 def test_homing_is_refused_or_fails_with_a_sentence(tendon, servo):
     tendon.aborts(home(tendon), 'start the sensor')
     with Peers(tendon):
-        wait_until(lambda: tendon.node._client.safety.tension_n is not None)
+        wait_until(lambda: tendon.node._client.safety.tension.latest_n is not None)
         for taut_n, text in ((4.0, 'between 0 and the abduction limit'), (-1.0, 'between 0')):
             tendon.aborts(home(tendon, taut_n), text)
         handle = home(tendon)

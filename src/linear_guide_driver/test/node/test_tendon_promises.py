@@ -84,7 +84,7 @@ def test_letting_out_is_accepted_whoever_is_silent(bench, servo, peers):
     for lost, speed_m_s in (('heartbeat', -1.0), ('sensor', 99.0)):
         pull_taut(bench, peers)
         fall_silent(peers, lost)
-        wait_until(lambda: bench.node._client.safety.is_alarm)
+        wait_until(lambda: bench.node._client.safety.alarm)
         status, result = bench.result(pull(bench, 0.006))
         assert status == 'aborted'
         assert 'heart' in result.message or 'strain sample' in result.message
@@ -125,7 +125,7 @@ def test_a_goal_that_is_sent_while_the_tendon_unwinds_is_judged_by_where_it_is(
     start(bench, servo)
     pull_taut(bench, peers)
     peers.samples = False
-    wait_until(lambda: bench.node._client.safety.is_alarm)
+    wait_until(lambda: bench.node._client.safety.alarm)
     bench.node._client.request_release()
     wait_until(lambda: servo.position < TAUT - 50)
     lowest = servo.position
@@ -158,7 +158,7 @@ def test_all_samples_that_wait_count_at_once(bench, servo):
     wait_until(lambda: sum(map(len, taken)) == 800)
     assert len(taken) <= 2  # the last ones may not be in the queue yet
     assert taken[0][:700] == values[:700]
-    assert safety.tension_n == values[-1]
+    assert safety.tension.latest_n == values[-1]
 
 
 def test_old_samples_are_no_live_ones(bench, servo, peers):
@@ -181,7 +181,7 @@ def test_a_step_of_the_clock_makes_no_sample_old(bench, servo, peers):
         peers.step_s = step_s
         published = peers.published
         wait_until(lambda published=published: peers.published > published + 100)
-        assert not bench.node._client.safety.is_alarm
+        assert bench.node._client.safety.alarm is None
     assert bench.result(pull(bench, TAUT_M + 0.001))[0] == 'succeeded'
 
 
@@ -231,7 +231,7 @@ def test_tension_at_the_zero_asks_for_homing_and_letting_out_goes_by_the_sensor(
     assert SLACK - 400 < rest < SLACK - 130
     bench.aborts(pull(bench, 0.002), 'home the tendon')
     peers.tension_n = 2.0
-    wait_until(lambda: bench.node._client.safety.tension_n == 2.0)
+    wait_until(lambda: bench.node._client.safety.tension.latest_n == 2.0)
     assert bench.call('/tendon_actuator/release').success
     wait_until(lambda: servo.position < rest - 65)
     peers.tension_n = 0.0
@@ -269,7 +269,7 @@ def test_a_sensor_driver_that_starts_again_is_believed_after_a_still_reading(ben
     peers.published = 0
     wait_until(lambda: is_slack(servo))
     peers.tension_n = -1.9  # the tare is gone
-    wait_until(lambda: bench.node._client.safety.tension_n == -1.9)
+    wait_until(lambda: bench.node._client.safety.tension.latest_n == -1.9)
     bench.aborts(pull(bench, TAUT_M), 'tare the sensor')
     peers.tension_n = 0.0
     wait_until(lambda: not bench.node._find_missing())
@@ -280,6 +280,6 @@ def test_a_saturated_sensor_that_is_stuck_lets_out_and_stop_does_not_hold(bench,
     start(bench, servo)  # a loss would hold for 30 s
     pull_taut(bench, peers)
     peers.status = StrainBlock.STATUS_SATURATED | StrainBlock.STATUS_STUCK
-    wait_until(lambda: bench.node._client.safety.is_alarm)
+    wait_until(lambda: bench.node._client.safety.alarm)
     assert bench.call('/tendon_actuator/stop').success
     wait_until(lambda: is_slack(servo))

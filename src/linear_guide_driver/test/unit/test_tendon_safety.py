@@ -3,6 +3,7 @@
 import dataclasses
 
 import pytest
+from samples import feed
 
 from linear_guide_driver.errors import MotionRefusedError
 from linear_guide_driver.records import TendonActuatorConfig
@@ -24,7 +25,7 @@ TAUT_M = 0.005
 
 def sense(safety, tension_n, displacement_m=TAUT_M, now_ns=0):
     """Add a sample and return the order that follows."""
-    safety.add_samples([tension_n], False, now_ns)
+    feed(safety, [tension_n], now_ns)
     return safety.decide(displacement_m, now_ns)
 
 
@@ -59,9 +60,9 @@ def hold_taut(safety, contact='flexion', now_ns=0, tension_n=1.0):
 def test_the_contact_chooses_the_limit(safety):
     hold_taut(safety, 'flexion')
     assert sense(safety, 14.9) is Order.FOLLOW
-    safety.add_samples([2.0], False, 0)
+    feed(safety, [2.0], 0)
     safety.admit(Pull(0.006, 'abduction'), TAUT_M, 0)
-    assert safety.add_samples([3.1], False, 0)
+    assert feed(safety, [3.1], 0)
     assert safety.decide(TAUT_M, 0) is Order.RELEASE
     assert safety.ending is Ending.OVER_LIMIT
     assert '3.10 N, is above the limit, 3.0 N' in safety.reason
@@ -72,7 +73,7 @@ def test_above_the_limit_nothing_turns_letting_out_into_holding(safety, command)
     hold_taut(safety)
     assert sense(safety, 20.0) is Order.RELEASE
     now_ns = 100 * MS
-    safety.add_samples([20.0], False, now_ns)
+    feed(safety, [20.0], now_ns)
     if command == 'stop':
         safety.hold(0)
     elif command == 'lose':
@@ -105,8 +106,8 @@ def test_the_limit_is_the_strictest_before_the_first_pull(safety):
 def test_saturation_and_either_sign_count_as_above_the_limit(safety):
     hold_taut(safety)
     for samples, is_saturated in (([0.1], True), ([0.1, 15.1, 0.1], False), ([-15.1, 0.1], False)):
-        assert safety.add_samples(samples, is_saturated, 0)
-        safety.add_samples([0.1], False, 0)
+        assert feed(safety, samples, 0, is_saturated=is_saturated)
+        feed(safety, [0.1], 0)
 
 
 @pytest.mark.parametrize(
@@ -137,7 +138,7 @@ def test_letting_out_never_raises_the_limit(safety, contact, tension_n, pull, li
 )
 def test_a_refused_pull_changes_nothing(safety, pull, text):
     hold_taut(safety, 'abduction')
-    safety.add_samples([4.0], False, 0)
+    feed(safety, [4.0], 0)
     with pytest.raises(MotionRefusedError, match=text):
         safety.admit(pull, TAUT_M, 0)
     assert safety.limit_n == 3.0
@@ -149,26 +150,34 @@ def test_a_refused_pull_changes_nothing(safety, pull, text):
 
 def test_samples_are_needed_while_taut_and_silence_ends_in_slack(safety):
     assert safety.decide(0.0, 60_000 * MS) is Order.FOLLOW  # slack and idle, it needs nobody
-    assert not safety.is_alarm
+    assert safety.alarm is None
     hold_taut(safety)
     assert safety.decide(TAUT_M, 250 * MS) is Order.FOLLOW
     assert safety.decide(TAUT_M, 251 * MS) is Order.HOLD
     assert 'No valid strain sample' in safety.reason
-    safety.add_samples([1.0], False, 300 * MS)  # too late: somebody has to command anew
+    feed(safety, [1.0], 300 * MS)  # too late: somebody has to command anew
     assert safety.decide(TAUT_M, 2250 * MS) is Order.HOLD
     assert safety.decide(TAUT_M, 2251 * MS) is Order.RELEASE
 
 
+def test_a_cancelled_goal_does_not_end_slackening_while_the_sensor_is_lost(safety):
+    hold_taut(safety)
+    safety.decide(TAUT_M, 251 * MS)
+    assert safety.decide(TAUT_M, 2251 * MS) is Order.RELEASE
+    safety.hold(2252 * MS)
+    assert safety.decide(TAUT_M, 2252 * MS) is Order.RELEASE
+
+
 def test_late_samples_are_silence_but_guard_the_limit(safety):
     hold_taut(safety)
-    safety.add_samples([1.0], False, 100 * MS, 200 * MS)
+    feed(safety, [1.0], 100 * MS, age_ns=200 * MS)
     assert safety.decide(TAUT_M, 150 * MS) is Order.FOLLOW
     assert safety.decide(TAUT_M, 151 * MS) is Order.HOLD
     assert safety.reason.startswith('The strain samples arrive 0.20 s late; start')
     with pytest.raises(MotionRefusedError, match=r'arrive 0\.20 s late'):
         safety.admit(Pull(0.006), TAUT_M, 151 * MS)
-    assert safety.live_tension_n(151 * MS) is None
-    assert safety.add_samples([20.0], False, 200 * MS, 900 * MS)
+    assert safety.tension.live_n(151 * MS) is None
+    assert feed(safety, [20.0], 200 * MS, age_ns=900 * MS)
     assert safety.decide(TAUT_M, 200 * MS) is Order.RELEASE
     assert '20.00 N, is above the limit' in safety.reason
 
@@ -196,7 +205,7 @@ def test_letting_out_that_was_stopped_needs_samples_as_any_taut_tendon_does(safe
 def test_a_fresh_pull_within_the_holding_time_keeps_the_tendon(safety):
     hold_taut(safety)
     assert safety.decide(TAUT_M, 300 * MS) is Order.HOLD
-    safety.add_samples([1.0], False, 400 * MS)
+    feed(safety, [1.0], 400 * MS)
     safety.admit(Pull(0.006), TAUT_M, 400 * MS)
     safety.finish()
     for now_ms in range(500, 5000, 100):
@@ -209,7 +218,7 @@ def test_unguarded_pulls_need_no_samples_unless_they_ask_for_a_tension():
     assert safety.decide(0.001, 10_000 * MS) is Order.FOLLOW
     with pytest.raises(MotionRefusedError, match='start the tendon sensor'):
         safety.admit(Pull(TAUT_M, stop_tension_n=5.0), 0.0, 10_000 * MS)
-    safety.add_samples([0.1], False, 10_000 * MS)
+    feed(safety, [0.1], 10_000 * MS)
     safety.admit(Pull(TAUT_M, stop_tension_n=5.0), 0.0, 10_000 * MS)
     assert safety.decide(0.001, 10_251 * MS) is Order.HOLD
     assert safety.ending is Ending.LOST
@@ -245,7 +254,7 @@ def test_a_servo_that_stops_by_itself_ends_the_pull_but_no_letting_out(safety):
     safety.admit(Pull(TAUT_M), 0.0, 0)
     safety.lose("The servo's watchdog has stopped it.", 0)
     assert safety.decide(0.002, 0) is Order.HOLD
-    assert (safety.ending, safety.is_alarm) == (Ending.LOST, True)
+    assert (safety.ending, safety.alarm) == (Ending.LOST, safety.reason)
     safety.admit(Pull(0.0), TAUT_M, 0)
     safety.lose('The servo was silent.', 0)
     assert safety.decide(TAUT_M, 0) is Order.RELEASE
@@ -371,10 +380,10 @@ def test_without_a_zero_a_stop_lets_out_by_a_stated_length():
 
 def test_the_stop_tension_ends_the_pull_at_or_above(safety):
     safety.admit(Pull(TAUT_M, stop_tension_n=5.0), 0.0, 0)
-    assert not safety.add_samples([4.999], False, 0)
+    assert not feed(safety, [4.999], 0)
     assert safety.decide(0.002, 0) is Order.FOLLOW
-    assert safety.add_samples([5.0], False, 0)
-    assert not safety.add_samples([5.0], False, 0)  # nothing new to act on
+    assert feed(safety, [5.0], 0)
+    assert not feed(safety, [5.0], 0)  # nothing new to act on
     assert sense(safety, 4.0, 0.002) is Order.HOLD
     assert safety.ending is Ending.REACHED
     assert safety.reason == 'The tension reached 5.00 N.'
@@ -382,18 +391,18 @@ def test_the_stop_tension_ends_the_pull_at_or_above(safety):
 
 def test_a_stop_tension_that_is_passed_by_more_than_the_limit_is_no_success(safety):
     safety.admit(Pull(TAUT_M, stop_tension_n=15.0), 0.0, 0)
-    assert safety.add_samples([15.0], False, 0)
+    assert feed(safety, [15.0], 0)
     assert safety.ending is Ending.REACHED
-    assert safety.add_samples([15.2], False, 0)
+    assert feed(safety, [15.2], 0)
     assert safety.decide(0.002, 0) is Order.RELEASE
     assert safety.ending is Ending.OVER_LIMIT
 
 
 def test_what_is_no_number_is_no_sample(safety):
-    assert not safety.add_samples([float('nan'), 1.0], False, 1000 * MS)
-    assert not safety.add_samples([], False, 1000 * MS)
-    assert safety.tension_n == 0.0
-    assert safety.live_tension_n(1000 * MS) is None
+    assert not feed(safety, [float('nan'), 1.0], 1000 * MS)
+    assert not feed(safety, [], 1000 * MS)
+    assert safety.tension.latest_n == 0.0
+    assert safety.tension.live_n(1000 * MS) is None
 
 
 # -- the zero -----------------------------------------------------------------------------------
@@ -458,7 +467,7 @@ def test_it_says_whether_a_needed_topic_was_never_heard():
     peer = TopicWatchdog('trial_runner/heartbeat', 0.2)
     safety, unguarded = TendonSafety(CONFIG, [peer]), make(unguarded=True)
     assert safety.awaits_first
-    safety.add_samples([0.0], False, 0)
+    feed(safety, [0.0], 0)
     assert safety.awaits_first
     peer.beat(0)
     assert not safety.awaits_first
@@ -471,22 +480,22 @@ def test_an_alarm_is_what_nobody_has_commanded(safety):
     safety.admit(Pull(0.006), TAUT_M, 0)
     assert safety.is_pulling
     safety.hold(0)
-    assert not safety.is_alarm
+    assert safety.alarm is None
     safety.finish()
     assert not safety.is_pulling
     safety.lose('The servo is silent.', 0)
-    assert safety.is_alarm
+    assert safety.alarm
 
 
 def test_a_new_zero_is_judged_anew():
     safety = make_unconfirmed()
-    safety.add_samples([2.0], False, 0)
+    feed(safety, [2.0], 0)
     with pytest.raises(MotionRefusedError, match='wait until it is slack'):
         safety.admit(Pull(TAUT_M), 0.0, 0)  # though nobody has polled meanwhile
     safety.set_zero(Zero.UNCONFIRMED)
-    assert safety.live_tension_n(0) is None
+    assert safety.tension.live_n(0) is None
     sense(safety, 2.0, 0.0, 500 * MS)
     assert safety.zero is Zero.UNCONFIRMED
     safety.set_zero(Zero.KNOWN)
-    assert safety.live_tension_n(500 * MS) == 2.0
+    assert safety.tension.live_n(500 * MS) == 2.0
     assert safety.strictest_contact == 'abduction'

@@ -16,6 +16,7 @@ from hypothesis import Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import initialize, invariant, rule, RuleBasedStateMachine
 import pytest
+from samples import feed
 from scripted_servo import find_fields
 from virtual_servo import VirtualBus, VirtualLine, VirtualServo, VirtualTime
 
@@ -27,7 +28,7 @@ from linear_guide_driver.errors import (
     LinearGuideDriverError,
     MotionRefusedError,
 )
-from linear_guide_driver.safety import Order, Pull, SLACK_M, TopicWatchdog, Zero
+from linear_guide_driver.safety import Order, Pull, SLACK_M, State, TopicWatchdog, Zero
 from linear_guide_driver.stop_latch import EmergencyInput, StopLatch
 from linear_guide_driver.tension import STILL_NS
 from tactile_ros.refusal import Refusal
@@ -235,7 +236,7 @@ class Tendon(RuleBasedStateMachine):
         self.sampled_at_ns = self.now_ns
         is_saturated = math.isinf(self.tension_n)
         sample_n = 12.0 if is_saturated else self.tension_n
-        return self.safety.add_samples([sample_n], is_saturated, self.now_ns)
+        return feed(self.safety, [sample_n], self.now_ns, is_saturated=is_saturated)
 
     @rule(tension_n=st.sampled_from([0.0, 0.1, 1.0, 2.9, 3.1, 10.0, 15.1, 25.0, -20.0, math.inf]))
     def sample(self, tension_n):
@@ -280,6 +281,7 @@ class Tendon(RuleBasedStateMachine):
             self.begin(Pull(self.at_m + direction * 0.005, 'abduction', is_homing=True))
 
     def begin(self, pull, speed_m_s=SPEED_M_S):
+        before_m_s = self.speed_m_s  # of a goal that may still be in force
         self.pull, self.speed_m_s = pull, speed_m_s
         is_latched = self.latch.find_loss(self.now_ns) is not None
         try:
@@ -287,7 +289,7 @@ class Tendon(RuleBasedStateMachine):
             self.goal_m = self.client._goal_m
             self.lost_since_ns = None  # a fresh pull begins the holding time anew
         except MotionRefusedError:
-            self.pull = None
+            self.pull, self.speed_m_s = None, before_m_s
             # While the latch is set, or its emergency stop was not heard, only slack is granted.
             place_m = 0.0 if is_latched else max(0.0, self.at_m)
             lets_out = not pull.is_homing and pull.displacement_m <= place_m
@@ -300,8 +302,33 @@ class Tendon(RuleBasedStateMachine):
     @rule()
     def cancel(self):
         self.lost_since_ns = None  # a hold that ends a release begins the holding time anew
+        pull = self.pull if self.safety.ending is None else None
+        slackens = self.safety.state is State.RELEASING or (pull and pull.lets_out)
         with suppress(LinearGuideDriverError):
             self.client.hold_here()
+        is_slack = self.safety.is_slack(self.at_m, self.now_ns)
+        if slackens and not is_slack and (self.is_stopped or self.is_lost):
+            order = self.safety.decide(self.at_m, self.now_ns)
+            assert order is Order.RELEASE, 'a cancelled goal has ended slackening'
+
+    @rule(
+        missing=st.sampled_from(['nothing', 'samples', 'peers', 'reset']), polls=st.integers(1, 8)
+    )
+    def cancel_while_it_slackens(self, missing, polls):
+        self.ask(1.0, 'flexion', 0.0, True, SPEED_M_S)
+        self.pass_time_with_everybody_there(60)
+        if missing == 'reset':
+            self.latch.stop('pressed')
+        with suppress(LinearGuideDriverError):
+            self.client.request_release()
+        if missing in ('samples', 'peers'):
+            self.time.sleep(self.config.guard_timeout_s)
+        for _ in range(polls):
+            if missing == 'samples':
+                self.beat(0)
+                self.beat(1)
+            self.poll()
+        self.cancel()
 
     @rule(presses=st.integers(1, 6), gap_s=st.sampled_from([0.02, 0.35, 1.9]))
     def press_stop(self, presses, gap_s):
@@ -484,7 +511,10 @@ class Tendon(RuleBasedStateMachine):
 
     @property
     def can_be_reached(self):
-        is_line_there = self.line.is_plugged and self.client._servo.bus._is_open
+        bus = self.client._servo.bus
+        # A port that was open when the cable was pulled is lost, also with the cable back.
+        is_line_there = self.line.is_plugged and bus._is_open
+        is_line_there = is_line_there and bus._port.opened == self.line.plugs
         if self.has_restarted or self.servo is not self.own:
             return False
         return is_line_there and bool(self.servo.table[64]) and not self.monitor.is_lost
@@ -494,7 +524,7 @@ class Tendon(RuleBasedStateMachine):
         return (
             self.sampled_at_ns is not None
             and then_ns - self.sampled_at_ns <= self.config.guard_timeout_s * 1e9
-            and self.safety.live_tension_n(then_ns) is not None  # not from before a new zero
+            and self.safety.tension.live_n(then_ns) is not None  # not from before a new zero
         )
 
     def are_peers_heard(self, ago_ns=0):
@@ -502,6 +532,12 @@ class Tendon(RuleBasedStateMachine):
         return len(self.heard_at_ns) == 2 and all(
             then_ns - at_ns <= 200_000_000 for at_ns in self.heard_at_ns.values()
         )
+
+    @property
+    def is_lost(self):
+        """Return whether something is lost that a taut tendon needs."""
+        is_there = self.are_peers_heard() and self.activity.is_active
+        return not is_there or not (self.config.unguarded or self.is_live())
 
     def note_wrong(self, check, *arguments):
         """Note what is wrong; the driver's poll outlives what is raised in it."""
@@ -571,10 +607,8 @@ class Tendon(RuleBasedStateMachine):
     def note(self):
         """Note since when something is wrong that the driver can see."""
         is_seen = not (self.monitor.outage or self.line.faults) and self.can_be_reached
-        is_blind = self.config.unguarded
-        is_lost = not (self.are_peers_heard() and self.activity.is_active) or not (
-            is_blind or (self.is_live() and self.safety.tension.find_loss(self.now_ns) is None)
-        )
+        is_doubted = self.safety.tension.find_loss(self.now_ns) is not None
+        is_lost = self.is_lost or (is_doubted and not self.config.unguarded)
         lets_out = self.pull and self.pull.displacement_m <= self.at_m
         is_above = self.is_live() and abs(self.tension_n) > self.safety.limit_n
         if not (is_seen and is_lost and self.at_m > SLACK_M) or lets_out or self.is_busy:

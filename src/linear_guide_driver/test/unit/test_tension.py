@@ -63,7 +63,7 @@ def make(**changes):
     """Safety with a known zero and a confirmed tare."""
     safety = TendonSafety(dataclasses.replace(CONFIG, **changes))
     safety.set_zero(Zero.UNCONFIRMED)
-    safety.add_samples([0.0], False, 0)
+    Sensor(safety, sequence=-1).send(0)
     safety.decide(0.0, 0)
     assert safety.zero is Zero.KNOWN
     assert safety.tension.find_loss(0) is None

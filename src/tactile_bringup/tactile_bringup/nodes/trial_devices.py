@@ -27,6 +27,7 @@ from tactile_ros.goals import Goal, GoalAborted, GoalCanceled
 from tactile_ros.health import HeartbeatWatch, watch_rivals
 from tactile_ros.polling import PollingNode
 from tactile_ros.qos import LATEST, NEWEST, STREAM
+from tactile_ros.refusal import Refusal
 from tactile_ros.strain import NOT_LIVE
 
 
@@ -140,8 +141,8 @@ class TrialDevice:
         """Return a sentence for each thing without which it takes no goal."""
         if not self._goals.server_is_ready():
             return [f'The {self._words} does not answer; start and activate its node.']
-        if loss := self.format_loss():
-            return [loss]
+        if loss := self.find_loss():
+            return [str(loss), *self._reasons()]
         if self._is_left_busy():
             return [f'The {self._words} still carries out its last goal.']
         if self._readiness is None and self._node.count_publishers(f'{self.name}/ready'):
@@ -155,43 +156,45 @@ class TrialDevice:
             ]
         return []
 
-    def format_loss(self) -> str:
-        """Return that its heartbeat has ended, and why if it said so; empty while it beats.
+    def find_loss(self) -> Refusal | None:
+        """Return that its heartbeat has ended, or that there are two drivers, or None.
 
-        A heartbeat that was never heard is none that can end. Two drivers are a loss, too, also
-        when only one of them is well: either may answer a goal.
+        A heartbeat that was never heard cannot end. Two drivers are a loss also when only one of
+        them is well: either may answer a goal.
         """
-        heartbeat = self._heartbeat
         if rivals := self._rivals.find_loss():
-            return str(rivals)
-        if not heartbeat.was_heard or not (loss := heartbeat.find_loss()):
-            return ''
-        return ' '.join([str(loss), *self._reasons()])
+            return rivals
+        return self._heartbeat.find_loss() if self._heartbeat.was_heard else None
+
+    def check(self) -> None:
+        """Raise `GoalAborted` when it is lost, with its own reasons if it has published them."""
+        if loss := self.find_loss():
+            raise GoalAborted(' '.join([str(loss), *self._reasons()]))
 
     @property
     def position_m(self) -> float | None:
         """Its last reported position [m]; None before the first."""
         return self._position_m
 
-    def format_silence(self, least_s: float = 0.0) -> str:
-        """Return that its joint states do not come; empty while they do.
+    def find_silence(self, least_s: float = 0.0) -> Refusal | None:
+        """Return that its joint states do not come, or None while they do.
 
         They may be silent for ``heartbeat_timeout_s``, or ``least_s`` if that is longer [s].
         """
         timeout_s = max(self._config.heartbeat_timeout_s, least_s)
         if time.monotonic() - self._reported_s <= timeout_s:
-            return ''
-        return (
-            f'No position came on {self.name}/joint_states for {timeout_s:g} s; see the '
-            f'diagnostics of the {self._words}.'
+            return None
+        return Refusal(
+            f'No position came on {self.name}/joint_states for {timeout_s:g} s',
+            f'see the diagnostics of the {self._words}',
         )
 
-    def wait_for_reasons(self) -> str:
-        """Return why the driver is not ready, as soon as it says so; empty if it does not."""
+    def wait_for_reasons(self) -> list[str]:
+        """Return why the driver is not ready, a sentence each, as soon as it says so."""
         deadline_s = time.monotonic() + REASON_S
         while not self._reasons() and time.monotonic() < deadline_s:
             time.sleep(POLL_S)
-        return ' '.join(self._reasons())
+        return self._reasons()
 
     def _reasons(self) -> list[str]:
         return [] if self._readiness is None else list(self._readiness.missing)
@@ -219,7 +222,7 @@ class TrialDevice:
         if not self._cancel.service_is_ready():
             return None
         answer = self._cancel.call_async(CancelGoal.Request())  # without an ID: all goals
-        return None if self.format_loss() else answer
+        return None if self.find_loss() else answer
 
     def send(self, message: Any) -> None:
         """Send a goal and wait for nothing: a driver without heartbeat may still hear it."""
@@ -292,16 +295,23 @@ class TrialDevice:
             check()
             if not self._node.context.ok():
                 raise GoalAborted('the process is ending')
-            problem = lateness if time.monotonic() > deadline_s else self.format_loss()
-            if not self._goals.server_is_ready():
-                problem = f'the {self._words} went away; is its node running?'
-            if problem:
-                check()  # who stood still meanwhile has heard of nothing
-                raise GoalAborted(problem)
+            try:
+                self._check_wait(deadline_s, lateness)
+            except GoalAborted:
+                check()  # a runner that stood still meanwhile has heard of nothing
+                raise
         try:
             return future.result()
         except GoalLostError as error:
             raise GoalAborted(f'{self._words}: {error}') from None
+
+    def _check_wait(self, deadline_s: float, lateness: str) -> None:
+        """Raise `GoalAborted` when it is too late, or no answer can be expected."""
+        if not self._goals.server_is_ready():
+            raise GoalAborted(f'the {self._words} went away; is its node running?')
+        if time.monotonic() > deadline_s:
+            raise GoalAborted(lateness)
+        self.check()
 
     # -- what it says --------------------------------------------------------------------------
 
@@ -332,13 +342,13 @@ class StrainWatch:
         """Take the subscription away."""
         self._node.unpoll(self._blocks)
 
-    def format_silence(self) -> str:
-        """Return that no valid sample arrives, and what to do; empty while they do."""
+    def find_silence(self) -> Refusal | None:
+        """Return that no valid sample arrives, or None while they do."""
         if time.monotonic() - self._heard_s <= self._timeout_s:
-            return ''
-        return (
-            f'No valid sample came on tendon_sensor/strain for {self._timeout_s:g} s; '
-            'start the sensor node, and check its cable and its diagnostics.'
+            return None
+        return Refusal(
+            f'No valid sample came on tendon_sensor/strain for {self._timeout_s:g} s',
+            'start the sensor node, and check its cable and its diagnostics',
         )
 
     def _on_block(self, block: StrainBlock, _: Any) -> None:

@@ -28,7 +28,7 @@ from tactile_bringup.nodes.trial_devices import (
     StrainWatch,
     TrialDevice,
 )
-from tactile_bringup.trial_observation import GuideRest, judge_glide, TendonContact
+from tactile_bringup.trial_observation import find_glide_fault, GuideRest, TendonContact
 from tactile_bringup.trial_protocols import (
     glide_speed_m_s,
     GuideStep,
@@ -47,6 +47,7 @@ from tactile_ros.health import Heartbeat, Presence, ReadinessPublisher
 from tactile_ros.periodic import Periodic
 from tactile_ros.polling import PollingNode
 from tactile_ros.qos import EVENTS
+from tactile_ros.refusal import Refusal
 
 CANCEL_S = 1.0
 """Longest wait for the guide's driver to answer a cancellation [s]."""
@@ -134,7 +135,7 @@ class TrialRunnerNode(PollingNode):
             RunTrial,
             '~/run_trial',
             self._run_trial,
-            accepting=self._accepting,
+            find_refusal=self._find_refusal,
         )
         self._heartbeat = Heartbeat(self, lambda: self.is_active)
         self._parts.callback(self._heartbeat.close)
@@ -172,16 +173,21 @@ class TrialRunnerNode(PollingNode):
         self._ready = self._heartbeat = self._presence = self._telling = self._rig_stop = None
         self._strain = self._guide = self._tendon = self._events = None
 
-    def _accepting(self) -> str:
-        """Return why no trial can be taken now; empty when one can."""
+    def _find_refusal(self) -> Refusal | None:
+        """Return why no trial can be taken now, or None."""
+        if stop := self._find_stop():
+            return stop
         if not self.is_active:
-            return 'the trial runner is not active'
-        return self._format_stop()
+            return Refusal('The trial runner is not active', 'activate its node')
+        return None
 
-    def _format_stop(self) -> str:
-        """Return why the rig is stopped; empty when it is not."""
-        refusal = None if self._rig_stop is None else self._rig_stop.find_refusal()
-        return '' if refusal is None else str(refusal)
+    def _find_stop(self) -> Refusal | None:
+        """Return why the rig is stopped, or None."""
+        return None if self._rig_stop is None else self._rig_stop.find_refusal()
+
+    def _find_rival(self) -> Refusal | None:
+        """Return that there is a second trial runner, or None."""
+        return None if self._presence is None else self._presence.rivals.find_loss()
 
     @staticmethod
     def _answer_stop() -> tuple[bool, str]:
@@ -189,10 +195,8 @@ class TrialRunnerNode(PollingNode):
 
     def _find_missing(self) -> list[str]:
         """Return what keeps a trial from being taken, a sentence each."""
-        if stop := self._format_stop():
-            return [stop]
-        if not self.is_active:
-            return ['The trial runner is not active; activate its node.']
+        if refusal := self._find_refusal():
+            return [str(refusal)]
         if self._runner is not None and self._runner.is_busy:
             return ['A trial is running; wait for its end or cancel it.']
         return self._find_missing_parts()
@@ -202,15 +206,14 @@ class TrialRunnerNode(PollingNode):
         if guide is None or tendon is None or strain is None:
             return ['The trial runner is not configured; configure its node.']
         self.poll_now()
-        presence = self._presence
         parts = [
-            self._format_stop(),
-            '' if presence is None else str(presence.rivals.find_loss() or ''),
+            self._find_stop(),
+            self._find_rival(),
             *guide.find_missing(),
             *tendon.find_missing(),
-            strain.format_silence(),
+            strain.find_silence(),
         ]
-        return [part for part in dict.fromkeys(parts) if part]
+        return list(dict.fromkeys(str(part) for part in parts if part))
 
     def _tell_start(self) -> None:
         """Log once that trials can run and, after a while, what they wait for; periodic."""
@@ -307,8 +310,8 @@ class TrialRunnerNode(PollingNode):
             summary = track.summarise(result.lag_s)
             if summary is not None:
                 trial.glide_speed_m_s, trial.glide_lag_s = summary
-            if problem := judge_glide(summary, step.speed_m_s, self.config):
-                raise GoalAborted(problem)
+            if fault := find_glide_fault(summary, step.speed_m_s, self.config):
+                raise GoalAborted(str(fault))
             trial.glide_end_ns = track.end_ns
 
     def _slacken(self, trial: RunningTrial) -> None:
@@ -421,25 +424,22 @@ class TrialRunnerNode(PollingNode):
 
     def _find_loss(self, trial: RunningTrial) -> None:
         """Raise when the rig is stopped, or something that the trial needs is lost."""
-        if stop := self._format_stop():
-            raise GoalAborted(stop)
-        presence = self._presence
-        if presence is not None and (rival := presence.rivals.find_loss()):
-            raise GoalAborted(str(rival))
+        if refusal := self._find_stop() or self._find_rival():
+            raise GoalAborted(str(refusal))
         for device in (self._guide, self._tendon):
-            if device is not None and (loss := device.format_loss()):
-                raise GoalAborted(loss)
-        if loss := self._contact.format_loss():
-            raise ContactLost(loss)
-        if (motion := self._rest.find_motion()) is not None:
+            if device is not None:
+                device.check()
+        if loss := self._contact.find_loss():
+            raise ContactLost(str(loss))
+        if motion := self._rest.find_motion():
             raise GoalAborted(str(motion))
         guide = self._guide if trial.needs_strain else None
-        if guide is not None and (silence := guide.format_silence(GUIDE_SILENCE_S)):
-            raise GoalAborted(silence)
+        if guide is not None and (silence := guide.find_silence(GUIDE_SILENCE_S)):
+            raise GoalAborted(str(silence))
         watched = (self._strain, self._tendon) if trial.needs_strain else ()
         for source in watched:
-            if source is not None and (loss := source.format_silence()):
-                raise GoalAborted(loss)
+            if source is not None and (silence := source.find_silence()):
+                raise GoalAborted(str(silence))
 
     def _end_early(self, trial: RunningTrial, error: Exception) -> None:
         """Bring the rig to rest and raise the trial's end."""
@@ -449,10 +449,9 @@ class TrialRunnerNode(PollingNode):
         # The guide first, so that it rests before the tendon moves.
         guide = self._guide if trial.has_moved else None
         cancelled = None if guide is None else guide.cancel_goals()
-        reason = ''
+        sentence = str(error)
         if isinstance(error, ContactLost) and self._tendon is not None:
-            reason = self._tendon.wait_for_reasons()
-        sentence = f'{error}. {reason}' if reason else str(error)
+            sentence = ' '.join([sentence, *self._tendon.wait_for_reasons()])
         self._announce(trial, TrialEvent.PHASE_ABORTED, message=sentence)
         if trial.has_moved:
             if cancelled is not None:
@@ -466,19 +465,19 @@ class TrialRunnerNode(PollingNode):
         if tendon is None:
             return
         seconds = self.config.displacement_m(request.contact) / self.config.pull_speed_m_s
-        problem = ''
+        problem: object = None
         for attempt in range(RELEASE_ATTEMPTS):
             if attempt:
                 time.sleep(RELEASE_PAUSE_S)
             try:
-                if problem := tendon.format_loss():
+                if problem := tendon.find_loss():
                     tendon.send(self._pull(request))
                     break
                 timeout_s = seconds + self.config.server_timeout_s
                 tendon.call(self._pull(request), timeout_s=timeout_s)
                 return
             except Exception as error:  # whatever it is, the trial must still tell its end
-                problem = str(error)
+                problem = error
         self.get_logger().error(f'the tendon could not be released: {problem}')
 
     # -- messages ------------------------------------------------------------------------

@@ -127,15 +127,15 @@ def test_a_runner_whose_executor_or_trial_hangs_gives_no_sign_of_life(bench):
     end.set()
     wait_until(lambda: not watch.find_loss())
 
-    format_loss, looks, end = bench.runner._contact.format_loss, [], threading.Event()
+    find_loss, looks, end = bench.runner._contact.find_loss, [], threading.Event()
 
     def hang():
         looks.append(True)
         if len(looks) > 1:  # with the first one the trial's thread has begun to watch
             end.wait()
-        return format_loss()
+        return find_loss()
 
-    bench.runner._contact.format_loss = hang
+    bench.runner._contact.find_loss = hang
     is_lost = False
     while not is_lost:  # on a busy computer a trial may end for another reason
         looks.clear()
@@ -211,7 +211,7 @@ def test_a_runner_that_stood_still_while_it_looked_blames_nobody_else(bench):
         threading.Event().wait(2.0 * bench.runner.config.heartbeat_timeout_s)
         return 'The tendon is lost.'
 
-    bench.runner._contact.format_loss = stand_still
+    bench.runner._contact.find_loss = stand_still
     assert 'the trial runner stood still for' in bench.end(goal).message
 
 

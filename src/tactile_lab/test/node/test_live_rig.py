@@ -337,7 +337,7 @@ def test_a_trial_needs_a_homing_however_slow_and_a_sensor(rig, context):
         assert watcher.phases() == ['approach', 'aborted']
         watcher.events.clear()
         handle = watcher.start(watcher.homing, HomeGuide.Goal())
-        wait_until(lambda: 'being homed' in nodes['linear_guide']._client.trouble)
+        wait_until(lambda: 'being homed' in str(nodes['linear_guide']._client.trouble))
         watcher.cancel(handle)
         watcher.result_of(handle)
         homed_s = time.monotonic()

@@ -15,6 +15,7 @@ from tactile_ros.clock_watch import boot_time_s, ClockWatch
 from tactile_ros.goals import GoalAborted, GoalRunner, send
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import NodeGroup
+from tactile_ros.refusal import Refusal
 from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 10.0
@@ -24,7 +25,7 @@ NoConfig = make_dataclass('NoConfig', [], frozen=True)
 class Server(TactileNode):
     def __init__(self, work, **options):
         super().__init__('server', NoConfig, **options)
-        self.refusal = ''
+        self.refusal = None
         self.slept_s = 0.0
         watch = ClockWatch(read_s=lambda: boot_time_s() + self.slept_s)
         self.runner = GoalRunner(
@@ -32,7 +33,7 @@ class Server(TactileNode):
             MoveGuide,
             '~/move',
             work,
-            accepting=lambda: self.refusal,
+            find_refusal=lambda: self.refusal,
             preempts=lambda request: request.position_m == 0.0,
             watch=watch,
         )
@@ -167,7 +168,7 @@ def test_second_goal_is_aborted_and_the_first_goes_on(held_rig):
     _, client, first, release = held_rig()
     status, result = client.result(client.send())
     assert status == GoalStatus.STATUS_ABORTED
-    assert 'another goal' in result.message
+    assert 'Another goal' in result.message
     release.set()
     assert client.result(first)[1].message == 'first'
     assert client.result(client.send())[1].message == 'first'
@@ -175,10 +176,10 @@ def test_second_goal_is_aborted_and_the_first_goes_on(held_rig):
 
 def test_goal_that_is_not_accepted_says_why(rig):
     server, client = rig(lambda goal: MoveGuide.Result())
-    server.refusal = 'home the guide first'
+    server.refusal = Refusal('The guide is not homed', 'home it first')
     status, result = client.result(client.send())
     assert status == GoalStatus.STATUS_ABORTED
-    assert result.message == 'home the guide first'
+    assert result.message == str(server.refusal)
 
 
 def test_closing_the_group_still_tells_the_client_how_its_goal_ended(rig, context):
@@ -198,7 +199,9 @@ def test_closing_the_group_still_tells_the_client_how_its_goal_ended(rig, contex
                 wait_until(lambda server=server: server.runner.is_busy)
                 answer = send(node, handle.get_result_async)
                 # Answered after it was asked: by then the server has the request above.
-                assert client.result(client.send())[1].message == 'another goal is running'
+                assert client.result(client.send())[1].message.startswith(
+                    'Another goal is running;'
+                )
             assert answer.result(DEADLINE_S).result.message == 'came to rest'
 
 

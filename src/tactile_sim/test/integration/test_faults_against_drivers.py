@@ -170,7 +170,7 @@ def test_a_fault_ends_a_move_and_asks_for_homing(rig, guide, begin, kind, option
     # It rests, and nothing moves it again until it is told to.
     truth_at_rest(rig)
     guide.home()
-    assert guide.trouble == ''
+    assert guide.trouble is None
 
 
 @pytest.mark.parametrize(
@@ -180,7 +180,7 @@ def test_a_guide_gets_over_late_answers_and_a_stall(rig, guide, kind, options, t
     rig.fault('guide', kind, **options)
     guide.move_to(target_m, 0.03)
     assert rig.truth()['guide_position_m'] == pytest.approx(target_m, abs=1e-4)
-    assert guide.trouble == ''
+    assert guide.trouble is None
 
 
 # -- tendon --------------------------------------------------------------------------------
@@ -242,4 +242,4 @@ def test_a_disturbed_bus_does_not_end_a_pull(rig, tendon, monkeypatch, kind, opt
     rig.fault('tendon', kind, **options)
     tendon.pull_to(0.002, 0.004)
     assert rig.truth()['tendon_displacement_m'] == pytest.approx(0.002, abs=1e-3)
-    assert tendon.trouble == ''
+    assert tendon.trouble is None
