@@ -25,6 +25,9 @@ from tactile_features.feature_sets.registry import (
 )
 from tactile_features.records import PHASE_GLIDE
 
+EARLY = 'early_windows'
+"""Parameter of the specifications whose windows are given out when their samples are there."""
+
 _DIGEST_DIGITS = 16
 
 
@@ -47,7 +50,8 @@ class FeatureSpec:
     parameters : mapping of str to float or str
         Which part of the phase the window is, which losses are filled, and what is computed, by
         the names of `FeatureConfig`. Ready-cut windows state the last alone. What refuses a
-        window but changes no value is not among them.
+        window but changes no value is not among them. ``early_windows`` is stated (as 1) where
+        windows are early.
     """
 
     feature_set: str
@@ -72,6 +76,11 @@ class FeatureSpec:
         values = {**self.to_dict(), 'parameters': parameters}
         text = json.dumps(values, sort_keys=True, separators=(',', ':'), ensure_ascii=True)
         return hashlib.sha256(text.encode()).hexdigest()[:_DIGEST_DIGITS]
+
+    @property
+    def is_early(self) -> bool:
+        """Whether windows are given out when their samples are there, before the phase ends."""
+        return bool(self.parameters.get(EARLY))
 
     @property
     def missing_parameters(self) -> tuple[str, ...]:
@@ -129,6 +138,8 @@ class FeatureSpec:
         values[CHOOSER[found.phase]] = self.feature_set
         if found.count_field:
             values[found.count_field] = self.sample_count
+        if found.can_be_early:
+            values[EARLY] = self.is_early
         for name in (*found.cut, *found.options):
             if name in self.parameters:
                 value = self.parameters[name]
@@ -146,11 +157,12 @@ class FeatureSpec:
             ('version of the feature set', self.version, other.version),
             ('rate in Hz', self.rate_hz, other.rate_hz),
             ('window in samples', self.sample_count, other.sample_count),
+            (f'window ({EARLY})', self.is_early, other.is_early),
         ]
         pairs += [
             (f'window ({name})', mine, other.parameters[name])
             for name, mine in self.parameters.items()
-            if name in other.parameters
+            if name in other.parameters and name != EARLY
         ]
         for what, mine, theirs in pairs:
             if mine != theirs:
@@ -247,6 +259,9 @@ def _describe(
     feature_set: FeatureSet, sample_count: int, rate_hz: float, stated: tuple[str, ...]
 ) -> FeatureSpec:
     features = feature_set.describe(sample_count, rate_hz)
+    parameters = {name: getattr(feature_set.config, name) for name in stated}
+    if feature_set.is_early:
+        parameters[EARLY] = 1.0
     return FeatureSpec(
         feature_set=feature_set.name,
         version=feature_set.version,
@@ -254,7 +269,7 @@ def _describe(
         sample_count=sample_count,
         names=tuple(feature.name for feature in features),
         units=tuple(feature.unit for feature in features),
-        parameters={name: getattr(feature_set.config, name) for name in stated},
+        parameters=parameters,
     )
 
 

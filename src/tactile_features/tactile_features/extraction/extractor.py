@@ -19,7 +19,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError, UndefinedFeatureError
-from tactile_features.extraction.phase_window import format_clock_step, PartialWindow, PhaseWindow
+from tactile_features.extraction.phase_window import (
+    EarlyWindow,
+    format_clock_step,
+    PartialWindow,
+    PhaseWindow,
+)
 from tactile_features.feature_sets.feature_set import FeatureSet, WindowSamples
 from tactile_features.feature_sets.registry import find_feature_set
 from tactile_features.phases import SignalPhases
@@ -60,18 +65,47 @@ class _Lane:
         self.spec = spec_of(config.feature_set(phase))
         self.buffer = buffer
         self.filling: deque[PartialWindow] = deque()
+        self.early: deque[EarlyWindow] = deque()
 
     @property
     def partial_samples(self) -> tuple[int, ...]:
-        return self.config.partial_samples if self.phase == PHASE_GLIDE else ()
+        if self.phase != PHASE_GLIDE or self.spec.is_early:
+            return ()
+        return self.config.partial_samples
 
-    def begin(self, event: TrialEvent) -> None:
+    def begin(self, event: TrialEvent, *, is_past: bool) -> None:
         """Take in the start of a phase."""
-        if event.phase == self.phase:
+        if event.phase == self.phase and self.spec.is_early:
+            self.early.append(EarlyWindow(event, self.config, self.buffer, is_past=is_past))
+        elif event.phase == self.phase:
             self.filling.extend(
                 PartialWindow(event, count, self.config, self.buffer)
                 for count in self.partial_samples
             )
+
+    def end(self, begun: TrialEvent, end: TrialEvent | None) -> None:
+        """Take in the event that ended a phase; None: another trial began instead."""
+        if self.early and self.early[-1].start == begun:
+            self.early[-1].end_phase(end)
+
+    def take_early(self) -> list[FeatureWindow]:
+        """Return the early windows that are complete, and the refusals that follow them."""
+        windows: list[FeatureWindow] = []
+        while self.early:
+            windows += self.early[0].take_new()
+            if not self.early[0].is_over:
+                break
+            self.early.popleft()
+        return windows
+
+    def give_up_early(self, outcome: Outcome, reason: str) -> list[FeatureWindow]:
+        """Refuse the early windows that still fill; those of a phase that goes on are dropped."""
+        windows: list[FeatureWindow] = []
+        for window in self.early:
+            if not window.is_given and (window.is_ended or outcome == Outcome.BAD_TIME):
+                windows += window.give(window.refuse(outcome, reason))
+        self.early.clear()
+        return windows
 
 
 class _FinishedPhase:
@@ -94,7 +128,7 @@ class _FinishedPhase:
         self._waiting = deque(
             PhaseWindow(begun, end, lane.config, lane.buffer)
             for lane in lanes
-            if lane.phase == begun.phase
+            if lane.phase == begun.phase and not lane.spec.is_early
         )
         self._taken: dict[PhaseWindow, FeatureWindow] = {}
 
@@ -256,6 +290,7 @@ class TrialFeatureExtractor:
         windows = self._find_phases(is_set_back) if self._signal or is_set_back else []
         if self._has_parts:
             windows += self._take_partial()
+        windows += self._take_early()
         if self._waiting:
             windows += self._take_complete()
         for buffer in self._buffers.values():
@@ -304,18 +339,49 @@ class TrialFeatureExtractor:
             same_trial = begun.trial_id == event.trial_id and not _begins_again(begun, event)
             if same_trial and begun.phase in (PHASE_GLIDE, PHASE_HOLD):
                 self._waiting.append(_FinishedPhase(begun, event, self._lanes, is_past=is_past))
+            for lane in self._lanes:
+                lane.end(begun, event if same_trial else None)
         if begun != event:
             for lane in self._lanes:
-                lane.begin(event)
-        return self._take_partial() + self._take_complete()
+                lane.begin(event, is_past=is_past)
+        return self._take_partial() + self._take_early() + self._take_complete()
 
     @property
     def waits_since_ns(self) -> int | None:
-        """End of the oldest phase that waits for samples, on their clock [ns]; None: none."""
-        return self._waiting[0].end.stamp_ns if self._waiting else None
+        """When the oldest windows that wait should have had all samples [ns]; None: none wait.
+
+        On the clock of the samples: the end of their phase, or of an early window, which may still
+        be to come.
+        """
+        oldest = self._find_oldest()
+        return oldest[0] if oldest else None
+
+    @property
+    def remaining_s(self) -> float:
+        """How long the oldest windows that wait still need, at the time of the last sample [s]."""
+        oldest, last_ns = self._find_oldest(), self._buffer.watermark_ns
+        if oldest is None:
+            return 0.0
+        due_ns, begun_ns = oldest
+        return max(0, due_ns - max(begun_ns, last_ns or begun_ns)) / 1e9
+
+    def _find_oldest(self) -> tuple[int, int] | None:
+        """Return when the oldest windows that wait are due, and when they began [ns]."""
+        waiting = [(w.due_ns, w.start.stamp_ns) for w in self._filling_windows()]
+        if self._waiting:
+            waiting.append((self._waiting[0].end.stamp_ns,) * 2)
+        return min(waiting, default=None)
+
+    def _filling_windows(self) -> list[EarlyWindow]:
+        """Return the oldest early window of each specification that has not all its samples."""
+        return [lane.early[0] for lane in self._lanes if lane.early and not lane.early[0].is_given]
 
     def time_out(self) -> list[FeatureWindow]:
         """Refuse the oldest windows that wait: their samples have not come in time."""
+        due_ns = self.waits_since_ns
+        for window in self._filling_windows():
+            if window.due_ns == due_ns:
+                return self._count_early(window.give(window.time_out())) + self._take_early()
         if not self._waiting:
             return []
         return self._end_oldest(lambda window: window.refuse_by_events() or window.time_out())
@@ -327,7 +393,7 @@ class TrialFeatureExtractor:
         """
         most_ns = (self.config.samples_timeout_s + GRACE_S) * 1e9
         windows: list[FeatureWindow] = []
-        while self._waiting and now_ns - self._waiting[0].end.stamp_ns > most_ns:
+        while (due_ns := self.waits_since_ns) is not None and now_ns - due_ns > most_ns:
             windows += self.time_out()
         return windows
 
@@ -342,13 +408,29 @@ class TrialFeatureExtractor:
         # In the order in which the last samples came, however they are grouped.
         return list(heapq.merge(*lanes, key=lambda window: window.window_end_ns))
 
+    def _take_early(self) -> list[FeatureWindow]:
+        windows: list[FeatureWindow] = []
+        for lane in self._lanes:
+            windows += lane.take_early()
+            while lane.early and self._is_overdue(lane.early[0].due_ns):
+                window = lane.early[0]
+                windows += [*window.give(window.time_out()), *lane.take_early()]
+        # In the order in which the last samples came, however they are grouped.
+        windows.sort(key=lambda window: window.window_end_ns)
+        return self._count_early(windows)
+
+    def _count_early(self, windows: list[FeatureWindow]) -> list[FeatureWindow]:
+        for window in windows:
+            self.window_counts[window.outcome] += 1
+        return windows
+
     def _take_filled(self, lane: _Lane) -> list[FeatureWindow]:
         windows: list[FeatureWindow] = []
         while lane.filling:
             window = lane.filling[0].take()
             if window is not None:
                 windows.append(window)
-            elif not self._is_overdue(lane.filling[0].end):
+            elif not self._is_overdue(lane.filling[0].end.stamp_ns):
                 break
             lane.filling.popleft()
         return windows
@@ -361,7 +443,7 @@ class TrialFeatureExtractor:
             windows += self._count(phase, phase.take())
             if phase.is_over:
                 self._waiting.popleft()
-            elif self._is_overdue(phase.end):
+            elif self._is_overdue(phase.end.stamp_ns):
                 windows += self.time_out()
             else:
                 break
@@ -380,9 +462,9 @@ class TrialFeatureExtractor:
             self.window_counts[window.outcome] += 1
         return given
 
-    def _is_overdue(self, end: TrialEvent) -> bool:
+    def _is_overdue(self, due_ns: int) -> bool:
         event = self._event
-        return event is not None and event.stamp_ns - end.stamp_ns > self._buffer_ns
+        return event is not None and event.stamp_ns - due_ns > self._buffer_ns
 
     def _forget_past(self, step_ns: int) -> list[FeatureWindow]:
         """Refuse what waits when the clock is set back, and the phase that it falls into."""
@@ -402,6 +484,8 @@ class TrialFeatureExtractor:
         for lane in self._lanes:
             lane.filling.clear()
         windows: list[FeatureWindow] = []
+        for lane in self._lanes:
+            windows += self._count_early(lane.give_up_early(outcome, reason))
         while self._waiting:
             windows += self._end_oldest(
                 lambda window: window.refuse_by_events() or window.refuse(outcome, reason)
@@ -556,4 +640,5 @@ class SampleTimeout:
         if seen != self._seen:
             self._seen = seen
             self._waited_s = 0.0
-        return seen[0] is not None and self._waited_s > self._most_s
+        longest_s = self._most_s + self._extractor.remaining_s
+        return seen[0] is not None and self._waited_s > longest_s

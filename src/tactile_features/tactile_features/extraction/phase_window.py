@@ -121,13 +121,8 @@ class PhaseWindow:
             return self.refuse(Outcome.ABORTED, reason)
         if self._no_window:
             return self.refuse(Outcome.UNDEFINED, self._no_window)
-        early_ns = self.start.stamp_ns - self.end.stamp_ns
-        if early_ns > 0:
-            reason = (
-                f'the end of the {self.start.phase} is stamped {early_ns / 1e9:.3f} s before its '
-                "start: the host's clock was set back"
-            )
-            return self.refuse(Outcome.BAD_TIME, reason)
+        if self.end.stamp_ns < self.start.stamp_ns:
+            return self.refuse(Outcome.BAD_TIME, _format_set_back(self.start, self.end))
         if self._to_ns - self._from_ns < self._shortest_ns:
             reason = (
                 f'the {self.start.phase} leaves {(self._to_ns - self._from_ns) / 1e9:.3f} s '
@@ -313,10 +308,141 @@ def format_clock_step(step_ns: int, phase: str) -> str:
     return f"the host's clock was set {way} by {abs(step_ns) / 1e9:.3f} s during the {phase}"
 
 
+def _format_set_back(start: TrialEvent, end: TrialEvent) -> str:
+    return (
+        f'the end of the {start.phase} is stamped {(start.stamp_ns - end.stamp_ns) / 1e9:.3f} s '
+        "before its start: the host's clock was set back"
+    )
+
+
 def _worst_error_s(samples: Samples) -> float:
     """Return the largest bound on the error of the stamps [s], -1 when one is not known."""
     errors_s = samples['stamp_error_s']
     return float(errors_s.max()) if len(errors_s) and errors_s.min() >= 0.0 else -1.0
+
+
+class EarlyWindow(PhaseWindow):
+    """The first samples of a phase, given out when they are there, whatever the phase does later.
+
+    The window supposes that the phase lasts, because its end is not known yet. So it is the same
+    whether the event of the end comes before or after the samples. If the phase ended or was
+    aborted inside the window, a refusal of the same specification follows when both are known.
+
+    Parameters
+    ----------
+    start : TrialEvent
+        Start of the phase.
+    config : FeatureConfig
+        Its set of features for the phase is early.
+    buffer : SampleBuffer
+    is_past : bool
+        The start was published before the samples were listened to: a window without features is
+        then not given out.
+
+    Attributes
+    ----------
+    due_ns : int
+        Nominal time of the last sample [ns].
+    is_given : bool
+        The window was given out.
+    is_ended : bool
+        The end of the phase is known.
+    """
+
+    def __init__(
+        self, start: TrialEvent, config: FeatureConfig, buffer: SampleBuffer, *, is_past: bool
+    ) -> None:
+        super().__init__(start, start, config, buffer)
+        self._is_past = is_past
+        self._given: FeatureWindow | None = None
+        self._last_ns = 0
+        self._phase_end: TrialEvent | None = None
+        self._is_followed = False
+        self.due_ns = start.stamp_ns
+        if not self._no_window:
+            self.due_ns = self._from_ns + (self._wanted - 1) * self._period_ns
+
+    @property
+    def is_given(self) -> bool:
+        return self._given is not None
+
+    @property
+    def is_ended(self) -> bool:
+        return self._phase_end is not None
+
+    @property
+    def is_over(self) -> bool:
+        """True when nothing more will be given out."""
+        if self._given is None:
+            return False
+        return self._given.outcome != Outcome.OK or self._is_followed
+
+    def end_phase(self, end: TrialEvent | None) -> None:
+        """Take in the event that ended the phase; None: another trial began instead."""
+        self._is_followed = True
+        self._phase_end = end
+
+    def take_new(self) -> list[FeatureWindow]:
+        """Return the window, and the refusal that follows it, as soon as they are known."""
+        if self._given is None:
+            window = self.take()
+            return [] if window is None else self.give(window)
+        return self._contradict()
+
+    def give(self, window: FeatureWindow) -> list[FeatureWindow]:
+        """Return what is given out where this is the window."""
+        self._given = window
+        if window.outcome != Outcome.OK and self._is_past:
+            return []
+        return [window, *self._contradict()]
+
+    def take(self) -> FeatureWindow | None:
+        """Return the window, or None while its samples have not all come."""
+        if self._no_window:
+            return self.refuse(Outcome.UNDEFINED, self._no_window)
+        cut = self._first_samples()
+        if cut is None:
+            return None
+        if window := self._refuse_evicted():
+            return window
+        self._last_ns = int(cut.samples['latest_ns'][-1])
+        late_ns = self._last_ns - self.due_ns
+        is_late = late_ns > self._config.samples_timeout_s * 1e9
+        return self.time_out() if is_late and not self._format_step(cut) else self._assess(cut)
+
+    def time_out(self) -> FeatureWindow:
+        """Return the window without features: its samples have not come in time."""
+        reason = (
+            f'the samples did not come within {self._config.samples_timeout_s:g} s of the time '
+            'when the window should have been full: the sensor is silent, see its diagnostics'
+        )
+        return self.refuse(Outcome.GAP, reason)
+
+    def _contradict(self) -> list[FeatureWindow]:
+        """Return the refusal where the phase ended inside a window that was given out."""
+        given, end = self._given, self._phase_end
+        if given is None or given.outcome != Outcome.OK or end is None:
+            return []
+        start = self.start
+        crop_ns = start.stamp_ns - self._to_ns
+        needs_ns = self._last_ns + crop_ns - start.stamp_ns
+        lasted_ns = end.stamp_ns - start.stamp_ns
+        if end.phase == PHASE_ABORTED and end.stamp_ns > self._last_ns:
+            return []
+        if end.phase == PHASE_ABORTED:
+            outcome = Outcome.ABORTED
+            reason = f'the trial was aborted inside the window: {end.message or "no reason given"}'
+        elif lasted_ns < 0:
+            outcome, reason = Outcome.BAD_TIME, _format_set_back(start, end)
+        elif lasted_ns < needs_ns:
+            outcome = Outcome.TOO_SHORT
+            reason = (
+                f'the {start.phase} ended after {lasted_ns / 1e9:.3f} s, inside the window, which '
+                f'needs {needs_ns / 1e9:.3f} s'
+            )
+        else:
+            return []
+        return [dataclasses.replace(given, outcome=outcome, reason=reason, values=np.empty(0))]
 
 
 class PartialWindow(PhaseWindow):

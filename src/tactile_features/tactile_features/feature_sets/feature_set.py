@@ -100,6 +100,11 @@ class WindowParameters:
         unit='1',
         range=(0, 1000),
     )
+    early_windows: bool = parameter(
+        False,
+        'texture_spectrum, glide_waveform, hold_waveform: publish the window when its last sample '
+        'has come; a refusal follows if its phase ends inside it',
+    )
 
 
 class Feature(NamedTuple):
@@ -173,6 +178,9 @@ class FeatureSet(ABC):
         Whether the features depend on the sliding speed.
     is_waveform : bool
         Whether the features are values of one signal in their order, for classifiers of its shape.
+    can_be_early : bool
+        Whether the first samples of a phase may be a window that is given out as soon as they are
+        there: ``count_field`` is set, and the features need no more of the phase.
     has_parts : bool
         Whether `compute_part` gives features of a window that still fills.
     cut : tuple of str
@@ -190,6 +198,7 @@ class FeatureSet(ABC):
     phase: ClassVar[str]
     needs_speed: ClassVar[bool] = False
     is_waveform: ClassVar[bool] = False
+    can_be_early: ClassVar[bool] = False
     has_parts: ClassVar[bool] = False
     cut: ClassVar[tuple[str, ...]] = ()
     options: ClassVar[tuple[str, ...]] = ()
@@ -267,6 +276,11 @@ class FeatureSet(ABC):
             When the set has none, or the samples do not fit.
         """
         raise FeatureError(f'{self.name} has no partial windows; leave partial_samples empty')
+
+    @property
+    def is_early(self) -> bool:
+        """Whether a window is given out when its samples are there, before its phase ends."""
+        return self.can_be_early and self.config.early_windows
 
     @property
     def sample_count(self) -> int:

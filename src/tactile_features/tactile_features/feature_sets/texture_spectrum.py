@@ -32,6 +32,7 @@ class TextureSpectrum(FeatureSet):
     name = SET_TEXTURE_SPECTRUM
     version = 2
     phase = PHASE_GLIDE
+    can_be_early = True
     has_parts = True
     cut = ('texture_crop_start_s', 'max_gap_samples')
     options = ('spectrum_detrend', 'spectrum_window')

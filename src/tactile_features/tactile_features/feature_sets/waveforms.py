@@ -31,6 +31,7 @@ class GlideWaveform(FeatureSet):
     version = 1
     phase = PHASE_GLIDE
     is_waveform = True
+    can_be_early = True
     cut = ('texture_crop_start_s', 'max_gap_samples')
     count_field = 'texture_samples'
 
@@ -68,6 +69,7 @@ class HoldWaveform(FeatureSet):
     version = 1
     phase = PHASE_HOLD
     is_waveform = True
+    can_be_early = True
     cut = ('stiffness_settle_s', 'max_gap_samples')
     count_field = 'stiffness_samples'
 

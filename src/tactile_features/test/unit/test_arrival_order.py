@@ -22,6 +22,7 @@ from tactile_features import (
     TrialFeatureExtractor,
     WantedFeatures,
 )
+from tactile_features.feature_sets.registry import PHASE_OF_TASK
 from tactile_ros.strain import StrainBlock, StrainStatus
 
 PERIOD_NS = 50_000_000
@@ -54,6 +55,7 @@ def configs(draw):
         buffer_s=60.0,
         samples_timeout_s=draw(st.sampled_from([0.5, 5.0])),
         accept_unknown_stamp_error=draw(st.booleans()),
+        early_windows=draw(st.booleans()),
     )
 
 
@@ -174,9 +176,11 @@ def wanted_features(draw):
             stiffness_settle_s=draw(st.sampled_from([0.0, 0.2])),
             stiffness_samples=draw(st.sampled_from([9, 30])),
             max_gap_samples=draw(st.sampled_from([0, 1, 2, 4])),
+            early_windows=draw(st.booleans()),
         )
         task = draw(st.sampled_from(['texture', 'texture', 'stiffness']))
-        has_parts = task == 'texture' and glide == 'texture_spectrum'
+        is_full = not config.early_windows
+        has_parts = task == 'texture' and glide == 'texture_spectrum' and is_full
         counts = [30, 40][: (texture_samples > 30) * draw(st.integers(0, 2))] if has_parts else []
         wanted.append(WantedFeatures(spec_for(task, config), tuple(counts)))
     return wanted
@@ -187,6 +191,7 @@ def of_digests(windows, digests):
 
 
 outcomes: Counter[tuple[bool, Outcome]] = Counter()
+early_outcomes: Counter[Outcome] = Counter()
 
 
 # Which outcomes the examples meet is asserted below, so the examples are always the same.
@@ -208,33 +213,42 @@ def check_arrival(config, wanted, seed):
 
     for inputs in ([*blocks, *events], mix(random, blocks, events)):
         windows = extract(config, *inputs, wanted=wanted)
-        assert windows[0] == expected[0]
         for digest in digests:
             assert_same(windows, {digest})
 
     if not wanted:  # one specification a phase, whether wanted by name or not
+        full = {
+            each.spec.digest: PHASE_OF_TASK[each.task]
+            for each in computed
+            if not each.spec.is_early
+        }
         finished = [
             begun.trial_id
             for begun, end in pairwise(events)
-            if begun.trial_id == end.trial_id and begun != end and begun.phase in ('glide', 'hold')
+            if begun.trial_id == end.trial_id and begun != end and begun.phase in full.values()
         ]
-        assert [w.trial_id for w in expected[0]] == finished
-        assert_same(extract(config, *inputs, wanted=computed), set(digests))
+        assert [w.trial_id for w in of_digests(expected[0], full)] == finished
+        for digest in digests:
+            assert_same(extract(config, *inputs, wanted=computed), {digest})
     asked = {each.spec.digest for each in wanted}
     assert asked <= set(digests)
     for each in computed:
         if each.spec.digest in asked:
             alone = extract(config, *mix(random, blocks, events), wanted=[each])
             assert_same(alone, {each.spec.digest})
+    early = {each.spec.digest for each in computed if each.spec.is_early}
+    early_outcomes.update(w.outcome for w in of_digests(expected[0], early))
     outcomes.update((w.partial, w.outcome) for windows in expected for w in windows)
 
 
 def test_any_arrival_gives_the_same_bits_and_each_specification_those_it_gives_alone():
     outcomes.clear()
+    early_outcomes.clear()
     check_arrival()
     assert {outcome for partial, outcome in outcomes if not partial} == set(Outcome), outcomes
     expected_partial = {Outcome.OK, Outcome.GAP, Outcome.BAD_SIGNAL, Outcome.BAD_TIME}
     assert {outcome for partial, outcome in outcomes if partial} == expected_partial, outcomes
+    assert {*expected_partial, Outcome.TOO_SHORT} <= set(early_outcomes), early_outcomes
 
 
 def test_own_partial_windows_do_not_depend_on_the_rates_of_the_others():

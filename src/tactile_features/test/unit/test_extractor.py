@@ -15,7 +15,9 @@ from tactile_features import (
     FeatureConfig,
     FeatureError,
     Outcome,
+    spec_for,
     TrialFeatureExtractor,
+    WantedFeatures,
 )
 from tactile_features.extraction.extractor import GRACE_S, LONGEST_STEP_S, SampleTimeout
 from tactile_ros.strain import StrainStatus
@@ -289,6 +291,98 @@ def test_partial_counts_that_do_not_rise_within_the_window_are_refused(counts):
     assert dataclasses.replace(LONG, partial_samples=[30, 45]) == LONG
 
 
+# -- early windows: the first samples of a phase -------------------------------------------
+
+EARLY = dataclasses.replace(CONFIG, early_windows=True)
+
+
+def test_an_early_window_comes_with_its_last_sample_and_ignores_what_the_phase_does_later():
+    extractor = TrialFeatureExtractor(EARLY)
+    extractor.add_event(event(2.0, 'glide'))
+    came = {n: w for n in range(50) for w in extractor.add_block(block(n))}
+    assert list(came) == [23 + 12 - 1]
+    (early,) = came.values()
+    assert (early.outcome, early.first_sequence, early.sample_count) == (OK, 23, 12)
+    assert extractor.add_event(event(4.9, 'aborted')) == []
+    whole = glide(block(0, 50), end_s=4.9)
+    assert early.values.tobytes() == whole.values.tobytes()
+    (spec, _), (full, _) = (TrialFeatureExtractor(c).specifications for c in (EARLY, CONFIG))
+    assert (early.specification_digest, whole.specification_digest) == (spec.digest, full.digest)
+    assert spec.digest != full.digest
+    assert extractor.waits_since_ns is None
+
+
+@pytest.mark.parametrize(
+    ('end_s', 'phase', 'outcome', 'word'),
+    [
+        (3.39, 'aborted', Outcome.ABORTED, 'aborted inside the window: cable'),
+        (3.401, 'aborted', None, ''),
+        (3.49, 'release', Outcome.TOO_SHORT, 'the glide ended after 1.490 s'),
+        (3.5, 'release', None, ''),
+        (1.9, 'release', BAD_TIME, 'clock was set back'),
+    ],
+)
+def test_a_refusal_follows_an_early_window_in_which_its_phase_ended(end_s, phase, outcome, word):
+    start, end = event(2.0, 'glide'), event(end_s, phase, message='cable')
+    windows = run(start, block(0, 50), end, config=EARLY)
+    for inputs in ((start, end, block(0, 50)), (block(0, 50), start, end)):
+        assert run(*inputs, config=EARLY) == windows
+    first, *following = windows
+    assert first.outcome == OK
+    assert [w.outcome for w in following] == ([] if outcome is None else [outcome])
+    for refusal in following:
+        assert word in refusal.reason
+        assert len(refusal.values) == 0
+        names = ('specification_digest', 'trial_id', 'window_start_ns', 'window_end_ns')
+        assert all(getattr(refusal, name) == getattr(first, name) for name in names)
+
+
+def test_early_windows_of_several_lengths_and_the_full_one_come_each_in_its_time():
+    lengths = {n: dataclasses.replace(EARLY, texture_samples=n) for n in (6, 12)}
+    full = dataclasses.replace(CONFIG, texture_samples=60)
+    wanted = [WantedFeatures(spec_for('texture', each)) for each in (full, *lengths.values())]
+    extractor = TrialFeatureExtractor(CONFIG, wanted)
+    extractor.add_event(event(2.0, 'glide'))
+    came = {n: w for n in range(84) for w in extractor.add_block(block(n))}
+    assert {n: w.sample_count for n, w in came.items()} == {28: 6, 34: 12}
+    (whole,) = extractor.add_event(event(8.5, 'release'))
+    assert (whole.outcome, whole.sample_count) == (OK, 60)
+    assert extractor.window_counts[OK] == 3
+
+
+def test_a_loss_within_an_early_window_is_said_and_one_behind_does_not_matter():
+    (window,) = run(event(2.0, 'glide'), *around([30]), config=EARLY)
+    assert (window.outcome, len(window.values)) == (GAP, 0)
+    (window,) = run(event(2.0, 'glide'), *around([36]), event(9.0, 'release'), config=EARLY)
+    assert window.outcome == OK
+
+
+def test_sets_without_a_first_part_have_full_windows_alone():
+    config = dataclasses.replace(EARLY, texture_features='texture_spatial')
+    assert not any(s.is_early for s in TrialFeatureExtractor(config).specifications)
+    wanted = spec_for('stiffness', CONFIG)
+    forged = dataclasses.replace(wanted, parameters={**wanted.parameters, 'early_windows': 1.0})
+    with pytest.raises(FeatureError, match='early_windows'):
+        WantedFeatures(forged).bind(CONFIG)
+
+
+def test_an_early_window_of_a_hold_is_the_waveform_of_its_first_samples():
+    config = dataclasses.replace(EARLY, stiffness_features='hold_waveform', stiffness_samples=9)
+    (window,) = run(event(2.0, 'hold'), block(0, 40), config=config)
+    assert window.outcome == OK
+    np.testing.assert_array_equal(window.values, TENSION_N[22:31])
+
+
+def test_of_a_start_from_before_the_samples_only_a_whole_early_window_is_told():
+    extractor = TrialFeatureExtractor(EARLY)
+    assert extractor.add_event(event(2.0, 'glide'), is_past=True) == []
+    assert extractor.add_block(block(26, 40)) == []
+    extractor = TrialFeatureExtractor(EARLY)
+    extractor.add_event(event(2.0, 'glide'), is_past=True)
+    (window,) = extractor.add_block(block(22, 40))
+    assert window.outcome == OK
+
+
 # -- errors of stamps ----------------------------------------------------------------------
 
 GOOD = {'stamp_error_s': 0.001}
@@ -449,6 +543,35 @@ def test_whatever_tells_that_no_samples_come_the_window_is_the_same():
     assert extractor.pass_time(round((LATE_S + GRACE_S) * S) + 1) == [expected]
     # An event long after.
     assert run(*HOLD, event(25.0, 'approach', 't2')) == [expected]
+
+
+def test_an_early_window_whose_samples_do_not_come_is_refused_whatever_tells_so():
+    start, some = event(2.0, 'glide'), block(0, 30)  # due with sample 34, at 3.4 s
+    late_ns = round((3.4 + CONFIG.samples_timeout_s) * S)
+
+    def begin():
+        extractor = TrialFeatureExtractor(EARLY)
+        assert feed(extractor, start, some) == []
+        return extractor
+
+    extractor = begin()
+    assert extractor.waits_since_ns == round(3.4 * S)
+    assert extractor.remaining_s == pytest.approx(0.5)
+    (expected,) = extractor.time_out()
+    assert (expected.outcome, 'did not come within 5 s' in expected.reason) == (GAP, True)
+    assert feed(extractor, event(3.0, 'release'), block(30, 20)) == []
+    for sequence in (30, 95, 0):
+        late = dataclasses.replace(block(sequence, 5), stamp_ns=late_ns + 1)
+        for inputs in ((start, some, late), (some, late, start)):
+            assert run(*inputs, config=EARLY) == [expected]
+    assert begin().pass_time(late_ns + round(GRACE_S * S)) == []
+    assert begin().pass_time(late_ns + round(GRACE_S * S) + 1) == [expected]
+    assert begin().add_event(event(25.0, 'approach', 't2')) == [expected]
+    # A phase that goes on at the end of the data is not refused; one that has ended is.
+    assert begin().finish() == []
+    extractor = begin()
+    extractor.add_event(event(3.2, 'release'))
+    assert [w.outcome for w in extractor.finish()] == [GAP]
 
 
 def test_samples_that_come_in_time_are_taken():

@@ -140,6 +140,7 @@ def test_a_specification_sets_what_windows_depend_on_and_nothing_else():
         'rate_hz',
         'texture_features',
         'texture_samples',
+        'early_windows',
         'spectrum_detrend',
         'spectrum_window',
     }

@@ -176,9 +176,13 @@ def _collect(
         for trial_id, (event, *_) in events.items()
         if event.protocol == PROTOCOL_SLIP
     )
+    # A refusal follows an early window in which its phase ended.
+    refused = {_identify(window) for window in replayed.windows if window.outcome != Outcome.OK}
     for window in replayed.windows:
         event = _event_before(window, events[window.trial_id])
         end = _end_after(window, events[window.trial_id])
+        if window.outcome == Outcome.OK and _identify(window) in refused:
+            continue
         if window.trial_id in dropped:
             left_out.append(f'{window.trial_id}: {dropped[window.trial_id]}')
         elif window.outcome != Outcome.OK:
@@ -193,6 +197,10 @@ def _collect(
             key = task_of(window.feature_set), event.contact, window.specification_digest
             found[key].append((window, event, str(bag.path), namespace))
     return {spec.digest: spec for spec in replayed.specifications}
+
+
+def _identify(window: FeatureWindow) -> tuple[object, ...]:
+    return window.trial_id, window.specification_digest, window.window_start_ns
 
 
 def _event_before(window: FeatureWindow, events: Sequence[TrialEvent]) -> TrialEvent:
