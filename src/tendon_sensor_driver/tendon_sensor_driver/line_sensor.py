@@ -61,23 +61,17 @@ _split_at_other_commas = re.compile(rb'[ \t]*(?:;|(?<!\d),|,(?!\d))[ \t]*|[ \t]+
 _join_sign = re.compile(rb'(?<![^ \t,;])([+-]) +(?=[\d.,])').sub
 _find_digit = re.compile(rb'\d').search
 _find_letter = re.compile(rb'[A-Za-z%\x80-\xff]').search  # % is a unit, too
-# A decimal comma, commas between thousands, or points between thousands and a decimal comma.
-_match_comma_number = re.compile(
-    _NAMED
-    % (
-        rb'[+-]?(?:\d*(?:,\d+)+(?:[eE][+-]?\d+)?'
-        rb'|[1-9]\d{0,2}(?:,\d{3})+\.\d*'
-        rb'|[1-9]\d{0,2}(?:\.\d{3})+,\d*)'
-    )
-).fullmatch
+_begins_number = re.compile(rb'[+-]?[.,]?\d').match
 
 _FEW_COLUMNS = 'it has too few columns: check value_column and time_column'
 _NO_TIME = 'its time_column holds no device time: check time_column and time_decimals'
 _NO_NUMBER = 'its value_column holds no number: check value_column and decimal_mark'
 _UNUSUAL = 'its columns or words are not those of the lines before: is it cut, or a banner?'
-_AMBIGUOUS = (
-    'its comma may be a decimal mark or separate columns: set decimal_mark to "," or "."; '
-    'commas between thousands cannot be read'
+_OTHER_COUNT = 'it has {} columns, and line_columns is {}: is it cut, or is a number divided?'
+_NUMBER_BESIDE = (
+    'the number {} is beside its value: if the comma is a decimal mark, set decimal_mark to ","; '
+    'thousands separators cannot be read; if it is another column, set line_columns to the number '
+    'of columns in a line'
 )
 _FAULT = 'the device reports an overload or an error: unload it, then see its manual'
 _TOO_LONG = 'it is too long: check the baud'
@@ -89,7 +83,7 @@ class _RefusedLineError(Exception):
     """A line is no reading; the message is the reason, and a remedy."""
 
 
-def split_line(line: bytes, decimal_mark: str = 'auto') -> list[bytes]:
+def split_line(line: bytes, decimal_mark: str = '.') -> list[bytes]:
     """Return the columns of a line without its end."""
     line = line.strip(b' \t')
     if b'+ ' in line or b'- ' in line:
@@ -129,7 +123,7 @@ class LineDecoder:
         self._time_column = config.time_column
         self._last_column = max(config.value_column, config.time_column)
         decimals = config.time_decimals
-        self._is_auto = config.decimal_mark == 'auto'
+        self._line_columns = config.line_columns
         self._has_comma = config.decimal_mark == ','
         self._split = _split_at_other_commas if self._has_comma else _split_columns
         self._mark = b',' if self._has_comma else b'.'
@@ -206,6 +200,7 @@ class LineDecoder:
         count = len(columns)
         if count <= self._last_column:
             raise _RefusedLineError(_FEW_COLUMNS)
+        self._check_count(columns)
         ticks = None
         if self._time_column >= 0:
             text = columns[self._time_column]
@@ -222,11 +217,8 @@ class LineDecoder:
             name, text, unit = named.groups()
             words += [name or b'', unit]
         after = columns[self._value_column + 1 :]
-        if after and after[0] not in self._units:
-            if self._is_auto and after[0][:1].isdigit() and self._is_ambiguous(plain):
-                raise _RefusedLineError(_AMBIGUOUS)
-            if not unit:
-                self._check_after(after)
+        if after and after[0] not in self._units and not unit:
+            self._check_after(after)
         if unit and unit not in self._units:
             raise self._refuse_word(unit)
         value = float(text.replace(b',', b'.') if self._has_comma else text)
@@ -238,6 +230,22 @@ class LineDecoder:
         else:
             self._check_shape(*shape)
         return Reading(ticks, value, received_at_ns, self._has_dropped, SIMULATED in columns)
+
+    def _check_count(self, columns: list[bytes]) -> None:
+        """Refuse a line in which the value may be part of a number that is divided.
+
+        Either a line has the stated number of columns, or there is no number beside the value
+        apart from the time.
+        """
+        if self._line_columns:
+            count = len(columns) - (not columns[-1])  # a line may end in a separator
+            if count != self._line_columns:
+                raise _RefusedLineError(_OTHER_COUNT.format(count, self._line_columns))
+            return
+        for place in (self._value_column - 1, self._value_column + 1):
+            is_other = 0 <= place < len(columns) and place != self._time_column
+            if is_other and _begins_number(columns[place]):
+                raise _RefusedLineError(_NUMBER_BESIDE.format(format_line(columns[place])))
 
     def _check_after(self, columns: list[bytes]) -> None:
         """Refuse a unit, or a word that may be one, in the columns after the value."""
@@ -275,15 +283,6 @@ class LineDecoder:
             f'the word "{format_line(word)}" after the value is no unit that is known here: let '
             f'the device send {self._unit}, or no word'
         )
-
-    def _is_ambiguous(self, line: bytes) -> bool:
-        """Tell whether the value would be another one, were a comma a decimal mark."""
-        if b',' not in line:
-            return False
-        others = _split_at_other_commas(line)
-        if len(others) <= self._last_column:
-            return False
-        return bool(_match_comma_number(others[self._value_column]))
 
     def _reject(self, line: bytes, reason: str) -> None:
         self.lines += 1

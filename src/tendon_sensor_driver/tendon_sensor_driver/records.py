@@ -78,10 +78,16 @@ class TendonSensorConfig:
         choices=tuple(NEWTONS),
     )
     decimal_mark: str = parameter(
-        'auto',
-        'mark before the decimals in a line; ".": every comma separates columns. auto: as ".", '
-        'and a line with a comma that could be either is refused',
-        choices=('auto', '.', ','),
+        '.',
+        'mark before the decimals in a line; ".": every comma separates columns',
+        choices=('.', ','),
+    )
+    line_columns: int = parameter(
+        0,
+        'number of columns in a line, where a number other than the time is beside the value; '
+        'lines with another number of columns are refused. 0: a line with such a number is '
+        'refused, since it may be part of the value',
+        range=(0, 64),
     )
     scale: float = parameter(
         1.0,

@@ -50,8 +50,8 @@ def test_any_separator_and_further_columns(line):
         (b'1204,0.53,kg,8388607,24.75,21.3,', {}, (1204, 0.53)),  # and the rest it can send
         (b'12.3', NO_TIME, (None, 12.3)),
         (b'0.5,kg,99', {'time_column': 2, 'value_column': 0}, (99, 0.5)),
-        (b'12.3,45', NO_TIME, (None, 12.3)),
-        (b'12.3,45', {'time_column': -1}, (None, 45.0)),
+        (b'12.3,45', {**NO_TIME, 'line_columns': 2}, (None, 12.3)),
+        (b'12.3,45,', {'time_column': -1, 'line_columns': 2}, (None, 45.0)),
         (b'Reading: 12.3 g', {'time_column': -1, 'unit': 'g'}, (None, 12.3)),
         (b'Reading: 12.3 lbs', {'time_column': -1, 'unit': 'lbf'}, (None, 12.3)),
         (b'Reading:12.3g', {**NO_TIME, 'unit': 'g'}, (None, 12.3)),
@@ -70,8 +70,8 @@ def test_any_separator_and_further_columns(line):
         ),
         (b'12\t0.5\tkg', {}, (12, 0.5)),
         (b'12.34 0.5', {'time_unit_s': 1.0, 'time_decimals': 2}, (1234, 0.5)),
-        (b'1204,0.53,24', {}, (1204, 0.53)),
-        (b'1,2,3', {'time_column': -1}, (None, 2.0)),
+        (b'1204,0.53,24', {'line_columns': 3}, (1204, 0.53)),
+        (b'1,2,3', {'time_column': -1, 'line_columns': 3}, (None, 2.0)),
     ],
 )
 def test_the_forms_that_are_seen_on_load_cells(line, options, reading):
@@ -110,7 +110,7 @@ def test_scale_indicators_with_words_that_alternate_are_read(lines, options, is_
     assert {value for _, value in readings} == {-12.34 if is_negative else 12.34}
 
 
-AMBIGUOUS = 'its comma may be a decimal mark or separate columns: set decimal_mark'
+BESIDE = 'is beside its value: if the comma is a decimal mark, set decimal_mark'
 OVERLOAD = 'the device reports an overload or an error: unload it'
 REFUSED = [
     (b'12.34 mN/12.34mN', 'N', 'its unit is mN, and "unit" is N: set unit to mN'),
@@ -125,8 +125,8 @@ REFUSED = [
     (b'12.34 \xb5N', 'N', 'the word "\\xb5N" after the value'),
     (b'12.34 %', 'g', 'the word "%" after the value'),
     (b'12.34 \x1b[31m', 'g', 'the word "\\x1b[31m" after the value'),
-    (b'12,34/12,34,56/12,34 N/F:12,34N/1.234,5', 'N', AMBIGUOUS),
-    (b'1,234.5', 'N', 'commas between thousands cannot be read'),
+    (b'12,34/12,34,56/12,34 N/F:12,34N', 'N', BESIDE),
+    (b'12 345.6 N/12,345.6/12 345/12 ,345', 'N', 'thousands separators cannot be read'),
     (b'OL/OL,GS,+  12.34 kg/12.34 kg Overload', 'kg', OVERLOAD),
     (b'OL,+999999.9 g/S +/S -', 'g', OVERLOAD),
     (b'reading', 'kg', 'its value_column holds no number'),
@@ -168,7 +168,7 @@ def test_a_decimal_comma_is_read_where_it_is_configured(line, options, reading):
     ('line', 'mark', 'readings'),
     [
         *((line, ',', []) for line in (b'1.234,5', b'12.34', b'12,34,56')),
-        (b'12,34', '.', [(None, 12.0)] * 3),
+        (b'12,34', '.', []),
     ],
 )
 def test_the_other_mark_separates_columns_or_makes_no_number(line, mark, readings):
@@ -326,7 +326,7 @@ DIALECTS = {
 @given(
     st.sampled_from(sorted(DIALECTS)),
     st.sampled_from(['kg', 'g', 't', 'N', 'mN', 'kN', 'lbf', 'oz']),
-    st.sampled_from(['auto', '.', ',']),
+    st.sampled_from(['.', ',']),
     st.lists(st.tuples(st.booleans(), st.integers(-(10**7), 10**7)), min_size=4, max_size=12),
     st.integers(1, 5),
 )
@@ -360,7 +360,7 @@ def test_a_line_of_a_dialect_is_read_exactly_or_refused(dialect, unit, mark, sam
 
 
 @given(
-    st.sampled_from(['auto', '.', ',']),
+    st.sampled_from(['.', ',']),
     st.integers(-1, 2),
     st.integers(0, 3),
     st.sampled_from(['kg', 'N', 'g']),
@@ -374,7 +374,7 @@ def test_a_line_of_a_dialect_is_read_exactly_or_refused(dialect, unit, mark, sam
         max_size=60,
     ).map(b''.join),
 )
-@example('auto', -1, 0, 'kg', b'0 1')
+@example('.', -1, 0, 'kg', b'0 1')
 def test_a_value_stands_in_its_line_as_it_is_given(mark, time_column, value_column, unit, data):
     if time_column == value_column:
         time_column = -1
@@ -393,6 +393,33 @@ def test_a_value_stands_in_its_line_as_it_is_given(mark, time_column, value_colu
             if len(numbers) == 1:
                 behind = re.split(r'[\d.]+', text)[-1]
                 assert not re.fullmatch(r'[,; \t]*(kg|g|N|mN)[,; \t]*', behind) or unit in behind
+
+
+@given(
+    st.integers(1, 999),
+    st.integers(0, 999),
+    st.sampled_from([',', ' ', '\t', ', ', ';', ' ,']),
+    st.sampled_from([',kg', ' kg', 'kg', '', ',kg,24.75,']),
+    st.booleans(),
+)
+@example(12, 34, ',', ',kg', True)
+@example(1, 234, ' ', ' kg', False)
+def test_a_number_that_is_divided_is_never_read(head, tail, mark, end, has_time):
+    """Whether the mark is a decimal comma or between thousands."""
+    config = CONFIG if has_time else TendonSensorConfig(**NO_TIME)
+    time = '1204,' if has_time else ''
+    for sign in ('', '-', '+'):
+        line = f'{time}{sign}{head}{mark}{tail:03d}{end}\n'.encode()
+        assert decode(line * 3, config)[1] == []
+
+
+@given(st.integers(1, 6), st.integers(1, 6))
+def test_with_a_stated_number_of_columns_no_other_line_is_read(stated, count):
+    config = TendonSensorConfig(**NO_TIME, line_columns=stated)
+    line = ','.join(str(i) for i in range(count)).encode()
+    decoder, readings = decode((line + b'\n') * 3, config)
+    assert readings == ([(None, 0.0)] * 3 if stated == count else [])
+    assert (decoder.rejected_lines == 0) == (stated == count)
 
 
 # -- encode ---------------------------------------------------------------------------------------
