@@ -29,6 +29,8 @@ AFTER_S = EXPIRE_S + 0.5
 
 PULL = PullTendon.Goal(displacement_m=0.004, speed_m_s=0.02, contact='flexion')
 MOVE = MoveGuide.Goal(position_m=0.15, speed_m_s=0.02)
+PIECE_MM = 0.3
+"""More than a piece of MOVE: 0.25 s in advance, divided among the controller's 15 blocks + 4."""
 
 
 class Driver:
@@ -101,12 +103,12 @@ def tendon(bench, servo):
         driver.close()
 
 
-def assert_rests(read_position):
-    """Check that nothing moves for a while."""
+def assert_rests(read_position, most=0.0):
+    """Check that nothing moves for a while, except by ``most``."""
     start, end_s = read_position(), time.monotonic() + AFTER_S
     seen = []
     wait_until(lambda: seen.append(read_position()) or time.monotonic() > end_s)
-    assert {*seen} == {start}
+    assert max(abs(position - start) for position in seen) <= most
 
 
 def assert_ended_by_standstill(driver, goal):
@@ -131,7 +133,8 @@ def test_a_move_in_which_the_guides_driver_was_frozen_is_over(guide, grbl):
     wait_until(lambda: grbl.is_moving)
     with guide.frozen():
         wait_until(lambda: not grbl.is_moving)  # it has carried out what it got in advance
-    assert_rests(lambda: grbl.mpos)
+    # A driver frozen between its last check and a write sends that piece of the move later.
+    assert_rests(lambda: grbl.mpos, most=PIECE_MM)
     assert_ended_by_standstill(guide, goal)
 
 
