@@ -6,6 +6,7 @@
 ``package.xml`` names ROS packages and rosdep keys, ``setup.py`` distributions on PyPI. An
 import counts wherever it stands, within a function too. So does the name of a message type
 in a string, such as ``std_msgs/msg/Header``: its class is imported by that name.
+The packages that run on a robot need nothing that rosdep installs by pip, or not at all.
 ``requirements/packages.txt`` is what pip installs: the sum of all. Its lower bounds are those of
 each ``setup.py`` and ``package.xml``, and are the versions that ``requirements/noble.txt`` tests.
 """
@@ -13,7 +14,7 @@ each ``setup.py`` and ``package.xml``, and are the versions that ``requirements/
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 import re
@@ -69,7 +70,22 @@ LIBRARIES = {
 }
 """By the name that is imported. What is not in it is a ROS package of that name."""
 
+ROBOT = (
+    'tactile_msgs',
+    'tactile_ros',
+    'tendon_sensor_driver',
+    'linear_guide_driver',
+    'tactile_features',
+    'tactile_classifier',
+    'tactile_bringup',
+)
+"""Packages that run on a robot: apt installs all that they need, so that they can be released."""
+
+BEING_RETIRED = {'google', 'onnx', 'onnxruntime', 'python3-onnxruntime-pip', 'skl2onnx'}
+"""Libraries and keys that the robot's packages still name; they go with ONNX."""
+
 OPTIONAL = {
+    'tactile_bringup': {'tactile_bags', 'tactile_sim'},
     'tactile_classifier': {'skl2onnx', 'vision_msgs'},
     'tactile_lab': {'distributed'},
 }
@@ -77,6 +93,11 @@ OPTIONAL = {
 
 TRAINING = {'skl2onnx'}
 """Optional for a package that only runs models; pip installs them, since it is for training."""
+
+DEPENDENCIES = ('depend', 'build_depend', 'build_export_depend', 'exec_depend', 'test_depend')
+"""Elements of a ``package.xml`` that rosdep resolves."""
+
+REMEDY = 'a package that runs on a robot needs nothing that apt does not install'
 
 NOT_INSTALLED_BY_PIP = {'tactile_testing'}
 """Packages of tests alone, which the wheel leaves out."""
@@ -89,7 +110,7 @@ NOT_IMPORTED = {
 TYPE_NAME = re.compile(r'(\w+)/(?:msg|srv|action)/\w+')
 
 
-def imports_of(files: Iterable[Path], own: set[str]) -> set[str]:
+def imports_of(files: Iterable[Path], own: set[str], *, on_import: bool = False) -> set[str]:
     """Return the top-level packages that Python files import, without Python's own.
 
     Parameters
@@ -97,10 +118,12 @@ def imports_of(files: Iterable[Path], own: set[str]) -> set[str]:
     files : iterable of Path
     own : set of str
         Names that do not count: the package itself, and the helpers of its tests.
+    on_import : bool
+        Count only what is imported when the file is, and not within a function or for types.
     """
     found = set()
     for path in files:
-        for node in ast.walk(ast.parse(path.read_text('utf-8'))):
+        for node in _walk(ast.parse(path.read_text('utf-8')), on_import=on_import):
             if isinstance(node, ast.Import):
                 found |= {alias.name for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
@@ -108,6 +131,18 @@ def imports_of(files: Iterable[Path], own: set[str]) -> set[str]:
             elif isinstance(node, ast.Constant) and isinstance(node.value, str):
                 found |= {match[1] for match in [TYPE_NAME.fullmatch(node.value)] if match}
     return {name.partition('.')[0] for name in found} - own - set(sys.stdlib_module_names)
+
+
+def _walk(tree: ast.AST, *, on_import: bool) -> Iterator[ast.AST]:
+    """Yield the nodes of a tree; ``on_import``: those that run when the module is imported."""
+    if on_import:
+        if isinstance(tree, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+            return
+        if isinstance(tree, ast.If) and getattr(tree.test, 'id', '') == 'TYPE_CHECKING':
+            return
+    yield tree
+    for child in ast.iter_child_nodes(tree):
+        yield from _walk(child, on_import=on_import)
 
 
 def keys_of(package_xml: Path, *tags: str) -> set[str]:
@@ -210,6 +245,45 @@ def check_package(folder: Path) -> list[str]:
     return [f'src/{name}: {fault}' for fault in faults]
 
 
+def check_robot() -> list[str]:
+    """Return one sentence for each thing that the robot's packages need and apt cannot install.
+
+    The packages of this repository that they depend on, in their tests too, are checked as well.
+    """
+    only_pip = {
+        module
+        for module, library in LIBRARIES.items()
+        if not library.key or library.key.endswith('-pip')
+    } - BEING_RETIRED
+    faults = []
+    waiting, seen = list(ROBOT), set(ROBOT)
+    while waiting:
+        name = waiting.pop()
+        folder = ROOT / 'src' / name
+        stated = keys_of(folder / 'package.xml', *DEPENDENCIES)
+        faults += [
+            f'src/{name}/package.xml names {key}, which rosdep installs by pip: {REMEDY}'
+            for key in sorted(stated - BEING_RETIRED)
+            if key.endswith('-pip')
+        ]
+        ours = {key for key in stated if (ROOT / 'src' / key).is_dir()} - seen
+        waiting += ours
+        seen |= ours
+        if name not in ROBOT:
+            continue
+        files = [*(folder / name).rglob('*.py'), *folder.glob('launch/*.py')]
+        faults += [
+            f'src/{name} imports {module}, which only pip installs: {REMEDY}'
+            for module in sorted(imports_of(files, {name}) & only_pip)
+        ]
+        optional = OPTIONAL.get(name, set())
+        faults += [
+            f'src/{name} imports {module}, which is optional: import it where it is used'
+            for module in sorted(imports_of(files, {name}, on_import=True) & optional)
+        ]
+    return faults
+
+
 def check_wheel(folders: Iterable[Path]) -> list[str]:
     """Return one sentence for each difference between the packages and what pip installs."""
     listed = set(read_requirements('packages.txt'))
@@ -241,6 +315,7 @@ def main() -> int:
     faults = [fault for folder in folders for fault in check_package(folder)]
     faults += check_bounds(f for f in folders if f.name not in NOT_INSTALLED_BY_PIP)
     faults += check_wheel([f for f in folders if f.name not in NOT_INSTALLED_BY_PIP])
+    faults += check_robot()
     for fault in faults:
         print(fault)
     return 1 if faults else 0

@@ -38,12 +38,12 @@ from rclpy.node import Node
 
 from benchmarks.nodes.hand import Case, cpu_s, FINGERS, make_event, make_model, memory_mb, TRIALS
 from tactile_bags.bag_reader import TactileBag
-from tactile_bags.recorded_topics import CLASSIFICATION, FEATURES, STRAIN
 from tactile_bringup.launch_config.graph import NodeDescription
 from tactile_bringup.nodes.graph_runner import ros_context, running_graph
 from tactile_msgs.msg import TrialEvent
 from tactile_ros.qos import EVENTS
 from tactile_ros.strain import StrainStatus
+from tactile_ros.topics import CLASSIFICATION, FEATURES, STRAIN
 from tactile_sim.pty_server import PtyPort
 
 CASE = Case(rate_hz=1000, block=10, blocks_a_window=20)

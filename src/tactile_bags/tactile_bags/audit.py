@@ -19,12 +19,12 @@ from typing import Any, NamedTuple
 from tactile_bags.bag_reader import TactileBag
 from tactile_bags.message_records import read_records
 from tactile_bags.recorded_setup import nominal_rate_hz
-from tactile_bags.recorded_topics import EVENT, EVENT_TOPIC, STRAIN
 from tactile_features.extraction.phase_window import format_clock_step
 from tactile_features.feature_sets.feature_set import RATE_TOLERANCE
 from tactile_features.records import PHASE_ABORTED, PHASE_DONE, TrialEvent
 from tactile_ros.errors import plain_text
 from tactile_ros.strain import StrainBlock, StrainStatus
+from tactile_ros.topics import EVENT, EVENT_TOPIC, STRAIN
 
 _RECONNECTED, _CLOCK_STEP = int(StrainStatus.RECONNECTED), int(StrainStatus.CLOCK_STEP)
 """Status bits as numbers: those of an `IntFlag` would take a third of the time of a block."""

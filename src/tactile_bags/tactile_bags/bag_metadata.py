@@ -15,8 +15,8 @@ from typing import Any
 
 from tactile_bags.errors import BagError
 from tactile_bags.mcap_reader import MAX_METADATA_BYTES, StoredTopic
-from tactile_bags.yaml_files import load_yaml, read_text
 from tactile_ros.errors import TactileError
+from tactile_ros.yaml_files import load_yaml, read_text
 
 VERSION = 9
 """Of the file's form: that of ROS 2 Jazzy and Kilted."""

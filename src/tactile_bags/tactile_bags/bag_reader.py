@@ -36,16 +36,11 @@ from tactile_bags.mcap_reader import (
     StoredTopic,
     unpack_zstd,
 )
-from tactile_bags.recorded_topics import (
-    EVENT,
-    join_topic,
-    message_store,
-    STRAIN,
-    STRAIN_TOPIC,
-)
+from tactile_bags.message_types import message_store
 from tactile_bags.sqlite_reader import SqliteFile
 from tactile_bags.stored_definitions import complete_message, store_of_definition
 from tactile_ros.errors import TactileError
+from tactile_ros.topics import EVENT, join_topic, STRAIN, STRAIN_TOPIC
 
 MAX_UNPACKED_BYTES = 4 * 2**30
 """Largest data file that is unpacked from a bag of compressed files [byte], onto the disk."""

@@ -13,9 +13,9 @@ import yaml
 from tactile_bags.bag_reader import TactileBag
 from tactile_bags.bag_writer import BagWriter
 from tactile_bags.errors import BagDamageError
-from tactile_bags.recorded_topics import qos_text
-from tactile_bags.yaml_files import load_yaml
+from tactile_bags.message_types import qos_text
 from tactile_ros.errors import TactileError
+from tactile_ros.yaml_files import load_yaml
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,8 @@ from tactile_bags.bag_metadata import format_metadata, write_metadata
 from tactile_bags.errors import BagError
 from tactile_bags.mcap_reader import StoredTopic
 from tactile_bags.mcap_writer import McapWriter
-from tactile_bags.recorded_topics import join_topic, message_store, qos_text, RecordedTopic
+from tactile_bags.message_types import message_store, qos_text
+from tactile_ros.topics import join_topic, RecordedTopic
 
 METADATA_KEY = 'tactile'
 """Key of the bag's custom data that holds the metadata of the recording, as JSON."""

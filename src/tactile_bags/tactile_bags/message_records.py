@@ -12,14 +12,6 @@ import logging
 from typing import Any
 
 from tactile_bags.bag_reader import BagMessage
-from tactile_bags.recorded_topics import (
-    CLASSIFICATION,
-    EVENT,
-    FEATURES,
-    MODELS,
-    SPECIFICATIONS,
-    STRAIN,
-)
 from tactile_classifier.conversions import classification_from_msg, model_infos_from_msg
 from tactile_features.conversions import (
     event_from_msg,
@@ -28,6 +20,7 @@ from tactile_features.conversions import (
     strain_block_from_msg,
 )
 from tactile_ros.errors import MessageError
+from tactile_ros.topics import CLASSIFICATION, EVENT, FEATURES, MODELS, SPECIFICATIONS, STRAIN
 
 _CONVERSIONS: dict[str, Callable[[Any], Any]] = {
     STRAIN: strain_block_from_msg,

@@ -18,11 +18,11 @@ from tactile_bags.errors import BagDamageError
 from tactile_bags.experiment_journal import Correction, experiment_of, read_corrections
 from tactile_bags.message_records import KeptMessage, read_records, RECORDED_TYPES
 from tactile_bags.recorded_setup import nominal_rate_hz
-from tactile_bags.recorded_topics import CLASSIFICATION, EVENT, STRAIN
 from tactile_bags.sources.raw_trials import RawTrial
 from tactile_bags.trial import Signal, Trial
 from tactile_features.records import PHASE_ABORTED, PHASE_DONE, TrialEvent
 from tactile_ros.strain import StrainStatus
+from tactile_ros.topics import CLASSIFICATION, EVENT, STRAIN
 
 MAX_KEPT_BYTES = 2**28
 """Largest bag whose messages are kept in memory [byte]; those of a larger one are read anew."""

@@ -20,13 +20,13 @@ from typing import Any
 from tactile_bags.bag_reader import TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.message_records import read_records
-from tactile_bags.recorded_topics import MODELS, SPECIFICATIONS
 from tactile_classifier.records import ModelInfo
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.registry import PHASE_OF_TASK
 from tactile_features.spec import FeatureSpec, shared_rate_hz, spec_for, WantedFeatures
 from tactile_ros.errors import TactileError
+from tactile_ros.topics import MODELS, SPECIFICATIONS
 
 _logger = logging.getLogger(__name__)
 

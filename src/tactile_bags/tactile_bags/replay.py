@@ -4,7 +4,7 @@
 """A recording run again through the plain core, and compared with what was recorded.
 
 `replay_through_core` calls the objects that the nodes call, without a ROS graph;
-`tactile_bringup.nodes.replay_nodes` does the same through real nodes.
+`tactile_lab.replay_nodes` does the same through real nodes.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ import numpy as np
 from tactile_bags.bag_reader import BagMessage, TactileBag
 from tactile_bags.message_records import read_records
 from tactile_bags.recorded_setup import RecordedFeatures
-from tactile_bags.recorded_topics import CLASSIFICATION, EVENT, FEATURES, STRAIN
 from tactile_classifier.answering import ModelSet
 from tactile_classifier.records import ClassificationResult
 from tactile_features.conversions import event_from_msg
@@ -33,6 +32,7 @@ from tactile_features.records import (
 )
 from tactile_features.spec import FeatureSpec
 from tactile_ros.errors import MessageError
+from tactile_ros.topics import CLASSIFICATION, EVENT, FEATURES, STRAIN
 
 
 @dataclass

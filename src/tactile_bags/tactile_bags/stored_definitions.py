@@ -13,7 +13,7 @@ from rosbags.typesys.store import Typestore
 
 from tactile_bags.errors import BagError
 from tactile_bags.mcap_reader import StoredTopic
-from tactile_bags.recorded_topics import message_store
+from tactile_bags.message_types import message_store
 
 
 def store_of_definition(topic: StoredTopic, type_hash: str) -> Typestore | None:

@@ -8,13 +8,12 @@ import dataclasses
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 
-from tactile_bags.bag_reader import TactileBag
-from tactile_bags.recorded_setup import recorded_features
 from tactile_bringup.launch_config.graph import (
     choose_fingers,
     ModelChoice,
     player_parameters,
     recorder_parameters,
+    require_package,
 )
 from tactile_bringup.launch_config.launching import Arguments, Node, shared_arguments, start
 from tactile_ros.errors import TactileError
@@ -36,6 +35,10 @@ ARGUMENTS = [
 
 
 def launch_setup(context):
+    require_package('tactile_bags', 'a replay')
+    from tactile_bags.bag_reader import TactileBag
+    from tactile_bags.recorded_setup import recorded_features
+
     arguments = Arguments(context, ARGUMENTS)
     file, path = arguments.file, arguments.path('bag')
     if path is None:

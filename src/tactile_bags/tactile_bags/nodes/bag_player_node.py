@@ -16,12 +16,12 @@ from rosgraph_msgs.msg import Clock
 
 from tactile_bags.bag_reader import TactileBag
 from tactile_bags.errors import BagError
-from tactile_bags.recorded_topics import EVENT, STRAIN
-from tactile_bags.records import PlayerConfig
+from tactile_ros.bag_configs import PlayerConfig
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.message_classes import message_class
 from tactile_ros.node_group import run_node
 from tactile_ros.qos import CLOCK, EVENTS, STREAM
+from tactile_ros.topics import EVENT, STRAIN
 
 CLOCK_PERIOD_S = 0.02
 """Longest time between two messages on ``/clock``, on the wall."""

@@ -22,7 +22,23 @@ from tactile_bags.audit import Audit, AuditSummary, FingerAuditor
 from tactile_bags.bag_writer import BagWriter
 from tactile_bags.errors import BagError
 from tactile_bags.recorded_setup import WRITTEN_IN
-from tactile_bags.recorded_topics import (
+from tactile_features.conversions import (
+    event_from_msg,
+    specifications_from_msg,
+    strain_block_from_msg,
+)
+from tactile_features.records import PHASE_ABORTED, PHASE_DONE
+from tactile_features.spec import shared_rate_hz
+from tactile_msgs.msg import RecordingAudit, TrialEvent
+from tactile_ros.bag_configs import RecorderConfig
+from tactile_ros.health import Diagnostics, ERROR, Health, OK, WARN
+from tactile_ros.message_classes import message_class
+from tactile_ros.node_group import run_node
+from tactile_ros.periodic import Periodic
+from tactile_ros.polling import PolledSubscription, PollingNode
+from tactile_ros.qos import EVENTS, STREAM
+from tactile_ros.strain import StrainStatus
+from tactile_ros.topics import (
     AUDIT,
     EVENT,
     EVENT_TOPIC,
@@ -32,22 +48,6 @@ from tactile_bags.recorded_topics import (
     SPECIFICATIONS_TOPIC,
     STRAIN_TOPIC,
 )
-from tactile_bags.records import RecorderConfig
-from tactile_features.conversions import (
-    event_from_msg,
-    specifications_from_msg,
-    strain_block_from_msg,
-)
-from tactile_features.records import PHASE_ABORTED, PHASE_DONE
-from tactile_features.spec import shared_rate_hz
-from tactile_msgs.msg import RecordingAudit, TrialEvent
-from tactile_ros.health import Diagnostics, ERROR, Health, OK, WARN
-from tactile_ros.message_classes import message_class
-from tactile_ros.node_group import run_node
-from tactile_ros.periodic import Periodic
-from tactile_ros.polling import PolledSubscription, PollingNode
-from tactile_ros.qos import EVENTS, STREAM
-from tactile_ros.strain import StrainStatus
 
 SAVE_PERIOD_S = 0.5
 """Period of flushes to the file and of syncs to the disk [s].

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_bags.bag_reader import TactileBag
-from tactile_bags.recorded_topics import JOINT_STATE, STRAIN, WRENCH
 from tactile_bags.sources.files import (
     ambiguity,
     Leaf,
@@ -23,6 +22,7 @@ from tactile_bags.sources.files import (
     SourceOptions,
 )
 from tactile_bags.sources.raw_trials import RawTrial
+from tactile_ros.topics import JOINT_STATE, STRAIN, WRENCH
 
 FLOATS = ('std_msgs/msg/Float64', 'std_msgs/msg/Float32')
 TYPES = (WRENCH, *FLOATS, JOINT_STATE, STRAIN)

@@ -36,8 +36,8 @@ from tactile_bags.bag_metadata import parse_metadata
 from tactile_bags.bag_repair import repair_bag
 from tactile_bags.errors import BagError
 from tactile_bags.mcap_reader import MAGIC
-from tactile_bags.yaml_files import load_yaml
 from tactile_ros.errors import TactileError
+from tactile_ros.yaml_files import load_yaml
 
 STRAIN_NAME = '/tendon_sensor/strain'
 HUGE = 2**62

@@ -20,7 +20,7 @@ from tactile_bags import BagMessage, BagWriter, EVENT, STRAIN, STRAIN_TOPIC, Tac
 from tactile_bags.audit import FingerAuditor
 from tactile_bags.bag_repair import repair_bag
 from tactile_bags.errors import BagError
-from tactile_bags.recorded_topics import message_store
+from tactile_bags.message_types import message_store
 from tactile_features.config import FeatureConfig
 from tactile_features.conversions import check_block
 from tactile_features.extraction.extractor import TrialFeatureExtractor

@@ -11,7 +11,6 @@ from rclpy.serialization import serialize_message
 
 from tactile_bags import BagWriter, EVENT_TOPIC, FEATURES_TOPIC, STRAIN_TOPIC, TactileBag
 from tactile_bags.recorded_setup import recorded_features
-from tactile_bags.recorded_topics import JOINT_STATE, RecordedTopic
 from tactile_bags.replay import (
     compare,
     recorded_results,
@@ -27,6 +26,7 @@ from tactile_features.conversions import (
 )
 from tactile_features.extraction.extractor import GRACE_S
 from tactile_ros.strain import StrainBlock, StrainStatus
+from tactile_ros.topics import JOINT_STATE, RecordedTopic
 from tendon_sensor_driver.conversions import to_strain_msg
 
 S = 1_000_000_000

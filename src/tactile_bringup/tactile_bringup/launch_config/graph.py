@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from importlib.util import find_spec
 import json
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
@@ -36,6 +37,9 @@ NO_PORT = 'none'
 
 PORTLESS_SENSORS = ('net_ft', 'topic')
 """Kinds of sensor that have no serial port."""
+
+NEEDED_BY = {'tactile_bags': ('mcap', 'rosbags'), 'tactile_sim': ()}
+"""Packages that only some launches need, with the libraries that pip installs for them."""
 
 DEVICES = Path('/dev/tactile')
 """Where the udev rules of this package put the names of the devices."""
@@ -263,8 +267,9 @@ def recorder_parameters(
 
     It notes by itself that samples are ``simulated``; a recording from before samples said so
     needs to be told. It does not wait for the topics of a ``rig`` or ``classifier`` that is not
-    there.
+    there. Raises `TactileError` where no recorder is installed.
     """
+    require_package('tactile_bags', 'a recording')
     return {
         'bag': str(bag),
         'namespaces': tuple(namespaces),
@@ -279,6 +284,17 @@ def recorder_node(bag: Path, namespace: str = '', **parameters: Any) -> NodeDesc
     place = join_namespaces(namespace)
     told = recorder_parameters(bag, namespaces=(place,), **parameters)
     return NodeDescription('bag_recorder', told, place)
+
+
+def require_package(name: str, purpose: str) -> None:
+    """Raise `TactileError` when one of `NEEDED_BY`, or a library of it, is not installed."""
+    libraries = NEEDED_BY[name]
+    missing = ', '.join(module for module in (name, *libraries) if find_spec(module) is None)
+    if missing:
+        pip = f', and run: pip install {" ".join(libraries)}' if libraries else ''
+        raise TactileError(
+            f'{purpose} needs {missing}, not installed here: build {name} in this workspace{pip}'
+        )
 
 
 def choose_fingers(bag: TactileBag, wanted: str) -> tuple[str, ...]:

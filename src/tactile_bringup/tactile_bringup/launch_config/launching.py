@@ -32,7 +32,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import ExecutableInPackage
 import yaml
 
-from tactile_bringup.launch_config.graph import NodeDescription
+from tactile_bringup.launch_config.graph import NodeDescription, require_package
 from tactile_bringup.launch_config.parameter_files import ParameterFile
 from tactile_ros.errors import TactileError
 
@@ -256,12 +256,13 @@ class SimulatedRig(ExecuteProcess):
 
     Each folder of ``links`` has the ports of one (`Ports.in_folder`). ``mount`` is protocol,
     object and contact of what lies under the finger; empty: nothing. Raises `TactileError` when
-    nothing of this name can.
+    nothing of this name can, or the simulator is not installed.
     """
 
     def __init__(self, links: Sequence[Path], mount: tuple[str, ...] = ()) -> None:
+        require_package('tactile_sim', 'rig:=simulated')
         if mount:
-            from tactile_sim.descriptions.catalogue import list_objects  # the simulator is needed
+            from tactile_sim.descriptions.catalogue import list_objects
 
             known = list(list_objects(mount[0]))
             if mount[1] not in known:

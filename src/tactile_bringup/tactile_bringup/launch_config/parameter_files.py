@@ -19,14 +19,14 @@ import re
 from typing import Any, NamedTuple
 
 from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
-from tactile_bags.recorded_topics import join_topic
-from tactile_bags.records import PlayerConfig, RecorderConfig
-from tactile_bags.yaml_files import load_yaml, read_text
 from tactile_bringup.trial_protocols import TrialConfig
 from tactile_classifier.records import ClassifierConfig
 from tactile_features.config import FeaturesNodeConfig
 from tactile_features.slip import SlipConfig
+from tactile_ros.bag_configs import PlayerConfig, RecorderConfig
 from tactile_ros.errors import TactileError
+from tactile_ros.topics import join_topic
+from tactile_ros.yaml_files import load_yaml, read_text
 from tendon_sensor_driver.records import TendonSensorConfig
 
 CONFIGS: dict[str, type] = {

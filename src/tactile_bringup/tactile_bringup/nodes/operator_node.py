@@ -19,7 +19,6 @@ from std_srvs.srv import Trigger
 
 from linear_guide_driver.motion_node import STATES, stop_state_from_msg, STOP_TOPIC
 from linear_guide_driver.stop_latch import StopState
-from tactile_bags.recorded_topics import CLASSIFICATION_TOPIC, MODELS_TOPIC
 from tactile_bringup.trial_protocols import longest_trial_s, TrialConfig, TrialRequest
 from tactile_classifier.conversions import classification_from_msg, model_infos_from_msg
 from tactile_classifier.records import ClassificationResult, ModelInfo
@@ -31,6 +30,7 @@ from tactile_ros.health import Diagnostics, Health, OK, watch_rivals
 from tactile_ros.lifecycle import MessageGuard
 from tactile_ros.process import INTERRUPT_TIMEOUT_S
 from tactile_ros.qos import LATEST, RESULTS
+from tactile_ros.topics import CLASSIFICATION_TOPIC, MODELS_TOPIC
 
 HOMING_TIMEOUT_S = 120.0
 ANSWER_TIMEOUT_S = 5.0

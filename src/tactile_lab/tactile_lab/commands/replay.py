@@ -216,7 +216,7 @@ def _replay_finger(
         from domain_coordinator import domain_id
 
         from tactile_bringup.nodes.graph_runner import ros_context  # rclpy
-        from tactile_bringup.nodes.replay_nodes import replay_through_nodes
+        from tactile_lab.replay_nodes import replay_through_nodes
 
     features = recorded_features(bag, namespace)
     if is_chosen and models is not None:

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 import yaml
 
-from tactile_bags.yaml_files import load_yaml, read_text
 from tactile_lab.output import named_errors, write_atomically
 from tactile_ros.errors import TactileError
+from tactile_ros.yaml_files import load_yaml, read_text
 
 MAX_BYTES = 2**20
 """Longest file that is edited [byte]."""

@@ -11,7 +11,6 @@ import itertools
 from pathlib import Path
 
 from tactile_bags.experiment_journal import BAGS, JOURNAL, ORDER, PLAN
-from tactile_bags.yaml_files import read_text
 from tactile_lab.experiment.journal import (
     Attempt,
     Journal,
@@ -32,6 +31,7 @@ from tactile_lab.experiment.plan import (
 )
 from tactile_lab.output import named_errors, write_atomically
 from tactile_ros.errors import TactileError
+from tactile_ros.yaml_files import read_text
 
 _OWN = {name for each in (PLAN, ORDER, BAGS) for name in (each, f'.{each}.new')}
 

@@ -17,10 +17,10 @@ from typing import Any
 
 import yaml
 
-from tactile_bags.yaml_files import load_yaml, read_text
 from tactile_bringup.trial_protocols import PROTOCOLS
 from tactile_classifier.records import CONTACTS
 from tactile_ros.errors import TactileError
+from tactile_ros.yaml_files import load_yaml, read_text
 
 MAX_BYTES = 2**20
 """Longest file of a plan or an order that is read [byte]; some 10,000 trials."""

@@ -28,13 +28,7 @@ import shutil
 from joblib import delayed, Parallel
 
 from tactile_bags.bag_writer import BagWriter
-from tactile_bags.recorded_topics import (
-    EVENT,
-    EVENT_TOPIC,
-    message_store,
-    STRAIN,
-    STRAIN_TOPIC,
-)
+from tactile_bags.message_types import message_store
 from tactile_bringup.trial_protocols import PROTOCOLS, TrialConfig
 from tactile_classifier.records import CONTACTS
 from tactile_features.config import FeatureConfig
@@ -47,6 +41,7 @@ from tactile_lab.simulation.simulated_trials import (
     SLIP_M,
     TrialChunk,
 )
+from tactile_ros.topics import EVENT, EVENT_TOPIC, STRAIN, STRAIN_TOPIC
 from tactile_sim.descriptions.catalogue import Catalogue
 
 CHUNK_TRIALS = 256

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys.store import Typestore
 
-from tactile_bags.recorded_topics import EVENT, message_store, STRAIN
+from tactile_bags.message_types import message_store
 from tactile_bringup.trial_protocols import (
     glide_speed_m_s,
     GuideStep,
@@ -29,6 +29,7 @@ from tactile_bringup.trial_protocols import (
     WaitStep,
 )
 from tactile_ros.strain import StrainStatus
+from tactile_ros.topics import EVENT, STRAIN
 from tactile_sim.descriptions.catalogue import Catalogue
 from tactile_sim.physics.motion import Move, move_duration_s, plan_timeline, Timeline
 from tactile_sim.physics.trials import simulate_trials

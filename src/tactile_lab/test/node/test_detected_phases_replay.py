@@ -8,7 +8,7 @@ import dataclasses
 from tactile_bags import TactileBag
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
 from tactile_bags.replay import compare, replay_through_core
-from tactile_bringup.nodes.replay_nodes import replay_through_nodes
+from tactile_lab.replay_nodes import replay_through_nodes
 
 
 def test_nodes_find_the_phases_that_the_core_finds(stiffness_bag, context):

@@ -23,7 +23,7 @@ from tactile_bringup.launch_config.graph import (
 )
 from tactile_bringup.nodes.graph_runner import create_node
 from tactile_bringup.nodes.operator_node import OperatorNode
-from tactile_bringup.nodes.replay_nodes import replay_through_nodes
+from tactile_lab.replay_nodes import replay_through_nodes
 from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.errors import TactileError
 from tactile_ros.node_group import NodeGroup

@@ -15,7 +15,6 @@ from tactile_bags import CLASSIFICATION_TOPIC, FEATURES_TOPIC, MODELS_TOPIC, Tac
 from tactile_bags.bag_writer import BagWriter
 from tactile_bags.recorded_setup import recorded_features
 from tactile_bags.replay import compare, replay_through_core
-from tactile_bringup.nodes.replay_nodes import replay_through_nodes
 from tactile_classifier import ModelInfos, ModelSet
 from tactile_classifier.conversions import classification_to_msg, model_infos_to_msg
 from tactile_classifier.training.model_writer import write_model
@@ -23,6 +22,7 @@ from tactile_classifier.training.trainer import train
 from tactile_features.conversions import feature_window_to_msg
 from tactile_lab.commands.replay import replay_and_compare
 from tactile_lab.datasets.feature_tables import read_tables
+from tactile_lab.replay_nodes import replay_through_nodes
 
 
 def train_model(bag, path, classifier='knn', change=lambda table: table, **options):

@@ -21,7 +21,6 @@ from tactile_bags.experiment_journal import (
     parse_journal,
     read_corrections,
 )
-from tactile_bags.yaml_files import load_yaml
 from tactile_lab.experiment.folder import ExperimentFolder
 from tactile_lab.experiment.journal import (
     EXCLUDED,
@@ -41,6 +40,7 @@ from tactile_lab.experiment.plan import (
     parse_plan,
     read_plan,
 )
+from tactile_ros.yaml_files import load_yaml
 
 LABELS = st.text('abcRTF0123456789_-.+no', min_size=1, max_size=6).filter(lambda t: t[0].isalnum())
 PLANS = st.builds(

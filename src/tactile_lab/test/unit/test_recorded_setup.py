@@ -21,6 +21,7 @@ from tactile_bags import (
 )
 from tactile_bags.errors import BagError
 from tactile_bags.mcap_reader import StoredTopic
+from tactile_bags.message_types import qos_text
 from tactile_bags.recorded_setup import (
     find_models,
     gather_models,
@@ -30,13 +31,13 @@ from tactile_bags.recorded_setup import (
     RecordedFeatures,
     WRITTEN_IN,
 )
-from tactile_bags.recorded_topics import qos_text, RecordedTopic, SPECIFICATIONS
 from tactile_classifier import ModelInfos, ModelSet
 from tactile_classifier.conversions import model_infos_to_msg
 from tactile_features import FeatureConfig, FeatureSpecifications, spec_for, WantedFeatures
 from tactile_features.conversions import specifications_to_msg
 from tactile_lab.datasets.feature_tables import name_table, read_tables
 from tactile_ros.errors import TactileError
+from tactile_ros.topics import RecordedTopic, SPECIFICATIONS
 
 USUAL = WantedFeatures(spec_for('stiffness', FeatureConfig()))
 SETTLED = WantedFeatures(spec_for('stiffness', FeatureConfig(stiffness_settle_s=1.0)))

@@ -16,16 +16,6 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from tactile_bags.bag_reader import TactileBag
-from tactile_bags.recorded_topics import (
-    CLASSIFICATION_TOPIC,
-    EVENT,
-    EVENT_TOPIC,
-    FEATURES_TOPIC,
-    PARTIAL_CLASSIFICATION_TOPIC,
-    PARTIAL_FEATURES_TOPIC,
-    STRAIN,
-    STRAIN_TOPIC,
-)
 from tactile_bags.replay import sensed_messages, TactileResults
 from tactile_bringup.launch_config.graph import (
     FEATURES_NODE,
@@ -40,6 +30,16 @@ from tactile_features.conversions import feature_window_from_msg
 from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.errors import TactileError
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
+from tactile_ros.topics import (
+    CLASSIFICATION_TOPIC,
+    EVENT,
+    EVENT_TOPIC,
+    FEATURES_TOPIC,
+    PARTIAL_CLASSIFICATION_TOPIC,
+    PARTIAL_FEATURES_TOPIC,
+    STRAIN,
+    STRAIN_TOPIC,
+)
 
 DEADLINE_S = 30.0
 """Longest wait for the nodes to answer the messages sent [s]."""

@@ -11,9 +11,10 @@ import xml.etree.ElementTree as ElementTree
 import pytest
 
 from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
-from tactile_bags.recorded_topics import FINGER_TOPICS, message_store
+from tactile_bags.message_types import message_store
+from tactile_ros.topics import FINGER_TOPICS
 
-FOLDER = Path(__file__).resolve().parents[2] / 'layouts'
+FOLDER = Path(__file__).resolve().parents[3] / 'tactile_bringup' / 'layouts'
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 TOPICS = {f'/{topic.name}': topic.type_name for topic in FINGER_TOPICS}
 JOINTS = {

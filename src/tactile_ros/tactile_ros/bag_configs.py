@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Configuration of the nodes of this package."""
+"""Parameters of the recorder and the player of bags, free of ROS."""
 
 from __future__ import annotations
 

@@ -1,0 +1,92 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The packages of a robot are imported where only apt has installed what they need."""
+
+from importlib.util import find_spec
+from pathlib import Path
+import subprocess
+import sys
+
+import pytest
+
+LAUNCH_FILES = sorted((Path(__file__).resolve().parents[2] / 'launch').glob('*.launch.py'))
+ROBOT = (
+    'tactile_ros',
+    'tendon_sensor_driver',
+    'linear_guide_driver',
+    'tactile_features',
+    'tactile_classifier',
+    'tactile_bringup',
+)
+ONLY_PIP = ('aiohttp', 'dask', 'distributed', 'lz4', 'mcap', 'pyarrow', 'rosbags', 'zstandard')
+OTHERS = ('tactile_bags', 'tactile_lab', 'tactile_sim')
+HAS_LAUNCH = bool(find_spec('launch.actions') if find_spec('launch') else None)
+
+BLOCK = """
+import sys
+for name in {blocked!r}:
+    sys.modules[name] = None  # importing it raises ModuleNotFoundError
+"""
+IMPORT_ALL = """
+import importlib, pkgutil
+for name in {packages!r}:
+    package = importlib.import_module(name)
+    for module in pkgutil.walk_packages(package.__path__, name + '.'):
+        if {has_launch} or not module.name.endswith('.launching'):
+            print(importlib.import_module(module.name).__name__)
+"""
+RUN_FILE = """
+import runpy
+assert runpy.run_path({path!r})['generate_launch_description']()
+"""
+
+
+def run(code, blocked=ONLY_PIP + OTHERS):
+    """Run Python code in a new process that cannot import some modules; return its output."""
+    command = [sys.executable, '-c', BLOCK.format(blocked=blocked) + code]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
+def test_every_module_is_imported():
+    imported = run(IMPORT_ALL.format(packages=ROBOT, has_launch=HAS_LAUNCH))
+    assert 'tactile_bringup.nodes.finger_node' in imported
+    assert 'tactile_bringup.nodes.trial_runner_node' in imported
+    assert len(imported) > 100
+
+
+@pytest.mark.skipif(not HAS_LAUNCH, reason='launch is not installed')
+@pytest.mark.parametrize('path', LAUNCH_FILES, ids=lambda path: path.name)
+def test_a_launch_file_shows_its_arguments(path):
+    run(RUN_FILE.format(path=str(path)))
+
+
+@pytest.mark.parametrize(
+    ('blocked', 'call', 'sentence'),
+    [
+        (
+            ('tactile_bags', 'mcap'),
+            "graph.recorder_parameters('bag')",
+            'a recording needs tactile_bags, mcap, not installed here: build tactile_bags in this '
+            'workspace, and run: pip install mcap rosbags',
+        ),
+        (
+            ('tactile_sim',),
+            "graph.require_package('tactile_sim', 'rig:=simulated')",
+            'rig:=simulated needs tactile_sim, not installed here: build tactile_sim in this '
+            'workspace',
+        ),
+    ],
+)
+def test_what_is_asked_for_and_not_installed_is_named(blocked, call, sentence):
+    code = f"""
+from tactile_bringup.launch_config import graph
+from tactile_ros.errors import TactileError
+try:
+    {call}
+except TactileError as error:
+    print(error)
+"""
+    assert run(code, blocked) == [sentence]
