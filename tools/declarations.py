@@ -44,7 +44,6 @@ LIBRARIES = {
     'aiohttp': Library('python3-aiohttp', 'aiohttp'),
     'distributed': Library('', 'dask[distributed]'),
     'dynamixel_sdk': Library('dynamixel_sdk', 'dynamixel-sdk'),
-    'google': Library('', 'onnx'),  # protobuf, which onnx requires
     'hypothesis': Library('python3-hypothesis', 'hypothesis'),
     'jinja2': Library('python3-jinja2', 'Jinja2'),
     'joblib': Library('python3-joblib', 'joblib'),
@@ -53,15 +52,12 @@ LIBRARIES = {
     'mcap': Library('', 'mcap'),
     'numba': Library('python3-numba', 'numba'),
     'numpy': Library('python3-numpy', 'numpy'),
-    'onnx': Library('', 'onnx'),
-    'onnxruntime': Library('python3-onnxruntime-pip', 'onnxruntime'),
     'pyarrow': Library('', 'pyarrow'),
     'pytest': Library('python3-pytest', 'pytest'),
     'rich': Library('python3-rich', 'rich'),
     'rosbags': Library('python3-rosbags-pip', 'rosbags'),
     'scipy': Library('python3-scipy', 'scipy'),
     'serial': Library('python3-serial', 'pyserial'),
-    'skl2onnx': Library('', 'skl2onnx'),
     'sklearn': Library('python3-sklearn', 'scikit-learn'),
     'threadpoolctl': Library('python3-sklearn', 'threadpoolctl'),  # scikit-learn requires it
     'typer': Library('python3-typer', 'typer'),
@@ -81,18 +77,12 @@ ROBOT = (
 )
 """Packages that run on a robot: apt installs all that they need, so that they can be released."""
 
-BEING_RETIRED = {'google', 'onnx', 'onnxruntime', 'python3-onnxruntime-pip', 'skl2onnx'}
-"""Libraries and keys that the robot's packages still name; they go with ONNX."""
-
 OPTIONAL = {
     'tactile_bringup': {'tactile_bags', 'tactile_sim'},
-    'tactile_classifier': {'skl2onnx', 'vision_msgs'},
+    'tactile_classifier': {'vision_msgs'},
     'tactile_lab': {'distributed'},
 }
 """By package: what it runs without. In ``setup.py`` these are extras, not requirements."""
-
-TRAINING = {'skl2onnx'}
-"""Optional for a package that only runs models; pip installs them, since it is for training."""
 
 DEPENDENCIES = ('depend', 'build_depend', 'build_export_depend', 'exec_depend', 'test_depend')
 """Elements of a ``package.xml`` that rosdep resolves."""
@@ -254,7 +244,7 @@ def check_robot() -> list[str]:
         module
         for module, library in LIBRARIES.items()
         if not library.key or library.key.endswith('-pip')
-    } - BEING_RETIRED
+    }
     faults = []
     waiting, seen = list(ROBOT), set(ROBOT)
     while waiting:
@@ -263,7 +253,7 @@ def check_robot() -> list[str]:
         stated = keys_of(folder / 'package.xml', *DEPENDENCIES)
         faults += [
             f'src/{name}/package.xml names {key}, which rosdep installs by pip: {REMEDY}'
-            for key in sorted(stated - BEING_RETIRED)
+            for key in sorted(stated)
             if key.endswith('-pip')
         ]
         ours = {key for key in stated if (ROOT / 'src' / key).is_dir()} - seen
@@ -288,7 +278,7 @@ def check_wheel(folders: Iterable[Path]) -> list[str]:
     """Return one sentence for each difference between the packages and what pip installs."""
     listed = set(read_requirements('packages.txt'))
     required = set().union(*(requirements_of(folder / 'setup.py')[0] for folder in folders))
-    needed = {name_of(line) for line in required} - {'setuptools'} | TRAINING
+    needed = {name_of(line) for line in required} - {'setuptools'}
     pyproject = (ROOT / 'pyproject.toml').read_text('utf-8')
     faults = [f'requirements/packages.txt lacks {name}' for name in sorted(needed - listed)]
     faults += [f'requirements/packages.txt names {name}' for name in sorted(listed - needed)]

@@ -62,7 +62,7 @@ def main() -> int:
 def use(python: Path, folder: Path) -> None:
     """Run commands, library and examples; raise SystemExit where one does not what it should."""
     tactile = python.with_name('tactile')
-    bag, model = folder / 'bags' / 'texture_flexion', folder / 'models' / 'texture_flexion.onnx'
+    bag, model = folder / 'bags' / 'texture_flexion', folder / 'models' / 'texture_flexion.npz'
     run([tactile, '--version'], folder)
     run([tactile, '--help'], folder)
     simulate = [tactile, 'simulate', 'texture', '--output', bag.parent, '--contact', 'flexion']

@@ -15,9 +15,9 @@ from benchmarks.accuracy.twelve_plates import simulate, USUAL_MM_S
 from benchmarks.measuring import Report, Row
 from benchmarks.recordings import FABRIC_SLIDE, find_recording, PHAC_HOLD, say_missing
 from tactile_classifier import load_archive
-from tactile_classifier.confidence.calibration import (
-    Calibration,
+from tactile_classifier.confidence.fit_calibration import (
     compute_calibration_error,
+    fit_calibration,
     hold_out_probabilities,
     hold_out_scores,
     make_group_folds,
@@ -236,7 +236,7 @@ def _measure_calibration(
         estimator = build_estimator(classifier, scaling, table.channels)
         estimator.fit(train.values, train.labels)
         raw = compute_raw_scores(estimator, test.values)
-        probabilities.append(Calibration.fit(scores, true).compute(raw))
+        probabilities.append(fit_calibration(scores, true).compute(raw))
         answers.append(np.searchsorted(estimator.classes_, test.labels))
     pooled, label = np.concatenate(probabilities), np.concatenate(answers)
     generator = np.random.default_rng(0)

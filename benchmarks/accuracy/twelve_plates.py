@@ -19,7 +19,7 @@ from sklearn.svm import SVC
 
 from benchmarks.measuring import Report, Row
 from tactile_bringup.trial_protocols import TrialConfig, TrialRequest
-from tactile_classifier.estimators.random_convolutions import RandomConvolutions
+from tactile_classifier.estimators.random_convolutions import fit_convolutions
 from tactile_features import FeatureConfig, features_from_trials
 from tactile_lab.simulation.simulated_trials import plan_trial
 from tactile_sim.descriptions.catalogue import Catalogue
@@ -112,7 +112,7 @@ class Method(NamedTuple):
         """Return the share of right answers [%]."""
         estimator: Any = SVC(kernel='linear', max_iter=1_000_000)
         if self.convolve:
-            rocket = RandomConvolutions.fit(train[:, np.newaxis], random_state=0)
+            rocket = fit_convolutions(train[:, np.newaxis], random_state=0)
             train, test = (np.asarray(rocket.transform(x[:, np.newaxis])) for x in (train, test))
             estimator = RidgeClassifierCV(np.logspace(-3, 3, 10))
         fitted = make_pipeline(StandardScaler(), estimator).fit(train, labels)

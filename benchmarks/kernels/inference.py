@@ -38,7 +38,7 @@ def run_inference(quick: bool) -> Report:
         for classifier in classifiers:
             trained = train(table, classifier)
             with tempfile.TemporaryDirectory() as folder:
-                model = write_model(Path(folder) / 'model.onnx', trained)
+                model = write_model(Path(folder) / 'model.npz', trained)
             estimator, peer = trained.estimator, _peer(trained.estimator, table)
             row = queries[:1]
             ratio = measure_ratio(

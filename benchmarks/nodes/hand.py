@@ -324,7 +324,7 @@ def make_model(case: Case) -> Iterator[str]:
     values = compute_spectrum(windows, config.spectrum_detrend)
     table = FeatureTable(values, labels, spec_for('texture', config))
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, 'model.onnx')
+        path = Path(folder, 'model.npz')
         write_model(path, train(table, 'knn'))
         yield str(path)
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from benchmarks.measuring import Report, Row
 from benchmarks.sessions.sessions import Array, count_seeds, describe, simulate_windows, TRAIN
 from benchmarks.simulator.trials import CONTACTS
-from tactile_classifier.confidence.calibration import calibrate_stage, make_group_folds
+from tactile_classifier.confidence.fit_calibration import calibrate_stage, make_group_folds
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.estimators.classifiers import build_estimator, compute_raw_scores
 from tactile_classifier.evaluation.early_answers import find_first_stop, fit_stop_threshold

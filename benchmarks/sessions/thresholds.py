@@ -10,8 +10,8 @@ import numpy as np
 from benchmarks.measuring import Report, Row
 from benchmarks.sessions.sessions import Array, count_seeds, describe, simulate_windows, TRAIN
 from benchmarks.simulator.trials import CONTACTS
-from tactile_classifier.confidence.calibration import fit_novelty, make_group_folds
-from tactile_classifier.confidence.novelty import NoveltyMeasure
+from tactile_classifier.confidence.fit_calibration import fit_novelty, make_group_folds
+from tactile_classifier.confidence.fit_novelty import fit_measure
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.estimators.classifiers import (
     build_estimator,
@@ -63,9 +63,7 @@ def _judge(protocol: str, features: str, contact: str, seed: int, tests: int) ->
     classes = np.unique(test.labels)
     others = {str(one): train.labels != one for one in classes}
     without = {
-        one: NoveltyMeasure.fit(
-            train.values[kept], train.labels[kept], folds.fold[kept], measure.metric
-        )
+        one: fit_measure(train.values[kept], train.labels[kept], folds.fold[kept], measure.metric)
         for one, kept in others.items()
     }
     rows = []

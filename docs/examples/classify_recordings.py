@@ -63,8 +63,8 @@ for hold_out in ((), ('session',)):
 # It states its features, its calibration and its limits. It is what the live classifier loads. This one learns from five
 # sessions and is asked about the sixth. Windows that are unlike all training trials are `unknown`.
 is_last = table.column('session') == 5
-write_model(folder / 'texture.onnx', train(table.take(~is_last), 'knn'))
-model = load_model(folder / 'texture.onnx')
+write_model(folder / 'texture.npz', train(table.take(~is_last), 'knn'))
+model = load_model(folder / 'texture.npz')
 later = table.take(is_last)
 answers = model.predict(later.values)
 print(model.labels)

@@ -32,7 +32,7 @@ np.savetxt(folder / 'touch.csv', touch(9.0), header='tension_n')
 from tactile_classifier import load_archive, table_from_trials, train, write_model
 
 table = table_from_trials('texture', load_archive(folder / 'touches.npz'))
-write_model(folder / 'texture.onnx', train(table, 'knn'))
+write_model(folder / 'texture.npz', train(table, 'knn'))
 
 # %%
 # ## Classify
@@ -40,7 +40,7 @@ write_model(folder / 'texture.onnx', train(table, 'knn'))
 # `tactile train` writes the same file, and the live classifier gives the same numbers for the same window.
 from tactile_classifier import load_model
 
-model = load_model(folder / 'texture.onnx')
+model = load_model(folder / 'texture.npz')
 answer = model.classify(np.loadtxt(folder / 'touch.csv'), rate_hz=60)
 print(answer.label, {label: round(p, 2) for label, p in answer.probabilities.items()})
 

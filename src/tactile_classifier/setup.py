@@ -19,16 +19,14 @@ setup(
         'joblib>=1.3',
         'numba>=0.58',
         'numpy>=1.26',
-        'onnx',
-        'onnxruntime',
         'scikit-learn>=1.4',
         'scipy>=1.11',
         'threadpoolctl',
     ],
-    extras_require={'train': ['skl2onnx'], 'test': ['pytest']},
+    extras_require={'test': ['pytest']},
     zip_safe=True,
     maintainer='Tendon Tactile maintainers',
-    description='Datasets, training, evaluation, the ONNX model file and the classifier node.',
+    description='Datasets, training, evaluation, the model file and the classifier node.',
     license='Apache-2.0',
     entry_points={
         'console_scripts': [

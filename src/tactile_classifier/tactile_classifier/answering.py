@@ -53,7 +53,7 @@ class ModelSet:
 
     @classmethod
     def load(cls, models: str | Path, contact: str = '') -> ModelSet:
-        """Return the models of a folder with ``*.onnx`` files, or of one file.
+        """Return the models of a folder with ``*.npz`` files, or of one file.
 
         A file that cannot be loaded is refused; the others answer. Models of another contact are
         left out. Raises ModelFileError when none is usable.

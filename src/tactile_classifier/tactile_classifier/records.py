@@ -129,7 +129,7 @@ class ModelInfos:
 class ClassifierConfig:
     """Parameters of the classifier node."""
 
-    models: str = parameter('', 'folder with model files (*.onnx), or one file; each answers')
+    models: str = parameter('', 'folder with model files (*.npz), or one file; each answers')
     contact: str = parameter(
         '',
         'take models and classify windows of this contact only; empty: of any',

@@ -15,8 +15,6 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.datasets.dataset import FeatureTable
-from tactile_classifier.model_file.graphs import Graph
-from tactile_classifier.model_file.onnx_session import open_session
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
@@ -92,8 +90,7 @@ def partial_tables(texture_table):
 
 @pytest.fixture(scope='session')
 def model_path(small_table, tmp_path_factory):
-    pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
-    path = tmp_path_factory.mktemp('models') / 'texture.onnx'
+    path = tmp_path_factory.mktemp('models') / 'texture.npz'
     write_model(path, train(small_table, 'svm_linear'))
     return path
 
@@ -101,33 +98,9 @@ def model_path(small_table, tmp_path_factory):
 @pytest.fixture(scope='session')
 def partial_path(partial_tables, tmp_path_factory):
     """Return a model of the nearest neighbours that answers after 1 and 2 s, too."""
-    pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
-    path = tmp_path_factory.mktemp('models') / 'partial.onnx'
+    path = tmp_path_factory.mktemp('models') / 'partial.npz'
     write_model(path, train(partial_tables[0], 'knn', partial=partial_tables[1]))
     return path
-
-
-@pytest.fixture(scope='session')
-def open_graph():
-    """Return a function that returns one to run operators, added to a graph behind ``x``."""
-    helper = pytest.importorskip('onnx', reason='onnx is not installed').helper
-
-    def build(add, features, labels):
-        graph = Graph()
-        graph.add('Identity', add(graph, 'x'), output='y')
-        shapes = {'x': (float, [None, features])}, {'y': (float, [None, labels])}
-        opsets = [helper.make_opsetid('', 18)]
-        model = helper.make_model(graph.to_proto(*shapes), opset_imports=opsets, ir_version=8)
-        session = open_session(model.SerializeToString())
-        return lambda values: session.run(None, {'x': values})[0]
-
-    return build
-
-
-@pytest.fixture(scope='session')
-def run_graph(open_graph):
-    """Return a function that runs operators, added to a graph behind ``x``, on rows of values."""
-    return lambda add, values, labels: open_graph(add, values.shape[1], labels)(values)
 
 
 @pytest.fixture

@@ -175,7 +175,7 @@ class FeaturesNodeConfig(FeatureConfig):
 
     models: str = parameter(
         '',
-        'folder with model files (*.onnx), or one file, whose features are computed; empty: the '
+        'folder with model files (*.npz), or one file, whose features are computed; empty: the '
         'parameters of this node decide',
     )
     contact: str = parameter(

@@ -3,7 +3,7 @@
 
 """The part of a model file that features need: task, contact, specification, partial windows.
 
-Reading it takes no `onnx` and no scikit-learn. `tactile_classifier` reads the rest.
+`tactile_classifier` reads the rest.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any, Protocol, TypeVar
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError, ModelFileError
 from tactile_features.feature_sets.registry import task_of
-from tactile_features.onnx_container import open_container
+from tactile_features.model_container import read_container
 from tactile_features.records import (
     CONTACT_ABDUCTION,
     CONTACT_FLEXION,
@@ -27,17 +27,11 @@ from tactile_features.records import (
 )
 from tactile_features.spec import FeatureSpec, spec_for, WantedFeatures
 
-FORMAT_VERSION = 7
-"""Of the manifest in a model file that is written."""
-
-READ_VERSIONS = (6, FORMAT_VERSION)
-"""Those that are read. In version 7 the manifest has the digest of the file, in 6 a last entry."""
+FORMAT_VERSION = 8
+"""Of the manifest in a model file."""
 
 DIGEST = 'specification_digest'
 """Entry of a manifest: the digest of its specification."""
-
-MAX_MODEL_BYTES = 64 * 2**20
-"""Larger files are not read [byte]."""
 
 LONGEST_BUFFER_S = 600.0
 """A buffer in which every window fits that a feature node can compute [s]."""
@@ -103,7 +97,7 @@ def read_contracts(models: str | Path, contact: str = '') -> tuple[list[ModelCon
     Parameters
     ----------
     models : str or Path
-        A folder with ``*.onnx`` files, or one file.
+        A folder with ``*.npz`` files, or one file.
     contact : str
         Leave out models of another contact; empty: of none.
 
@@ -118,20 +112,20 @@ def read_contracts(models: str | Path, contact: str = '') -> tuple[list[ModelCon
 def read_contract(path: Path) -> ModelContract:
     """Return the contract of a model file; `ModelFileError` when it cannot be used here."""
     with refusals_of(path):
-        fields = check_version(open_container(read_limited(path)).manifest)
+        fields = check_version(read_container(path).manifest)
         wanted = parse_wanted(fields)
         wanted.bind(FeatureConfig(buffer_s=LONGEST_BUFFER_S))
         return ModelContract(path, fields['task'], fields['contact'], wanted)
 
 
 def check_version(manifest: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the entries of a manifest of a known format version, not yet checked."""
+    """Return the entries of a manifest of this format version, not yet checked."""
     fields = dict(manifest)
     version = fields.pop('format_version', None)
-    if version not in READ_VERSIONS:
+    if version != FORMAT_VERSION:
         raise ModelFileError(
-            f'it has format version {version}, this software reads '
-            f'{" and ".join(map(str, READ_VERSIONS))}: train the model again'
+            f'it has format version {version}, this software reads {FORMAT_VERSION}: train the '
+            'model again'
         )
     return fields
 
@@ -241,23 +235,13 @@ def _list_files(models: str | Path) -> list[Path]:
     path = Path(models).absolute()
     if not path.is_dir():
         return [path]
-    files = sorted(file for file in path.glob('*.onnx') if file.is_file())
+    # ONNX files of an earlier version are refused by name.
+    files = sorted(f for f in path.iterdir() if f.suffix in ('.npz', '.onnx') and f.is_file())
     if not files:
         raise ModelFileError(
-            f'there are no model files (*.onnx) in {path}; `tactile train` writes them'
+            f'there are no model files (*.npz) in {path}; `tactile train` writes them'
         )
     return files
-
-
-def read_limited(path: str | Path) -> bytes:
-    """Return the bytes of a model file; raise `ModelFileError` when there are too many."""
-    path = Path(path)
-    size = path.stat().st_size
-    if size > MAX_MODEL_BYTES:
-        raise ModelFileError(
-            f'it has {size / 2**20:.0f} MiB, the limit is {MAX_MODEL_BYTES >> 20} MiB'
-        )
-    return path.read_bytes()
 
 
 @contextmanager

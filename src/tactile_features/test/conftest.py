@@ -1,20 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Model files that hold a manifest and an empty graph: as much as features need."""
+"""Model files that hold only a manifest: as much as features need."""
 
 from pathlib import Path
 import sys
 
 import pytest
 
-from tactile_features.onnx_container import pack_container
+from tactile_features.model_container import pack_container
 
 # What several test files share lies beside them and is no part of the package.
 sys.path.insert(0, str(Path(__file__).parent))
-
-EMPTY_GRAPH = b'\x3a\x00'
-"""Field 7 of onnx.proto, a graph without nodes."""
 
 
 @pytest.fixture
@@ -24,14 +21,14 @@ def make_model_file():
     def make(path, wanted, contact='flexion', **changes):
         stages = [{'sample_count': count} for count in (0, *wanted.partial_samples)]
         fields = {
-            'format_version': 7,
+            'format_version': 8,
             'task': wanted.task,
             'contact': contact,
             'spec': wanted.spec.to_dict(),
             'specification_digest': wanted.spec.digest,
             'stages': stages,
         }
-        path.write_bytes(pack_container(EMPTY_GRAPH, {**fields, **changes}, ''))
+        path.write_bytes(pack_container({**fields, **changes}, {}))
         return path
 
     return make

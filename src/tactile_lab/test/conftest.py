@@ -83,7 +83,6 @@ def opened(monkeypatch):
 @pytest.fixture(scope='session')
 def trained(stiffness_bag, tmp_path_factory):
     """Return a folder with a model that was trained on the small recording."""
-    pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
     from tactile_classifier.training.model_writer import write_model
     from tactile_classifier.training.trainer import train
     from tactile_lab.commands.train import model_path

@@ -12,6 +12,7 @@ from pathlib import Path
 import re
 
 from tactile_bags.experiment_journal import BAGS, is_experiment
+from tactile_features.model_container import is_model_file
 from tactile_ros.errors import TactileError
 
 LAYOUT = """recordings can be, all with their sample rate or with times:
@@ -251,7 +252,10 @@ def _walk(path: Path, root: Path) -> Iterator[Leaf]:
         raise SourceError(f'{path} does not exist')
     if path.is_file():
         kind = _KINDS.get(path.suffix.lower())
-        if kind is not None:
+        is_model = kind is Kind.ARCHIVE and is_model_file(path)
+        if is_model and path == root:
+            raise SourceError(f'{path} is a model file; name recordings')
+        if kind is not None and not is_model:
             yield Leaf(path, root, kind)
         return
     if not path.is_dir():  # a pipe, which would never end

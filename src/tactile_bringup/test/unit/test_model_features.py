@@ -6,8 +6,6 @@
 import numpy as np
 import pytest
 
-pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
-
 from tactile_bringup.launch_config.hand import find_fingers, hand_graph
 from tactile_bringup.launch_config.parameter_files import ParameterFile
 from tactile_classifier.datasets.dataset import FeatureTable
@@ -38,7 +36,7 @@ def write(tmp_path):
         values[:24] += 5.0
         columns = {'contact': np.full(48, contact)} if contact else {}
         table = FeatureTable(values, labels, spec, columns)
-        path = tmp_path / 'models' / f'{name}.onnx'
+        path = tmp_path / 'models' / f'{name}.npz'
         path.parent.mkdir(exist_ok=True)
         write_model(path, train(table, 'tree', partial=dict.fromkeys(partial, table)))
         return path
@@ -82,8 +80,8 @@ def test_a_finger_may_have_other_models_than_its_neighbour(write, tmp_path):
     }
     hand = tmp_path / 'hand.yaml'
     hand.write_text(
-        'index: {tactile_features: {ros__parameters: {models: models/texture_flexion.onnx}}}\n'
-        'thumb: {tactile_classifier: {ros__parameters: {models: models/texture_abduction.onnx}}}\n'
+        'index: {tactile_features: {ros__parameters: {models: models/texture_flexion.npz}}}\n'
+        'thumb: {tactile_classifier: {ros__parameters: {models: models/texture_abduction.npz}}}\n'
     )
     nodes = planned('', hand)
     for name, path in paths.items():
@@ -93,8 +91,8 @@ def test_a_finger_may_have_other_models_than_its_neighbour(write, tmp_path):
 
 def test_a_file_that_is_no_model_does_not_keep_the_others_from_starting(write, tmp_path):
     folder = write('texture_flexion', FeatureConfig()).parent
-    (folder / 'stiffness_flexion.onnx').write_bytes(b'no')
+    (folder / 'stiffness_flexion.npz').write_bytes(b'no')
     assert 'tactile_classifier' in planned(models=str(folder))
-    (folder / 'texture_flexion.onnx').unlink()
-    with pytest.raises(ModelFileError, match=r'stiffness_flexion\.onnx'):
+    (folder / 'texture_flexion.npz').unlink()
+    with pytest.raises(ModelFileError, match=r'stiffness_flexion\.npz'):
         planned(models=str(folder))

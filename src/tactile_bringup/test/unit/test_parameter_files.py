@@ -91,7 +91,7 @@ def test_nested_parameters_have_the_names_that_ros_gives_them(parameter_file):
     assert ParameterFile(parameter_file(text)).of('tendon_sensor') == {name: 7}
 
 
-@pytest.mark.parametrize(('place', 'above'), [('models/a.onnx', True), ('/models', False)])
+@pytest.mark.parametrize(('place', 'above'), [('models/a.npz', True), ('/models', False)])
 def test_a_place_of_models_counts_from_the_file(parameter_file, tmp_path, place, above):
     path = parameter_file(f'tactile_features: {{ros__parameters: {{models: {place}}}}}')
     found = ParameterFile(path).of('tactile_features')

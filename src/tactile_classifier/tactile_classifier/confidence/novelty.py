@@ -1,25 +1,27 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Novelty: the distance of a window to the training trials, whatever the classifier."""
+"""Novelty: the distance of a window to the training trials, whatever the classifier.
+
+`fit_novelty` fits the measure.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
 import dataclasses
+from functools import cached_property
 import math
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
-from sklearn.covariance import ledoit_wolf
 
-from tactile_classifier.errors import TooFewTrialsError
+from tactile_classifier.errors import ModelFileError
 
 Matrix = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
 
-RELATIVE = 'relative'
-METRICS = ('plain', 'scaled', 'whitened', RELATIVE)
+WHITENED, RELATIVE = 'whitened', 'relative'
+METRICS = ('plain', 'scaled', WHITENED, RELATIVE)
 """Kinds of novelty, the usual one first.
 
 The first three are spaces of the distance to the nearest trial. Plain: the features as they are,
@@ -28,9 +30,8 @@ spread within a label. Whitened: by the covariance within labels, shrunk after L
 (2004). Relative: without a distance to trials. docs/answers.md has the measurements.
 """
 
-MOST_FEATURES = 400
-"""Most features for which each left-out label has a covariance of its own, and `RELATIVE` is
-compared: its time grows with their third power."""
+NEAREST_TO_ALL = 1e-6
+"""Least squared distance to the mean of all, so that a window there has a finite novelty [1]."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -47,287 +48,76 @@ class NoveltyMeasure:
     2021, "A simple fix to Mahalanobis distance", arXiv:2106.09022), as the positive r + sqrt(1 +
     r^2).
 
-    ``centre``, shape (k,), is the mean of all trials, in the features' units. ``transform``,
-    factors (k,) or a matrix (k, k), leads to the space of the distance to trials, in which
-    ``references``, shape (trials, k), are the trials and ``scale`` what each distance is divided
-    by. ``within`` and ``total``, shape (k, k), lead to the spaces in which the covariance within
-    labels, or of all, is one; ``means`` are those of the labels in the first. ``metric`` is one of
-    `METRICS`.
+    Attributes
+    ----------
+    SHAPES : mapping
+        Dimensions of the arrays, for the model file; see `prediction`.
+    metric : str
+        One of `METRICS`.
+    centre : array of shape (k,)
+        Mean of all trials, in the features' units.
+    factors : array of shape (k,)
+        Lead to the space of the distance to trials, unless that is the one of ``within``.
+    references : array of shape (trials, k)
+        The trials in that space.
+    scale : array of shape (trials,)
+        Divisor of the distance to each trial.
+    within, total : array of shape (k, k)
+        Lead to the spaces in which the covariance within labels, or of all, is one.
+    means : array of shape (labels, k)
+        Means of the labels in the first.
     """
 
+    SHAPES: ClassVar[dict[str, tuple[str | int, ...]]] = {
+        'centre': ('k',),
+        'factors': ('k',),
+        'references': ('trials', 'k'),
+        'scale': ('trials',),
+        'within': ('k', 'k'),
+        'total': ('k', 'k'),
+        'means': ('labels', 'k'),
+    }
+
+    metric: str
     centre: Matrix
-    transform: Matrix
+    factors: Matrix
     references: Matrix
     scale: Matrix
     within: Matrix
     total: Matrix
     means: Matrix
-    metric: str
 
-    @classmethod
-    def fit(
-        cls,
-        values: Matrix,
-        labels: npt.NDArray[np.str_],
-        fold: Indices,
-        metric: str = METRICS[0],
-        spaces: Spaces | None = None,
-    ) -> NoveltyMeasure:
-        """Return the measure for training trials of shape (trials, k).
-
-        A feature that never varies within a label does not count. ``fold`` is that of each trial,
-        such as its session. ``spaces`` are fitted to the same trials, or to these and more.
-        """
-        classes, owner = np.unique(labels, return_inverse=True)
-        spaces = spaces or Spaces.fit(values, labels)
-        transform = spaces.find(metric)
-        rows = values - spaces.centre
-        references, whitened = _project(rows, transform), rows @ spaces.within
-        each = [owner == i for i in range(len(classes))]
-        scales = [_median_distance(references[one], fold[one]) for one in each]
-        means = np.stack([whitened[one].mean(axis=0) for one in each])
-        return cls(
-            spaces.centre,
-            transform,
-            references,
-            np.array(scales)[owner],
-            spaces.within,
-            spaces.total,
-            means,
-            metric,
-        )
+    def check(self, features: int, labels: int) -> None:
+        """Raise ModelFileError when values of the arrays do not fit together."""
+        if not len(self.scale) or not (self.scale > 0.0).all():
+            raise ModelFileError('values of its array "scale" are not positive')
 
     def compute(self, values: Matrix) -> Matrix:
         """Return the novelty of windows of shape (windows, k), one a window [1]."""
-        rows = values - self.centre
-        to_label = _squares(rows @ self.within, self.means).min(axis=1)
-        to_all = ((rows @ self.total) ** 2).sum(axis=1)
+        return np.array([self.compute_one(row) for row in values])
+
+    def compute_one(self, values: Matrix) -> float:
+        """Return the novelty of one window, shape (k,) [1]."""
+        row = values - self.centre
+        whitened, of_all = row @ self.within, row @ self.total
+        # Squared distances, each without the square of the row at first.
+        to_label = float((self._mean_squares - 2.0 * (self.means @ whitened)).min())
+        to_label = max(to_label + float(whitened @ whitened), 0.0)
+        to_all = float(of_all @ of_all)
         if self.metric == RELATIVE:
-            return _relate(to_label, to_all, values.shape[1])
-        squares = _squares(_project(rows, self.transform), self.references)
-        return _multiply(squares, self.scale, to_label, to_all)
+            excess = (to_label - to_all) / (2 * len(row))
+            return excess + math.sqrt(1.0 + excess**2)
+        near = whitened if self.metric == WHITENED else row * self.factors
+        squares = self._reference_squares - 2.0 * (self.references @ near)
+        nearest = int(squares.argmin())
+        distance = math.sqrt(max(float(squares[nearest]) + float(near @ near), 0.0))
+        distance /= float(self.scale[nearest])
+        return distance * math.sqrt(to_label / max(to_all, NEAREST_TO_ALL))
 
+    @cached_property
+    def _mean_squares(self) -> Matrix:
+        return np.asarray((self.means**2).sum(axis=1))
 
-NEAREST_TO_ALL = 1e-6
-"""Least squared distance to the mean of all, so that a window there has a finite novelty [1]."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Spaces:
-    """Transforms of features, from training trials; see `NoveltyMeasure` and `METRICS`."""
-
-    centre: Matrix
-    plain: Matrix
-    scaled: Matrix
-    within: Matrix
-    total: Matrix
-
-    @classmethod
-    def fit(cls, values: Matrix, labels: npt.NDArray[np.str_]) -> Spaces:
-        """Return the transforms for trials of shape (trials, k)."""
-        classes, owner = np.unique(labels, return_inverse=True)
-        means = np.stack([values[owner == i].mean(axis=0) for i in range(len(classes))])
-        residuals, centre = values - means[owner], values.mean(axis=0)
-        spread = np.sqrt((residuals**2).mean(axis=0))
-        # Rounding of the mean is no spread.
-        varies = spread > 1e-12 * np.abs(values).max(axis=0)
-        scale = np.divide(1.0, spread, out=np.zeros_like(spread), where=varies)
-        within = _whiten(residuals, scale)
-        total = _whiten(values - centre, scale)
-        return cls(centre, varies.astype(np.float64), scale, within, total)
-
-    def find(self, metric: str) -> Matrix:
-        """Return the transform to the space of the distance to trials."""
-        return {'plain': self.plain, 'scaled': self.scaled}.get(metric, self.within)
-
-
-def _multiply(squares: Matrix, scale: Matrix, to_label: Matrix, to_all: Matrix) -> Matrix:
-    """Return the novelty of `NoveltyMeasure` from squared distances."""
-    nearest = squares.argmin(axis=1)
-    distance = np.sqrt(squares[np.arange(len(squares)), nearest]) / scale[nearest]
-    return np.asarray(distance * np.sqrt(to_label / np.maximum(to_all, NEAREST_TO_ALL)))
-
-
-def _relate(to_label: Matrix, to_all: Matrix, features: int) -> Matrix:
-    """Return the novelty of the metric `RELATIVE` from squared distances."""
-    excess = (to_label - to_all) / (2 * features)
-    return np.asarray(excess + np.sqrt(1.0 + excess**2))
-
-
-def fit_spaces(
-    values: Matrix, labels: npt.NDArray[np.str_], fold: Indices
-) -> Mapping[int, Spaces]:
-    """Return the spaces of the trials outside of each fold, by fold."""
-    return {int(i): Spaces.fit(values[fold != i], labels[fold != i]) for i in np.unique(fold)}
-
-
-def choose_metric(
-    values: Matrix,
-    labels: npt.NDArray[np.str_],
-    fold: Indices,
-    spaces: Mapping[int, Spaces] | None = None,
-) -> str:
-    """Return the metric that best tells trials of one label when it is left out.
-
-    Folds of the training are held out in turn, and in each every label once has no training
-    trials. The first of `METRICS` is kept unless another has a larger area under the receiver
-    operating characteristic, by more than one standard error over the labels. ``spaces`` are
-    those of `fit_spaces`, if they are there already.
-    """
-    classes = np.unique(labels)
-    is_small = values.shape[1] <= MOST_FEATURES
-    metrics = METRICS if is_small else METRICS[:-1]
-    areas: dict[str, list[list[float]]] = {m: [[] for _ in classes] for m in metrics}
-    for i in np.unique(fold):
-        inside, outside = fold != i, fold == i
-        for label, novelty in _leave_labels_out(
-            *(values[inside], labels[inside], fold[inside], values[outside], metrics),
-            spaces=None if spaces is None else spaces[int(i)],
-        ):
-            is_new = labels[outside] == label
-            if is_new.any() and not is_new.all():
-                for metric, found in areas.items():
-                    area = compute_auroc(is_new, novelty[metric])
-                    found[int(np.searchsorted(classes, label))].append(area)
-    means = {m: np.array([np.mean(each) for each in found if each]) for m, found in areas.items()}
-    count = len(means[METRICS[0]])
-    if count < 2:
-        return METRICS[0]
-    best = max(metrics, key=lambda metric: means[metric].mean())
-    gain = means[best] - means[METRICS[0]]
-    return best if gain.mean() > gain.std(ddof=1) / np.sqrt(count) else METRICS[0]
-
-
-def _leave_labels_out(
-    values: Matrix,
-    labels: npt.NDArray[np.str_],
-    fold: Indices,
-    windows: Matrix,
-    metrics: Sequence[str],
-    spaces: Spaces | None = None,
-) -> Iterator[tuple[str, dict[str, Matrix]]]:
-    """Yield each label of a training, and the novelties of windows by metric without its trials.
-
-    The covariance within labels keeps them: it is about the same for all.
-    """
-    classes = np.unique(labels)
-    if len(classes) < 2:
-        return
-    spaces = spaces or Spaces.fit(values, labels)
-    measures = {
-        m: NoveltyMeasure.fit(values, labels, fold, m, spaces) for m in metrics if m != RELATIVE
-    }
-    rows = windows - spaces.centre
-    squares = {
-        m: _squares(_project(rows, measure.transform), measure.references)
-        for m, measure in measures.items()
-    }
-    to_labels = _squares(rows @ spaces.within, measures[METRICS[0]].means)
-    for label in classes:
-        known = labels != label
-        to_label = to_labels[:, classes != label].min(axis=1)
-        total, centre = spaces.total, spaces.centre
-        if RELATIVE in metrics:
-            centre = values[known].mean(axis=0)
-            total = _whiten(values[known] - centre, spaces.scaled)
-        to_all = (((windows - centre) @ total) ** 2).sum(axis=1)
-        novelty = {
-            m: _multiply(squares[m][:, known], measure.scale[known], to_label, to_all)
-            for m, measure in measures.items()
-        }
-        if RELATIVE in metrics:
-            novelty[RELATIVE] = _relate(to_label, to_all, values.shape[1])
-        yield str(label), novelty
-
-
-def compute_auroc(is_new: npt.NDArray[np.bool_], novelty: Matrix) -> float:
-    """Return the area under the receiver operating characteristic [1].
-
-    The share of pairs in which the new trial has the higher novelty; an equal pair counts half.
-    """
-    known, new = np.sort(novelty[~is_new]), novelty[is_new]
-    ranks = np.searchsorted(known, new) + np.searchsorted(known, new, side='right')
-    return float(ranks.sum() / (2 * len(known) * len(new)))
-
-
-def _whiten(residuals: Matrix, scale: Matrix) -> Matrix:
-    """Return the matrix to the space in which the shrunk covariance of residuals is one."""
-    counts = scale > 0.0
-    transform = np.zeros((len(scale), len(scale)))
-    if counts.any():
-        scaled = residuals[:, counts] * scale[counts]
-        size, directions = np.linalg.eigh(ledoit_wolf(scaled, assume_centered=True)[0])
-        transform[np.ix_(counts, counts)] = scale[counts, np.newaxis] * directions / np.sqrt(size)
-    return transform
-
-
-def _project(rows: Matrix, transform: Matrix) -> Matrix:
-    return np.asarray(rows @ transform if transform.ndim == 2 else rows * transform)
-
-
-def _squares(rows: Matrix, references: Matrix) -> Matrix:
-    squares = (rows**2).sum(axis=1)[:, np.newaxis] + (references**2).sum(axis=1)
-    squares -= 2.0 * rows @ references.T
-    return np.asarray(np.maximum(squares, 0.0))
-
-
-def _median_distance(references: Matrix, fold: Indices) -> float:
-    """Return the median distance to the nearest of another fold, or of all; 1 of equal trials."""
-    distance = np.sqrt(_squares(references, references))
-    same = fold[:, np.newaxis] == fold
-    distance[np.eye(len(fold), dtype=bool) if same.all() else same] = np.inf
-    nearest = distance.min(axis=1)
-    nearest = nearest[np.isfinite(nearest)]
-    median = float(np.median(nearest)) if len(nearest) else 0.0
-    return median if median > 0.0 else 1.0
-
-
-def trials_needed(rate: float) -> int:
-    """Return how many calibration trials a conformal threshold at a rate needs at least."""
-    return math.ceil(round(1.0 / rate, 9)) - 1
-
-
-SESSIONS_BEYOND = 0.1
-"""Share of new sessions that a threshold by sessions may fail in, where sessions are enough."""
-
-
-def rank_of_sessions(count: int) -> int:
-    """Return which of the sorted values of so many sessions bounds a new session's.
-
-    A further session, exchangeable with them, has a value at most that one with probability ``rank
-    / (count + 1)``: 1 - `SESSIONS_BEYOND` of nine sessions or more, and by the largest ``count /
-    (count + 1)`` of fewer.
-    """
-    return min(count, math.ceil(round((count + 1) * (1.0 - SESSIONS_BEYOND), 9)))
-
-
-def compute_threshold(
-    novelty: Matrix, false_alarm_rate: float, session: Indices | None = None
-) -> float:
-    """Return the conformal threshold of calibration trials of known labels.
-
-    Without sessions the ``ceil((n + 1) * (1 - rate))``-th smallest of ``n`` novelties: a further
-    trial, exchangeable with them, lies above it with at most that probability (split conformal
-    prediction: Vovk, Gammerman and Shafer 2005; Lei et al. 2018).
-
-    With the session of each trial, shape (trials,), a threshold that holds in most new sessions,
-    not only on average over them: each session's own quantile, and of these the one of
-    `rank_of_sessions` (Dunn, Wasserman and Ramdas 2022; Duchi, Gupta, Jiang and Sur 2024, over
-    environments). In a share ``rank / (count + 1)`` of new sessions the quantile of their own
-    trials is not above it. A session with fewer trials than `trials_needed` gives its largest
-    novelty.
-
-    Novelties are of trials that the measure was not fitted on, nor on their session. The rate is
-    between 0 and 1 [1]. Raises TooFewTrialsError when there are fewer than `trials_needed` in all.
-    """
-    if len(novelty) < trials_needed(false_alarm_rate):
-        raise TooFewTrialsError(
-            f'{len(novelty)} trials cannot bound false rejection at {false_alarm_rate:g}; '
-            f'{trials_needed(false_alarm_rate)} are needed'
-        )
-    parts = [novelty] if session is None else [novelty[session == i] for i in np.unique(session)]
-    quantiles = []
-    for part in parts:
-        rank = math.ceil(round((len(part) + 1) * (1.0 - false_alarm_rate), 9))
-        quantiles.append(float(np.sort(part)[min(rank, len(part)) - 1]))
-    return sorted(quantiles)[rank_of_sessions(len(quantiles)) - 1]
+    @cached_property
+    def _reference_squares(self) -> Matrix:
+        return np.asarray((self.references**2).sum(axis=1))

@@ -13,13 +13,14 @@ import warnings
 import numpy as np
 import numpy.typing as npt
 from sklearn.exceptions import ConvergenceWarning
+from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.svm import SVC
 from sklearn.tree import DecisionTreeClassifier
 from threadpoolctl import threadpool_limits
 
-from tactile_classifier.estimators.neighbours import NearestNeighbours
+from tactile_classifier.errors import TooFewTrialsError
 from tactile_classifier.estimators.random_convolutions import RandomConvolutionClassifier
 from tactile_classifier.records import (
     ALL_CLASSIFIERS,
@@ -47,12 +48,28 @@ SCORE_KINDS = {
 }
 """Kind of the scores of each classifier before calibration; see Classification.msg."""
 
+NEIGHBOURS = 3
+
 RANDOM_STATE = 0
 
 MAX_SVM_STEPS = 1_000_000
 """Steps of an SVM's solver for one pair of labels. The most that any of our recordings,
 real or simulated, scaled or not, has needed is 58 499; large features that no border parts
 could take any number."""
+
+
+class NearestNeighbours(KNeighborsClassifier):  # type: ignore[misc]
+    """scikit-learn's classifier of three neighbours, which refuses fewer trials when fitted."""
+
+    def fit(self, X: Any, y: Any) -> NearestNeighbours:  # noqa: N803
+        """Fit; raise TooFewTrialsError when there are fewer trials than neighbours."""
+        super().fit(X, y)
+        if self.n_samples_fit_ < self.n_neighbors:
+            raise TooFewTrialsError(
+                f'{self.n_neighbors} neighbours are asked of {self.n_samples_fit_} training '
+                'trials: record more'
+            )
+        return self
 
 
 class SupportVectorMachine(SVC):  # type: ignore[misc]
@@ -135,7 +152,9 @@ def compute_raw_scores(
 
 def _classifier(name: str, channels: int) -> Any:
     if name == 'knn':
-        return NearestNeighbours()
+        # A tree of one leaf: distances are sums of squared differences, compared in the order of
+        # the trials. With algorithm='brute' large offsets cost digits.
+        return NearestNeighbours(NEIGHBOURS, algorithm='kd_tree', leaf_size=2**31 - 1)
     if name in ('svm_linear', 'svm_rbf'):
         # break_ties: the label is the one with the largest decision value, always.
         return SupportVectorMachine(

@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The loops of random convolutions, compiled.
+"""The loops of random convolutions, compiled by numba; `convolutions` has the same in NumPy.
 
-Each addition is rounded to single precision, in the order that stands here: no reordering, no
+Each addition is rounded to single precision, in the order written here: no reordering, no
 contraction to fused operations.
 """
 

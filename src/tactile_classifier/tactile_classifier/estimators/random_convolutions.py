@@ -1,19 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Random convolutions of a signal, the features of MiniRocket, and a ridge classifier on them.
+"""Fitting of random convolutions, and a ridge classifier on their features.
 
-Dempster, Schmidt and Webb (2021), "MiniRocket", KDD, doi:10.1145/3447548.3467231. Each of 84
-kernels of nine weights, three of them 2 and six of them -1, is laid over the signal at several
-dilations. A feature is the share of samples at which the result exceeds a bias.
-
-The weights of a kernel add up to zero, so the level of a signal counts at its ends only, where
-the kernel reaches over them and meets zeros.
-
-Convolutions are computed in single precision with the additions in a fixed order, those of the
-library aeon: a share is a count, and a last digit can change a count. Biases are those of aeon's
-`MiniRocket` of the same seed to the last bit. Shares are its shares in double precision.
-docs/decisions/0007-random-convolutions.md says why aeon itself is not used.
+Biases are those of aeon's `MiniRocket` of the same seed to the last bit. Shares are its shares in
+double precision. docs/decisions/0007-random-convolutions.md says why aeon itself is not used.
 """
 
 from __future__ import annotations
@@ -21,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 import dataclasses
 from functools import lru_cache
-from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
@@ -29,116 +19,45 @@ from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.linear_model import RidgeClassifierCV
 from sklearn.utils.validation import check_array
 
-from tactile_classifier.errors import DatasetError
-
-TAPS = 9
-MIN_SAMPLES = TAPS
-"""Fewest samples of a signal: those of a kernel without dilation."""
-
-KERNELS = np.array(list(combinations(range(TAPS), 3)))
-"""The three of the nine weights that are 2, for each of the 84 kernels."""
+from tactile_classifier.estimators.convolutions import (
+    Indices,
+    KERNELS,
+    Matrix,
+    MAX_CHANNELS,
+    RandomConvolutions,
+    Single,
+    TAPS,
+    to_single,
+)
 
 MAX_DILATIONS = 32
-MAX_CHANNELS = 9
-"""Most channels that one kernel adds up."""
-
-ADDED = (0, 1, 2, 3, 5, 6, 7, 8)
-"""The order in which the weights of -1 are added to that in the middle."""
-
-_ORDER = np.array(ADDED)
-
-Single = npt.NDArray[np.float32]
-Matrix = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class RandomConvolutions:
-    """Kernels with dilations and biases, fitted to signals of one length.
+def fit_convolutions(
+    signals: npt.ArrayLike, features: int = 10_000, random_state: int = 0
+) -> RandomConvolutions:
+    """Choose channels by chance, and biases as quantiles of what training signals give.
 
-    The features are in the order of aeon: by dilation, then kernel, then bias. Each dilation has
-    ``biases`` of shape (84, biases) [unit of the signal], and ``sources`` of shape (84, 9): the
-    channels that each kernel adds up; -1 from where there are no more.
+    Signals have shape (trials, channels, samples); ``features`` is rounded down to a multiple
+    of 84. Raises DatasetError when a signal is too short or not finite in single precision.
     """
-
-    samples: int
-    channels: int
-    dilations: Indices
-    biases: tuple[Single, ...]
-    sources: tuple[Indices, ...]
-
-    @property
-    def feature_count(self) -> int:
-        """Number of features of a signal."""
-        return sum(biases.size for biases in self.biases)
-
-    @classmethod
-    def fit(
-        cls, signals: npt.ArrayLike, features: int = 10_000, random_state: int = 0
-    ) -> RandomConvolutions:
-        """Choose channels by chance, and biases as quantiles of what training signals give.
-
-        Signals have shape (trials, channels, samples); ``features`` is rounded down to a multiple
-        of 84. Raises DatasetError when a signal is too short or not finite in single precision.
-        """
-        # Here, because numba takes half a second to load: only who trains pays for it.
-        from tactile_classifier.estimators.compiled_convolutions import add_chosen
-
-        x = _check(signals)
-        trials, channels, samples = x.shape
-        dilations, counts = _choose_dilations(samples, features // len(KERNELS))
-        quantiles = _golden(len(KERNELS) * int(counts.sum()))
-        sources = _choose_channels(channels, len(dilations), random_state)
-        # A generator of its own, from the same seed, as in aeon.
-        chosen = np.random.RandomState(random_state).randint(
-            trials, size=(len(dilations), len(KERNELS))
-        )
-        biases, first = [], 0
-        sums = np.empty((len(KERNELS), samples), dtype=np.float32)
-        for dilation, count, rows, source in zip(dilations, counts, chosen, sources, strict=True):
-            size = len(KERNELS) * count
-            share = quantiles[first : first + size].reshape(-1, count)
-            first += size
-            add_chosen(x, rows, dilation, source, KERNELS, _ORDER, sums)
-            biases.append(_quantiles(sums, share))
-        return cls(samples, channels, dilations, tuple(biases), sources)
-
-    def transform(self, signals: npt.ArrayLike) -> Matrix:
-        """Return the features, shape (trials, features), of signals (trials, channels, samples).
-
-        A signal gives the same bits alone and among others. Raises DatasetError as `fit`, and when
-        the shape is not that of the fit.
-        """
-        from tactile_classifier.estimators.compiled_convolutions import count_above
-
-        x = _check(signals)
-        if x.shape[1:] != (self.channels, self.samples):
-            raise DatasetError(
-                f'the signals have {x.shape[1]} channels of {x.shape[2]} samples; the '
-                f'convolutions were fitted to {self.channels} of {self.samples}'
-            )
-        values = np.empty((len(x), self.feature_count))
-        first = 0
-        for i, (dilation, biases) in enumerate(zip(self.dilations, self.biases, strict=True)):
-            shares = np.empty((len(x), *biases.shape))
-            count_above(x, dilation, i % 2, biases, self.sources[i], KERNELS, _ORDER, shares)
-            values[:, first : first + biases.size] = shares.reshape(len(x), -1)
-            first += biases.size
-        return values
-
-
-def _check(signals: npt.ArrayLike) -> Single:
-    with np.errstate(over='ignore'):
-        x = np.asarray(signals).astype(np.float32)
-    if x.ndim != 3 or not x.size or x.shape[2] < MIN_SAMPLES:
-        raise DatasetError(
-            f'the signals have shape {x.shape}; random convolutions need '
-            f'(trials, channels, samples) with {MIN_SAMPLES} samples or more'
-        )
-    # The largest sum: nine weights with a magnitude of 12 in all, over nine channels.
-    if not np.abs(x).max() < np.finfo(np.float32).max / (12 * MAX_CHANNELS):
-        raise DatasetError('the signals hold values that are not finite in single precision')
-    return x
+    x = to_single(signals)
+    trials, channels, samples = x.shape
+    dilations, counts = _choose_dilations(samples, features // len(KERNELS))
+    quantiles = _golden(len(KERNELS) * int(counts.sum()))
+    sources = _choose_channels(channels, len(dilations), random_state)
+    # A generator of its own, from the same seed, as in aeon.
+    chosen = np.random.RandomState(random_state).randint(
+        trials, size=(len(dilations), len(KERNELS))
+    )
+    kernels = RandomConvolutions(samples, channels, dilations, (), sources)
+    biases, first = [], 0
+    for i, count in enumerate(counts):
+        size = len(KERNELS) * count
+        share = quantiles[first : first + size].reshape(-1, count)
+        first += size
+        biases.append(_quantiles(kernels.sum_chosen(x, chosen[i], i), share))
+    return dataclasses.replace(kernels, biases=tuple(biases))
 
 
 def _choose_dilations(samples: int, count: int) -> tuple[Indices, Indices]:
@@ -217,7 +136,7 @@ class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: igno
         mean = rows.mean(axis=(0, 2))
         self.references_ = np.stack([np.zeros_like(mean), mean])
         self.convolutions_ = [
-            RandomConvolutions.fit(rows - reference[:, None], FEATURES, self.random_state + i)
+            fit_convolutions(rows - reference[:, None], FEATURES, self.random_state + i)
             for i, reference in enumerate(self.references_)
         ]
         ridge, spread = _fit_ridge(self._transform(rows), labels)

@@ -12,13 +12,13 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import binom
 
-from tactile_classifier.confidence.calibration import (
+from tactile_classifier.confidence.fit_calibration import (
     calibrate_stage,
     CalibratedStage,
     make_group_folds,
     score_held_out,
 )
-from tactile_classifier.confidence.novelty import rank_of_sessions
+from tactile_classifier.confidence.fit_novelty import rank_of_sessions
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError, EvaluationError
 from tactile_classifier.estimators.classifiers import default_scaling, on_one_thread

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tactile_classifier.confidence.calibration import (
+from tactile_classifier.confidence.fit_calibration import (
     calibrate_stage,
     compute_calibration_error,
     compute_uncalibrated,
@@ -20,7 +20,7 @@ from tactile_classifier.confidence.calibration import (
     make_group_folds,
     score_held_out,
 )
-from tactile_classifier.confidence.novelty import compute_auroc
+from tactile_classifier.confidence.fit_novelty import compute_auroc
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError, EvaluationError
 from tactile_classifier.estimators.classifiers import default_scaling, on_one_thread, SCORE_KINDS

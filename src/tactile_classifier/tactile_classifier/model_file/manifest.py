@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The manifest of a model file, as JSON inside the ONNX file, and its card for people."""
+"""The manifest of a model file, as JSON in the file, and its card for people."""
 
 from __future__ import annotations
 
@@ -39,14 +39,19 @@ KNOWN_NOVELTY = 'held_out_novelty'
 class Stage:
     """Thresholds of the answers on one length of window, of ``sample_count`` samples (0: all).
 
-    ``novelty_threshold`` is the novelty above which the answer is "unknown" [1]; negative: none.
+    ``metric`` is the kind of novelty, empty without one. ``novelty_threshold`` is the novelty
+    above which the answer is "unknown" [1]; negative: none. ``slope`` and ``offset`` are those of
+    the `Calibration`; negative: scores are raw.
     ``stop_threshold`` is the probability from which one need not wait for more samples [1];
     negative: never. Calibration errors (expected) and accuracy are on held-out trials [1];
     negative: not calibrated.
     """
 
     sample_count: int = 0
+    metric: str = ''
     novelty_threshold: float = -1.0
+    slope: float = -1.0
+    offset: float = -1.0
     stop_threshold: float = -1.0
     calibration_error_before: float = -1.0
     calibration_error_after: float = -1.0
@@ -190,12 +195,13 @@ _Entry = TypeVar('_Entry', Stage, TrainingTrials)
 
 
 def _read_entry(name: str, entry: Any, absent: _Entry) -> _Entry:
-    """Return an entry of numbers with the fields and types of another, none below -1."""
+    """Return an entry with the fields and types of another; no number is below -1."""
     defaults = dataclasses.asdict(absent)
     if not isinstance(entry, dict) or set(entry) != set(defaults):
         raise ModelFileError(f'its manifest has no valid entry "{name}"')
     for key, value in entry.items():
-        if type(value) is not type(defaults[key]) or not -1 <= value < math.inf:
+        is_number = isinstance(value, int | float)
+        if type(value) is not type(defaults[key]) or (is_number and not -1 <= value < math.inf):
             raise ModelFileError(f'its manifest has no valid entry "{key}" in "{name}"')
     return type(absent)(**entry)
 
@@ -218,6 +224,9 @@ MAX_LINE = 500
 
 MAX_LABELS = 40
 """Labels that are listed; the others are counted."""
+
+
+KNN_TIES = 'of trials at the same distance the earlier one is nearer'
 
 
 def format_card(manifest: Manifest) -> str:
@@ -247,6 +256,7 @@ def list_facts(manifest: Manifest) -> dict[str, str]:
         'answers': f'{manifest.task}, {manifest.contact or "any contact"}: {labels}',
         'classifier': f'{CLASSIFIER_TITLES[manifest.classifier]}, '
         f'{SCALING_TITLES[manifest.scaling]}',
+        **({'ties': KNN_TIES} if manifest.classifier == 'knn' else {}),
         'takes': f'{len(spec.names)} {format_features(spec)}, from '
         + (f'{spec.sample_count} samples' if spec.sample_count else 'windows of any length')
         + f' at {spec.rate_hz:g} Hz',

@@ -18,8 +18,9 @@ import numpy.typing as npt
 
 from tactile_classifier.errors import DatasetError, ModelFileError, refuse_damage
 from tactile_classifier.model_file.manifest import KNOWN_NOVELTY, Manifest, Stage
-from tactile_classifier.model_file.onnx_session import open_session
+from tactile_classifier.model_file.prediction import Predictions
 from tactile_classifier.model_file.samples import SampleWindow
+from tactile_classifier.model_file.storage import open_model
 from tactile_classifier.records import (
     ClassificationResult,
     NO_ANSWER,
@@ -28,34 +29,13 @@ from tactile_classifier.records import (
     UNKNOWN,
 )
 from tactile_features.errors import FeatureError
-from tactile_features.model_contract import read_limited, refusals_of
-from tactile_features.onnx_container import open_container
+from tactile_features.model_container import read_limited
+from tactile_features.model_contract import refusals_of
 from tactile_features.records import contacts_agree, FeatureWindow
 from tactile_features.records import Outcome as FeatureOutcome
 from tactile_features.spec import FeatureSpec
 
-ROWS_AT_ONCE = 64
-BYTES_AT_ONCE = 16 * 2**20
-"""Most windows in one run, and most of their number times the size of the file [byte]:
-differences to all training trials take memory in proportion to both."""
-
-INPUT, SAMPLES = 'features', 'samples'
-ANSWER, SCORES, NOVELTY = 'answer', 'scores', 'novelty'
-
 _REMEDY = 'name its file in the parameter models of the feature node, or train it again'
-
-
-class Answers(NamedTuple):
-    """Answers of a model on many windows of one length.
-
-    ``answer``, shape (windows,), is the position of the first largest score before calibration. Of
-    ``scores``, shape (windows, labels), the larger is likelier; ``score_kind`` of the manifest
-    names them. ``novelty``, shape (windows,), is empty when the model has none.
-    """
-
-    answer: npt.NDArray[np.int64]
-    scores: npt.NDArray[np.float64]
-    novelty: npt.NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -112,12 +92,6 @@ class _KnownNovelty(NamedTuple):
     sessions: list[npt.NDArray[np.float64]]
 
 
-def read_model_card(path: str | Path) -> str:
-    """Return the card of a model file, as text for people; errors as in `load_model`."""
-    with refusals_of(path):
-        return open_container(read_limited(path)).card
-
-
 def load_model(path: str | Path) -> TactileModel:
     """Return the model in a file; it is read and checked.
 
@@ -127,13 +101,13 @@ def load_model(path: str | Path) -> TactileModel:
         With a sentence that says why the file is not used.
     """
     with refusals_of(path):
-        return TactileModel(read_limited(path), str(Path(path).resolve()))
+        return TactileModel(read_limited(Path(path)), str(Path(path).resolve()))
 
 
 class TactileModel:
     """A trained classifier, ready to answer; `load_model` reads it from its file.
 
-    >>> model = load_model('texture.onnx')
+    >>> model = load_model('texture.npz')
     >>> answer = model.classify(tension_n, rate_hz=60)
     >>> answer.label, answer.probabilities, answer.p_value
 
@@ -142,13 +116,15 @@ class TactileModel:
     data : bytes
         The model file.
     path : str
-        Where it lies; empty: nowhere yet.
+        Path of the file; empty: it was not written yet.
 
     Attributes
     ----------
     sha256 : str
         Of the file, in hex digits.
     manifest : Manifest
+    card : str
+        The facts of the manifest, as text for people.
     spec : FeatureSpec
         The features that it takes.
     labels : tuple of str
@@ -157,13 +133,15 @@ class TactileModel:
         Task, contact, classifier and the first 12 digits of ``sha256``.
     partial_samples : tuple of int
         Sample counts of the partial windows that it answers.
+    predictors : mapping of int to Predictor
+        What predicts, by the number of samples; 0: full windows.
     """
 
     def __init__(self, data: bytes, path: str = '') -> None:
         self.path = path
         self.sha256 = hashlib.sha256(data).hexdigest()
-        container = open_container(data)
-        self.manifest = Manifest.from_dict(container.manifest)
+        contents = open_model(data)
+        self.manifest, self.card = contents.manifest, contents.card
         self.spec: FeatureSpec = self.manifest.spec
         self.labels = self.manifest.labels
         self.model_id = '-'.join(
@@ -178,9 +156,7 @@ class TactileModel:
         self._announced: Mapping[str, FeatureSpec] = {}
         self._stages = {stage.sample_count: stage for stage in self.manifest.stages}
         self._known_novelty = _read_known_novelty(self.manifest)
-        self._rows = max(1, min(ROWS_AT_ONCE, BYTES_AT_ONCE // len(data)))
-        self._session = open_session(container.model)
-        self._check_graph()
+        self.predictors = contents.predictors
 
     @property
     def task(self) -> str:
@@ -215,8 +191,8 @@ class TactileModel:
             return True
         return digest in self._announced and not self.spec.mismatch(self._announced[digest])
 
-    def compute(self, values: npt.ArrayLike, sample_count: int = 0) -> Answers:
-        """Return the answers on many windows of one length.
+    def compute(self, values: npt.ArrayLike, sample_count: int = 0) -> Predictions:
+        """Return the predictions on many windows of one length.
 
         Parameters
         ----------
@@ -231,8 +207,6 @@ class TactileModel:
             When the model has no answers for windows of that length.
         DatasetError
             When the values have another shape.
-        ModelFileError
-            When an answer is none of its labels.
         """
         rows = np.asarray(values, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] != len(self.spec.names):
@@ -241,23 +215,11 @@ class TactileModel:
                 f'the values have shape {rows.shape}; model {self.model_id} takes '
                 f'(windows, {len(self.spec.names)}){remedy}'
             )
-        rows = np.ascontiguousarray(rows)
-        if sample_count not in self._stages:
-            raise KeyError(sample_count)
+        predictor = self.predictors[sample_count]
         if not len(rows):
-            return Answers(
-                np.empty(0, dtype=np.int64), np.empty((0, len(self.labels))), np.empty(0)
-            )
-        feed = {SAMPLES: np.array(sample_count)} if self.partial_samples else {}
-        blocks = [
-            self._session.run(self._outputs, {INPUT: rows[i : i + self._rows], **feed})
-            for i in range(0, len(rows), self._rows)
-        ]
-        found = [np.concatenate(each) for each in zip(*blocks, strict=True)]
-        answer, scores, *novelty = found
-        if not 0 <= answer.min() <= answer.max() < len(self.labels):
-            raise ModelFileError(f'model {self.model_id} answers with a label that it lacks')
-        return Answers(answer[:, 0], scores, novelty[0][:, 0] if novelty else np.empty(0))
+            none = np.empty((0, len(self.labels)))
+            return Predictions(np.empty(0, dtype=np.intp), none, np.empty(0))
+        return predictor.compute(np.ascontiguousarray(rows))
 
     def classify(
         self, samples: npt.ArrayLike, rate_hz: float, *, speed_m_s: float = 0.0
@@ -363,10 +325,7 @@ class TactileModel:
     def _judge(self, values: npt.NDArray[np.float64], stage: Stage) -> _Judged:
         """Return the answer on the features of one window, shape (k,)."""
         threshold = stage.novelty_threshold
-        try:
-            found = self.compute(values[np.newaxis], stage.sample_count)
-        except ModelFileError as error:
-            return _Judged(Outcome.NO_FEATURES, reason=str(error))
+        found = self.compute(values[np.newaxis], stage.sample_count)
         scores = tuple(found.scores[0].tolist())
         novelty = float(found.novelty[0]) if len(found.novelty) else -1.0
         if not all(map(math.isfinite, (*scores, novelty))):
@@ -464,35 +423,6 @@ class TactileModel:
         rank, sessions = self._known_novelty[part]
         shares = sorted((1 + int((each >= novelty).sum())) / (1 + len(each)) for each in sessions)
         return shares[rank - 1]
-
-    def _check_graph(self) -> None:
-        """Try the graph once: its width, its outputs and their types."""
-        inputs = self._session.get_inputs()
-        self._outputs = [output.name for output in self._session.get_outputs()]
-        k, labels = len(self.spec.names), len(self.labels)
-        has_novelty = {stage.novelty_threshold >= 0.0 for stage in self.manifest.stages}
-        wanted = [ANSWER, SCORES, NOVELTY] if has_novelty == {True} else [ANSWER, SCORES]
-        sources = [INPUT, SAMPLES] if self.partial_samples else [INPUT]
-        if [i.name for i in inputs] != sources or self._outputs != wanted:
-            raise ModelFileError(
-                f'its graph does not lead from {", ".join(sources)} to {", ".join(wanted)}'
-            )
-        if inputs[0].type != 'tensor(double)' or inputs[0].shape[1:] != [k]:
-            raise ModelFileError(
-                f'its graph takes {inputs[0].type} of shape {inputs[0].shape}; '
-                f'the feature set has {k} features, as doubles'
-            )
-        for stage in self.manifest.stages:
-            try:
-                found = self.compute(np.zeros((1, k)), stage.sample_count)
-            except Exception as error:  # onnxruntime has many
-                raise ModelFileError(f'its graph does not run: {error}') from error
-            if found.scores.shape != (1, labels):
-                raise ModelFileError(
-                    f'its graph gives scores of shape {found.scores.shape}; it has {labels} labels'
-                )
-            if found.answer.dtype != np.int64 or not 0 <= found.answer[0] < labels:
-                raise ModelFileError('its graph gives answers that are none of its labels')
 
 
 def _read_known_novelty(manifest: Manifest) -> dict[int, _KnownNovelty] | None:

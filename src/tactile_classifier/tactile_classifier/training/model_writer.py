@@ -1,59 +1,58 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writing what was trained as one ONNX file."""
+"""Writing of what was trained as one model file, checked against scikit-learn."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
 import os
 from pathlib import Path
 import tempfile
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.model_file.graphs import (
-    add_answer,
-    add_neighbours,
-    add_novelty,
-    add_probabilities,
-    add_random_convolutions,
-    add_scaling,
-    add_svm,
-    Graph,
-    Shape,
+from tactile_classifier.estimators.classifiers import on_one_thread, RANDOM_STATE
+from tactile_classifier.estimators.random_convolutions import RandomConvolutionClassifier
+from tactile_classifier.model_file.model import TactileModel
+from tactile_classifier.model_file.prediction import (
+    Classifier,
+    Convolutions,
+    LinearMachine,
+    Neighbours,
+    Predictor,
+    RadialMachine,
+    Scaling,
+    Tree,
 )
-from tactile_classifier.model_file.manifest import format_card
-from tactile_classifier.model_file.model import (
-    ANSWER,
-    INPUT,
-    NOVELTY,
-    SAMPLES,
-    SCORES,
-    TactileModel,
-)
-from tactile_classifier.records import NO_ANSWER, ROCKET, UNKNOWN
+from tactile_classifier.model_file.storage import pack_model
+from tactile_classifier.records import NO_ANSWER, UNKNOWN
 from tactile_classifier.training.trainer import FittedStage, Trained
-from tactile_features.model_contract import MAX_MODEL_BYTES
-from tactile_features.onnx_container import pack_container
 
 if TYPE_CHECKING:
     from sklearn.pipeline import Pipeline
+    from sklearn.svm import SVC
 
+POINTS_NEAR_BORDERS = 1_000
+"""Points between training trials of different labels at which labels are compared."""
 
-TARGET_OPSET = {'': 18, 'ai.onnx.ml': 3}
-IR_VERSION = 8
-"""Versions of operators and file format that onnxruntime reads since 1.14."""
+BISECTIONS = 4
+"""Halvings of the way between two trials: a point is within 1/16 of it from the border."""
+
+ROUNDING = 1e-9
+"""Relative difference of deciding distances or decision values up to which a label may be another
+than scikit-learn's: the order of additions decides there."""
+
+Matrix = npt.NDArray[np.float64]
 
 
 def write_model(path: str | Path, trained: Trained) -> TactileModel:
-    """Convert, check and write a model; return it as loaded from the written bytes.
+    """Write a model whose labels are those of scikit-learn; return it as loaded from the bytes.
 
-    Everything is computed in doubles, but for trees, whose thresholds scikit-learn
-    too compares in single precision. The converted model must give the
-    estimator's label for every training trial and length of window, or it is not written.
+    Labels are compared at every training trial and at points near the borders between labels, for
+    each length of window.
 
     Parameters
     ----------
@@ -65,142 +64,125 @@ def write_model(path: str | Path, trained: Trained) -> TactileModel:
     Raises
     ------
     ModelFileError
-        When the conversion fails or changes a label, or the file cannot be written.
+        When a label differs that rounding does not explain, or the file cannot be written.
     """
     try:
-        try:
-            card = format_card(trained.manifest)
-            data = pack_container(_convert(trained), trained.manifest.to_dict(), card)
-        except ImportError as error:
-            raise ModelFileError(
-                f'writing a model needs skl2onnx ({error}): pip install skl2onnx'
-            ) from error
-        if len(data) > MAX_MODEL_BYTES:
-            raise ModelFileError(
-                f'it would have {len(data) / 2**20:.0f} MiB, the limit is '
-                f'{MAX_MODEL_BYTES >> 20} MiB: train it on fewer trials'
-            )
+        _check_names(trained)
+        predictors = {stage.sample_count: make_predictor(stage) for stage in trained.stages}
+        data = pack_model(trained.manifest, predictors)
         model = TactileModel(data, str(Path(path).absolute()))
+        for stage in trained.stages:
+            check_labels(model.predictors[stage.sample_count], stage.estimator, stage.values)
     except ModelFileError as error:
         raise ModelFileError(f'model {path} is not written: {error}') from error
-    for stage in trained.stages:
-        _check_answers(path, model, stage)
     replace_file(Path(path), data)
     return model
 
 
-def _check_answers(path: str | Path, model: TactileModel, stage: FittedStage) -> None:
-    if list(stage.estimator.classes_) != list(model.labels):
-        raise ModelFileError(
-            f"model {path} is not written: the labels of the manifest are not the estimator's"
-        )
-    taken = sorted({UNKNOWN, NO_ANSWER} & set(model.labels))
+def _check_names(trained: Trained) -> None:
+    labels = trained.manifest.labels
+    if any(list(stage.estimator.classes_) != list(labels) for stage in trained.stages):
+        raise ModelFileError("the labels of the manifest are not the estimator's")
+    taken = sorted({UNKNOWN, NO_ANSWER} & set(labels))
     if taken:
         raise ModelFileError(
-            f'model {path} is not written: the label "{taken[0]}" is the name of an answer '
-            'without a label; rename it'
-        )
-    answer = model.compute(stage.values, stage.sample_count).answer
-    found = np.array(model.labels)[answer]
-    changed = np.flatnonzero(found != stage.estimator.predict(stage.values))
-    if len(changed):
-        raise ModelFileError(
-            f'model {path} is not written: conversion to ONNX changes the label of '
-            f'{len(changed)} of {len(stage.values)} training trials, first of trial '
-            f'{changed[0]}; such trials lie on the border between classes: look for '
-            'duplicates with different labels, or choose another classifier'
+            f'the label "{taken[0]}" is the name of an answer without a label; rename it'
         )
 
 
-def _convert(trained: Trained) -> bytes:
-    from onnx import helper
+@on_one_thread
+def check_labels(predictor: Predictor, estimator: Pipeline, values: Matrix) -> None:
+    """Raise ModelFileError when a label is another than the estimator's.
 
-    manifest = trained.manifest
-    k, labels = len(manifest.spec.names), len(manifest.labels)
-    shapes: dict[str, Shape] = {ANSWER: (int, [None, 1]), SCORES: (float, [None, labels])}
-    if trained.stages[0].novelty is not None:
-        shapes[NOVELTY] = (float, [None, 1])
-    inputs: dict[str, Shape] = {INPUT: (float, [None, k])}
-    if len(trained.stages) > 1:
-        inputs[SAMPLES] = (int, [])
-    graph = Graph()
-    _add_stages(graph, trained.stages, manifest.classifier, shapes)
-    model = helper.make_model(
-        graph.to_proto(inputs, shapes),
-        opset_imports=[helper.make_opsetid(*item) for item in TARGET_OPSET.items()],
-        ir_version=IR_VERSION,
-        producer_name='tactile_classifier',
-    )
-    data: bytes = model.SerializeToString()
-    return data
-
-
-def _add_stages(
-    graph: Graph, stages: Sequence[FittedStage], classifier: str, shapes: Mapping[str, Shape]
-) -> None:
-    """Add what answers windows of several lengths, of which the input says which it is.
-
-    Halves, and halves of these, are branches: only one stage is computed.
+    Compared are the training trials, shape (trials, k), and points near the borders between them.
     """
-    names = [graph.name(name) for name in shapes]
-    if len(stages) == 1:
-        for found, name in zip(_add_stage(graph, stages[0], classifier), names, strict=True):
-            graph.add('Identity', found, output=name)
-        return
-    middle = len(stages) // 2
-    branches = {}
-    for side, half in (('then', stages[:middle]), ('else', stages[middle:])):
-        inner = Graph(graph.name(f'{side}_'))
-        _add_stages(inner, half, classifier, shapes)
-        outputs = {inner.name(name): shape for name, shape in shapes.items()}
-        branches[f'{side}_branch'] = inner.to_proto({}, outputs)
-    border = graph.constant(np.array(stages[middle].sample_count))
-    graph.add_many('If', [graph.add('Less', SAMPLES, border)], names, **branches)
+    near = _find_points_near_borders(predictor, values)
+    for rows, name in ((values, 'training trials'), (near, 'points near borders')):
+        answers = predictor.compute_raw_scores(rows).argmax(axis=1)
+        differs = estimator.classes_[answers] != estimator.predict(rows)
+        for i in np.flatnonzero(differs):
+            margin = predictor.classifier.find_margin(predictor.scale(rows[i]))
+            if margin > ROUNDING:
+                raise ModelFileError(
+                    f'{np.count_nonzero(differs)} of {len(rows)} {name} get another label than by '
+                    f'scikit-learn, number {i} with a margin of {margin:.1e}; please report this, '
+                    'and choose another classifier'
+                )
 
 
-def _add_stage(graph: Graph, stage: FittedStage, classifier: str) -> list[str]:
-    """Add one stage; return the names of answer, scores and novelty."""
-    if classifier == 'tree':
-        scores = graph.embed(_convert_tree(stage.estimator), INPUT)
-    else:
-        scaled = add_scaling(graph, stage.estimator, INPUT)
-        add: Callable[[Graph, Any, str], str] = {
-            'knn': add_neighbours,
-            ROCKET: add_random_convolutions,
-        }.get(classifier, add_svm)
-        scores = add(graph, stage.estimator.named_steps['classify'], scaled)
-    answer = add_answer(graph, scores)
-    if stage.calibration is not None:
-        labels = len(stage.estimator.classes_)
-        scores = add_probabilities(graph, scores, answer, labels, stage.calibration)
-    novelty = [] if stage.novelty is None else [add_novelty(graph, INPUT, stage.novelty)]
-    return [answer, scores, *novelty]
+def _find_points_near_borders(predictor: Predictor, values: Matrix) -> Matrix:
+    """Return points between training trials near which the label changes, shape (points, k)."""
+    rng = np.random.default_rng(RANDOM_STATE)
+    answers = predictor.compute_raw_scores(values).argmax(axis=1)
+    first, second = rng.integers(len(values), size=(2, 20 * POINTS_NEAR_BORDERS))
+    # Pairs of different answers come first, so that others only fill up.
+    order = np.argsort(answers[first] == answers[second], kind='stable')[:POINTS_NEAR_BORDERS]
+    low, high = values[first[order]], values[second[order]]
+    of_low = answers[first[order]]
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        answers = predictor.compute_raw_scores(middle).argmax(axis=1)
+        is_low = (answers == of_low)[:, np.newaxis]
+        low, high = np.where(is_low, middle, low), np.where(is_low, high, middle)
+    return np.asarray(low + rng.random((len(low), 1)) * (high - low))
 
 
-def _convert_tree(estimator: Pipeline) -> Any:
-    from skl2onnx import to_onnx
-    from skl2onnx.common.data_types import DoubleTensorType
-    from skl2onnx.helpers.onnx_helper import select_model_inputs_outputs
-    from skl2onnx.sklapi import CastTransformer
+def make_predictor(stage: FittedStage) -> Predictor:
+    """Return the arrays of what was fitted for one length of window."""
+    scaling = None
+    if 'scale' in stage.estimator.named_steps:
+        scaler = stage.estimator.named_steps['scale']
+        scaling = Scaling(scaler.mean_, scaler.scale_)
+    classifier = _take_classifier(stage.estimator[-1])
+    return Predictor(classifier, scaling, stage.calibration, stage.novelty)
 
-    steps: list[tuple[str, Any]] = list(estimator.steps)
-    # scikit-learn's trees compare in single precision, whatever they are given.
-    steps.insert(-1, ('cast', CastTransformer(dtype=np.float32).fit(np.zeros((1, 1)))))
-    pipeline = type(estimator)(steps)
-    try:
-        model = to_onnx(
-            pipeline,
-            initial_types=[(INPUT, DoubleTensorType([None, estimator.n_features_in_]))],
-            options={id(pipeline): {'zipmap': False}},
-            target_opset=TARGET_OPSET,
-        )
-        # Only the scores: the label is the largest, by one rule for all classifiers.
-        return select_model_inputs_outputs(model, 'probabilities')
-    except Exception as error:  # skl2onnx, onnx and protobuf each have their own
-        cause = error.__cause__ or error
-        raise ModelFileError(
-            f'skl2onnx cannot convert it ({cause}): pip install "skl2onnx>=1.20"'
-        ) from error
+
+def _take_classifier(estimator: Any) -> Classifier:
+    labels = len(estimator.classes_)
+    if isinstance(estimator, RandomConvolutionClassifier):
+        return _take_convolutions(estimator)
+    if hasattr(estimator, 'tree_'):
+        tree = estimator.tree_
+        arrays = tree.feature, tree.threshold, tree.children_left, tree.children_right
+        return Tree(*arrays, tree.value[:, 0])
+    if hasattr(estimator, 'n_neighbors'):
+        return Neighbours(estimator._fit_X, np.eye(labels)[estimator._y])  # noqa: SLF001
+    if estimator.kernel == 'linear':
+        return LinearMachine(estimator.coef_, estimator.intercept_)
+    weights = _take_pair_weights(estimator)
+    gamma = np.array(estimator._gamma)  # noqa: SLF001
+    return RadialMachine(estimator.support_vectors_, weights, estimator.intercept_, gamma)
+
+
+def _take_pair_weights(machine: SVC) -> Matrix:
+    """Return the weight of each support vector in each pair of labels, shape (pairs, vectors).
+
+    libsvm keeps, for each vector of one label, its weights against the others.
+    """
+    labels, dual = len(machine.classes_), machine.dual_coef_
+    if labels == 2:
+        return np.asarray(dual)
+    owner = np.repeat(np.arange(labels), machine.n_support_)
+    return np.stack(
+        [
+            np.where(owner == i, dual[j - 1], 0.0) + np.where(owner == j, dual[i], 0.0)
+            for i, j in zip(*np.triu_indices(labels, 1), strict=True)
+        ]
+    )
+
+
+def _take_convolutions(estimator: RandomConvolutionClassifier) -> Convolutions:
+    sets = estimator.convolutions_
+    return Convolutions(
+        references=estimator.references_,
+        dilations=sets[0].dilations,
+        counts=np.array([biases.shape[1] for biases in sets[0].biases]),
+        biases=np.stack([np.concatenate([b.ravel() for b in each.biases]) for each in sets]),
+        sources=np.stack([np.stack(each.sources) for each in sets]),
+        coefficients=estimator.coef_,
+        intercept=estimator.intercept_,
+        samples=np.array(sets[0].samples),
+    )
 
 
 def replace_file(path: Path, data: bytes) -> None:
@@ -214,7 +196,7 @@ def replace_file(path: Path, data: bytes) -> None:
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
-        os.chmod(temporary, 0o644)  # a temporary file is the owner's alone
+        os.chmod(temporary, 0o644)  # others may not read a temporary file
         os.replace(temporary, path)
     except OSError as error:
         if temporary is not None:

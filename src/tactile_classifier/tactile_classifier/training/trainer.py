@@ -18,14 +18,15 @@ import numpy as np
 import numpy.typing as npt
 from sklearn.pipeline import Pipeline
 
-from tactile_classifier.confidence.calibration import (
+from tactile_classifier.confidence.calibration import Calibration
+from tactile_classifier.confidence.fit_calibration import (
     calibrate_stage,
     CalibratedStage,
-    Calibration,
     leave_labels_out,
     make_group_folds,
 )
-from tactile_classifier.confidence.novelty import NoveltyMeasure, rank_of_sessions
+from tactile_classifier.confidence.fit_novelty import rank_of_sessions
+from tactile_classifier.confidence.novelty import NoveltyMeasure
 from tactile_classifier.datasets.dataset import FeatureTable, find_column
 from tactile_classifier.errors import DatasetError, TooFewTrialsError
 from tactile_classifier.estimators.classifiers import (
@@ -41,7 +42,7 @@ from tactile_classifier.model_file.manifest import FULL_WINDOW, Manifest, Stage,
 from tactile_classifier.records import PROBABILITY, ROCKET
 from tactile_classifier.training.feature_choice import Candidate, FeatureChoice
 
-LIBRARIES = ('numpy', 'scikit-learn', 'skl2onnx', 'onnx', 'onnxruntime')
+LIBRARIES = ('numpy', 'scikit-learn')
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -182,7 +183,10 @@ def train(
         stages=tuple(
             Stage(
                 sample_count=count,
+                metric=held_out.novelty.metric,
                 novelty_threshold=held_out.novelty_threshold,
+                slope=held_out.calibration.slope,
+                offset=held_out.calibration.offset,
                 stop_threshold=stop_threshold if count and stop_threshold else -1.0,
                 calibration_error_before=held_out.error_before,
                 calibration_error_after=held_out.error_after,

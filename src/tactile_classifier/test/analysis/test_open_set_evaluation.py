@@ -8,8 +8,8 @@ from classifier_tables import make_table
 import numpy as np
 import pytest
 
-from tactile_classifier.confidence import calibration
-from tactile_classifier.confidence.calibration import (
+from tactile_classifier.confidence import fit_calibration
+from tactile_classifier.confidence.fit_calibration import (
     compute_calibration_error,
     compute_uncalibrated,
     make_group_folds,
@@ -72,7 +72,7 @@ def test_label_that_is_always_held_out_alone_is_refused(three_features, monkeypa
     with pytest.raises(EvaluationError, match=r'"plate 0" is never held out together.*record'):
         evaluate_open_set(table, 'knn', false_alarm_rate=0.1)
     # Single trials held out leave nothing to ask for, in however few folds.
-    monkeypatch.setattr(calibration, 'MAX_FOLDS', 3)
+    monkeypatch.setattr(fit_calibration, 'MAX_FOLDS', 3)
     assert evaluate_open_set(table, 'knn', hold_out=(), false_alarm_rate=0.1).trials == 45
 
 

@@ -5,6 +5,7 @@
 
 from itertools import combinations
 from pathlib import Path
+import sys
 
 import numpy as np
 import pytest
@@ -12,14 +13,14 @@ import pytest
 from tactile_classifier.datasets.archive import LabelledTrials
 from tactile_classifier.datasets.dataset import table_from_trials
 from tactile_classifier.errors import DatasetError
+from tactile_classifier.estimators import convolutions as convolutions_module
 from tactile_classifier.estimators import random_convolutions
 from tactile_classifier.estimators.classifiers import build_estimator, compute_raw_scores
 from tactile_classifier.estimators.random_convolutions import (
+    fit_convolutions,
     RandomConvolutionClassifier,
-    RandomConvolutions,
 )
 from tactile_classifier.evaluation.cross_validation import evaluate, list_pairs
-from tactile_classifier.model_file.graphs import add_random_convolutions
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
@@ -68,7 +69,7 @@ def check_features(convolutions, signal, largest):
 def test_features_of_whole_numbers_are_those_of_the_definition(samples):
     rng = np.random.default_rng(samples)
     x = rng.integers(-9, 10, (6, 1, samples)).astype(np.float32)
-    convolutions = RandomConvolutions.fit(x[:5], 336, random_state=1)
+    convolutions = fit_convolutions(x[:5], 336, random_state=1)
     # Sums of whole numbers are exact in any order, so only ties with a bias are open.
     assert check_features(convolutions, x[5, 0], 0.0) == convolutions.feature_count
 
@@ -82,14 +83,14 @@ def test_features_under_an_offset_err_by_the_digits_of_single_precision_only(
 ):
     rng = np.random.default_rng(3)
     x = (offset + change * rng.normal(size=(6, 1, 40)).cumsum(axis=2)).astype(np.float32)
-    convolutions = RandomConvolutions.fit(x[:5], 336, random_state=2)
+    convolutions = fit_convolutions(x[:5], 336, random_state=2)
     exact = check_features(convolutions, x[5, 0], float(np.abs(x).max()))
     assert exact >= decided * convolutions.feature_count
 
 
 def test_a_constant_signal_has_features_of_its_ends_only():
     x = np.full((4, 1, 50), 3.0) + np.arange(4)[:, None, None]
-    convolutions = RandomConvolutions.fit(x, 336)
+    convolutions = fit_convolutions(x, 336)
     values = convolutions.transform(x)
     # The biases inside are 0, which 0 does not exceed: what is left comes from the ends.
     assert len(np.unique(values, axis=0)) == 4
@@ -101,7 +102,7 @@ def test_a_constant_signal_has_features_of_its_ends_only():
 
 def test_a_signal_gives_the_same_bits_alone_and_again_and_others_with_another_seed():
     x = np.random.default_rng(5).normal(size=(40, 3, 100)) * 100
-    first, again, other = (RandomConvolutions.fit(x, 840, random_state=s) for s in (0, 0, 2))
+    first, again, other = (fit_convolutions(x, 840, random_state=s) for s in (0, 0, 2))
     alone = np.concatenate([again.transform(row[None]) for row in x])
     assert first.transform(x).tobytes() == alone.tobytes()
     assert not np.array_equal(join(first.biases), join(other.biases))
@@ -120,8 +121,8 @@ def test_a_signal_gives_the_same_bits_alone_and_again_and_others_with_another_se
 )
 def test_signals_that_cannot_be_convolved_are_refused(signals, sentence):
     with pytest.raises(DatasetError, match=sentence):
-        RandomConvolutions.fit(signals)
-    convolutions = RandomConvolutions.fit(np.zeros((3, 2, 20)), 84)
+        fit_convolutions(signals)
+    convolutions = fit_convolutions(np.zeros((3, 2, 20)), 84)
     with pytest.raises(DatasetError, match='1 channels of 20 samples'):
         convolutions.transform(np.zeros((3, 1, 20)))
 
@@ -132,7 +133,7 @@ def test_biases_and_features_are_those_that_aeon_gave(case):
         x, biases, values = (
             stored[f'{case}_{name}'] for name in ('signals', 'biases', 'features')
         )
-    convolutions = RandomConvolutions.fit(x[:5], CASES[case], random_state=7)
+    convolutions = fit_convolutions(x[:5], CASES[case], random_state=7)
     np.testing.assert_array_equal(join(convolutions.biases), biases)
     np.testing.assert_allclose(convolutions.transform(x[5:]), values, rtol=0, atol=1e-6)
 
@@ -168,30 +169,32 @@ def waveform_table(**arguments):
     ('channels', 'samples', 'classes', 'offset'),
     [(1, 60, 3, 5.0), (1, 61, 2, 1e4), (4, 33, 3, 5.0), (12, 20, 2, 0.0), (1, 9, 3, 0.0)],
 )
-def test_the_graph_counts_as_the_features_do(
-    few_features, run_graph, channels, samples, classes, offset
+def test_without_numba_every_bit_is_the_same(
+    few_features, monkeypatch, channels, samples, classes, offset
 ):
     trials = make_trials(channels, samples, classes, offset=offset)
     values = trials.x.reshape(len(trials), -1)
-    model = RandomConvolutionClassifier(channels).fit(values[::2], trials.label[::2])
-    # One other count would change a score by a weight over the samples: some 0.01.
-    model.coef_ = np.random.default_rng(1).normal(size=model.coef_.shape)
-    scores = run_graph(
-        lambda graph, x: add_random_convolutions(graph, model, x), values[1::2], classes
-    )
-    expected = model.decision_function(values[1::2])
-    if classes == 2:
-        expected = np.stack([-expected, expected], axis=1)
-    np.testing.assert_allclose(scores, expected, atol=1e-9, rtol=0)
+    compiled = RandomConvolutionClassifier(channels).fit(values[::2], trials.label[::2])
+    expected = compiled.decision_function(values[1::2])
+    assert convolutions_module.load_loops(16) is not convolutions_module
+    with monkeypatch.context() as patch:
+        patch.setitem(sys.modules, 'numba', None)
+        patch.delitem(sys.modules, 'tactile_classifier.estimators.compiled_convolutions')
+        # An attribute of the package would be found in place of the module.
+        patch.delattr('tactile_classifier.estimators.compiled_convolutions')
+        assert convolutions_module.load_loops(16) is convolutions_module
+        plain = RandomConvolutionClassifier(channels).fit(values[::2], trials.label[::2])
+        np.testing.assert_array_equal(plain.decision_function(values[1::2]), expected)
+    for one, other in zip(plain.convolutions_, compiled.convolutions_, strict=True):
+        np.testing.assert_array_equal(join(one.biases), join(other.biases))
 
 
 @pytest.mark.parametrize(('channels', 'classes'), [(1, 2), (3, 3)])
 def test_the_model_file_answers_as_the_estimator(few_features, channels, classes, tmp_path):
-    pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
     table = waveform_table(channels=channels, classes=classes)
     assert table.channels == channels
     trained = train(table, 'rocket')
-    model = write_model(tmp_path / 'm.onnx', trained)
+    model = write_model(tmp_path / 'm.npz', trained)
     assert (model.manifest.classifier, model.manifest.scaling) == ('rocket', 'none')
     others = make_trials(channels, classes=classes, seed=1).x.reshape(len(table), -1)
     found, (part,) = model.compute(others), trained.stages

@@ -55,5 +55,5 @@ def test_messages_that_cannot_be_are_refused():
 
 def test_facts_of_models_come_back_as_they_were(model_path):
     models = ModelSet.load(model_path)
-    infos = ModelInfos(models.infos, ('model /m.onnx is refused: it is empty',), 10**18 + 1)
+    infos = ModelInfos(models.infos, ('model /m.npz is refused: it is empty',), 10**18 + 1)
     assert model_infos_from_msg(model_infos_to_msg(infos)) == infos

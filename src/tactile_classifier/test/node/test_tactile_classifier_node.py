@@ -97,7 +97,7 @@ def test_only_an_active_node_answers_and_it_can_be_configured_again(make_finger,
     ('changes', 'sentence'),
     [
         ({'models': ''}, 'the parameter models is empty'),
-        ({'models': '/nowhere/m.onnx'}, 'cannot read model /nowhere/m.onnx'),
+        ({'models': '/nowhere/m.npz'}, 'cannot read model /nowhere/m.npz'),
         ({'contact': 'abduction'}, 'are for flexion, the parameter contact is abduction'),
         pytest.param(
             {'vision_messages': True},
@@ -192,7 +192,6 @@ SPECS = {
 @pytest.fixture(scope='module')
 def folder(tmp_path_factory):
     """Return a folder of models with different features."""
-    pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
     folder = tmp_path_factory.mktemp('models')
     labels, scale = np.repeat(['pla', 'wood', 'felt'], 8), np.repeat([1.0, 1.5, 2.0], 8)[:, None]
     columns = {'contact': np.full(24, 'flexion'), 'session_id': np.arange(24) % 3}
@@ -201,7 +200,7 @@ def folder(tmp_path_factory):
         table = FeatureTable(scale * np.abs(values), labels, spec, columns)
         parts = {60: dataclasses.replace(table, values=1.1 * table.values)}
         trained = train(table, 'knn', partial=parts if name == 'full' else {})
-        write_model(folder / f'{name}.onnx', trained)
+        write_model(folder / f'{name}.npz', trained)
     return folder
 
 
@@ -224,7 +223,7 @@ def test_each_model_answers_with_the_bits_that_it_gives_alone(make_finger, make_
     ]
     trials = make_trials(lost=150)
     finger.play(*trials)
-    alone = {name: answer_alone(folder / f'{name}.onnx', *trials) for name in SPECS}
+    alone = {name: answer_alone(folder / f'{name}.npz', *trials) for name in SPECS}
     part = [answer for answer in alone['full'] if answer.partial]
     whole = {name: [a for a in answers if not a.partial] for name, answers in alone.items()}
     assert [len(answers) for answers in (*whole.values(), part)] == [2, 2, 2, 1, 2]
@@ -240,8 +239,8 @@ def test_each_model_answers_with_the_bits_that_it_gives_alone(make_finger, make_
 
 
 def test_its_models_are_announced_and_a_broken_file_is_named(make_finger, folder, tmp_path, capfd):
-    shutil.copy(folder / 'full.onnx', tmp_path / 'any name.onnx')
-    (tmp_path / 'broken.onnx').write_bytes(b'hello')
+    shutil.copy(folder / 'full.npz', tmp_path / 'any name.npz')
+    (tmp_path / 'broken.npz').write_bytes(b'hello')
     finger = make_finger({'models': str(tmp_path)}, models=str(tmp_path))
     finger.bring_up()
     infos = []
@@ -249,9 +248,9 @@ def test_its_models_are_announced_and_a_broken_file_is_named(make_finger, folder
     finger.spin_until(lambda: infos and finger.diagnostics)
     found = model_infos_from_msg(infos[-1])
     assert found.models == finger.answering.models.infos
-    assert found.models[0].path == str(tmp_path / 'any name.onnx')
+    assert found.models[0].path == str(tmp_path / 'any name.npz')
     (refused,) = found.refused
-    assert f'model {tmp_path / "broken.onnx"} is refused' in refused
+    assert f'model {tmp_path / "broken.npz"} is refused' in refused
     assert refused in capfd.readouterr().err
     status = finger.diagnostics[-1]
     assert status.level == DiagnosticStatus.WARN

@@ -8,8 +8,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
-
 from tactile_classifier.errors import DatasetError, ModelFileError
 from tactile_classifier.estimators.classifiers import compute_raw_scores
 from tactile_classifier.model_file.manifest import Manifest
@@ -45,7 +43,7 @@ def test_classification_repeats_the_window_and_names_the_model(model, make_windo
 
 def test_simulated_comes_from_the_window_too(make_window, small_table, tmp_path):
     table = dataclasses.replace(small_table, columns={})
-    model = write_model(tmp_path / 'm.onnx', train(table, 'tree'))
+    model = write_model(tmp_path / 'm.npz', train(table, 'tree'))
     assert not model.classify_window(make_window()).simulated
     assert model.classify_window(make_window(simulated=True)).simulated
 
@@ -88,7 +86,7 @@ def test_ready_cut_windows_take_their_specification_from_whoever_asks(
     small_table, make_window, tmp_path
 ):
     table = dataclasses.replace(small_table, spec=array_spec('texture', 180, 60.0))
-    model = write_model(tmp_path / 'm.onnx', train(table, 'tree'))
+    model = write_model(tmp_path / 'm.npz', train(table, 'tree'))
     assert model.spec.missing_parameters == ('texture_crop_start_s', 'max_gap_samples')
     assert model.format_mismatch(make_window(specification_digest='')) == ''
     later = spec_for('texture', FeatureConfig(texture_crop_start_s=0.9))
@@ -116,7 +114,7 @@ def test_accepts_and_fits_its_own_features_alone(model, make_window):
 
 @pytest.mark.parametrize('classifier', ['knn', 'svm_rbf', 'tree'])
 def test_answers_on_many_windows_are_those_on_each(small_table, make_window, tmp_path, classifier):
-    model = write_model(tmp_path / 'm.onnx', train(small_table, classifier))
+    model = write_model(tmp_path / 'm.npz', train(small_table, classifier))
     generator = np.random.default_rng(2)
     values = small_table.values * generator.uniform(0.2, 5.0, (len(small_table), 1))
     outcomes = {Outcome.UNKNOWN: UNKNOWN, Outcome.NO_FEATURES: NO_ANSWER}
@@ -135,11 +133,11 @@ def test_a_model_tells_its_training_trials_from_others_like_them(
     texture_table, stiffness_table, tmp_path
 ):
     keep = np.arange(len(texture_table)) % 4 == 0
-    model = write_model(tmp_path / 'm.onnx', train(texture_table.take(keep), 'knn'))
+    model = write_model(tmp_path / 'm.npz', train(texture_table.take(keep), 'knn'))
     np.testing.assert_array_equal(find_training_trials(model, texture_table.values), keep)
     # Without novelty it does not tell.
     few = stiffness_table.take(np.arange(36) % 4 == 0)
-    model = write_model(tmp_path / 'm.onnx', train(few, 'knn'))
+    model = write_model(tmp_path / 'm.npz', train(few, 'knn'))
     assert 'reason' in model.manifest.calibration
     assert find_training_trials(model, few.values) is None
     assert set(model.predict(few.values)) <= set(few.labels)
@@ -151,7 +149,7 @@ def test_too_few_trials_give_raw_scores_and_the_reason(stiffness_table, tmp_path
     assert trained.manifest.calibration == {
         'reason': '18 trials cannot bound false rejection at 0.05; 19 are needed'
     }
-    model = write_model(tmp_path / 'm.onnx', trained)
+    model = write_model(tmp_path / 'm.npz', trained)
     found = model.compute(table.values)
     expected = compute_raw_scores(trained.estimator, table.values)
     np.testing.assert_allclose(found.scores, expected, atol=1e-12)
@@ -173,7 +171,7 @@ def test_every_part_answers_as_scikit_learn_does(
 ):
     table, partial = partial_tables
     trained = train(table, classifier, partial=partial)
-    model = write_model(tmp_path / 'm.onnx', trained)
+    model = write_model(tmp_path / 'm.npz', trained)
     assert model.partial_samples == (60, 120)
     for part, stage in zip(trained.stages, model.manifest.stages, strict=True):
         rows = (0.6 * part.values + 0.4 * part.values[::-1])[:100]
@@ -207,7 +205,7 @@ def test_every_part_answers_as_scikit_learn_does(
 
 def test_partial_windows_change_nothing_for_whole_ones(partial_model, partial_tables, tmp_path):
     table, _ = partial_tables
-    alone = write_model(tmp_path / 'm.onnx', train(table, 'knn'))
+    alone = write_model(tmp_path / 'm.npz', train(table, 'knn'))
     whole = partial_model.compute(table.values)
     for one, two in zip(alone.compute(table.values), whole, strict=True):
         np.testing.assert_array_equal(one, two)

@@ -12,16 +12,17 @@ import numpy as np
 import pytest
 from sklearn.metrics import roc_auc_score
 
-from tactile_classifier.confidence.calibration import (
+from tactile_classifier.confidence.calibration import Calibration
+from tactile_classifier.confidence.fit_calibration import (
     calibrate_stage,
-    Calibration,
     compute_calibration_error,
+    fit_calibration,
     hold_out_novelty,
     hold_out_scores,
     leave_labels_out,
     make_group_folds,
 )
-from tactile_classifier.confidence.novelty import compute_threshold, NoveltyMeasure
+from tactile_classifier.confidence.fit_novelty import compute_threshold, fit_measure
 from tactile_classifier.errors import DatasetError
 from tactile_classifier.estimators.classifiers import build_estimator, compute_raw_scores
 
@@ -35,7 +36,7 @@ def draw(probabilities, seed):
 def test_fit_finds_the_map_that_the_labels_were_drawn_with():
     scores = np.random.default_rng(1).normal(size=(10_000, 4))
     true_map = Calibration(1.7, 0.6)
-    found = Calibration.fit(scores, draw(true_map.compute(scores), 2))
+    found = fit_calibration(scores, draw(true_map.compute(scores), 2))
     assert found.slope == pytest.approx(1.7, rel=0.1)
     assert found.offset == pytest.approx(0.6, abs=0.1)
     fresh = np.random.default_rng(3).normal(size=(10_000, 4))
@@ -193,7 +194,7 @@ def test_unlearned_labels_are_those_of_models_without_them(texture_table):
         threshold = compute_threshold(novelty, 0.1, folds.session[known])
         for i in np.unique(folds.fold):
             inside, part = others.take(fold != i), table.take(folds.fold == i)
-            measure = NoveltyMeasure.fit(inside.values, inside.labels, fold[fold != i], 'plain')
+            measure = fit_measure(inside.values, inside.labels, fold[fold != i], 'plain')
             novelty, is_new = measure.compute(part.values), part.labels == label
             missed.append(np.mean(novelty[is_new] <= threshold))
             areas.append(roc_auc_score(is_new, novelty))

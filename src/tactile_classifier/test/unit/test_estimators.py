@@ -12,14 +12,15 @@ from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
+from tactile_classifier.errors import TooFewTrialsError
 from tactile_classifier.estimators import classifiers
 from tactile_classifier.estimators.classifiers import (
     build_estimator,
     default_scaling,
     warn_of_labels_never_given,
 )
-from tactile_classifier.estimators.neighbours import NearestNeighbours
-from tactile_classifier.model_file.graphs import add_neighbours, add_scaling
+from tactile_classifier.training.model_writer import check_labels, make_predictor
+from tactile_classifier.training.trainer import FittedStage
 
 
 @pytest.mark.parametrize('scaling', ['standard', 'none'])
@@ -55,70 +56,40 @@ def trials_and_midpoints(draw):
     return values, np.array(labels), (values[first] + values[second]) / 2
 
 
-def predict_by_hand(values, labels, asked):
-    """Return the labels by the rule as it stands in the docstrings, term by term."""
-    answers = []
-    for row in asked.tolist():
-        squares = []
-        for trial in values.tolist():
-            terms = [(a - b) * (a - b) for a, b in zip(trial, row, strict=True)]
-            while len(terms) > 1:
-                half = max(2**i for i in range(8) if 2**i < len(terms))
-                head, tail = terms[:half], terms[half:] + [0.0] * half
-                terms = [a + b for a, b in zip(head, tail, strict=False)]
-            squares.append(terms[0])
-        order = sorted(range(len(values)), key=lambda i: (squares[i], i))
-        said = [labels[i] for i in order[:3]]
-        answers.append(max(sorted(set(said)), key=said.count))
-    return answers
-
-
-def check_graph(run_graph, estimator, asked):
-    """Compare the operators that a model file holds with the estimator, bit for bit."""
-
-    def add(graph, x):
-        neighbours = estimator.named_steps['classify']
-        return add_neighbours(graph, neighbours, add_scaling(graph, estimator, x))
-
-    votes = run_graph(add, asked, len(estimator.classes_))
-    np.testing.assert_array_equal(votes, estimator.predict_proba(asked))
+def convert(estimator, values):
+    return make_predictor(FittedStage(0, estimator, values, None, None))
 
 
 @settings(max_examples=50, deadline=None)
 @given(st.sampled_from(['standard', 'none']), trials_and_midpoints())
-def test_training_and_file_agree_at_midpoints_and_duplicates(run_graph, scaling, case):
+def test_neighbours_differ_from_scikit_learn_where_distances_are_equal_alone(scaling, case):
     values, labels, asked = case
     estimator = build_estimator('knn', scaling).fit(values, labels)
-    check_graph(run_graph, estimator, asked)
-    scaler = estimator.named_steps.get('scale')
-    known, rows = (v if scaler is None else scaler.transform(v) for v in (values, asked))
-    assert predict_by_hand(known, labels, rows) == estimator.predict(asked).tolist()
+    predictor = convert(estimator, values)
+    answers = estimator.classes_[predictor.compute_raw_scores(asked).argmax(axis=1)]
+    for i in np.flatnonzero(answers != estimator.predict(asked)):
+        squares = np.sort(predictor.classifier.compute_squares(predictor.scale(asked[i])))
+        np.testing.assert_allclose(squares[2], squares[3], rtol=1e-13)
 
 
+@pytest.mark.parametrize('classifier', ['knn', 'svm_linear', 'svm_rbf', 'tree'])
 @pytest.mark.parametrize('scaling', ['standard', 'none'])
-def test_file_agrees_at_all_midpoints_of_91_features(run_graph, small_table, scaling):
-    twice = np.r_[np.arange(36), np.arange(5)]
-    values, labels = small_table.values[twice], small_table.labels[twice]
-    estimator = build_estimator('knn', scaling).fit(values, labels)
+@pytest.mark.parametrize('labels', [2, 3])
+def test_labels_at_all_midpoints_of_91_features_are_those_of_scikit_learn(
+    small_table, classifier, scaling, labels
+):
+    table = small_table.take(small_table.labels < f'plate {labels}')
+    twice = np.r_[np.arange(len(table)), np.arange(5)]
+    values, names = table.values[twice], table.labels[twice]
+    estimator = build_estimator(classifier, scaling).fit(values, names)
     first, second = np.triu_indices(len(values))
-    check_graph(run_graph, estimator, (values[first] + values[second]) / 2)
+    predictor = convert(estimator, values)
+    check_labels(predictor, estimator, (values[first] + values[second]) / 2)
 
 
-@pytest.mark.parametrize(
-    ('values', 'labels', 'answer'),
-    [
-        ([1.0, -2.0, 3.0], 'cba', 'a'),  # of equal votes the first label
-        ([0.1, 1.0, 1.1, 9.0], 'abba', 'b'),
-        ([1.0] * 5, 'babaa', 'b'),  # of duplicates the earlier trials
-        ([9e200, -9e200, 8e200, 7e200], 'aabb', 'a'),  # distances that overflow are equal
-    ],
-)
-def test_ties_go_to_the_earlier_trial_and_the_first_label(values, labels, answer):
-    knn = NearestNeighbours().fit(np.array(values)[:, None], list(labels))
-    with np.errstate(over='ignore'):
-        assert knn.predict([[0.0]]) == [answer]
-    with pytest.raises(ValueError, match='3 neighbours are asked of 2 training trials'):
-        knn.fit([[0.0], [1.0]], ['a', 'b'])
+def test_fewer_trials_than_neighbours_are_refused():
+    with pytest.raises(TooFewTrialsError, match='3 neighbours are asked of 2 training trials'):
+        build_estimator('knn', 'none').fit([[0.0], [1.0]], ['a', 'b'])
 
 
 def test_unknown_names_are_refused():

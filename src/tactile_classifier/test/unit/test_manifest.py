@@ -27,13 +27,13 @@ from tactile_classifier.model_file.manifest import (
     Stage,
     TrainingTrials,
 )
-from tactile_classifier.model_file.model import load_model, read_model_card
+from tactile_classifier.model_file.model import load_model
+from tactile_classifier.model_file.storage import MAX_CARD_BYTES
 from tactile_classifier.records import CLASSIFIER_TITLES
 from tactile_classifier.training.feature_choice import ChoicePlan
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import describe_training, train
 from tactile_features.config import FeatureConfig
-from tactile_features.onnx_container import MAX_CARD_BYTES
 from tactile_features.spec import spec_for
 
 GOOD = Manifest(
@@ -50,7 +50,7 @@ GOOD = Manifest(
     versions={'numpy': '2.2.6'},
     cross_validation={'mean': 0.9, 'spread': 0.01, 'spread_of': 'folds', 'split': 'random'},
     created='2026-01-02T03:04:05+00:00',
-    stages=(Stage(0, 1.5, -1.0, 0.1, 0.05, 0.9),),
+    stages=(Stage(0, 'plain', 1.5, 2.0, 0.0, -1.0, 0.1, 0.05, 0.9),),
     calibration={'split': 'one session held out', 'groups': 3, 'session_share': 0.75},
 )
 
@@ -62,7 +62,6 @@ TRAINING = dataclasses.asdict(TrainingTrials(2, 1, 1, 0.02, 0.02, 120))
 def test_round_trip():
     assert Manifest.from_dict(GOOD.to_dict()) == GOOD
     assert Manifest.from_dict(changed()) == GOOD
-    assert Manifest.from_dict(changed(format_version=6)) == GOOD
 
 
 def changed(**changes):
@@ -72,7 +71,7 @@ def changed(**changes):
 @pytest.mark.parametrize(
     ('changes', 'message'),
     [
-        ({'format_version': 5}, 'format version 5, this software reads 6 and 7: train'),
+        ({'format_version': 5}, 'format version 5, this software reads 8: train'),
         ({'specification_digest': 'ab' * 8}, 'not that of its feature specification'),
         ({'specification_digest': 7}, 'no valid entry "specification_digest"'),
         ({'format_version': None}, 'format version None'),
@@ -257,7 +256,7 @@ def test_the_card_says_what_was_chosen_and_what_unlearned_labels_do(texture_tabl
 
 def test_files_hold_the_card_of_their_manifest(model_path):
     manifest = load_model(model_path).manifest
-    card = read_model_card(model_path)
+    card = load_model(model_path).card
     assert card == format_card(manifest)
     assert '- answers: texture, flexion: plate 0, plate 1, plate 2\n' in card
     assert '3 sessions were held out in turn.' in list_limits(manifest)[1]
@@ -266,7 +265,7 @@ def test_files_hold_the_card_of_their_manifest(model_path):
 def test_the_card_of_many_long_and_strange_labels_stays_short_plain_text(small_table, tmp_path):
     labels = [f'{i:03d}\x1b[2J\u202e{"x" * 900}' for i in range(18)]
     table = dataclasses.replace(small_table, labels=np.resize(labels, 36))
-    write_model(tmp_path / 'm.onnx', train(table, 'tree'))
-    card = read_model_card(tmp_path / 'm.onnx')
+    write_model(tmp_path / 'm.npz', train(table, 'tree'))
+    card = load_model(tmp_path / 'm.npz').card
     assert card.replace('\n', '').isprintable()
     assert len(card.encode()) < MAX_CARD_BYTES / 4

@@ -9,8 +9,6 @@ import shutil
 import numpy as np
 import pytest
 
-pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
-
 import tactile_classifier
 from tactile_classifier.answering import Answering, ModelSet
 from tactile_classifier.errors import ModelFileError
@@ -40,11 +38,11 @@ def table_of(table, spec, contact='flexion'):
 def folder(small_table, stiffness_table, model_path, partial_path, tmp_path_factory):
     """Return a folder of models; the names of the files say nothing."""
     folder = tmp_path_factory.mktemp('models')
-    shutil.copy(model_path, folder / 'a.onnx')
-    write_model(folder / 'b.onnx', train(table_of(small_table, SHORT), 'knn'))
-    write_model(folder / 'c.onnx', train(stiffness_table, 'tree'))
-    shutil.copy(partial_path, folder / 'd.onnx')
-    write_model(folder / 'e.onnx', train(table_of(small_table, LATER, 'abduction'), 'tree'))
+    shutil.copy(model_path, folder / 'a.npz')
+    write_model(folder / 'b.npz', train(table_of(small_table, SHORT), 'knn'))
+    write_model(folder / 'c.npz', train(stiffness_table, 'tree'))
+    shutil.copy(partial_path, folder / 'd.npz')
+    write_model(folder / 'e.npz', train(table_of(small_table, LATER, 'abduction'), 'tree'))
     (folder / 'x.txt').write_text('no model')
     return folder
 
@@ -67,7 +65,7 @@ def window_of(make_window):
 
 def test_a_folder_is_read_whatever_its_files_are_called(folder):
     models = ModelSet.load(folder)
-    alone = [load_model(folder / f'{name}.onnx') for name in 'abcde']
+    alone = [load_model(folder / f'{name}.npz') for name in 'abcde']
     assert [m.model_id for m in models.models] == [model.model_id for model in alone]
     assert (models.refused, models.partial_samples) == ((), (60, 120))
     assert [info.path for info in models.infos] == [model.path for model in alone]
@@ -86,7 +84,7 @@ def test_a_folder_is_read_whatever_its_files_are_called(folder):
 
 def test_each_model_answers_its_windows_as_if_alone(folder, window_of):
     models = ModelSet.load(folder, 'flexion')
-    alone = {name: load_model(folder / f'{name}.onnx') for name in 'abcd'}
+    alone = {name: load_model(folder / f'{name}.npz') for name in 'abcd'}
     models.set_specifications([FULL, SHORT, LATER])
     for window, names in (
         *((window_of(FULL, trial), 'ad') for trial in range(3)),
@@ -109,11 +107,11 @@ def test_windows_of_another_contact_are_left_out(folder, window_of):
     assert [m.contact for m in models.models] == ['flexion', 'flexion', '', 'flexion']
     assert models.classify(window_of(FULL, contact='abduction')) == []
     with pytest.raises(ModelFileError, match='are for flexion, the parameter contact is abduc'):
-        ModelSet.load(folder / 'a.onnx', 'abduction')
+        ModelSet.load(folder / 'a.npz', 'abduction')
 
 
 def test_a_window_that_fits_no_model_is_answered_with_the_reason(folder, window_of):
-    models = ModelSet.load(folder / 'a.onnx')
+    models = ModelSet.load(folder / 'a.npz')
     (answer,) = models.classify(window_of(GAPS))
     assert (answer.outcome, answer.label) == (Outcome.NO_FEATURES, '')
     assert 'another specification' in answer.reason
@@ -121,7 +119,7 @@ def test_a_window_that_fits_no_model_is_answered_with_the_reason(folder, window_
     (answer,) = models.classify(window_of(GAPS))
     assert 'max_gap_samples) differs: 0.0 here, 3 there' in answer.reason
     (sentence,) = models.unfed
-    assert f'give its parameter models {folder / "a.onnx"}' in sentence
+    assert f'give its parameter models {folder / "a.npz"}' in sentence
     # The windows of its own are announced: those of another specification are for others.
     models.set_specifications([GAPS, FULL])
     assert models.classify(window_of(GAPS)) == []
@@ -130,13 +128,13 @@ def test_a_window_that_fits_no_model_is_answered_with_the_reason(folder, window_
 
 def test_a_file_that_cannot_be_used_is_named_and_the_others_answer(folder, window_of, tmp_path):
     for name, copy in (('a', 'a'), ('b', 'b'), ('a', 'z')):
-        shutil.copy(folder / f'{name}.onnx', tmp_path / f'{copy}.onnx')
-    (tmp_path / 'broken.onnx').write_bytes(b'hello')
+        shutil.copy(folder / f'{name}.npz', tmp_path / f'{copy}.npz')
+    (tmp_path / 'broken.npz').write_bytes(b'hello')
     models = ModelSet.load(tmp_path)
     assert len(models.models) == 2
     broken, same = models.refused
-    assert f'{tmp_path / "broken.onnx"} is refused: it is not an ONNX file' in broken
-    assert f'{tmp_path / "z.onnx"} is the same as' in same
+    assert f'{tmp_path / "broken.npz"} is refused: it is no .npz file' in broken
+    assert f'{tmp_path / "z.npz"} is the same as' in same
     assert len(models.classify(window_of(SHORT))) == 1
 
 
@@ -144,10 +142,10 @@ def test_a_file_that_cannot_be_used_is_named_and_the_others_answer(folder, windo
 def test_without_a_usable_model_the_sentence_names_the_folder(tmp_path, read):
     for content, sentence in (
         (None, 'no model files'),
-        (b'hello', 'is refused: it is not an ONNX file'),
+        (b'hello', 'is refused: it is no .npz file'),
     ):
         if content:
-            (tmp_path / 'm.onnx').write_bytes(content)
+            (tmp_path / 'm.npz').write_bytes(content)
         with pytest.raises(ModelFileError, match=sentence) as caught:
             read(tmp_path)
         assert str(tmp_path) in str(caught.value)

@@ -9,17 +9,16 @@ from scipy.spatial.distance import mahalanobis
 from sklearn.covariance import LedoitWolf
 from sklearn.metrics import roc_auc_score
 
-from tactile_classifier.confidence.novelty import (
+from tactile_classifier.confidence.fit_novelty import (
     choose_metric,
     compute_auroc,
     compute_threshold,
-    METRICS,
-    NoveltyMeasure,
+    fit_measure,
     rank_of_sessions,
     Spaces,
     trials_needed,
 )
-from tactile_classifier.model_file.graphs import add_novelty
+from tactile_classifier.confidence.novelty import METRICS
 
 
 def clouds(seed, each=40, width=4, apart=30.0):
@@ -34,26 +33,26 @@ def test_units_and_offsets_of_features_do_not_count(metric):
     values, labels, fold = clouds(1)
     other = clouds(2)[0]
     scale, offset = np.array([1e-6, 1.0, 1e3, 1e9]), np.array([1e6, -5.0, 0.0, 1e9])
-    one = NoveltyMeasure.fit(values, labels, fold, metric).compute(other)
-    two = NoveltyMeasure.fit(values * scale, labels, fold, metric).compute(other * scale)
+    one = fit_measure(values, labels, fold, metric).compute(other)
+    two = fit_measure(values * scale, labels, fold, metric).compute(other * scale)
     np.testing.assert_allclose(one, two, rtol=1e-6)
-    two = NoveltyMeasure.fit(values + offset, labels, fold, metric).compute(other + offset)
+    two = fit_measure(values + offset, labels, fold, metric).compute(other + offset)
     np.testing.assert_allclose(one, two, rtol=1e-5)  # 1e9 leaves seven digits of the last
 
 
 def test_feature_without_spread_does_not_count():
     values, labels, fold = clouds(1)
     values[:, 1] = 7.25
-    measure = NoveltyMeasure.fit(values, labels, fold)
+    measure = fit_measure(values, labels, fold)
     moved = values + np.array([0.0, 5.0, 0.0, 0.0])
     np.testing.assert_array_equal(measure.compute(moved), measure.compute(values))
 
 
 def test_equal_trials_and_a_window_in_the_middle_of_all_have_a_finite_novelty():
     values = np.repeat([[1.0, 2.0], [3.0, 4.0]], 3, axis=0)
-    measure = NoveltyMeasure.fit(values, np.repeat(['a', 'b'], 3), np.arange(6))
+    measure = fit_measure(values, np.repeat(['a', 'b'], 3), np.arange(6))
     assert np.isfinite(measure.compute(np.array([[5.0, 6.0]]))).all()
-    measure = NoveltyMeasure.fit(*clouds(1))
+    measure = fit_measure(*clouds(1))
     assert np.isfinite(measure.compute(measure.centre[np.newaxis])).all()
 
 
@@ -110,7 +109,7 @@ def test_novelty_is_its_formula(metric, folds):
             if metric == 'relative'
             else distance[nearest] / usual[owner[nearest]] * to_label / to_all
         )
-    found = NoveltyMeasure.fit(values, labels, fold, metric).compute(windows)
+    found = fit_measure(values, labels, fold, metric).compute(windows)
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
@@ -200,21 +199,12 @@ def test_area_under_the_curve_is_that_of_scikit_learn(trials):
 
 
 @pytest.mark.parametrize('metric', METRICS)
-def test_graph_gives_the_novelty_of_the_measure(run_graph, metric):
-    values, labels, fold = clouds(1, apart=4.0)
-    measure = NoveltyMeasure.fit(values, labels, fold, metric)
-    windows = np.vstack([clouds(2, apart=4.0)[0], 100.0 * values[:3], measure.centre])
-    found = run_graph(lambda graph, x: add_novelty(graph, x, measure), windows, 1)[:, 0]
-    np.testing.assert_allclose(found, measure.compute(windows), rtol=1e-9)
-
-
-@pytest.mark.parametrize('metric', METRICS)
 def test_left_out_label_is_as_if_it_had_no_references(metric):
     values, labels, fold = clouds(1)
     spaces = Spaces.fit(values, labels)
     known = labels != 'a'
-    measure = NoveltyMeasure.fit(values, labels, fold, metric, spaces)
-    without = NoveltyMeasure.fit(values[known], labels[known], fold[known], metric, spaces)
+    measure = fit_measure(values, labels, fold, metric, spaces)
+    without = fit_measure(values[known], labels[known], fold[known], metric, spaces)
     novelty = without.compute(values)
     np.testing.assert_array_equal(novelty[known], measure.compute(values)[known])
     assert novelty[~known].min() > 5.0 * np.median(novelty[known])

@@ -8,8 +8,8 @@ from classifier_tables import make_table
 import numpy as np
 import pytest
 
-from tactile_classifier.confidence.calibration import (
-    Calibration,
+from tactile_classifier.confidence.fit_calibration import (
+    fit_calibration,
     hold_out_scores,
     make_group_folds,
 )
@@ -115,7 +115,7 @@ def test_unlike_sessions_are_calibrated_by_all(noises):
     trained = train(table, 'svm_linear')
     assert trained.manifest.score_kind == 'probability'
     scores, true = hold_out_scores(table, 'svm_linear', 'standard', make_group_folds(table).fold)
-    assert trained.stages[0].calibration == Calibration.fit(scores, true)
+    assert trained.stages[0].calibration == fit_calibration(scores, true)
 
 
 def test_a_model_for_new_groups_is_calibrated_on_held_out_groups():

@@ -290,10 +290,10 @@ def test_parameters_that_cannot_work_are_refused(make_bench):
 def test_the_models_decide_and_an_inactive_node_says_so_to_who_comes_late(
     make_bench, make_model_file, tmp_path, capfd
 ):
-    make_model_file(tmp_path / 'a.onnx', FULL)
-    make_model_file(tmp_path / 'b.onnx', SHORT)
-    make_model_file(tmp_path / 'c.onnx', SHORT, 'abduction')
-    broken = tmp_path / 'broken.onnx'
+    make_model_file(tmp_path / 'a.npz', FULL)
+    make_model_file(tmp_path / 'b.npz', SHORT)
+    make_model_file(tmp_path / 'c.npz', SHORT, 'abduction')
+    broken = tmp_path / 'broken.npz'
     broken.write_bytes(b'hello')
     bench = make_bench(
         models=str(tmp_path), contact='flexion', texture_samples=240, samples_timeout_s=2.0
@@ -324,4 +324,4 @@ def test_the_models_decide_and_an_inactive_node_says_so_to_who_comes_late(
 
 def test_without_a_usable_model_it_is_not_configured_and_says_why(make_bench, tmp_path, capfd):
     assert not make_bench(models=str(tmp_path)).node.bring_up()
-    assert f'there are no model files (*.onnx) in {tmp_path}' in capfd.readouterr().err
+    assert f'there are no model files (*.npz) in {tmp_path}' in capfd.readouterr().err

@@ -18,7 +18,8 @@ from tactile_features import (
     WantedFeatures,
 )
 from tactile_features.errors import ModelFileError
-from tactile_features.model_contract import MAX_MODEL_BYTES, plan_features
+from tactile_features.model_container import MAX_MODEL_BYTES
+from tactile_features.model_contract import plan_features
 from tactile_features.spec import array_spec
 
 FULL = WantedFeatures(spec_for('texture', FeatureConfig()), (60, 120))
@@ -28,9 +29,9 @@ HOLD = WantedFeatures(spec_for('stiffness', FeatureConfig()))
 
 @pytest.fixture
 def folder(tmp_path, make_model_file):
-    make_model_file(tmp_path / 'one.onnx', FULL)
-    make_model_file(tmp_path / 'other.onnx', SHORT, 'abduction')
-    make_model_file(tmp_path / 'third.onnx', HOLD, '')
+    make_model_file(tmp_path / 'one.npz', FULL)
+    make_model_file(tmp_path / 'other.npz', SHORT, 'abduction')
+    make_model_file(tmp_path / 'third.npz', HOLD, '')
     return tmp_path
 
 
@@ -38,25 +39,25 @@ def test_a_folder_gives_what_each_file_states(folder):
     contracts, refused = read_contracts(folder)
     assert refused == []
     assert [(c.path.name, c.task, c.contact, c.wanted) for c in contracts] == [
-        ('one.onnx', 'texture', 'flexion', FULL),
-        ('other.onnx', 'texture', 'abduction', SHORT),
-        ('third.onnx', 'stiffness', '', HOLD),
+        ('one.npz', 'texture', 'flexion', FULL),
+        ('other.npz', 'texture', 'abduction', SHORT),
+        ('third.npz', 'stiffness', '', HOLD),
     ]
     assert all(c.path.is_absolute() for c in contracts)
 
 
 def test_a_contact_leaves_out_the_models_of_another(folder):
     contracts, refused = read_contracts(str(folder), 'flexion')
-    assert ([c.path.name for c in contracts], refused) == (['one.onnx', 'third.onnx'], [])
-    assert read_contracts(folder / 'one.onnx', 'flexion')[0] == contracts[:1]
+    assert ([c.path.name for c in contracts], refused) == (['one.npz', 'third.npz'], [])
+    assert read_contracts(folder / 'one.npz', 'flexion')[0] == contracts[:1]
     with pytest.raises(ModelFileError, match=r'are for abduction, the parameter contact is flex'):
-        read_contracts(folder / 'other.onnx', 'flexion')
+        read_contracts(folder / 'other.npz', 'flexion')
 
 
 @pytest.mark.parametrize(
     ('changes', 'sentence'),
     [
-        ({'format_version': 5}, 'format version 5, this software reads 6 and 7: train'),
+        ({'format_version': 5}, 'format version 5, this software reads 8: train'),
         ({'task': 3}, 'no valid entry "task"'),
         ({'task': 'stiffness'}, 'task "stiffness" does not go with its feature set'),
         ({'contact': 'thumb'}, 'contact is "thumb"; it must be flexion or abduction, or empty'),
@@ -72,13 +73,13 @@ def test_a_contact_leaves_out_the_models_of_another(folder):
 def test_a_file_that_is_refused_is_named_and_the_others_count(
     folder, make_model_file, changes, sentence
 ):
-    make_model_file(folder / 'broken.onnx', FULL, **changes)
+    make_model_file(folder / 'broken.npz', FULL, **changes)
     contracts, (refused,) = read_contracts(folder)
     assert len(contracts) == 3
-    assert refused.startswith(f'model {folder / "broken.onnx"} is refused: ')
+    assert refused.startswith(f'model {folder / "broken.npz"} is refused: ')
     assert sentence in refused
     with pytest.raises(ModelFileError) as caught:
-        read_contracts(folder / 'broken.onnx')
+        read_contracts(folder / 'broken.npz')
     assert str(caught.value) == refused
 
 
@@ -103,13 +104,13 @@ def test_features_that_cannot_be_computed_here_refuse_the_file(
     parameters = {name: value for name, value in changes.items() if name not in fields}
     fields['parameters'] = {**FULL.spec.parameters, **parameters}
     spec = dataclasses.replace(FULL.spec, **fields)
-    path = make_model_file(tmp_path / 'm.onnx', WantedFeatures(spec), task='texture')
-    with pytest.raises(ModelFileError, match=f'm.onnx is refused: .*{sentence}'):
+    path = make_model_file(tmp_path / 'm.npz', WantedFeatures(spec), task='texture')
+    with pytest.raises(ModelFileError, match=f'm.npz is refused: .*{sentence}'):
         read_contracts(path)
 
 
 def test_what_is_no_model_is_refused(tmp_path):
-    path = tmp_path / 'm.onnx'
+    path = tmp_path / 'm.npz'
     with pytest.raises(ModelFileError, match='there are no model files') as caught:
         read_contracts(tmp_path)
     assert str(tmp_path) in str(caught.value)
@@ -120,7 +121,7 @@ def test_what_is_no_model_is_refused(tmp_path):
     with pytest.raises(ModelFileError, match='the limit is 64 MiB'):
         read_contracts(tmp_path)
     for i in range(9):
-        (tmp_path / f'{i}.onnx').write_bytes(b'hello')
+        (tmp_path / f'{i}.npz').write_bytes(b'hello')
     with pytest.raises(ModelFileError, match=r'; and 5 more$'):
         read_contracts(tmp_path)
 
@@ -145,11 +146,11 @@ def test_a_plan_names_what_the_models_decide_otherwise_than_the_parameters(folde
 
 def test_a_model_beyond_the_limits_of_the_node_is_refused(folder, make_model_file):
     long = FeatureConfig(texture_samples=900, buffer_s=60.0)
-    make_model_file(folder / 'long.onnx', WantedFeatures(spec_for('texture', long)))
+    make_model_file(folder / 'long.npz', WantedFeatures(spec_for('texture', long)))
     assert len(plan_features(FeatureConfig(), folder).wanted) == 4
     plan = plan_features(FeatureConfig(buffer_s=10.0), folder)
     assert len(plan.wanted) == 3
-    assert 'long.onnx is refused: buffer_s is 10' in plan.refused[0]
+    assert 'long.npz is refused: buffer_s is 10' in plan.refused[0]
 
 
 def test_ready_cut_windows_are_cut_by_the_parameters_of_the_node():
@@ -184,6 +185,6 @@ def test_contracts_are_read_without_the_libraries_of_models(folder):
         'import sys; from tactile_features import read_contracts, TrialFeatureExtractor\n'
         f'assert len(read_contracts({str(folder)!r})[0]) == 3\n'
         'loaded = {name.partition(".")[0] for name in sys.modules}\n'
-        'assert not loaded & {"onnxruntime", "sklearn", "scipy", "tactile_classifier"}'
+        'assert not loaded & {"sklearn", "scipy", "tactile_classifier"}'
     )
     subprocess.run([sys.executable, '-c', program], check=True)

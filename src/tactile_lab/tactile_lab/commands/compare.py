@@ -56,7 +56,7 @@ def compare(
 ) -> None:
     """Say which of two models is better, and whether the difference is more than chance.
 
-    As in: tactile compare old/texture_flexion.onnx new/texture_flexion.onnx bags/new_session
+    As in: tactile compare old/texture_flexion.npz new/texture_flexion.npz bags/new_session
 
     Each model classifies every trial with its own features. "unknown" counts as wrong. The
     difference of the accuracies has a paired 95 % interval: Student's t over the sessions, each of

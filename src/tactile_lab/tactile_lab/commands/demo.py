@@ -250,7 +250,7 @@ def print_summary(
     output.say(f'Results in {folder}:')
     for name, what in (
         ('recording/', 'MCAP bag of the live trials; `tactile replay` takes it'),
-        ('models/', 'ONNX model files; `tactile rig --models` takes them'),
+        ('models/', 'model files (.npz); `tactile rig --models` takes them'),
         ('training/', 'bags of the simulated training trials; `tactile train` takes them'),
         ('summary.json', 'all numbers'),
         ('strain_trace.png', 'tension during one stiffness trial, with its phases'),

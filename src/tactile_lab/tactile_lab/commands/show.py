@@ -39,7 +39,7 @@ def show(
         Path,
         typer.Argument(
             exists=True,
-            help='A bag, the folder of an experiment, a model file (.onnx), an archive (.npz), or '
+            help='A bag, the folder of an experiment, a model file (.npz), an archive (.npz), or '
             'any other recording that states its rate and columns.',
         ),
     ],
@@ -62,10 +62,12 @@ def show(
     For a recording: its trials with label, session and length. For a model: its inputs,
     training trials, accuracy on held-out trials, calibration error and limits.
     """
+    from tactile_features.model_container import is_model_file
+
     output = Output(as_json)
     if plot is not None:
         refuse_suffix('--plot', plot, PICTURES)
-    if path.suffix == '.onnx':
+    if path.suffix == '.onnx' or is_model_file(path):
         contents = describe_card(path)
         if plot is not None:
             raise TactileError(f'{path} has 0 trials, so there is no trial {trial or 1}')
@@ -91,7 +93,7 @@ def _open(path: Path) -> 'Recording':
     from tactile_bags.recording import OWN, Recording
     from tactile_bags.sources.files import find_leaves, Kind
 
-    inside = sorted([p.parent for p in path.glob('*/metadata.yaml')] + [*path.glob('*.onnx')])
+    inside = sorted([p.parent for p in path.glob('*/metadata.yaml')] + [*path.glob('*.npz')])
     if inside and not (path / 'metadata.yaml').exists() and not is_experiment(path):
         raise TactileError(
             f'{path} is a folder of {len(inside)} recordings or models; name one, such as '
@@ -190,11 +192,11 @@ def _describe_archive(recording: 'Recording') -> Contents:
 def describe_card(path: Path) -> Contents:
     """Return the card of a model file, and its facts."""
     from tactile_classifier.model_file.manifest import list_facts, list_limits
-    from tactile_classifier.model_file.model import load_model, read_model_card
+    from tactile_classifier.model_file.model import load_model
 
     model = load_model(path)
     details = {
-        'card': read_model_card(path),
+        'card': model.card,
         'limits': list_limits(model.manifest),
         'model_id': model.model_id,
         'versions': dict(model.manifest.versions),

@@ -133,7 +133,7 @@ def train(
     """Choose features and classifier by the folds, write a model file.
 
     Also prints the accuracy of six-fold cross-validation, repeated ten times, for the paper's
-    four classifiers with and without scaling. One ONNX file is written for each task and
+    four classifiers with and without scaling. One model file (.npz) is written for each task and
     kind of contact in the recordings. Its scores are calibrated probabilities. It
     classifies windows that differ from all training trials as *unknown*. Existing model files
     are only replaced with --force.
@@ -256,7 +256,7 @@ def read_with_progress(source: 'RecordingFeatures', output: Output) -> 'FeatureT
 
 def model_path(folder: Path, task: str, contact: str, digest: str = '') -> Path:
     """Return the path of a new model. Its name is for people: the file says what it is for."""
-    return folder / f'{"_".join(filter(None, (task, contact, digest)))}.onnx'
+    return folder / f'{"_".join(filter(None, (task, contact, digest)))}.npz'
 
 
 def train_models(

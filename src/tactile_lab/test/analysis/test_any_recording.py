@@ -324,7 +324,7 @@ def test_train_and_evaluate_take_what_import_takes(tmp_path, long_table):
     to = ('-o', tmp_path / 'models', '--classifier', 'knn')
     (trained,) = ask_tactile('train', long_table, *to, *common)['models']
     assert [s['mean'] for s in trained['evaluation']['scores']] == means
-    model = load_model(tmp_path / 'models' / 'stiffness.onnx')
+    model = load_model(tmp_path / 'models' / 'stiffness.npz')
     assert model.model_id == trained['model_id']
     assert model.contact == ''
 

@@ -229,7 +229,6 @@ def test_labels_tied_to_sessions_are_told(stiffness_bag, rewrite, tmp_path):
     assert sentence in said
     for evaluation in document['sets'][0]['evaluations']:
         assert any(sentence in warning for warning in evaluation['warnings'])
-    pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
     options = ('-o', tmp_path / 'models', '--classifier', 'knn')
     document, said = ask_and_hear_tactile('train', bag, *options, *quick)
     assert sentence in said

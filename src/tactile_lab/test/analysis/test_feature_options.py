@@ -28,7 +28,7 @@ CHEAP = ('--repetitions', 1, '--folds', 2)
 
 def test_train_chooses_features_and_classifier_and_names_the_runner_up(texture_bag, tmp_path):
     said = hear_tactile('train', texture_bag, '-o', tmp_path, *CHEAP)
-    model = load_model(tmp_path / 'texture_flexion.onnx')
+    model = load_model(tmp_path / 'texture_flexion.npz')
     stated = model.manifest.cross_validation['choice']
     assert stated['split'] == 'one session held out'
     assert stated['candidates'] == 16  # two sets of features, and two waveforms
@@ -45,7 +45,7 @@ def test_train_chooses_features_and_classifier_and_names_the_runner_up(texture_b
 def test_a_stated_set_leaves_the_classifier_to_the_folds(texture_bag, tmp_path):
     stated = ('--features', 'texture_spectrum', '--scaling', 'standard', '--group', 'trial_block')
     hear_tactile('train', texture_bag, '-o', tmp_path, *stated, *CHEAP)
-    manifest = load_model(tmp_path / 'texture_flexion.onnx').manifest
+    manifest = load_model(tmp_path / 'texture_flexion.npz').manifest
     assert manifest.spec.feature_set == 'texture_spectrum'
     assert manifest.cross_validation['choice']['candidates'] == 4
     assert manifest.cross_validation['choice']['split'] == 'one block of trials held out'
@@ -82,7 +82,7 @@ def test_all_channels_of_an_archive_count_for_random_convolutions(tmp_path):
     assert accuracies[1] < 0.9
     trained = ('--task', 'texture', '--features', 'glide_waveform', '--classifier', 'rocket')
     hear_tactile('train', archive, '-o', tmp_path / 'models', *trained, *CHEAP)
-    manifest = load_model(tmp_path / 'models' / 'texture.onnx').manifest
+    manifest = load_model(tmp_path / 'models' / 'texture.npz').manifest
     assert (manifest.spec.feature_set, manifest.classifier) == ('glide_waveform', 'rocket')
 
 

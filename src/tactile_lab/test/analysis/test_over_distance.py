@@ -49,7 +49,7 @@ def test_each_speed_has_a_bag_whose_events_state_it(bags):
 def test_a_model_over_distance_fits_nodes_with_the_same_parameters_alone(bags, tmp_path):
     arguments = ('train', *bags, '-o', tmp_path, '--over', '45:0.5')
     hear_tactile(*arguments, '--repetitions', 1, '--folds', 2)
-    model = load_model(tmp_path / 'texture_flexion.onnx')
+    model = load_model(tmp_path / 'texture_flexion.npz')
     config = FeatureConfig(texture_features='texture_spatial')
     assert model.spec.mismatch(spec_for('texture', config)) == ''
     assert 'feature set' in model.spec.mismatch(spec_for('texture', FeatureConfig()))

@@ -8,8 +8,6 @@ import dataclasses
 import pytest
 from tactile_command import hear_tactile
 
-pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
-
 from tactile_bags import TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
@@ -67,7 +65,7 @@ def test_a_model_states_how_its_spectra_were_detrended(texture_bag, tmp_path, de
     quick = ('--folds', 2, '--repetitions', 1, '--partial', 1, '--classifier', 'knn')
     said = hear_tactile('train', texture_bag, '-o', tmp_path, '--detrend', detrend, *quick)
     assert f'spectrum_detrend {detrend}' in said
-    model = load_model(tmp_path / 'texture_flexion.onnx')
+    model = load_model(tmp_path / 'texture_flexion.npz')
     with TactileBag(texture_bag) as opened:
         config = dataclasses.replace(
             recorded_features(opened).config, spectrum_detrend=detrend, partial_samples=(30, 60)

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 from tactile_command import ask_tactile, hear_tactile
 
-pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
-
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.model_file.model import load_model
 from tactile_classifier.records import NO_ANSWER
@@ -47,13 +45,13 @@ def models(tables, tmp_path_factory):
     """Return a good model and a worse one: half of its labels were shuffled in training."""
     folder = tmp_path_factory.mktemp('models')
     table = tables[0]
-    write_model(folder / 'good.onnx', train(table, 'knn'))
+    write_model(folder / 'good.npz', train(table, 'knn'))
     labels = table.labels.copy()
     mixed = np.random.default_rng(1).permutation(len(labels))[: len(labels) // 2]
     labels[mixed] = np.roll(labels[mixed], 1)
     worse = FeatureTable(table.values, labels, table.spec, table.columns)
-    write_model(folder / 'worse.onnx', train(worse, 'svm_linear', 'none'))
-    return folder / 'good.onnx', folder / 'worse.onnx'
+    write_model(folder / 'worse.npz', train(worse, 'svm_linear', 'none'))
+    return folder / 'good.npz', folder / 'worse.npz'
 
 
 def test_the_worse_model_is_found_on_new_sessions(bags, tables, models):
@@ -101,7 +99,7 @@ def test_trials_of_the_training_are_counted_and_left_out(bags, tables, models):
 def test_new_trials_of_a_session_of_the_training_are_pointed_out(bags, tables, tmp_path):
     table = tables[0]
     half = np.arange(len(table)) // 8 % 2 == 0
-    model = tmp_path / 'half.onnx'
+    model = tmp_path / 'half.npz'
     write_model(model, train(table.take(half), 'knn'))
     found = compare(model, model, bags[0], '--unseen')
     count = int((~half).sum())
@@ -112,7 +110,7 @@ def test_new_trials_of_a_session_of_the_training_are_pointed_out(bags, tables, t
 def test_a_model_that_does_not_tell_its_trials_is_said(bags, tables, models, tmp_path):
     table = tables[0]
     few = np.concatenate([np.flatnonzero(table.labels == x)[:2] for x in np.unique(table.labels)])
-    silent = tmp_path / 'few.onnx'
+    silent = tmp_path / 'few.npz'
     write_model(silent, train(table.take(few), 'knn'))
     found = compare(models[0], silent, bags[1])
     assert found['models']['b']['training_trials_among_these'] is None
@@ -140,7 +138,7 @@ def test_a_trial_without_features_for_one_model_is_no_answer_of_it(tables, model
 
 def test_each_model_has_features_of_its_own(bags, models, tmp_path):
     (table,) = read_tables(bags[:1], {'texture_features': 'glide_waveform'}).tables.values()
-    other = tmp_path / 'other.onnx'
+    other = tmp_path / 'other.npz'
     write_model(other, train(table, 'knn'))
     found = compare(models[0], other, bags[1])
     features = [found['models'][side]['feature_set'] for side in 'ab']
@@ -184,21 +182,21 @@ def test_an_archive_with_sessions_and_a_new_label(tmp_path):
 def test_what_cannot_be_compared_is_one_sentence(
     bags, tables, models, stiffness_bag, trained, tmp_path
 ):
-    assert 'does not exist' in hear(models[0], tmp_path / 'no.onnx', bags[1], code=2)
-    bad = tmp_path / 'bad.onnx'
+    assert 'does not exist' in hear(models[0], tmp_path / 'no.npz', bags[1], code=2)
+    bad = tmp_path / 'bad.npz'
     bad.write_bytes(b'no model')
     assert 'is refused' in hear(models[0], bad, bags[1], code=2)
     said = hear(models[0], trained, bags[1], code=2)
     assert 'A answers texture, flexion and B stiffness, flexion' in said
     said = hear(*models, stiffness_bag, code=2)
     assert 'no labelled trials of texture, flexion in these recordings' in said
-    table, fewer = tables[0], tmp_path / 'fewer.onnx'
+    table, fewer = tables[0], tmp_path / 'fewer.npz'
     write_model(fewer, train(table.take(table.labels != 'F'), 'knn'))
     said = hear(models[0], fewer, bags[1], code=2)
     assert 'know different labels: only A knows F, only B none' in said
     both = tmp_path / 'both'
     shutil.copytree(trained, both)
-    shutil.copy(models[0], both / 'texture_flexion.onnx')
+    shutil.copy(models[0], both / 'texture_flexion.npz')
     told = ask_tactile('compare', both, models[1], bags[1])
     assert told['left_out'] == ['only A has a model for stiffness, flexion: not compared']
     told = ask_tactile('compare', both, both, bags[1])
@@ -210,7 +208,7 @@ def test_trials_of_other_labels_alone_are_refused(tmp_path, bags):
     spec = spec_for('texture', FeatureConfig())
     values = np.random.default_rng(0).normal(size=(40, len(spec.names)))
     table = FeatureTable(values, np.repeat(['felt', 'silk'], 20), spec)
-    write_model(tmp_path / 'one.onnx', train(table, 'knn'))
-    said = hear(tmp_path / 'one.onnx', tmp_path / 'one.onnx', bags[1], code=2)
+    write_model(tmp_path / 'one.npz', train(table, 'knn'))
+    said = hear(tmp_path / 'one.npz', tmp_path / 'one.npz', bags[1], code=2)
     assert 'no trial has a label that the models know: the trials have' in said
     assert 'the models know felt, silk' in said

@@ -121,7 +121,7 @@ def make_files(folder, bag, models):
     shutil.copytree(models, folder / 'models')
     plan = ExperimentPlan('plan', 'texture', objects=('R1', 'C1'), contacts=('flexion',))
     ExperimentFolder(folder / 'experiment').set_up(plan)
-    (model,) = (folder / 'models').glob('*.onnx')
+    (model,) = (folder / 'models').glob('*.npz')
     names = {'archive': 'archive.npz', 'table': 'table.csv', 'bag': 'bag', 'models': 'models'}
     paths = {name: folder / file for name, file in names.items()}
     return {**paths, 'experiment': folder / 'experiment', 'model': model, 'port': UNSEEN}

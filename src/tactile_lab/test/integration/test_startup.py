@@ -19,12 +19,12 @@ needs_repository = pytest.mark.skipif(
     not (ROOT / 'tools').is_dir(), reason='the packages are not in their own repository'
 )
 HEAVY = {
-    'joblib', 'matplotlib', 'numba', 'numpy', 'onnxruntime', 'rclpy', 'rosbags', 'scipy', 'serial',
-    'sklearn', 'tactile_msgs', 'yaml',
+    'joblib', 'matplotlib', 'numba', 'numpy', 'rclpy', 'rosbags', 'scipy', 'serial', 'sklearn',
+    'tactile_msgs', 'yaml',
 }  # fmt: skip
 OF_OTHER_WORK = {
     'aiohttp', 'asyncio', 'joblib', 'matplotlib', 'numba', 'pandas', 'pyarrow', 'rosbags', 'scipy',
-    'sklearn', 'skl2onnx', 'sqlite3', 'unittest',
+    'sklearn', 'sqlite3', 'unittest',
 }  # fmt: skip
 PROGRAM = """
 from contextlib import redirect_stderr, redirect_stdout
@@ -92,7 +92,7 @@ def test_a_folder_without_models_is_refused_before_ros_is_loaded(tmp_path):
     ((code, said, modules),) = run(['sense', '--simulated', '--models', str(tmp_path)])
     assert code == 2
     assert 'no model files' in said
-    assert not modules & {'rclpy', 'onnxruntime', 'sklearn', 'matplotlib'}
+    assert not modules & {'rclpy', 'sklearn', 'matplotlib'}
 
 
 def test_a_process_that_senses_loads_no_library_of_other_work():
@@ -100,7 +100,7 @@ def test_a_process_that_senses_loads_no_library_of_other_work():
     program = (
         'import json, sys\n'
         'import tactile_bringup.nodes.graph_runner, tactile_lab.watch.watching\n'
-        'import tactile_lab.program, tactile_lab.running, onnxruntime\n'
+        'import tactile_lab.program, tactile_lab.running\n'
         'from tactile_ros.node_program import find_node_class\n'
         "for name in 'tendon_sensor tactile_features slip_detector tactile_classifier'.split():\n"
         "    find_node_class(name + '_node')\n"
@@ -110,7 +110,7 @@ def test_a_process_that_senses_loads_no_library_of_other_work():
         [sys.executable, '-c', program], capture_output=True, text=True, timeout=60, check=True
     )
     modules = {name.partition('.')[0] for name in json.loads(done.stdout)}
-    assert {'rclpy', 'onnxruntime', 'numpy'} <= modules
+    assert {'rclpy', 'numpy'} <= modules
     assert not modules & OF_OTHER_WORK
 
 

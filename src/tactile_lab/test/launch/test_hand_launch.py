@@ -14,8 +14,6 @@ from tactile_testing.waiting import wait_until
 pytest.importorskip(
     'launch_testing.actions', reason='launch_testing comes with an ordinary ROS 2, not from PyPI'
 )
-pytest.importorskip('skl2onnx', reason='skl2onnx, which models are trained with, is not installed')
-
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import launch_testing
 import launch_testing.asserts

@@ -10,8 +10,6 @@ import pytest
 pytest.importorskip(
     'launch_testing.actions', reason='launch_testing comes with an ordinary ROS 2, not from PyPI'
 )
-pytest.importorskip('skl2onnx', reason='skl2onnx, which models are trained with, is not installed')
-
 import launch_testing
 import launch_testing.asserts
 import launch_testing.markers

@@ -50,12 +50,11 @@ def test_simulated_bags_become_models(tmp_path):
     assert document['simulated'] is True
     (bag,) = document['bags']
     assert bag['trials'] == 30
-    pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
     options = ('--classifier', 'tree', '--repetitions', 1)
     said = hear_tactile('train', bag['path'], '-o', tmp_path / 'models', *options)
     assert 'SIMULATED' in said
     assert 'stiffness-flexion-tree-' in said
-    assert (tmp_path / 'models' / 'stiffness_flexion.onnx').is_file()
+    assert (tmp_path / 'models' / 'stiffness_flexion.npz').is_file()
 
 
 def test_a_bag_with_too_few_trials_or_without_features_is_refused(

@@ -10,8 +10,6 @@ from domain_coordinator import domain_id
 import numpy as np
 import pytest
 
-pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
-
 from tactile_bags import TactileBag
 from tactile_bags.recorded_setup import recorded_features, recorded_models
 from tactile_bags.replay import recorded_results
@@ -49,9 +47,9 @@ def models(simulate_bag, tmp_path):
         (spatial,) = features.tables({'texture_features': 'texture_spatial'}).tables.values()
     contacts = np.where(np.arange(len(table)) % 2, 'flexion', 'abduction')
     mixed = dataclasses.replace(table, columns={**table.columns, 'contact': contacts})
-    write_model(folder / 'partial.onnx', train(mixed, 'knn', partial=partial))
-    write_model(folder / 'spatial.onnx', train(spatial, 'tree'))
-    (folder / 'no model.onnx').write_text('no')
+    write_model(folder / 'partial.npz', train(mixed, 'knn', partial=partial))
+    write_model(folder / 'spatial.npz', train(spatial, 'tree'))
+    (folder / 'no model.npz').write_text('no')
     return folder
 
 
@@ -96,6 +94,6 @@ def test_models_that_want_different_features_answer_while_it_glides(models, tmp_
     tables = read_tables([bag]).tables
     assert {table.spec.feature_set for table in tables.values()} == set(parts)
     assert [key[:2] for key in tables] == [('texture', 'flexion')] * 2
-    (models / 'partial.onnx').rename(models / 'elsewhere.onnx')
-    with pytest.raises(TactileError, match=r'is not at .*partial\.onnx; name it: --models'):
+    (models / 'partial.npz').rename(models / 'elsewhere.npz')
+    with pytest.raises(TactileError, match=r'is not at .*partial\.npz; name it: --models'):
         replay_and_compare(bag, None, through_nodes=False)

@@ -19,8 +19,6 @@ import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
-
 from tactile_bags import EVENT, STRAIN, TactileBag
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
 from tactile_bags.replay import replay_through_core, sensed_messages
@@ -99,7 +97,7 @@ def texture(simulate_bag, tmp_path_factory):
     with open_features([source]) as features:
         (table,) = features.tables().tables.values()
         partial = features.partial_tables(table, [0.5, 1.5])
-    write_model(models / 'model.onnx', train(table, 'knn', partial=partial))
+    write_model(models / 'model.npz', train(table, 'knn', partial=partial))
     bag = simulate_bag('texture', 'flexion', 1, seed=6)
     with TactileBag(bag) as recording:
         config = recorded_features(recording).config

@@ -6,10 +6,7 @@
 import dataclasses
 
 import numpy as np
-import pytest
 from rclpy.serialization import serialize_message
-
-pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
 from tactile_bags import CLASSIFICATION_TOPIC, FEATURES_TOPIC, MODELS_TOPIC, TactileBag
 from tactile_bags.bag_writer import BagWriter
@@ -72,7 +69,7 @@ def test_the_model_and_not_the_parameters_decides_on_the_windows(stiffness_bag, 
 
 def test_a_replay_answers_windows_of_the_contact_that_the_node_answered(stiffness_bag, tmp_path):
     """A model of any contact, in a node that takes one of them."""
-    model = tmp_path / 'any.onnx'
+    model = tmp_path / 'any.npz'
     train_model(stiffness_bag, model, change=of_any_contact)
     with TactileBag(stiffness_bag) as bag:
         features = recorded_features(bag)
@@ -85,7 +82,7 @@ def test_a_replay_answers_windows_of_the_contact_that_the_node_answered(stiffnes
 
 def test_raw_scores_are_the_same_live_and_replayed(stiffness_bag, tmp_path, context):
     """A model of too few trials to calibrate: margins in nodes, core and replay, bit for bit."""
-    path = tmp_path / 'raw.onnx'
+    path = tmp_path / 'raw.npz'
     model = train_model(stiffness_bag, path, 'svm_linear', false_alarm_rate=0.01)
     assert 'reason' in model.manifest.calibration
     with TactileBag(stiffness_bag) as bag:

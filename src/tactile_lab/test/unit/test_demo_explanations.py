@@ -6,8 +6,6 @@
 import numpy as np
 import pytest
 
-pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
-
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.model_file.model import load_model
@@ -29,7 +27,7 @@ def trained(tmp_path_factory):
     values = np.array([slope[label] for label in labels])[:, None] + rng.normal(size=(120, 3)) / 9
     columns = {'session_id': sessions, 'contact': np.full(120, 'flexion')}
     table = FeatureTable(values, labels, spec_for('stiffness', FeatureConfig()), columns)
-    path = tmp_path_factory.mktemp('models') / 'stiffness_flexion.onnx'
+    path = tmp_path_factory.mktemp('models') / 'stiffness_flexion.npz'
     model = write_model(path, train(table, 'knn'))
     return TrainedModel(path, model.model_id, table, None, model.manifest)
 

@@ -104,16 +104,16 @@ def test_without_a_sensor_port_another_node_publishes_the_strain():
 
 
 def test_the_models_of_a_finger_fit_its_task_and_its_contact(trained, tmp_path):
-    file = tmp_path / 'of any name.onnx'
-    shutil.copy(trained / 'stiffness_flexion.onnx', file)
+    file = tmp_path / 'of any name.npz'
+    shutil.copy(trained / 'stiffness_flexion.npz', file)
     assert ModelChoice.read(file, 'stiffness', 'flexion').path == file
     with pytest.raises(TactileError, match='no model for texture flexion, only for stiffness'):
         ModelChoice.read(file, 'texture', 'flexion')
     with pytest.raises((TactileError, FeatureError), match='abduction'):
         ModelChoice.read(file, contact='abduction')
-    (tmp_path / 'no.onnx').write_text('no')
-    with pytest.raises(ModelFileError, match='ONNX file'):
-        ModelChoice.read(tmp_path / 'no.onnx')
+    (tmp_path / 'no.npz').write_text('no')
+    with pytest.raises(ModelFileError, match=r'no \.npz file'):
+        ModelChoice.read(tmp_path / 'no.npz')
     with pytest.raises(FeatureError, match='nowhere: No such file'):
         ModelChoice.read(Path('nowhere'))
 

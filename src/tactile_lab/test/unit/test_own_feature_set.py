@@ -100,7 +100,7 @@ def test_a_model_of_it_answers_and_is_refused_where_the_set_is_missing(
     trials = LabelledTrials(x, np.repeat(['smooth', 'rough'], 20), RATE_HZ, {})
     table = table_from_trials('texture', trials, config=roughness)
     assert (table.task, table.spec.names) == ('texture', ('tension__rms', 'tension__range'))
-    path = tmp_path / 'model.onnx'
+    path = tmp_path / 'model.npz'
     model = write_model(path, train(table, 'knn'))
     model.set_specifications([spec_for('texture', roughness)])
     (window,) = stream(roughness, np.random.default_rng(2).normal(5.0, 3.0, 300))

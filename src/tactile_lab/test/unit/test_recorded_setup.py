@@ -175,8 +175,8 @@ def test_named_features_make_recordings_alike(record, stiffness_bag):
 def models(trained, tmp_path):
     folder = tmp_path / 'models'
     folder.mkdir()
-    data = (trained / 'stiffness_flexion.onnx').read_bytes()
-    (folder / 'any name.onnx').write_bytes(data)
+    data = (trained / 'stiffness_flexion.npz').read_bytes()
+    (folder / 'any name.npz').write_bytes(data)
     return folder
 
 
@@ -191,14 +191,14 @@ def test_models_are_found_by_path_and_content(record, models, tmp_path):
     with TactileBag(path) as bag:
         (info,) = recorded_models(bag)
         (file,) = find_models(bag)
-        assert file == models / 'any name.onnx'
+        assert file == models / 'any name.npz'
         assert info.sha256 == hashlib.sha256(file.read_bytes()).hexdigest()
         assert gather_models([file], tmp_path) == file
         file.write_bytes(b'another')
-        with pytest.raises(TactileError, match=r'has changed since: .*any name\.onnx; name it'):
+        with pytest.raises(TactileError, match=r'has changed since: .*any name\.npz; name it'):
             find_models(bag)
         file.unlink()
-        with pytest.raises(TactileError, match=r'is not at .*any name\.onnx; name it: --models'):
+        with pytest.raises(TactileError, match=r'is not at .*any name\.npz; name it: --models'):
             find_models(bag)
 
 
@@ -209,11 +209,11 @@ def test_models_that_moved_with_the_bag_are_found(record, models, tmp_path):
     path.rename(moved / 'bag')
     models.rename(moved / 'models')
     with TactileBag(moved / 'bag') as bag:
-        assert find_models(bag) == [moved / 'models' / 'any name.onnx']
+        assert find_models(bag) == [moved / 'models' / 'any name.npz']
 
 
 def test_several_models_are_gathered_in_one_folder(trained, tmp_path):
-    one = trained / 'stiffness_flexion.onnx'
+    one = trained / 'stiffness_flexion.npz'
     other = tmp_path / one.name
     other.write_bytes(one.read_bytes())
     scratch = tmp_path / 'scratch'

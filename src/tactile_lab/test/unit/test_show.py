@@ -10,7 +10,7 @@ import pytest
 from tactile_command import ask_tactile, hear_tactile, tactile
 
 from tactile_classifier.datasets.dataset import FeatureTable
-from tactile_classifier.model_file.model import read_model_card
+from tactile_classifier.model_file.model import load_model
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
@@ -39,8 +39,8 @@ def test_bag_lists_its_trials_and_draws_one(stiffness_bag, tmp_path):
 
 
 def test_folder_of_models_or_bags_names_one_of_them(tmp_path):
-    (tmp_path / 'a.onnx').touch()
-    assert re.search(r'folder of 1 recordings or models; name one, .*a\.onnx', refusal(tmp_path))
+    (tmp_path / 'a.npz').touch()
+    assert re.search(r'folder of 1 recordings or models; name one, .*a\.npz', refusal(tmp_path))
 
 
 def test_archive_of_one_trial_is_enough(tmp_path):
@@ -74,7 +74,7 @@ def test_model_has_a_card_with_its_limits(tmp_path, sessions):
     spec = spec_for('stiffness', FeatureConfig())
     columns = {'session_id': np.array([f's{i % sessions}' for i in range(72)])}
     table = FeatureTable(values, np.array(['pla', 'sponge'])[code], spec, columns)
-    path = tmp_path / 'model.onnx'
+    path = tmp_path / 'model.npz'
     manifest = write_model(path, train(table, 'knn')).manifest
     found = show(path)
     facts = found['facts']
@@ -85,7 +85,7 @@ def test_model_has_a_card_with_its_limits(tmp_path, sessions):
     assert error in facts['calibration error']
     assert any('No session was held out' in limit for limit in found['limits']) == (sessions == 1)
     # One text: what is printed is the card inside the file.
-    assert found['card'] == read_model_card(path)
+    assert found['card'] == load_model(path).card
     printed = tactile('show', path).stdout
     assert found['card'].strip() in printed
     assert found['model_id'] in printed
@@ -95,7 +95,7 @@ def test_untrusted_card_is_shown_as_text_and_not_as_markup(tmp_path):
     labels = np.repeat(['[red]pla[/red]', '[link=x]sponge'], 36)
     values = np.random.default_rng(2).normal(size=(72, 3)) + (labels == labels[0])[:, None]
     spec = spec_for('stiffness', FeatureConfig())
-    path = tmp_path / 'model.onnx'
+    path = tmp_path / 'model.npz'
     write_model(path, train(FeatureTable(values, labels, spec), 'knn'))
     assert 'any contact: [link=x]sponge, [red]pla[/red]' in tactile('show', path).stdout
 

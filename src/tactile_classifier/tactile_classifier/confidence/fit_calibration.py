@@ -1,0 +1,349 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Calibration of probabilities and of the novelty threshold on held-out trials.
+
+Trials of one session share a mounting, so a session is held out as a whole wherever
+the table has two or more of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import minimize
+from sklearn.model_selection import StratifiedKFold
+
+from tactile_classifier.confidence.calibration import Calibration
+from tactile_classifier.confidence.fit_novelty import (
+    choose_metric,
+    compute_auroc,
+    compute_threshold,
+    fit_measure,
+    fit_spaces,
+    rank_of_sessions,
+    Spaces,
+)
+from tactile_classifier.confidence.novelty import NoveltyMeasure
+from tactile_classifier.datasets.conditions import find_cells
+from tactile_classifier.datasets.dataset import divide_groups, FeatureTable
+from tactile_classifier.errors import TooFewTrialsError
+from tactile_classifier.estimators.classifiers import (
+    build_estimator,
+    compute_raw_scores,
+    RANDOM_STATE,
+    SCORE_KINDS,
+)
+from tactile_classifier.records import VOTES
+
+MAX_FOLDS = 6
+"""The most folds that trials or sessions are divided into, wherever so few will do."""
+
+BINS = 10
+"""Bins of the expected calibration error."""
+
+Matrix = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.intp]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class GroupFolds:
+    """Folds of whole groups, such as sessions, of repeats or of single trials; held out in turn.
+
+    ``split`` names them in words. ``fold`` is that of each trial, and ``session`` its group,
+    shapes (trials,); None when folds are of repeats or of single trials.
+    """
+
+    split: str
+    fold: Indices
+    session: Indices | None
+
+    @property
+    def groups(self) -> int:
+        """Sessions; 0 when folds are of repeats or of single trials."""
+        return 0 if self.session is None else int(self.session.max()) + 1
+
+    @property
+    def session_share(self) -> float:
+        """Share of new sessions in which thresholds by sessions hold [1]; negative: none."""
+        return rank_of_sessions(self.groups) / (self.groups + 1) if self.groups else -1.0
+
+
+def make_group_folds(table: FeatureTable, columns: Sequence[str] = ('session_id',)) -> GroupFolds:
+    """Return folds of whole groups where each label comes in two groups or more, else of trials.
+
+    Trials that agree in all columns are one group; columns that the table lacks do not count; no
+    columns: single trials. The groups of each label are spread over the folds, so that a model
+    fitted on the other folds knows every label of the one that is held out. Trials without groups
+    are near copies where conditions were repeated (`find_cells`): those of a condition stay in one
+    fold. Raises TooFewTrialsError when a label has one trial only.
+    """
+    labels, codes, counts = np.unique(table.labels, return_inverse=True, return_counts=True)
+    if (folds := _hold_groups_out(table, codes, columns)) is not None:
+        return folds
+    cells = find_cells(table) if columns else None
+    if cells and (folds := _hold_groups_out(table, codes, cells.columns)) is not None:
+        return dataclasses.replace(folds, session=None)
+    if counts.min() < 2:
+        raise TooFewTrialsError(f'label "{labels[counts.argmin()]}" has one trial only')
+    count = min(MAX_FOLDS, int(counts.min()))
+    splitter = StratifiedKFold(count, shuffle=True, random_state=RANDOM_STATE)
+    fold = np.zeros(len(table), dtype=np.intp)
+    for i, (_, held_out) in enumerate(splitter.split(table.values, table.labels)):
+        fold[held_out] = i
+    return GroupFolds(f'stratified {count}-fold over trials', fold, None)
+
+
+def _hold_groups_out(
+    table: FeatureTable, codes: Indices, columns: Sequence[str]
+) -> GroupFolds | None:
+    """Return folds of whole groups; None where all trials of a label, by ``codes``, are in one."""
+    group: Indices = np.zeros(len(table), dtype=np.intp)
+    for column in columns:
+        if column in table.columns:
+            group = divide_groups(group, table.columns[column])
+    groups = int(group.max()) + 1
+    contains = np.zeros((groups, int(codes.max()) + 1), dtype=bool)
+    contains[group, codes] = True
+    if not (contains.sum(axis=0) > 1).all():
+        return None
+    fold_of_group = _spread(contains)
+    count = int(fold_of_group.max()) + 1
+    name = ' and '.join(column.removesuffix('_id') for column in columns)
+    words = f'one {name} held out' if groups == count else f'{name} held out in {count} folds'
+    return GroupFolds(words, fold_of_group[group], group)
+
+
+def _spread(contains: npt.NDArray[np.bool_]) -> Indices:
+    """Return the fold of each group, so that no label has all its groups in one fold.
+
+    Groups are assigned one by one, those with the most labels first, each to the fold with the
+    fewest groups of its labels. ``contains``, shape (groups, labels), has each label in two groups
+    or more.
+    """
+    groups, labels = contains.shape
+    folds = min(MAX_FOLDS, groups)
+    fold = np.zeros(groups, dtype=np.intp)
+    size = np.zeros(folds, dtype=np.intp)
+    count = np.zeros((folds, labels), dtype=np.intp)
+    # Of names, only the order among groups of the same labels matters.
+    for i in sorted(range(groups), key=lambda i: (-contains[i].sum(), *~contains[i], i)):
+        same = count[:, contains[i]]
+        only_here = (same > 0) & (same == same.sum(axis=0))
+        fold[i] = np.lexsort((size, same.sum(axis=1), only_here.sum(axis=1)))[0]
+        size[fold[i]] += 1
+        count[fold[i], contains[i]] += 1
+    if ((count > 0).sum(axis=0) > 1).all():
+        return fold
+    # Labels so interwoven that so few folds do not keep them apart: each group on its own.
+    return np.arange(groups)
+
+
+def score_held_out(
+    table: FeatureTable, held_out: npt.NDArray[np.bool_], classifier: str, scaling: str
+) -> tuple[Matrix, Indices]:
+    """Return raw scores of some trials by a model of the others, and the true labels' columns."""
+    train, test = table.take(~held_out), table.take(held_out)
+    estimator = build_estimator(classifier, scaling, table.channels)
+    estimator.fit(train.values, train.labels)
+    true = np.searchsorted(estimator.classes_, test.labels)
+    return compute_raw_scores(estimator, test.values), true
+
+
+def hold_out_scores(
+    table: FeatureTable, classifier: str, scaling: str, fold: Indices
+) -> tuple[Matrix, Indices]:
+    """Return raw scores by models of the other folds, shape (trials, labels), and true columns."""
+    classes, true = np.unique(table.labels, return_inverse=True)
+    scores = np.zeros((len(table), len(classes)))
+    for i in np.unique(fold):
+        scores[fold == i], _ = score_held_out(table, fold == i, classifier, scaling)
+    return scores, true
+
+
+def hold_out_novelty(
+    table: FeatureTable,
+    fold: Indices,
+    metric: str,
+    known: npt.NDArray[np.bool_] | slice = slice(None),
+    spaces: Mapping[int, Spaces] | None = None,
+) -> Matrix:
+    """Return novelties, shape (trials,), by measures fitted on the known trials of other folds.
+
+    ``spaces`` are those of `fit_spaces`, of the same trials.
+    """
+    novelty = np.zeros(len(table))
+    for i in np.unique(fold):
+        inside = np.zeros(len(table), dtype=bool)
+        inside[known] = True
+        inside &= fold != i
+        measure = fit_measure(
+            *(table.values[inside], table.labels[inside], fold[inside], metric),
+            spaces=None if spaces is None else spaces[int(i)],
+        )
+        novelty[fold == i] = measure.compute(table.values[fold == i])
+    return novelty
+
+
+def fit_novelty(
+    table: FeatureTable, folds: GroupFolds, false_alarm_rate: float
+) -> tuple[NoveltyMeasure, Matrix, float]:
+    """Return the measure fitted to all trials, the held-out novelties, and their threshold.
+
+    This is not split conformal prediction: each fold has a measure of its own, and the metric was
+    chosen on the same trials. The measure of all has more references, so that novelties of new
+    trials are lower rather than higher. Raises TooFewTrialsError when there are too few.
+    """
+    fold = folds.fold
+    spaces = fit_spaces(table.values, table.labels, fold)
+    metric = choose_metric(table.values, table.labels, fold, spaces)
+    novelty = hold_out_novelty(table, fold, metric, spaces=spaces)
+    threshold = compute_threshold(novelty, false_alarm_rate, folds.session)
+    return fit_measure(table.values, table.labels, fold, metric), novelty, threshold
+
+
+@dataclasses.dataclass(frozen=True)
+class UnlearnedLabels:
+    """Rejection of labels that were left out of the training, one after another.
+
+    ``auroc`` is the probability that a trial of such a label is more novel than one of a known
+    label, ``miss_rate`` the share of their trials that get a known name [1].
+    """
+
+    labels: int
+    auroc: float
+    miss_rate: float
+
+
+def leave_labels_out(
+    table: FeatureTable, folds: GroupFolds, metric: str, false_alarm_rate: float
+) -> UnlearnedLabels | None:
+    """Return what a model without one of the labels would make of it, for each label in turn.
+
+    None where fewer than two labels would be left, or too few trials for the rate.
+    """
+    missed, areas = [], []
+    labels = np.unique(table.labels)
+    if len(labels) < 3:
+        return None
+    for label in labels:
+        is_new = table.labels == label
+        novelty = hold_out_novelty(table, folds.fold, metric, ~is_new)
+        try:
+            session = None if folds.session is None else folds.session[~is_new]
+            threshold = compute_threshold(novelty[~is_new], false_alarm_rate, session)
+        except TooFewTrialsError:
+            return None
+        missed.append(float(np.mean(novelty[is_new] <= threshold)))
+        areas += [
+            compute_auroc(is_new[part], novelty[part])
+            for part in (folds.fold == i for i in np.unique(folds.fold))
+            if is_new[part].any() and not is_new[part].all()
+        ]
+    auroc = float(np.mean(areas)) if areas else -1.0
+    return UnlearnedLabels(len(labels), auroc, float(np.mean(missed)))
+
+
+def fit_calibration(scores: Matrix, true: Indices) -> Calibration:
+    """Return the map under which held-out labels are likeliest.
+
+    Scores have shape (trials, labels); ``true`` are positions, shape (trials,). One imagined
+    miss, as in Platt's targets, keeps a classifier that made none from claiming certainty.
+    """
+    trials, labels = scores.shape
+    doubt = 1.0 / (trials + 2.0)
+    target = np.full(scores.shape, doubt / (labels - 1))
+    target[np.arange(trials), true] = 1.0 - doubt
+
+    def bound(parameters: Matrix) -> Calibration:
+        slope = float(np.exp(min(max(parameters[0], -7.0), 7.0)))
+        return Calibration(slope, max(float(parameters[1]), 0.0))
+
+    def loss(parameters: Matrix) -> float:
+        return float(-(target * _compute_logarithms(bound(parameters), scores)).sum())
+
+    return bound(minimize(loss, [0.0, 0.0], method='Nelder-Mead').x)
+
+
+def _compute_logarithms(calibration: Calibration, scores: Matrix) -> Matrix:
+    """Return the logarithms of the probabilities of many windows, also where these are 0."""
+    size = calibration.slope * scores
+    size[np.arange(len(scores)), scores.argmax(axis=1)] += calibration.offset
+    size -= size.max(axis=1, keepdims=True)
+    return np.asarray(size - np.log(np.exp(size).sum(axis=1, keepdims=True)))
+
+
+def compute_calibration_error(probabilities: Matrix, true: Indices) -> float:
+    """Return the expected calibration error of the answers [1].
+
+    The distance between the share of right answers and their mean probability, in ten bins of
+    equal width of that probability, as a mean over the trials (Naeini et al. 2015). Probabilities
+    have shape (trials, labels); ``true`` are positions, shape (trials,).
+    """
+    answer = probabilities.argmax(axis=1)
+    stated = probabilities[np.arange(len(true)), answer]
+    bins = np.minimum((stated * BINS).astype(int), BINS - 1)
+    surplus = np.bincount(bins, stated - (answer == true), BINS)
+    return float(np.abs(surplus).sum() / len(true))
+
+
+def compute_uncalibrated(scores: Matrix, score_kind: str) -> Matrix:
+    """Return what raw scores pass for without calibration: votes as they are, or a softmax."""
+    return scores if score_kind == VOTES else Calibration(1.0, 0.0).compute(scores)
+
+
+def hold_out_probabilities(scores: Matrix, true: Indices, fold: Indices) -> Matrix:
+    """Return probabilities by maps that were fitted on the held-out scores of the other folds."""
+    probabilities = np.zeros(scores.shape)
+    for i in np.unique(fold):
+        others = fit_calibration(scores[fold != i], true[fold != i])
+        probabilities[fold == i] = others.compute(scores[fold == i])
+    return probabilities
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class CalibratedStage:
+    """Calibration of one length of window by held-out trials.
+
+    ``calibration`` is fitted to all held-out scores, ``novelty`` to all trials; the threshold
+    comes from ``held_out_novelty``, shape (trials,), by measures of the other folds. The errors
+    are expected calibration errors before and after calibration [1]. ``confidence``, shape
+    (trials,), is the probability of the answer by a map of the other folds, -1 where the trial is
+    rejected as unknown; ``wrong`` tells whether the answer is not the label.
+    """
+
+    calibration: Calibration
+    novelty: NoveltyMeasure
+    novelty_threshold: float
+    held_out_novelty: Matrix
+    error_before: float
+    error_after: float
+    confidence: Matrix
+    wrong: npt.NDArray[np.bool_]
+
+
+def calibrate_stage(
+    table: FeatureTable, classifier: str, scaling: str, folds: GroupFolds, false_alarm_rate: float
+) -> CalibratedStage:
+    """Hold out each fold in turn; return the calibration, the thresholds and their errors.
+
+    Raises TooFewTrialsError when there are too few for the rate, or for the classifier.
+    """
+    fold = folds.fold
+    scores, true = hold_out_scores(table, classifier, scaling, fold)
+    measure, novelty, threshold = fit_novelty(table, folds, false_alarm_rate)
+    probabilities = hold_out_probabilities(scores, true, fold)
+    uncalibrated = compute_uncalibrated(scores, SCORE_KINDS[classifier])
+    return CalibratedStage(
+        calibration=fit_calibration(scores, true),
+        novelty=measure,
+        novelty_threshold=threshold,
+        held_out_novelty=novelty,
+        error_before=compute_calibration_error(uncalibrated, true),
+        error_after=compute_calibration_error(probabilities, true),
+        confidence=np.where(novelty > threshold, -1.0, probabilities.max(axis=1)),
+        wrong=scores.argmax(axis=1) != true,
+    )

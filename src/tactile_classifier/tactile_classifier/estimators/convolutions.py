@@ -1,0 +1,198 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Random convolutions of a signal, the features of MiniRocket, as plain NumPy.
+
+Dempster, Schmidt and Webb (2021), "MiniRocket", KDD, doi:10.1145/3447548.3467231. Each of 84
+kernels of nine weights, three of them 2 and six of them -1, is applied to the signal at several
+dilations. A feature is the share of samples at which the result exceeds a bias. The weights of a
+kernel add up to zero, so the level of a signal counts only at its ends, where the kernel reaches
+over them and meets zeros.
+
+Convolutions are computed in single precision with the additions in a fixed order, that of the
+library aeon: a share is a count, and a last digit can change a count. `compiled_convolutions`
+holds the same additions for numba, and gives the same bits.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from itertools import combinations
+import sys
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_classifier.errors import DatasetError
+
+TAPS = 9
+MIN_SAMPLES = TAPS
+"""Fewest samples of a signal: those of a kernel without dilation."""
+
+KERNELS = np.array(list(combinations(range(TAPS), 3)))
+"""The three of the nine weights that are 2, for each of the 84 kernels."""
+
+MAX_CHANNELS = 9
+"""Most channels that one kernel adds up."""
+
+ADDED = (0, 1, 2, 3, 5, 6, 7, 8)
+"""The order in which the weights of -1 are added to that in the middle."""
+
+LARGEST = float(np.finfo(np.float32).max) / (12 * MAX_CHANNELS)
+"""Bound on the values of a signal: nine weights have a magnitude of 12 in all, and up to nine
+channels are added."""
+
+MANY_SIGNALS = 16
+"""From this number of signals on, the compiled loops are worth loading numba, which takes 0.5 s
+and 70 MB: training and evaluation use them, a node with one window at a time does not."""
+
+_ORDER = np.array(ADDED)
+_PAIRS, _pair_of = np.unique(KERNELS[:, :2], axis=0, return_inverse=True)
+_PAIR_OF = _pair_of.ravel()  # its shape depends on the version of NumPy
+
+Single = npt.NDArray[np.float32]
+Matrix = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class RandomConvolutions:
+    """Kernels with dilations and biases, fitted to signals of one length.
+
+    The features are in the order of aeon: by dilation, then kernel, then bias. Each dilation has
+    ``biases`` of shape (84, biases) [unit of the signal], and ``sources`` of shape (84, 9): the
+    channels that each kernel adds up; -1 fills the rest.
+    """
+
+    samples: int
+    channels: int
+    dilations: Indices
+    biases: tuple[Single, ...]
+    sources: tuple[Indices, ...]
+
+    @property
+    def feature_count(self) -> int:
+        """Number of features of a signal."""
+        return sum(biases.size for biases in self.biases)
+
+    def transform(self, signals: npt.ArrayLike) -> Matrix:
+        """Return the features, shape (trials, features), of signals (trials, channels, samples).
+
+        A signal gives the same bits alone and among others. Raises DatasetError when a signal is
+        not finite in single precision, or the shape is not that of the fit.
+        """
+        x = to_single(signals)
+        if x.shape[1:] != (self.channels, self.samples):
+            raise DatasetError(
+                f'the signals have {x.shape[1]} channels of {x.shape[2]} samples; the '
+                f'convolutions were fitted to {self.channels} of {self.samples}'
+            )
+        return self.compute(x)
+
+    def compute(self, x: Single) -> Matrix:
+        """Return the features of signals whose shape is known to fit; see `transform`."""
+        count_above = load_loops(len(x)).count_above
+        values = np.empty((len(x), self.feature_count))
+        first = 0
+        for i, (dilation, biases) in enumerate(zip(self.dilations, self.biases, strict=True)):
+            shares = np.empty((len(x), *biases.shape))
+            count_above(x, dilation, i % 2, biases, self.sources[i], KERNELS, _ORDER, shares)
+            values[:, first : first + biases.size] = shares.reshape(len(x), -1)
+            first += biases.size
+        return values
+
+    def sum_chosen(self, x: Single, rows: Indices, at: int) -> Single:
+        """Return the sums of each kernel on the signal chosen for it, shape (84, samples).
+
+        ``rows`` are the signals of the kernels, ``at`` the position of the dilation.
+        """
+        sums = np.empty((len(KERNELS), self.samples), dtype=np.float32)
+        arguments = x, rows, self.dilations[at], self.sources[at], KERNELS, _ORDER, sums
+        load_loops(len(x)).add_chosen(*arguments)
+        return sums
+
+
+def to_single(signals: npt.ArrayLike) -> Single:
+    """Return signals, shape (trials, channels, samples), in single precision; check them."""
+    with np.errstate(over='ignore'):
+        x = np.asarray(signals).astype(np.float32)
+    if x.ndim != 3 or not x.size or x.shape[2] < MIN_SAMPLES:
+        raise DatasetError(
+            f'the signals have shape {x.shape}; random convolutions need '
+            f'(trials, channels, samples) with {MIN_SAMPLES} samples or more'
+        )
+    if not np.abs(x).max() < LARGEST:
+        raise DatasetError('the signals hold values that are not finite in single precision')
+    return x
+
+
+def load_loops(signals: int) -> Any:
+    """Return the loops to use for a number of signals: the compiled ones, or this module's."""
+    compiled = 'tactile_classifier.estimators.compiled_convolutions'
+    if signals < MANY_SIGNALS and compiled not in sys.modules:
+        return sys.modules[__name__]
+    try:
+        from tactile_classifier.estimators import compiled_convolutions
+    except ImportError:  # numba is not installed
+        return sys.modules[__name__]
+    return compiled_convolutions
+
+
+def _shift(x: Single, dilation: int) -> tuple[Single, Single]:
+    """Return what all kernels have in common, and what a weight of 2 adds to it, of one signal.
+
+    The first, shape (channels, samples), is the sum with each of the nine weights -1; the second,
+    shape (channels, 9, samples), three times the sample under each weight; zero beyond the ends.
+    """
+    (channels, samples), edge = x.shape, (TAPS // 2) * dilation
+    padded = np.zeros((channels, samples + 2 * edge), dtype=np.float32)
+    padded[:, edge : edge + samples] = x
+    under = np.empty((channels, TAPS, samples), dtype=np.float32)
+    for tap in range(TAPS):
+        under[:, tap] = padded[:, tap * dilation :][:, :samples]
+    common = -x
+    for tap in ADDED:
+        common -= under[:, tap]
+    return common, np.float32(3) * under
+
+
+def add_chosen(
+    x: Any, rows: Any, dilation: Any, sources: Any, kernels: Any, order: Any, sums: Any
+) -> None:
+    """Fill each kernel's sums; see `compiled_convolutions.add_chosen`."""
+    del order  # `ADDED`, always
+    for i, (a, b, c) in enumerate(kernels):
+        common, extra = _shift(x[rows[i]], int(dilation))
+        sums[i] = 0.0
+        for channel in sources[i][sources[i] >= 0]:
+            one, two, three = extra[channel][[a, b, c]]
+            sums[i] += common[channel] + ((one + two) + three)
+
+
+def count_above(
+    x: Any, dilation: Any, parity: Any, biases: Any, sources: Any, kernels: Any, order: Any,
+    shares: Any,
+) -> None:  # fmt: skip
+    """Fill the shares of samples above each bias; see `compiled_convolutions.count_above`."""
+    del order
+    channels, samples = x.shape[1:]
+    edge, pairs = (TAPS // 2) * int(dilation), len(_PAIRS)
+    for trial, signal in enumerate(x):
+        common, extra = _shift(signal, int(dilation))
+        # ((common + one) + two) + three, in the order of the compiled loops; kernels share pairs.
+        two = common[:, np.newaxis] + extra[:, _PAIRS[:, 0]]
+        two += extra[:, _PAIRS[:, 1]]
+        two, three = two.reshape(channels * pairs, samples), extra.reshape(-1, samples)
+        sums = two.take(sources[:, 0] * pairs + _PAIR_OF, axis=0)
+        sums += three.take(sources[:, 0] * TAPS + kernels[:, 2], axis=0)
+        for source in sources.T[1:channels]:
+            used = np.flatnonzero(source >= 0)
+            term = two.take(source[used] * pairs + _PAIR_OF[used], axis=0)
+            term += three.take(source[used] * TAPS + kernels[used, 2], axis=0)
+            sums[used] += term
+        for first, cut in ((parity, 0), (1 - parity, edge)):
+            inside = sums[first::2, cut : samples - cut]
+            above = inside[:, np.newaxis] > biases[first::2, :, np.newaxis]
+            counts = above.view(np.uint8).sum(axis=2, dtype=np.uint32)
+            shares[trial, first::2] = counts / inside.shape[1]

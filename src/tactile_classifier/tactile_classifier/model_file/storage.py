@@ -1,0 +1,157 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The contents of a model file: a manifest, its card, and arrays, written and read.
+
+Names of arrays are ``classifier.trials``, ``scaling.mean``, ``novelty.centre`` and so on: the
+part, and the array of its class in `prediction`. Those for partial windows begin with the number
+of samples, as in ``60.classifier.trials``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import dataclasses
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_classifier.confidence.calibration import Calibration
+from tactile_classifier.confidence.novelty import METRICS, NoveltyMeasure
+from tactile_classifier.errors import ModelFileError
+from tactile_classifier.model_file.manifest import format_card, Manifest, Stage
+from tactile_classifier.model_file.prediction import (
+    Classifier,
+    Convolutions,
+    LinearMachine,
+    Neighbours,
+    Predictor,
+    RadialMachine,
+    Scaling,
+    Tree,
+)
+from tactile_classifier.records import PROBABILITY, ROCKET
+from tactile_features.model_container import open_container, pack_container
+
+MAX_CARD_BYTES = 64 * 2**10
+"""A file with a larger card is refused [byte]."""
+
+CARD = 'card'
+
+_CLASSIFIERS: dict[str, type[Classifier]] = {
+    'knn': Neighbours,
+    'svm_linear': LinearMachine,
+    'svm_rbf': RadialMachine,
+    'tree': Tree,
+    ROCKET: Convolutions,
+}
+_DTYPES = {'Matrix': '<f8', 'Single': '<f4', 'Indices': '<i8'}
+
+Arrays = dict[str, npt.NDArray[Any]]
+
+_Part = TypeVar('_Part', Classifier, Scaling, NoveltyMeasure)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ModelContents:
+    """Manifest, card, and what predicts by samples of a window; 0: the full one."""
+
+    manifest: Manifest
+    card: str
+    predictors: Mapping[int, Predictor]
+
+
+def pack_model(manifest: Manifest, predictors: Mapping[int, Predictor]) -> bytes:
+    """Return the bytes of a model file. Raises ModelFileError when it would be too large."""
+    arrays: Arrays = {}
+    for count, predictor in predictors.items():
+        for name in ('classifier', 'scaling', 'novelty'):
+            part = getattr(predictor, name)
+            if part is not None:
+                arrays |= _take_arrays(part, f'{_prefix(count)}{name}.')
+    return pack_container({**manifest.to_dict(), CARD: format_card(manifest)}, arrays)
+
+
+def open_model(data: bytes) -> ModelContents:
+    """Return the contents of a model file, or raise ModelFileError.
+
+    Types, shapes and values are checked, and all numbers are finite: whatever an array holds,
+    prediction ends after a time that is bounded by the size of the file.
+    """
+    entries, arrays = open_container(data)
+    card = entries.pop(CARD, '')
+    if not isinstance(card, str) or not card.replace('\n', '').isprintable():
+        raise ModelFileError('its card is no plain text')  # a terminal might obey it
+    if len(card.encode()) > MAX_CARD_BYTES:
+        raise ModelFileError(f'its card has more than {MAX_CARD_BYTES >> 10} KiB')
+    manifest = Manifest.from_dict(entries)
+    predictors = {s.sample_count: _read_predictor(manifest, s, arrays) for s in manifest.stages}
+    if arrays:
+        raise ModelFileError(f'it has the array "{min(arrays)}", which belongs to no part of it')
+    return ModelContents(manifest, card, predictors)
+
+
+def _prefix(sample_count: int) -> str:
+    return f'{sample_count}.' if sample_count else ''
+
+
+def _take_arrays(part: Any, prefix: str) -> Arrays:
+    types = type(part).__annotations__
+    return {
+        f'{prefix}{name}': np.asarray(getattr(part, name), _DTYPES[types[name]])
+        for name in part.SHAPES
+    }
+
+
+def _read_predictor(manifest: Manifest, stage: Stage, arrays: Arrays) -> Predictor:
+    """Return what predicts on windows of a stage; take its arrays away."""
+    if (manifest.score_kind == PROBABILITY) != (stage.slope > 0.0):
+        raise ModelFileError('its calibration does not go with its kind of scores')
+    metrics = METRICS if stage.novelty_threshold >= 0.0 else ('',)
+    if stage.metric not in metrics:
+        raise ModelFileError('its threshold of novelty does not go with its kind of novelty')
+    prefix = _prefix(stage.sample_count)
+    sizes: dict[str | int, int] = {'k': len(manifest.spec.names), 'labels': len(manifest.labels)}
+
+    def read(kind: type[_Part], name: str, **more: Any) -> _Part:
+        return _read_part(kind, f'{prefix}{name}.', arrays, dict(sizes), **more)
+
+    return Predictor(
+        classifier=read(_CLASSIFIERS[manifest.classifier], 'classifier'),
+        scaling=read(Scaling, 'scaling') if manifest.scaling == 'standard' else None,
+        calibration=Calibration(stage.slope, stage.offset) if stage.slope > 0.0 else None,
+        novelty=read(NoveltyMeasure, 'novelty', metric=stage.metric) if stage.metric else None,
+    )
+
+
+def _read_part(
+    kind: type[_Part], prefix: str, arrays: Arrays, sizes: dict[str | int, int], **more: Any
+) -> _Part:
+    fields: Arrays = {}
+    for name, dimensions in kind.SHAPES.items():
+        array = arrays.pop(f'{prefix}{name}', None)
+        wanted = np.dtype(_DTYPES[kind.__annotations__[name]])
+        if array is None:
+            raise ModelFileError(f'it has no array "{prefix}{name}"')
+        if array.dtype != wanted:
+            raise ModelFileError(f'its array "{prefix}{name}" holds {array.dtype}, not {wanted}')
+        for size, dimension in zip(array.shape, dimensions, strict=False):
+            if isinstance(dimension, str):
+                sizes.setdefault(dimension, size)
+        shape = tuple(d if isinstance(d, int) else sizes.get(d, -1) for d in dimensions)
+        if array.shape != shape:
+            raise ModelFileError(
+                f'its array "{prefix}{name}" has the shape {array.shape}; it must be {shape}, '
+                f'which is ({", ".join(map(str, dimensions))})'
+            )
+        if not np.isfinite(array).all():
+            raise ModelFileError(f'its array "{prefix}{name}" has values that are not finite')
+        fields[name] = array
+    more |= fields
+    part = kind(**more)
+    try:
+        part.check(sizes['k'], sizes['labels'])
+    except ModelFileError as error:
+        raise ModelFileError(f'{error} ({prefix.rstrip(".")})') from None
+    return part

@@ -1,0 +1,209 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The model file as a container: arrays and a JSON manifest in one ``.npz``.
+
+NumPy reads the file without pickle: ``np.load('texture.npz')``. The array ``manifest`` holds the
+manifest as JSON, and ``sha256`` the digest over all other arrays. The digest detects damage; it is
+no signature.
+
+A file is untrusted input. It is read by `open_container` alone, which accepts a subset of the
+format: arrays that are not compressed, of four types, with headers as `numpy.savez` writes them.
+Sizes are compared with the number of bytes in the file before an array is read. Nothing in a file
+is evaluated, and no entry can name a file or a class.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import hashlib
+import io
+import json
+import math
+from pathlib import Path
+import re
+import struct
+from typing import Any, NamedTuple
+import zipfile
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_features.errors import ModelFileError
+
+MANIFEST, DIGEST = 'manifest', 'sha256'
+
+MAX_MODEL_BYTES = 64 * 2**20
+"""Larger files are not read [byte]."""
+
+MAX_MANIFEST_BYTES = 4 * 2**20
+"""A larger manifest is refused [byte]; the largest of our own has about 300 kB."""
+
+MAX_INDEX_BYTES = 64 * 2**10
+"""A file with a larger list of its arrays is refused [byte]: enough for 500 of them."""
+
+Arrays = Mapping[str, npt.NDArray[Any]]
+
+_NAME = re.compile(r'([a-z0-9_.]{1,80})\.npy')
+_END = struct.Struct('<4s4H2LH')  # the last record of a ZIP file without a comment
+_HEADER = re.compile(
+    rb"\x93NUMPY\x01\x00..\{'descr': '(<f8|<f4|<i8|\|S\d{1,8})', 'fortran_order': False, "
+    rb"'shape': \(((?:\d{1,9},)?|\d{1,9}(?:, \d{1,9}){1,3})\), \} *\n",
+    re.DOTALL,
+)
+_DAMAGED = 'it is damaged, or only a part of a model file'
+
+
+class Container(NamedTuple):
+    """Contents of a model file: the manifest, and the arrays by name."""
+
+    manifest: dict[str, Any]
+    arrays: dict[str, npt.NDArray[Any]]
+
+
+def pack_container(manifest: Mapping[str, Any], arrays: Arrays) -> bytes:
+    """Return the bytes of a model file; equal contents give equal bytes.
+
+    Names of arrays are of small letters, digits, ``_`` and ``.``; their types are doubles, floats
+    and 64-bit integers, with up to four dimensions. Raises ModelFileError when the file would be
+    larger than `MAX_MODEL_BYTES`.
+    """
+    text = json.dumps(manifest, sort_keys=True).encode()
+    contents = {name: np.ascontiguousarray(arrays[name]) for name in sorted(arrays)}
+    # ascontiguousarray turns a single number into an array of one.
+    contents = {name: each.reshape(np.shape(arrays[name])) for name, each in contents.items()}
+    size = sum(each.nbytes for each in contents.values())
+    if size > MAX_MODEL_BYTES - MAX_MANIFEST_BYTES or len(text) > MAX_MANIFEST_BYTES:
+        raise ModelFileError(
+            f'it would have {(size + len(text)) / 2**20:.0f} MiB, the limit is '
+            f'{MAX_MODEL_BYTES >> 20} MiB: train it on fewer trials or shorter windows'
+        )
+    contents[MANIFEST] = np.array(text)
+    contents[DIGEST] = np.array(_compute_digest(contents).encode())
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, 'w') as archive:
+        for name, array in contents.items():
+            with archive.open(f'{name}.npy', 'w') as member:
+                np.save(member, array, allow_pickle=False)
+    return file.getvalue()
+
+
+def read_container(path: Path) -> Container:
+    """Return the contents of a model file; errors as in `open_container`, and OSError."""
+    return open_container(read_limited(path))
+
+
+def read_limited(path: Path) -> bytes:
+    """Return the bytes of a model file; raise ModelFileError when it cannot be one."""
+    if path.suffix == '.onnx':
+        raise ModelFileError(
+            'it is an ONNX file, which this version does not read: train the model again with '
+            '`tactile train`, which writes a .npz file'
+        )
+    size = path.stat().st_size
+    if size > MAX_MODEL_BYTES:
+        raise ModelFileError(
+            f'it has {size / 2**20:.0f} MiB, the limit is {MAX_MODEL_BYTES >> 20} MiB'
+        )
+    return path.read_bytes()
+
+
+def is_model_file(path: Path) -> bool:
+    """Return whether a file is a ``.npz`` with a manifest, and so no archive of trials."""
+    try:
+        with zipfile.ZipFile(path) as file:
+            return f'{MANIFEST}.npy' in file.namelist()
+    except (OSError, zipfile.BadZipFile):
+        return False
+
+
+def open_container(data: bytes) -> Container:
+    """Return the contents of a model file that is whole.
+
+    Raises ModelFileError when the file is no ``.npz``, lacks the manifest or the digest, was
+    changed after it was written, or holds something else than plain arrays.
+    """
+    arrays = _read_arrays(data)
+    missing = {MANIFEST, DIGEST} - arrays.keys()
+    if missing:
+        raise ModelFileError(f'it has no {min(missing)}: it was not written by this software')
+    if arrays.pop(DIGEST).tobytes() != _compute_digest(arrays).encode():
+        raise ModelFileError('it was changed or damaged after it was written')
+    text = arrays.pop(MANIFEST).tobytes()
+    if len(text) > MAX_MANIFEST_BYTES:
+        raise ModelFileError(f'its manifest has more than {MAX_MANIFEST_BYTES >> 20} MiB')
+    try:
+        manifest = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ModelFileError(f'its manifest is not JSON: {error}') from error
+    if not isinstance(manifest, dict):
+        raise ModelFileError('its manifest is no JSON object')
+    return Container(manifest, arrays)
+
+
+def _compute_digest(arrays: Arrays) -> str:
+    digest = hashlib.sha256()
+    for name, array in sorted(arrays.items()):
+        digest.update(f'{name} {array.dtype.str} {array.shape}\n'.encode())
+        digest.update(array.tobytes())
+    return digest.hexdigest()
+
+
+def _read_arrays(data: bytes) -> dict[str, npt.NDArray[Any]]:
+    _check_index(data)
+    arrays: dict[str, npt.NDArray[Any]] = {}
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as file:
+            members = file.infolist()
+            if sum(member.file_size for member in members) > len(data):
+                raise ModelFileError('it announces more bytes than it has')
+            for member in members:
+                name = _check_member(member)
+                if name in arrays:
+                    raise ModelFileError(f'it has the array "{name}" twice')
+                arrays[name] = _parse_array(name, file.read(member))
+    except (zipfile.BadZipFile, EOFError, NotImplementedError, OSError, RuntimeError) as error:
+        raise ModelFileError(f'{_DAMAGED}: {error}') from error
+    except (ValueError, struct.error) as error:
+        raise ModelFileError(f'{_DAMAGED}: {error}') from error
+    return arrays
+
+
+def _check_index(data: bytes) -> None:
+    """Refuse what is no ZIP file, or has a list of members that takes long to read."""
+    if not data.startswith(b'PK\x03\x04'):
+        raise ModelFileError('it is no .npz file')
+    signature, *_, size, _, _ = _END.unpack(data[-_END.size :].rjust(_END.size, b'\0'))
+    if signature != b'PK\x05\x06' or b'PK\x06\x07' in data[-_END.size - 20 : -_END.size]:
+        raise ModelFileError(_DAMAGED)
+    if size > MAX_INDEX_BYTES:
+        raise ModelFileError(f'the list of its arrays has more than {MAX_INDEX_BYTES >> 10} KiB')
+
+
+def _check_member(member: zipfile.ZipInfo) -> str:
+    """Return the name of the array in a member of the file."""
+    match = _NAME.fullmatch(member.filename)
+    if match is None:
+        raise ModelFileError(f'it holds {member.filename!r:.80}, which is no array of a model')
+    if member.compress_type != zipfile.ZIP_STORED or member.flag_bits & 0x1:
+        raise ModelFileError(f'its array "{match[1]}" is compressed or encrypted')
+    return match[1]
+
+
+def _parse_array(name: str, data: bytes) -> npt.NDArray[Any]:
+    """Return the array in the bytes of a ``.npy`` file; read-only."""
+    header = _HEADER.match(data)
+    if header is None or header.end() != 10 + int.from_bytes(data[8:10], 'little'):
+        raise ModelFileError(
+            f'its array "{name}" is none of doubles, floats, 64-bit integers or bytes'
+        )
+    dtype = np.dtype(header[1].decode())
+    shape = tuple(int(size) for size in header[2].replace(b' ', b'').split(b',') if size)
+    size = math.prod(shape) * dtype.itemsize
+    if size != len(data) - header.end():
+        raise ModelFileError(
+            f'its array "{name}" announces {size} bytes and has {len(data) - header.end()}'
+        )
+    if not size:
+        return np.empty(shape, dtype)
+    return np.frombuffer(data, dtype, offset=header.end()).reshape(shape)
