@@ -20,6 +20,7 @@ from rcl_interfaces.msg import (
     SetParametersResult,
 )
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.logging import LoggingSeverity
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
@@ -380,6 +381,8 @@ class TactileNode(LifecycleNode):
             self.destroy_node()
 
     def destroy_node(self) -> None:
+        # A log level belongs to the process and the name: the next node of that name is not quiet.
+        self.get_logger().set_level(LoggingSeverity.UNSET)
         super().destroy_node()
         destroy_state_machine(self)
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import pytest
 from rcl_interfaces.srv import SetParameters
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.logging import LoggingSeverity
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -219,3 +220,11 @@ def test_a_node_that_was_taken_down_is_not_in_the_graph(context):
     wait_until(lambda: name not in peer.get_node_names_and_namespaces())
     assert node.calls == ['tear_down']
     peer.destroy_node()
+
+
+def test_the_next_node_of_a_name_has_the_default_log_level(make_node):
+    default = make_node().get_logger().get_effective_level()
+    quiet = make_node()
+    quiet.get_logger().set_level(LoggingSeverity.WARN)
+    quiet.take_down()
+    assert make_node().get_logger().get_effective_level() == default
