@@ -50,7 +50,6 @@ TOPICS = (
     Topic('unlearned', 'accuracy.choices', 'labels that training has not seen', LONG),
     Topic('calibration-error', 'accuracy.choices', 'stated and true error of probabilities', LONG),
     Topic('peers', 'accuracy.peers', 'features of aeon and tsfresh beside ours', LONG),
-    Topic('slip', 'events.slip', 'slip detector: misses, latency, false alarms'),
     Topic('phases', 'events.phases', 'phases found in the tension: how often, how exactly'),
     Topic('phase-features', 'events.phases', 'accuracy with found phases, beside stated ones'),
     Topic('thresholds', 'sessions.thresholds', 'unknown objects in new sessions', LONG),

@@ -10,7 +10,7 @@ import re
 
 _LINE = re.compile(r'^(?P<indent> *)(?P<key>\w+):\s*(?P<value>[^#]*?)\s*(#\s*(?P<source>.*))?$')
 BEGIN, END = '<!-- constants: begin -->', '<!-- constants: end -->'
-FILES = ('finger_flexion', 'finger_abduction', 'rig', 'plates', 'objects', 'held_objects')
+FILES = ('finger_flexion', 'finger_abduction', 'rig', 'plates', 'objects')
 
 
 def build_tables(config: Path) -> str:

@@ -91,7 +91,7 @@ class Match:
         offset_m = self.scene.lead_m - self.scene.guide_m - reach_m
         assert self.scene.surface is not None
         contact = TwinContact(self.scene.surface, drop_m, offset_m, self.scene.friction)
-        guide, tendon, _ = plan_timeline(self.scene.rig, self.timeline)
+        guide, tendon = plan_timeline(self.scene.rig, self.timeline)
         return simulate_twin(
             finger,
             contact,

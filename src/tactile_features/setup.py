@@ -24,11 +24,9 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'slip_detector_node = tactile_ros.node_program:main',
             'tactile_features_node = tactile_ros.node_program:main',
         ],
         'tactile.nodes': [
-            'slip_detector_node = tactile_features.slip_detector_node:SlipDetectorNode',
             'tactile_features_node = tactile_features.tactile_features_node:TactileFeaturesNode',
         ],
     },

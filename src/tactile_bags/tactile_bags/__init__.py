@@ -29,7 +29,6 @@ _HOMES = {
     'RecordedBag': 'tactile_bags.recorded_bag',
     'RecordedTopic': 'tactile_ros.topics',
     'Recording': 'tactile_bags.recording',
-    'SLIP': 'tactile_ros.topics',
     'SPECIFICATIONS': 'tactile_ros.topics',
     'SPECIFICATIONS_TOPIC': 'tactile_ros.topics',
     'STRAIN': 'tactile_ros.topics',

@@ -20,7 +20,7 @@ _PACKAGE = 'tactile_msgs'
 
 @lru_cache(maxsize=1)
 def _message_definitions() -> dict[str, str]:
-    """Return the text of each ``.msg`` file by the name of its type, such as ``Slip``.
+    """Return the text of each ``.msg`` file by the name of its type, such as ``Tare``.
 
     A sourced workspace comes first: its messages are those that its nodes publish. A
     distribution from pip has the same files in the folder ``tactile_msgs`` of this package.

@@ -85,13 +85,6 @@ ARGUMENTS = [
         'found in the tension say; empty: as in params_file, or not known, and all models are '
         'loaded',
     ),
-    DeclareLaunchArgument(
-        'slip',
-        default_value='false',
-        description='true: also run a slip detector for each finger, which says on '
-        'slip_detector/slip when a held object slides. false: only where params_file has a block '
-        'for one',
-    ),
     *shared_arguments(),
 ]
 
@@ -167,17 +160,6 @@ def launch_setup(context):
                     executable='tactile_classifier_node',
                     name='tactile_classifier',
                     parameters=[file, of_models, common],
-                    **process,
-                )
-            )
-        if arguments.is_true('slip') or file.says_of('slip_detector', namespace):
-            # the slip of a held object
-            nodes.append(
-                Node(
-                    package='tactile_features',
-                    executable='slip_detector_node',
-                    name='slip_detector',
-                    parameters=[file, common],
                     **process,
                 )
             )

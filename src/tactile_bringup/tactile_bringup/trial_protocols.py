@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The protocols as lists of steps: the paper's two, and slip, which is only simulated.
+"""The protocols as lists of steps.
 
 One description serves the trial runner, which carries the steps out with
 actions, and the simulator's fast path, which computes when each of them ends.
@@ -16,10 +16,7 @@ from tactile_classifier.records import CONTACTS
 from tactile_ros.configs import parameter
 
 PROTOCOLS = ('texture', 'stiffness')
-"""Protocols of the rig, which have features and classifiers."""
-
-SIMULATED_PROTOCOLS = (*PROTOCOLS, 'slip')
-"""Protocols of the simulator."""
+"""Protocols of the rig and of the simulator, which have features and classifiers."""
 
 
 @dataclass(frozen=True)
@@ -168,18 +165,8 @@ class WaitStep:
     duration_s: float
 
 
-@dataclass(frozen=True)
-class PullStep:
-    """Pull the held object sideways; how far and how fast, the simulated rig describes."""
-
-    phase: str
-
-
 Step = GuideStep | TendonStep | WaitStep
-"""Steps that the rig can carry out."""
-
-SimulatedStep = Step | PullStep
-"""Steps that the simulator can carry out."""
+"""Steps that the rig and the simulator can carry out."""
 
 
 @dataclass(frozen=True)
@@ -196,9 +183,9 @@ class TrialRequest:
     mounting_id: str = ''
 
     def __post_init__(self) -> None:
-        if self.protocol not in SIMULATED_PROTOCOLS:
+        if self.protocol not in PROTOCOLS:
             raise ProtocolError(
-                f'no protocol "{self.protocol}"; there is {" and ".join(SIMULATED_PROTOCOLS)}'
+                f'no protocol "{self.protocol}"; there is {" and ".join(PROTOCOLS)}'
             )
         if self.contact not in CONTACTS:
             raise ProtocolError(f'no contact "{self.contact}"; there is {" and ".join(CONTACTS)}')
@@ -215,15 +202,7 @@ def glide_speed_m_s(config: TrialConfig, request: TrialRequest) -> float:
 
 
 def trial_steps(config: TrialConfig, request: TrialRequest) -> list[Step]:
-    """Return the steps of a trial on the rig, in order; each names the phase it belongs to.
-
-    Raises `ProtocolError` when the rig cannot carry the protocol out.
-    """
-    if request.protocol not in PROTOCOLS:
-        raise ProtocolError(
-            f'the rig cannot run a {request.protocol} trial: nothing on it pulls the object; '
-            f'use tactile simulate {request.protocol}, or run {" or ".join(PROTOCOLS)}'
-        )
+    """Return the steps of a trial, in order; each names the phase it belongs to."""
     pull_m = config.displacement_m(request.contact)
     approach = GuideStep('approach', config.guide_start_m, config.approach_speed_m_s)
     contact = TendonStep('contact', pull_m, config.pull_speed_m_s)
@@ -260,17 +239,3 @@ def longest_trial_s(config: TrialConfig, request: TrialRequest) -> float:
         elif isinstance(step, GuideStep):
             total_s += LONGEST_TRAVEL_M / step.speed_m_s
     return total_s
-
-
-def simulated_steps(config: TrialConfig, request: TrialRequest) -> list[SimulatedStep]:
-    """Return the steps of a simulated trial: those of the rig, or of a slip trial."""
-    if request.protocol != 'slip':
-        return [*trial_steps(config, request)]
-    return [
-        GuideStep('approach', config.guide_start_m, config.approach_speed_m_s),
-        TendonStep('contact', config.displacement_m(request.contact), config.pull_speed_m_s),
-        WaitStep('contact', config.settle_s),
-        PullStep('pull'),
-        WaitStep('pull', config.settle_s),
-        TendonStep('release', 0.0, config.pull_speed_m_s),
-    ]

@@ -20,7 +20,6 @@ import numpy as np
 from tactile_features import records
 from tactile_features.errors import FeatureError
 from tactile_features.records import FeatureWindow, Outcome, TrialEvent
-from tactile_features.slip import Slip, SlipConfig
 from tactile_features.spec import FeatureSpec, FeatureSpecifications, WantedFeatures
 from tactile_ros.errors import MessageError
 from tactile_ros.message_classes import time_to_msg
@@ -264,21 +263,6 @@ def _from_json(field: str, text: str) -> Any:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
         raise MessageError(f'{field} is not JSON: {error}') from error
-
-
-def slip_to_msg(slip: Slip, config: SlipConfig, trial_id: str) -> Any:
-    """Return the ``tactile_msgs/Slip`` of a record."""
-    from tactile_msgs.msg import Slip as SlipMsg
-
-    return SlipMsg(
-        header=_header(slip.stamp_ns, config.frame_id),
-        motion=SlipMsg.MOTION_SLIDING,
-        onset=time_to_msg(slip.onset_ns),
-        statistic=slip.statistic,
-        tension_n=slip.tension_n,
-        trial_id=trial_id,
-        simulated=slip.simulated,
-    )
 
 
 def _header(stamp_ns: int, frame_id: str = '') -> Any:

@@ -44,8 +44,8 @@ class FeaturesStage(Stage):
     """Samples and events in, windows of features out.
 
     It listens from its beginning, so that a trial under way when the node is activated is whole.
-    ``emit`` and ``emit_event`` are given each window, and each phase found in the tension, while
-    the node is active. Parameters that do not fit, or no usable model file, are a `FeatureError`.
+    ``emit`` is given each window while the node is active. Parameters that do not fit, or no
+    usable model file, are a `FeatureError`.
     """
 
     def __init__(
@@ -53,11 +53,9 @@ class FeaturesStage(Stage):
         node: TactileFeaturesNode,
         config: FeaturesNodeConfig,
         emit: Callable[[FeatureWindow], object],
-        emit_event: Callable[[TrialEvent], object],
     ) -> None:
         self._node = node
         self._emit = emit
-        self._emit_event = emit_event
         shared = config.shared()
         plan = plan_features(shared, config.models, config.contact)
         self.extractor = TrialFeatureExtractor(shared, plan.wanted)
@@ -125,7 +123,6 @@ class FeaturesStage(Stage):
             if event.phase == PHASE_ABORTED:
                 self._node.get_logger().warning(f'trial {event.trial_id}: {event.message}')
             self._detected.publish(event_to_msg(event))
-            self._emit_event(event)
         if windows:
             self._publish(windows)
 
@@ -183,20 +180,18 @@ class TactileFeaturesNode(StageNode):
 
     Attributes
     ----------
-    emit, emit_event : callable
-        Given each window and each detected event while the node is active. Set before the node
-        is configured.
+    emit : callable
+        Given each window while the node is active. Set before the node is configured.
     """
 
     poll_s = 0.01  # a window lasts seconds; each wake-up costs more than a sample
 
     def __init__(self, node_name: str = 'tactile_features', **node_options: Any) -> None:
         self.emit: Callable[[FeatureWindow], object] = ignore
-        self.emit_event: Callable[[TrialEvent], object] = ignore
         super().__init__(node_name, FeaturesNodeConfig, **node_options)
 
     def make_stage(self, config: FeaturesNodeConfig) -> FeaturesStage:
-        return FeaturesStage(self, config, self.emit, self.emit_event)
+        return FeaturesStage(self, config, self.emit)
 
     @property
     def extractor(self) -> TrialFeatureExtractor | None:

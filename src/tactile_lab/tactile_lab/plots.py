@@ -31,7 +31,6 @@ _PHASE_COLOURS = {
     'contact': '#4a90d9',
     'glide': '#5aae61',
     'hold': '#5aae61',
-    'pull': '#5aae61',
     'release': '#e08214',
 }
 

@@ -13,7 +13,6 @@ FEATURES = 'tactile_msgs/msg/TactileFeatures'
 CLASSIFICATION = 'tactile_msgs/msg/Classification'
 SPECIFICATIONS = 'tactile_msgs/msg/FeatureSpecifications'
 MODELS = 'tactile_msgs/msg/ModelInfos'
-SLIP = 'tactile_msgs/msg/Slip'
 AUDIT = 'tactile_msgs/msg/RecordingAudit'
 WRENCH = 'geometry_msgs/msg/WrenchStamped'
 JOINT_STATE = 'sensor_msgs/msg/JointState'
@@ -72,7 +71,6 @@ FINGER_TOPICS = (
     PARTIAL_FEATURES_TOPIC,
     SPECIFICATIONS_TOPIC,
     RecordedTopic('tactile_features/detected_events', EVENT, latched=True, optional=True),
-    RecordedTopic('slip_detector/slip', SLIP, optional=True),
     RecordedTopic('tendon_sensor/wrench', WRENCH),
     RecordedTopic('tendon_sensor/tare_state', TARE, latched=True),
     RecordedTopic('linear_guide/joint_states', JOINT_STATE, of_rig=True),

@@ -156,8 +156,6 @@ class PalpationRig:
         Raises `DescriptionError`: no such protocol, object or contact. Raises `RigError`: the
         tendon is pulled.
         """
-        if protocol == 'slip':
-            raise RigError('nothing on the rig pulls a held object; slip is simulated only')
         scene = build_scene(protocol, object_label, contact, self._catalogue)
         if self.tendon.displacement_m > _SLACK_M:
             raise RigError(

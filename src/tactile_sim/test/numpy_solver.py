@@ -73,7 +73,7 @@ def _solve(z, row, inputs, scene, control):
     for _ in range(iterations):
         steps.locate(z, _ALL, inputs[at.GUIDE_INPUT], constants)
         if len(table) > 1:
-            steps.find_cell(z, _ALL, inputs[at.SHAPE_INPUT], *grid)
+            steps.find_cell(z, _ALL, *grid)
             index = z[at.CELL].astype(np.intp)
             part = z[at.CELL] - index
             height, rise, slope, bend = table[index].T
@@ -83,8 +83,8 @@ def _solve(z, row, inputs, scene, control):
         if present:
             press = steps.press_object if yields else steps.press_rigid
             press(z, _ALL, constants)
-        tendon_m, material_m = inputs[at.TENDON_INPUT], inputs[at.MATERIAL_INPUT]
-        steps.improve(z, _ALL, row, tendon_m, material_m, grip, tolerance, trusted, constants)
+        tendon_m = inputs[at.TENDON_INPUT]
+        steps.improve(z, _ALL, row, tendon_m, grip, tolerance, trusted, constants)
         if not z[at.OPEN].any():
             break
     steps.end_step(z, _ALL, row, grip, constants)

@@ -73,7 +73,6 @@ def run(
     step_s,
     tendon_m,
     guide_m=CONTACT_GUIDE_M,
-    pulled_m=0.0,
     *,
     variation=None,
     solver='compiled',
@@ -90,8 +89,7 @@ def run(
     """
     tendon_m = np.asarray(tendon_m)
     steps = len(tendon_m) - 1
-    guide_m, pulled_m = (np.broadcast_to(v, steps + 1) for v in (guide_m, pulled_m))
-    inputs = scene.compute_inputs(tendon_m, guide_m, pulled_m)
+    inputs = scene.compute_inputs(tendon_m, np.broadcast_to(guide_m, steps + 1))
     variation = variation or Variation.none()
     if failed is None:
         failed = np.full(len(variation.phase), -1, dtype=np.int64)

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 SENSOR_NODE = 'tendon_sensor'
 FEATURES_NODE = 'tactile_features'
 CLASSIFIER_NODE = 'tactile_classifier'  # where there are models
-SLIP_NODE = 'slip_detector'  # where one is wanted
 PLAYER = 'bag_player'
 
 RIG_NODES = (SENSOR_NODE, FEATURES_NODE, 'linear_guide', 'tendon_actuator', 'trial_runner')
@@ -223,11 +222,6 @@ def sensor_parameters(
         of_features = float(stated.get(FEATURES_NODE, {}).get('rate_hz', 0.0))
         given['rate_hz'] = models.rate_hz if models else of_features
     return given
-
-
-def slip_node(parameters: NodeParameters, *, namespace: str = '') -> NodeDescription:
-    """Return the node that finds the slip of a held object."""
-    return _placed(NodeDescription(SLIP_NODE), parameters, namespace)
 
 
 def rig_graph(

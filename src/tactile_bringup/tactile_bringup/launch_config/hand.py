@@ -20,8 +20,6 @@ from tactile_bringup.launch_config.graph import (
     recorder_node,
     sensing_graph,
     SENSOR_NODE,
-    SLIP_NODE,
-    slip_node,
 )
 from tactile_bringup.launch_config.parameter_files import ParameterFile
 from tactile_features.records import PHASES_STATED
@@ -102,7 +100,6 @@ def hand_graph(
     models: str = '',
     phases: str = '',
     contact: str = '',
-    slip: bool = False,
     record: Path | None = None,
     namespace: str = '',
 ) -> list[NodeDescription]:
@@ -119,8 +116,6 @@ def hand_graph(
         no topic; returns the port of its simulated sensor.
     phases : str
         Empty: as the file says.
-    slip : bool
-        Every finger has a slip detector, not only those that the file describes one for.
     record : Path, optional
         Folder of the bags, one a finger.
 
@@ -132,8 +127,7 @@ def hand_graph(
     nodes: list[NodeDescription] = []
     for finger, place in zip(fingers, places, strict=True):
         stated = {
-            name: file.of(name, place)
-            for name in (SENSOR_NODE, FEATURES_NODE, SLIP_NODE, CLASSIFIER_NODE)
+            name: file.of(name, place) for name in (SENSOR_NODE, FEATURES_NODE, CLASSIFIER_NODE)
         }
         found = phases or stated[FEATURES_NODE].get('phases', PHASES_STATED)
         choice = ModelChoice.of_finger(
@@ -156,8 +150,6 @@ def hand_graph(
             simulated=simulate is not None,
             namespace=place,
         )
-        if slip or file.says_of(SLIP_NODE, place):
-            nodes.append(slip_node(stated, namespace=place))
         if record is not None:
             has = {'rig': False, 'classifier': choice is not None}
             nodes.append(recorder_node(record / finger, place, **has))

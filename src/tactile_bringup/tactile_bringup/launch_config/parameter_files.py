@@ -22,7 +22,6 @@ from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
 from tactile_bringup.trial_protocols import TrialConfig
 from tactile_classifier.records import ClassifierConfig
 from tactile_features.config import FeaturesNodeConfig
-from tactile_features.slip import SlipConfig
 from tactile_ros.bag_configs import PlayerConfig, RecorderConfig
 from tactile_ros.errors import TactileError
 from tactile_ros.topics import join_topic
@@ -35,7 +34,6 @@ CONFIGS: dict[str, type] = {
     'tendon_actuator': TendonActuatorConfig,
     'trial_runner': TrialConfig,
     'tactile_features': FeaturesNodeConfig,
-    'slip_detector': SlipConfig,
     'tactile_classifier': ClassifierConfig,
     'bag_recorder': RecorderConfig,
     'bag_player': PlayerConfig,
@@ -104,14 +102,6 @@ class ParameterFile:
         if self.path is not None and isinstance(models := found.get('models'), str) and models:
             found['models'] = str((self.path.parent / Path(models).expanduser()).resolve())
         return found
-
-    def says_of(self, name: str, namespace: str = '') -> bool:
-        """Return whether an entry names this very node."""
-        full = join_topic(namespace, name)
-        return any(
-            entry.node == name and _as_expression(entry.pattern).fullmatch(full)
-            for entry in self._entries
-        )
 
     def fingers(self, namespace: str = '') -> tuple[str, ...]:
         """Return the names of the fingers that it describes below a namespace, in its order."""

@@ -17,15 +17,12 @@ from tactile_bringup.launch_config.graph import (
     FEATURES_NODE,
     NodeDescription,
     SENSOR_NODE,
-    SLIP_NODE,
 )
 from tactile_classifier.tactile_classifier_node import TactileClassifierNode
-from tactile_features.slip_detector_node import SlipDetectorNode
 from tactile_features.tactile_features_node import TactileFeaturesNode
 from tactile_ros.errors import TactileError
 from tactile_ros.node_program import prepare_process
 from tactile_ros.stages import StageNode
-from tactile_ros.strain import StrainBlock
 from tendon_sensor_driver.tendon_sensor_node import TendonSensorNode
 
 
@@ -43,7 +40,6 @@ def connect_fingers(nodes: Iterable[Any]) -> None:
         _connect(
             finger.get(TendonSensorNode),
             finger.get(TactileFeaturesNode),
-            finger.get(SlipDetectorNode),
             finger.get(TactileClassifierNode),
         )
 
@@ -56,34 +52,21 @@ def sources_last(nodes: Mapping[str, Any]) -> list[tuple[str, Any]]:
 def _connect(
     sensor: TendonSensorNode | None,
     features: TactileFeaturesNode | None,
-    slip: SlipDetectorNode | None,
     classifier: TactileClassifierNode | None,
 ) -> None:
     lock = threading.RLock()
-    for node in (features, slip, classifier):
+    for node in (features, classifier):
         if node is not None:
             node.lock = lock
     if features is not None and classifier is not None:
         classifier.is_fed_by_calls = True
         features.emit = classifier.add_window
-    if sensor is None:
-        return
-    takers = [node for node in (features, slip) if node is not None]
-    for taker in takers:
-        taker.is_fed_by_calls = True
-    if features is not None and slip is not None:
-        features.emit_event = slip.add_event
-    inputs = [taker.add_block for taker in takers]
-
-    def take(block: StrainBlock) -> None:
-        with lock:  # no node sees the next block before the others have seen this one
-            for add_block in inputs:
-                add_block(block)
-
-    sensor.emit = take
+    if sensor is not None and features is not None:
+        features.is_fed_by_calls = True
+        sensor.emit = features.add_block
 
 
-NODES = (SENSOR_NODE, FEATURES_NODE, SLIP_NODE, CLASSIFIER_NODE, 'bag_recorder')
+NODES = (SENSOR_NODE, FEATURES_NODE, CLASSIFIER_NODE, 'bag_recorder')
 """Names of the nodes that can share the process."""
 
 POLL_S = 1.0

@@ -20,7 +20,7 @@ from std_srvs.srv import Trigger
 from tactile_bringup.launch_config.graph import NodeDescription
 from tactile_bringup.nodes.finger_node import connect_fingers, sources_last
 from tactile_bringup.nodes.graph_runner import create_node
-from tactile_msgs.msg import Slip, StrainBlock, TactileFeatures, TrialEvent
+from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 from tactile_testing.waiting import wait_until
@@ -69,7 +69,7 @@ class Board:
 
 
 class Finger:
-    """Sensor, features and slip nodes of one process, and all blocks that features took."""
+    """Sensor and features nodes of one process, and all blocks that features took."""
 
     def __init__(self, context, board, namespace='', **of_features):
         descriptions = [
@@ -84,12 +84,11 @@ class Finger:
                 },
             ),
             NodeDescription('tactile_features', {'rate_hz': float(board.rate_hz), **of_features}),
-            NodeDescription('slip_detector'),
         ]
         self.nodes = {
             d.name: create_node(replace(d, namespace=namespace), context) for d in descriptions
         }
-        self.sensor, self.features, self.slip = self.nodes.values()
+        self.sensor, self.features = self.nodes.values()
         connect_fingers(self.nodes.values())
         for _, node in sources_last(self.nodes):
             assert node.bring_up()
@@ -255,14 +254,13 @@ def test_tare_and_events_come_in_the_middle_of_blocks(make_finger, elsewhere):
     executor = rclpy.executors.SingleThreadedExecutor(context=elsewhere.context)
     executor.add_node(elsewhere)
     spin = lambda: executor.spin_once(timeout_sec=0.05)  # noqa: E731
-    windows, slips = [], []
+    windows = []
     elsewhere.create_subscription(
         TactileFeatures, 'tactile_features/features', windows.append, RESULTS
     )
-    elsewhere.create_subscription(Slip, 'slip_detector/slip', slips.append, RESULTS)
     events = elsewhere.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
     client = elsewhere.create_client(Trigger, 'tendon_sensor/tare')
-    wait_until(lambda: client.service_is_ready() and events.get_subscription_count() >= 2)
+    wait_until(lambda: client.service_is_ready() and events.get_subscription_count() >= 1)
     wait_until(lambda: len(finger.taken) > 1100)
 
     def hold():

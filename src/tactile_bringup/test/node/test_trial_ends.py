@@ -26,10 +26,8 @@ from tactile_ros.rclpy_internals import GoalIdClient
 from tactile_testing.waiting import wait_until
 
 
-def test_slip_is_refused_before_anything_moves(bench):
-    message = bench.end(bench.start('slip')).message
-    assert 'nothing on it pulls the object' in message
-    assert 'tactile simulate slip' in message
+def test_an_unknown_protocol_is_refused_before_anything_moves(bench):
+    assert 'no protocol "smell"' in bench.end(bench.start('smell')).message
     assert (bench.guide.goals, bench.tendon.goals, bench.phases) == ([], [], [])
 
 

@@ -14,7 +14,6 @@ index:
   tactile_features: {ros__parameters: {phases: texture}}
 middle:
   tendon_sensor: {ros__parameters: {port: /dev/ttyUSB7}}
-  slip_detector: {ros__parameters: {threshold: 6.0}}
 """
 
 
@@ -37,14 +36,12 @@ def test_each_finger_has_the_parameters_of_its_blocks(graph):
         'index/tactile_features',
         'middle/tendon_sensor',
         'middle/tactile_features',
-        'middle/slip_detector',
     ]
     port = '/dev/tactile/index'
     assert nodes['index/tendon_sensor'] == {'port': port, 'scale': -1.0, 'rate_hz': 80.0}
     assert nodes['index/tactile_features'] == {'phases': 'texture'}
     port = '/dev/ttyUSB7'
     assert nodes['middle/tendon_sensor'] == {'port': port, 'scale': 2.0, 'rate_hz': 80.0}
-    assert nodes['middle/slip_detector'] == {'threshold': 6.0}
 
 
 def test_an_argument_wins_over_the_file(graph):

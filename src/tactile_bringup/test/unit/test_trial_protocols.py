@@ -8,8 +8,6 @@ from tactile_bringup.trial_protocols import (
     GuideStep,
     longest_trial_s,
     ProtocolError,
-    PullStep,
-    simulated_steps,
     TendonStep,
     trial_steps,
     TrialConfig,
@@ -54,21 +52,6 @@ def test_a_trial_may_take_as_long_as_it_was_asked_to_hold(hold_s):
     assert hold_s + 50 < longest_s < hold_s + 120
     slow = TrialRequest('texture', 'flexion', glide_speed_m_s=0.001)
     assert longest_trial_s(CONFIG, slow) > 65
-
-
-def test_slip_is_simulated_alone_and_pulls_the_object_while_the_tendon_is_held():
-    request = TrialRequest('slip', 'flexion')
-    steps = simulated_steps(CONFIG, request)
-    kinds = [type(step) for step in steps]
-    assert kinds == [GuideStep, TendonStep, WaitStep, PullStep, WaitStep, TendonStep]
-    assert [steps[i].phase for i in (0, 1, 2, 3, 5)] == [
-        'approach', 'contact', 'contact', 'pull', 'release',
-    ]  # fmt: skip
-    with pytest.raises(ProtocolError, match=r'nothing on it pulls.*tactile simulate slip'):
-        trial_steps(CONFIG, request)
-    for protocol in ('texture', 'stiffness'):
-        request = TrialRequest(protocol, 'abduction')
-        assert simulated_steps(CONFIG, request) == trial_steps(CONFIG, request)
 
 
 @pytest.mark.parametrize(

@@ -21,12 +21,10 @@ from tactile_features.conversions import (
     event_to_msg,
     feature_window_from_msg,
     feature_window_to_msg,
-    slip_to_msg,
     specifications_from_msg,
     specifications_to_msg,
     strain_block_from_msg,
 )
-from tactile_features.slip import SlipConfig, SlipDetector
 from tactile_msgs.msg import FeatureSpecification, StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.errors import MessageError
 
@@ -211,22 +209,6 @@ def test_the_extractor_takes_all_that_is_not_refused(config, blocks, events):
             serialize_message(event_to_msg(event))
     for window in [*windows, *extractor.finish()]:
         serialize_message(feature_window_to_msg(window))
-
-
-@given(blocks=changes_of[StrainBlock])
-@long_runs
-def test_the_slip_detector_takes_all_that_is_not_refused(blocks):
-    config = SlipConfig()
-    detector = SlipDetector(config)
-    for message in stream(blocks, {}):
-        if not isinstance(message, StrainBlock):
-            continue
-        try:
-            slips = detector.add(strain_block_from_msg(message))
-        except MessageError:
-            continue
-        for slip in slips:
-            serialize_message(slip_to_msg(slip, config, ''))
 
 
 @pytest.mark.parametrize(

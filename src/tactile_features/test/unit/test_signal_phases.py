@@ -274,7 +274,7 @@ def test_a_clock_set_back_within_a_trial_aborts_it():
 
 
 def test_what_cannot_be_searched_is_refused():
-    for make in (lambda: SignalPhases(FeatureConfig()), lambda: FeatureConfig(phases='slip')):
+    for make in (lambda: SignalPhases(FeatureConfig()), lambda: FeatureConfig(phases='smell')):
         with pytest.raises(FeatureError, match='phases'):
             make()
     with pytest.raises(FeatureError, match='20 Hz'):

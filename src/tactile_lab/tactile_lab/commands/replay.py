@@ -254,11 +254,6 @@ def _replay_finger(
 def _check_has_features(bag: 'RecordedBag', recorded: 'TactileResults') -> None:
     if recorded.windows:
         return
-    if bag.metadata.get('protocol') == 'slip':
-        raise TactileError(
-            f'{bag.path} holds simulated slip trials: there are no slip features yet, '
-            'so there is nothing to replay'
-        )
     raise TactileError(
         f'{bag.path} holds no features: there is nothing to compare a replay with. '
         'No trial ended while it was recorded, or it was made without nodes '

@@ -40,13 +40,6 @@ class FingerOptions:
             show_default=False,
         ),
     ] = ''
-    slip: Annotated[
-        bool,
-        typer.Option(
-            '--slip',
-            help='Also run the slip detector: it reports when a held object begins to slide.',
-        ),
-    ] = False
     simulated: options.SimulatedOption = False
     params: options.ParamsOption = None
     namespace: options.NamespaceOption = ''
@@ -83,7 +76,7 @@ def hand(
 
     Runs the nodes of `tactile sense` for each finger, in a namespace with the finger's name, as
     ``ros2 launch tactile_bringup hand.launch.py`` does. What differs between fingers (port or
-    topic, models, phases, slip detector) stands in the ROS parameter file ``--params``, in
+    topic, models, phases) stands in the ROS parameter file ``--params``, in
     blocks for the nodes of each finger. ``--record`` makes one bag a finger.
     """
     run_fingers(fingers, **vars(stated))

@@ -31,9 +31,7 @@ ALL_TRIALS = 60
 def simulate(
     protocol: Annotated[
         str,
-        typer.Argument(
-            **options.choice('texture', 'stiffness', 'slip'), help='Which kind of trial.'
-        ),
+        typer.Argument(**options.choice('texture', 'stiffness'), help='Which kind of trial.'),
     ],
     folder: Annotated[Path, typer.Option('--output', '-o', help='Folder to write the bags into.')],
     contact: Annotated[
@@ -95,9 +93,7 @@ def simulate(
     seed gives the same bytes with the same NumPy, whatever the number of processes.
 
     Exits with 3 when the simulator found no equilibrium in some trial: such trials are in
-    the bag up to that time, end as aborted, and give no features. **slip** trials, in which
-    the object is pulled sideways, are only simulated: no rig can run them, and there are no
-    slip features yet. Their bag says when each object truly began to slip.
+    the bag up to that time, end as aborted, and give no features.
     """
     if plot is not None and not plot.parent.is_dir():
         raise TactileError(

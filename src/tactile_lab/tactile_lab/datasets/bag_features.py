@@ -28,7 +28,6 @@ from tactile_features.records import (
     Outcome,
     PHASE_ABORTED,
     PHASE_DONE,
-    PROTOCOL_SLIP,
     TrialEvent,
 )
 from tactile_features.spec import FeatureSpec
@@ -171,11 +170,6 @@ def _collect(
     events: defaultdict[str, list[TrialEvent]] = defaultdict(list)
     for event in replayed.events:
         events[event.trial_id].append(event)
-    left_out.extend(
-        f'{trial_id}: a slip trial, and there are no slip features yet'
-        for trial_id, (event, *_) in events.items()
-        if event.protocol == PROTOCOL_SLIP
-    )
     # A refusal follows an early window in which its phase ended.
     refused = {_identify(window) for window in replayed.windows if window.outcome != Outcome.OK}
     for window in replayed.windows:

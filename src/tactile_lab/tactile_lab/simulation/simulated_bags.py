@@ -38,7 +38,6 @@ from tactile_lab.simulation.simulated_trials import (
     simulate_chunk,
     SimulatedTrial,
     SimulationPlan,
-    SLIP_M,
     TrialChunk,
 )
 from tactile_ros.topics import EVENT, EVENT_TOPIC, STRAIN, STRAIN_TOPIC
@@ -108,7 +107,6 @@ def write_simulated_bag(
         'trial_config': asdict(trial_config),
     }
     aborted: list[tuple[str, float]] = []
-    onsets: dict[str, float | None] = {}
     written = 0
     with BagWriter(folder / plan.name, metadata) as writer:
         topics = {STRAIN: writer.add_topic(STRAIN_TOPIC), EVENT: writer.add_topic(EVENT_TOPIC)}
@@ -121,24 +119,10 @@ def write_simulated_bag(
                         missing = 0
                     writer.write_raw(topics[type_name], stamp_ns, data)
                 missing += trial.missing_samples
-                onsets[trial.trial_id] = trial.onset_s
                 if trial.failed_at_s is not None:
                     aborted.append((trial.trial_id, trial.failed_at_s))
                 written += 1
                 on_trials(1)
-            if plan.protocol == 'slip':
-                writer.add_metadata(
-                    {
-                        'slip_onsets': {
-                            'simulated': True,
-                            'meaning': 'true onset of slip in seconds since the first event of '
-                            'the trial; null: it did not slip during the pull, or the trial was '
-                            'aborted before',
-                            'threshold_m': SLIP_M,
-                            'onset_s': onsets,
-                        }
-                    }
-                )
         except BaseException:
             writer.close()
             shutil.rmtree(writer.path)

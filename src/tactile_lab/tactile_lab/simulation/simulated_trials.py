@@ -21,9 +21,8 @@ from tactile_bags.message_types import message_store
 from tactile_bringup.trial_protocols import (
     glide_speed_m_s,
     GuideStep,
-    PullStep,
-    simulated_steps,
     TendonStep,
+    trial_steps,
     TrialConfig,
     TrialRequest,
     WaitStep,
@@ -31,7 +30,7 @@ from tactile_bringup.trial_protocols import (
 from tactile_ros.strain import StrainStatus
 from tactile_ros.topics import EVENT, STRAIN
 from tactile_sim.descriptions.catalogue import Catalogue
-from tactile_sim.physics.motion import Move, move_duration_s, plan_timeline, Timeline
+from tactile_sim.physics.motion import Move, move_duration_s, Timeline
 from tactile_sim.physics.trials import simulate_trials
 
 SAMPLES_PER_BLOCK = 60
@@ -42,9 +41,6 @@ EPOCH_NS = 1_600_000_000_000_000_000
 
 IDLE_S = 0.2
 """Rest before and after a trial."""
-
-SLIP_M = 2e-4
-"""The object has slipped when the fingertip has moved so far over it (assumed) [m]."""
 
 
 @dataclass(frozen=True)
@@ -71,9 +67,8 @@ def plan_trial(
     guide_m_s2, tendon_m_s2 = rig.guide.acceleration_m_s2, rig.tendon.max_acceleration_m_s2
     guide_moves: list[Move] = []
     tendon_moves: list[Move] = []
-    object_moves: list[Move] = []
     phases: list[tuple[str, float]] = []
-    for step in simulated_steps(config, request):
+    for step in trial_steps(config, request):
         if step.phase == 'return':
             continue
         if not phases or phases[-1][0] != step.phase:
@@ -89,21 +84,11 @@ def plan_trial(
             distance_m = abs(step.displacement_m - tendon_m)
             now_s += move_duration_s(distance_m, step.speed_m_s, tendon_m_s2)
             tendon_m = step.displacement_m
-        elif isinstance(step, PullStep):
-            object_moves.append(Move(now_s, rig.pull.distance_m, rig.pull.speed_m_s))
-            pull = Timeline([], [], 1.0, guide_m, object_moves)
-            now_s = plan_timeline(rig, pull)[2].busy_s[-1][1]
     phases.append(('done', now_s))
     # Whole samples by the sensor's clock, so that trials follow each other without a gap.
     period_s = rig.load_cell.period_s
     sample_count = math.ceil((now_s + IDLE_S) / period_s)
-    timeline = Timeline(
-        guide_moves,
-        tendon_moves,
-        sample_count * period_s,
-        config.guide_start_m,
-        object_moves=object_moves,
-    )
+    timeline = Timeline(guide_moves, tendon_moves, sample_count * period_s, config.guide_start_m)
     return PlannedTrial(tuple(phases), timeline, rig.load_cell.rate_hz, sample_count)
 
 
@@ -166,15 +151,13 @@ class SimulatedTrial:
 
     ``messages``: time [ns], type and bytes (CDR) of each message, in the order of time.
     ``missing_samples``: samples at its end that the simulator could not compute. ``failed_at_s``:
-    when the simulator gave up, since the trial's first sample [s]. ``onset_s``: when the object
-    began to slip, since the trial's first phase [s].
+    when the simulator gave up, since the trial's first sample [s].
     """
 
     trial_id: str
     messages: tuple[tuple[int, str, bytes], ...]
     missing_samples: int
     failed_at_s: float | None
-    onset_s: float | None
 
 
 def simulate_chunk(
@@ -205,39 +188,11 @@ def simulate_chunk(
         count = planned.sample_count
         if failed_at_s is not None:
             count = min(count, int(np.searchsorted(times_s, failed_at_s)))
-        onset_s = None
-        if plan.protocol == 'slip':
-            onset_s = find_onset_s(planned, times_s[:count], trials.truth['slip_m'][i, :count])
         recorder = _TrialRecorder(plan, planned, config, chunk, i)
         messages = recorder.messages(trials.tension_n[i, :count], failed_at_s)
         missing = planned.sample_count - count
-        done.append(
-            SimulatedTrial(recorder.trial_id, tuple(messages), missing, failed_at_s, onset_s)
-        )
+        done.append(SimulatedTrial(recorder.trial_id, tuple(messages), missing, failed_at_s))
     return done
-
-
-def find_onset_s(
-    planned: PlannedTrial, times_s: NDArray[np.float64], slip_m: NDArray[np.float64]
-) -> float | None:
-    """Return when the slip since the start of the pull passes `SLIP_M`, or None.
-
-    Slip during the release does not count.
-
-    ``times_s``, ``slip_m`` (ndarray of shape (samples,)): time since the first sample [s] and true
-    slip of the fingertip [m].
-    The time is since the trial's first phase [s], linear between samples.
-    """
-    phases = dict(planned.phases)
-    first, end = np.searchsorted(times_s, [phases['pull'], phases['release']])
-    moved_m = np.abs(slip_m[first:end] - slip_m[first : first + 1])
-    beyond = np.flatnonzero(moved_m >= SLIP_M)
-    if not len(beyond):
-        return None
-    last = int(beyond[0])
-    pull_s = times_s[first:end]
-    at_s = np.interp(SLIP_M, moved_m[last - 1 : last + 1], pull_s[last - 1 : last + 1])
-    return round(float(at_s) - planned.phases[0][1], 6)
 
 
 class _TrialRecorder:

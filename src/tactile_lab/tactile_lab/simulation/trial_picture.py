@@ -21,12 +21,7 @@ from tactile_bringup.trial_protocols import TrialConfig
 from tactile_features.config import FeatureConfig
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_lab.plots import draw_spectrum, shade_phases
-from tactile_lab.simulation.simulated_trials import (
-    find_onset_s,
-    plan_trial,
-    PlannedTrial,
-    SimulationPlan,
-)
+from tactile_lab.simulation.simulated_trials import plan_trial, PlannedTrial, SimulationPlan
 from tactile_ros.errors import TactileError
 from tactile_sim.descriptions.catalogue import Catalogue
 from tactile_sim.descriptions.description import Finger
@@ -110,14 +105,12 @@ def _choose_label(protocol: str, catalogue: Catalogue) -> str:
     labels = catalogue.labels(protocol)
     if protocol == 'texture':
         return next((name for name in labels if catalogue.plate(name).groove != 'none'), labels[0])
-    if protocol == 'stiffness':
-        # The softest; without stiffness there is no object.
-        return min(labels, key=lambda name: catalogue.body(name).stiffness_n_m or math.inf)
-    return min(labels, key=lambda name: catalogue.held_object(name).body.friction)
+    # The softest; without stiffness there is no object.
+    return min(labels, key=lambda name: catalogue.body(name).stiffness_n_m or math.inf)
 
 
 def find_measured_phase(planned: PlannedTrial) -> str:
-    return next(name for name, _ in planned.phases if name in ('glide', 'hold', 'pull'))
+    return next(name for name, _ in planned.phases if name in ('glide', 'hold'))
 
 
 def _moments(planned: PlannedTrial) -> list[tuple[str, float, float]]:
@@ -170,7 +163,6 @@ def draw_picture(picture: TrialPicture) -> Figure:
     extra: dict[str, Callable[[Axes, TrialPicture], None]] = {
         'texture': _draw_spectrum,
         'stiffness': _draw_force,
-        'slip': _draw_slip,
     }
     figure = Figure(figsize=(9, 9.5), layout='constrained')
     shapes, tension, last = figure.subplots(3, 1, height_ratios=(1.5, 1.0, 0.8))
@@ -229,7 +221,7 @@ def _draw_touched(axes: Axes, picture: TrialPicture) -> None:
     finger, place = catalogue.finger(picture.plan.contact), catalogue.rig().placement
     reach_m, top_m = compute_touching_tip(finger)[0], surface_drop_m(finger)
     middle_m, half_m = place.object_guide_m + reach_m, place.object_half_width_m
-    what, pull_m = f'object {picture.label}', 0.0
+    what = f'object {picture.label}'
     outline_m = _block_outline(middle_m, half_m, top_m)
     if protocol == 'texture':
         plate, what = catalogue.plate(picture.label), f'plate {picture.label}'
@@ -240,22 +232,10 @@ def _draw_touched(axes: Axes, picture: TrialPicture) -> None:
         outline_m = np.column_stack([edge_m + along_m, top_m - profile_m])
         ends = [[outline_m[-1, 0], top_m + BODY_DEPTH_M], [edge_m, top_m + BODY_DEPTH_M]]
         outline_m = np.concatenate([outline_m, ends])
-    elif protocol == 'slip':
-        pull_m = catalogue.rig().pull.distance_m
-        what += f', pulled by {MM * pull_m:g} mm'
-        held = catalogue.held_object(picture.label)
-        if held.motion == 'roll':
-            angle = np.linspace(0.0, 2 * np.pi, 181)
-            circle = np.column_stack([np.sin(angle), 1.0 - np.cos(angle)])
-            outline_m = np.array([middle_m, top_m]) + held.radius_m * circle
     elif catalogue.body(picture.label).stiffness_n_m == 0:
         what = 'no object'
     if what != 'no object':
         axes.add_patch(Polygon(MM * outline_m, fc='0.85', ec='0.4', lw=1, zorder=1))
-    if pull_m > 0:
-        pulled_m = outline_m + np.array([pull_m, 0.0])
-        colour = SHAPE_STYLES['end'][0]
-        axes.add_patch(Polygon(MM * pulled_m, fill=False, ec=colour, ls='--', zorder=1))
     deepest_m = outline_m[:, 1].max()
     axes.text(MM * middle_m, MM * deepest_m + 1.0, what, ha='center', va='top', fontsize=9)
     axes.update_datalim(MM * np.array([[middle_m, deepest_m + 6e-3]]))
@@ -333,16 +313,3 @@ def _draw_force(axes: Axes, picture: TrialPicture) -> None:
     _shade_phases(axes, picture)
     axes.plot(picture.times_s, picture.truth['contact_force_n'], color='#2e8b57', lw=1)
     axes.set(xlabel='time [s]', ylabel='true contact force [N]')
-
-
-def _draw_slip(axes: Axes, picture: TrialPicture) -> None:
-    """Draw how far the fingertip has slipped over the object, which no sensor sees."""
-    _shade_phases(axes, picture)
-    slip_m = picture.truth['slip_m']
-    axes.plot(picture.times_s, MM * slip_m, color='#2e8b57', lw=1)
-    onset_s = find_onset_s(picture.planned, picture.times_s, slip_m)
-    if onset_s is not None:
-        at_s = onset_s + picture.planned.phases[0][1]
-        axes.axvline(at_s, color='#c00000', lw=0.9, ls='--', label=f'onset of slip, {at_s:.2f} s')
-        axes.legend(loc='center left', frameon=False)
-    axes.set(xlabel='time [s]', ylabel='true slip [mm]')

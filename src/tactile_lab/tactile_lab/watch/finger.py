@@ -168,7 +168,6 @@ class Finger:
         self._answers: dict[str, tuple[ClassificationResult, str]] = {}  # by model
         self._models: tuple[ModelInfo, ...] = ()
         self._windows: dict[str, FeatureWindow] = {}  # of the trial, by specification
-        self._slip: dict[str, Any] | None = None
 
     # -- what comes ----------------------------------------------------------------
 
@@ -250,11 +249,6 @@ class Finger:
         self.simulated = self.simulated or window.simulated
         self.version += 1
 
-    def take_slip(self, motion: str, onset_ns: int, tension_n: float) -> None:
-        """Take a change of what a held object does."""
-        self._slip = {'motion': motion, 'at': onset_ns, 'tension_n': rounded(tension_n)}
-        self.version += 1
-
     # -- what is shown ---------------------------------------------------------------
 
     def points_since(self, count: int) -> tuple[list[float], list[float | None]]:
@@ -292,7 +286,6 @@ class Finger:
             'spans': self._describe_spans(),
             'answers': [describe_answer(*answer) for answer in self._answers.values()],
             'window': self._describe_window(),
-            'slip': self._slip and {**self._slip, 'at': self._seconds(self._slip['at'])},
         }
 
     def _seconds(self, stamp_ns: int) -> float:

@@ -30,7 +30,6 @@ from tactile_msgs.msg import (
     Classification,
     ModelInfos,
     Readiness,
-    Slip,
     StrainBlock,
     TactileFeatures,
     TrialEvent,
@@ -78,7 +77,6 @@ PROFILES = {
     TrialEvent: EVENTS,
     ModelInfos: LATEST,
     Readiness: LATEST,
-    Slip: RESULTS,
     DiagnosticStatus: STATES,
 }
 
@@ -242,9 +240,6 @@ class WatchNode(Node):  # type: ignore[misc]
                 topic.strip('/').rpartition('/')[0], stop_state_from_msg(m).reason
             ),
             Readiness: lambda m: state.take_readiness(device, list(m.missing)),
-            Slip: lambda m: update(
-                Finger.take_slip, m.motion, m.onset.sec * 10**9 + m.onset.nanosec, m.tension_n
-            ),
         }
         self._listen_to(kind, topic, takes[kind], PROFILES[kind])
 

@@ -63,7 +63,7 @@ def test_windows_that_are_none_and_speeds_of_others_are_refused(tmp_path):
     for text in ('45', '45:', 'a:b', '1:0.5', '45:0', 'nan:1'):
         with pytest.raises(TactileError, match='--over'):
             parse_over(text)
-    said = hear_tactile('simulate', 'slip', '-o', tmp_path, '--speed', 5, code=2)
+    said = hear_tactile('simulate', 'stiffness', '-o', tmp_path, '--speed', 5, code=2)
     assert 'for texture' in said
 
 

@@ -14,17 +14,10 @@ from tactile_bags.errors import BagError
 from tactile_bringup.trial_protocols import TrialConfig, TrialRequest
 from tactile_features.config import FeatureConfig
 from tactile_features.conversions import event_from_msg, strain_block_from_msg
-from tactile_lab.commands.replay import replay_and_compare
 from tactile_lab.datasets.feature_tables import read_tables
 from tactile_lab.simulation import simulated_bags, simulated_trials
 from tactile_lab.simulation.simulated_bags import write_simulated_bag
-from tactile_lab.simulation.simulated_trials import (
-    find_onset_s,
-    plan_trial,
-    SimulationPlan,
-    SLIP_M,
-)
-from tactile_ros.errors import TactileError
+from tactile_lab.simulation.simulated_trials import plan_trial, SimulationPlan
 from tactile_sim.physics.trials import SimulatedTrials
 
 CONFIG = TrialConfig()
@@ -60,7 +53,6 @@ class FakeSimulator:
 
     def __init__(self):
         self.failures = {}  # (label, number) to when the solver gives up
-        self.slip_m = lambda label, times_s: np.zeros_like(times_s)
         self.finished = 0
 
     def simulate(self, protocol, label, contact, timeline, count, seed, *, first, **more):
@@ -70,7 +62,7 @@ class FakeSimulator:
         return SimulatedTrials(
             tension_n=np.tile(times_s, (count, 1)),
             sample_times_s=times_s,
-            truth={'slip_m': np.tile(self.slip_m(label, times_s), (count, 1))},
+            truth={},
             failed_at_s=np.array(failed_at_s),
         )
 
@@ -229,7 +221,7 @@ def test_as_published_mounts_each_object_once_and_crossed_for_each_trial(simulat
 def test_by_default_sixty_trials_come_from_six_sessions(
     simulator, tmp_path, options, sessions, trials
 ):
-    done = tactile('simulate', 'slip', '-o', tmp_path, '--jobs', 1, '--json', *options)
+    done = tactile('simulate', 'stiffness', '-o', tmp_path, '--jobs', 1, '--json', *options)
     assert done.returncode == 0
     for bag in json.loads(done.stdout)['bags']:
         assert (bag['sessions'], bag['trials_per_label_and_session']) == (sessions, trials)
@@ -245,8 +237,8 @@ def test_by_default_sixty_trials_come_from_six_sessions(
 )
 def test_the_command_refuses_with_a_sentence(simulator, tmp_path, options, sentence):
     folder = tmp_path / ('taken' if '-o' in options else 'free')
-    (tmp_path / 'taken' / 'slip_flexion').mkdir(parents=True)
-    told = run_simulate(folder, *(() if '-o' in options else options), task='slip')
+    (tmp_path / 'taken' / 'stiffness_flexion').mkdir(parents=True)
+    told = run_simulate(folder, *(() if '-o' in options else options))
     assert told.returncode == 2
     assert sentence in told.stderr
     assert simulator.finished == 0
@@ -263,41 +255,6 @@ def test_unfinished_bag_is_removed_and_an_existing_one_kept(simulator, tmp_path,
     with pytest.raises(BagError, match='exist'):
         write(stiffness_bag.parent, plan)
     assert len(read_events(stiffness_bag)) == 15
-
-
-def test_slip_bag_tells_the_true_onset(simulator, tmp_path):
-    phases = dict(plan_trial(CONFIG, TrialRequest('slip', 'flexion')).phases)
-    begin_s = phases['pull'] + 0.1
-    simulator.slip_m = lambda label, times_s: (
-        1e-3 * np.clip(times_s - begin_s, 0, None) * (label == 'smooth')
-    )
-    bag = write(tmp_path, SimulationPlan('slip', 'flexion', 1, 7))
-    with TactileBag(bag.path) as opened:
-        table = opened.metadata['slip_onsets']
-    assert table['simulated'] is True
-    onset_s = table['onset_s']
-    assert set(onset_s) == set(read_events(bag.path))
-    expected_s = begin_s + SLIP_M / 1e-3 - phases['approach']
-    assert onset_s['slip_flexion-7-0-smooth-0000'] == pytest.approx(expected_s, abs=1e-6)
-    assert onset_s['slip_flexion-7-0-rough-0000'] is None
-    for events in read_events(bag.path).values():
-        assert [e.phase for e in events] == ['approach', 'contact', 'pull', 'release', 'done']
-        assert {e.protocol for e in events} == {'slip'}
-    with pytest.raises(BagError, match='no slip features yet'):
-        read_tables([bag.path])
-    with pytest.raises(TactileError, match='no slip features yet'):
-        replay_and_compare(bag.path, None, through_nodes=False)
-
-
-@pytest.mark.parametrize('before_m', [0.0, -3e-4])
-def test_onset_counts_from_the_pull_in_either_direction(before_m):
-    planned = plan_trial(CONFIG, TrialRequest('slip', 'flexion'))
-    pull_s = dict(planned.phases)['pull']
-    times_s = np.arange(planned.sample_count) / RATE_HZ
-    slip_m = before_m + 2e-3 * np.clip(pull_s + 0.2 - times_s, None, 0)
-    onset_s = find_onset_s(planned, times_s, slip_m) + planned.phases[0][1]
-    assert onset_s == pytest.approx(pull_s + 0.2 + SLIP_M / 2e-3, abs=1e-6)
-    assert find_onset_s(planned, times_s[:5], slip_m[:5]) is None
 
 
 def test_plan_keeps_the_glide_speed():

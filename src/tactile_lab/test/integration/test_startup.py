@@ -102,7 +102,7 @@ def test_a_process_that_senses_loads_no_library_of_other_work():
         'import tactile_bringup.nodes.graph_runner, tactile_lab.watch.watching\n'
         'import tactile_lab.program, tactile_lab.running\n'
         'from tactile_ros.node_program import find_node_class\n'
-        "for name in 'tendon_sensor tactile_features slip_detector tactile_classifier'.split():\n"
+        "for name in 'tendon_sensor tactile_features tactile_classifier'.split():\n"
         "    find_node_class(name + '_node')\n"
         'print(json.dumps(sorted(sys.modules)))\n'
     )

@@ -89,7 +89,6 @@ left:
     tactile_features: {ros__parameters: {phases: stiffness}}
   middle:
     tendon_sensor: {ros__parameters: {sensor: topic, topic: /ft}}
-    slip_detector: {ros__parameters: {threshold: 6.0}}
 """
 
 
@@ -98,11 +97,11 @@ left:
 def test_a_hand_is_that_of_the_command(options, has_models, trained, parameter_file, tmp_path):
     path, models = parameter_file(HAND), str(trained) if has_models else ''
     shared = {'models': models, 'record': tmp_path / 'bags', 'namespace': 'left', **options}
-    nodes = launched('hand', params_file=path, processes='node', slip='True', **shared)
+    nodes = launched('hand', params_file=path, processes='node', **shared)
     file = ParameterFile(path)
-    expected = hand_graph(find_fingers('', file, 'left'), file, slip=True, **shared)
+    expected = hand_graph(find_fingers('', file, 'left'), file, **shared)
     assert nodes == as_dict(expected)
-    assert len(nodes) == (10 if has_models else 8)
+    assert len(nodes) == (8 if has_models else 6)
 
 
 @pytest.mark.parametrize(
@@ -156,7 +155,7 @@ def test_a_simulated_rig_is_started_unless_ports_are_given():
         ('replay', {'bag': 'nowhere', 'rate': 'fast'}, 'rate is "fast"'),
         ('hand', {}, 'name the fingers'),
         ('hand', {'fingers': 'a,b', 'sensor_port': '/dev/x'}, 'a sensor port is for one finger'),
-        ('sense', {'slip': 'maybe'}, 'slip is "maybe"; it must be true or false'),
+        ('sense', {'autostart': 'maybe'}, 'autostart is "maybe"; it must be true or false'),
         ('texture', {'models': 'nowhere'}, 'nowhere: No such file'),
         ('texture', {'params_file': 'nowhere.yaml'}, 'nowhere.yaml'),
         ('texture', {'rig': 'simulated', 'object': 'R9'}, 'object is "R9"; for texture there are'),

@@ -44,7 +44,6 @@ def generate_test_description(phases):
         models=str(trained_model(new_folder(), 'stiffness')),
         phases=phases,
         contact='flexion',
-        slip='true',
         namespace='index',
         log_level='warn',
     )
@@ -55,9 +54,7 @@ class TestPress(unittest.TestCase):
     def test_a_press_gives_features_and_an_answer(self, rig, phases):
         topics = {FEATURES: TactileFeatures, ANSWERS: Classification}
         with Ear(topics) as ear:
-            ear.wait_for_publishers(
-                'index/tendon_sensor/strain', 'index/slip_detector/slip', *topics
-            )
+            ear.wait_for_publishers('index/tendon_sensor/strain', *topics)
             motion = [
                 node
                 for node in rig_graph(

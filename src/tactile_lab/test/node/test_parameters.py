@@ -19,7 +19,6 @@ from tactile_bringup.launch_config.graph import (
     Ports,
     recorder_node,
     rig_graph,
-    slip_node,
 )
 from tactile_bringup.nodes.graph_runner import create_node, ros_context
 from tactile_ros.node_group import NodeGroup
@@ -38,7 +37,6 @@ def descriptions(stiffness_bag, trained, tmp_path_factory):
         recording = tmp_path_factory.mktemp('recordings') / 'bag'
         nodes = [
             *rig_graph(ports, ModelChoice.read(trained), {}, simulated=True),
-            slip_node({}),
             recorder_node(recording, simulated=True),
             NodeDescription('bag_player', {'bag': str(stiffness_bag)}),
         ]

@@ -48,7 +48,7 @@ def wait_until_held(process):
 FINGERS = str(Path(get_package_prefix('tactile_bringup'), 'lib', 'tactile_bringup', 'finger_node'))
 PROGRAMS = {
     'tendon_sensor_node': (program_of('tendon_sensor_node'),),
-    'slip_detector_node': (program_of('slip_detector_node'),),
+    'tactile_features_node': (program_of('tactile_features_node'),),
     'finger_node': (FINGERS, '/tendon_sensor', '/tactile_features'),
     'rig': (TACTILE, 'rig', '--simulated'),
     'hand': (TACTILE, 'hand', '--fingers', 'index', '--simulated'),
@@ -96,7 +96,7 @@ def count_thread_heaps(pid):
 @pytest.mark.skipif(not hasattr(ctypes.CDLL(None), 'malloc_info'), reason='needs glibc')
 @pytest.mark.parametrize(
     'arguments',
-    [PROGRAMS['slip_detector_node'], (TACTILE, 'sense', '--simulated')],
+    [PROGRAMS['tactile_features_node'], (TACTILE, 'sense', '--simulated')],
     ids=['node', 'sense'],
 )
 def test_no_thread_of_a_program_has_a_heap_of_its_own(arguments):

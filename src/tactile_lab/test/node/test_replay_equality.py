@@ -33,14 +33,12 @@ from tactile_features import FeatureConfig, TrialFeatureExtractor
 from tactile_features.conversions import (
     event_from_msg,
     feature_window_from_msg,
-    slip_to_msg,
     strain_block_from_msg,
 )
 from tactile_features.model_contract import plan_features
 from tactile_features.records import PHASES_STATED
-from tactile_features.slip import SlipConfig, SlipDetector
 from tactile_lab.datasets.feature_tables import open_features
-from tactile_msgs.msg import Classification, Slip, StrainBlock, TactileFeatures, TrialEvent
+from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 from tactile_testing.waiting import wait_until
@@ -59,13 +57,11 @@ OUTPUTS = {
     'tactile_features/detected_events': TrialEvent,
     'tactile_classifier/classification': Classification,
     'tactile_classifier/partial_classification': Classification,
-    'slip_detector/slip': Slip,
 }
 READERS = {
     TactileFeatures: feature_window_from_msg,
     TrialEvent: event_from_msg,
     Classification: classification_from_msg,
-    Slip: lambda message: message,
 }
 
 
@@ -85,7 +81,6 @@ class Case(NamedTuple):
         return {
             'tactile_features': {**of_features, **models},
             'tactile_classifier': models,
-            'slip_detector': {},
         }
 
 
@@ -120,30 +115,18 @@ def outputs_of_core(case):
         features = RecordedFeatures(case.config, plan.wanted)
         models = ModelSet.load(case.models)
         results = replay_through_core(bag, models, features)
-        slip, extractor = SlipDetector(SlipConfig()), TrialFeatureExtractor(case.config)
+        extractor = TrialFeatureExtractor(case.config)
         for message in sensed_messages(bag):
             if message.type_name == STRAIN:
-                block = strain_block_from_msg(message.decode())
-                extractor.add_block(block)
+                extractor.add_block(strain_block_from_msg(message.decode()))
                 found['tactile_features/detected_events'] += extractor.take_detected_events()
-                found['slip_detector/slip'] += [
-                    slip_to_msg(each, SlipConfig(), '') for each in slip.add(block)
-                ]
     for window in results.windows:
         name = 'partial_features' if window.partial else 'features'
         found[f'tactile_features/{name}'].append(window)
     for answer in results.classifications:
         name = 'partial_classification' if answer.partial else 'classification'
         found[f'tactile_classifier/{name}'].append(answer)
-    return {topic: comparable(outputs) for topic, outputs in found.items()}
-
-
-def comparable(outputs):
-    """Return outputs without the trial of a slip: the event that names it races the samples."""
-    for output in outputs:
-        if isinstance(output, Slip):
-            output.trial_id = ''
-    return outputs
+    return found
 
 
 class Player:
@@ -192,7 +175,7 @@ class Player:
                 self.node.count_publishers(resolve(topic)) for topic in expected if expected[topic]
             )
             and self.strain.get_subscription_count() >= strain_takers
-            and self.events.get_subscription_count() >= 2
+            and self.events.get_subscription_count() >= 1
         )
 
     def send(self, case, take_block, has_taken, expected):
@@ -218,7 +201,7 @@ class Player:
         self.wait(
             lambda: all(self.count()[topic] >= len(outputs) for topic, outputs in expected.items())
         )
-        return {topic: comparable(outputs) for topic, outputs in self.found.items()}
+        return self.found
 
     def close(self):
         self.executor.shutdown()
@@ -228,7 +211,6 @@ class Player:
 EXECUTABLES = {
     'tactile_features': ('tactile_features', 'tactile_features_node'),
     'tactile_classifier': ('tactile_classifier', 'tactile_classifier_node'),
-    'slip_detector': ('tactile_features', 'slip_detector_node'),
 }
 
 
@@ -240,44 +222,38 @@ def nodes_of_one_process(case, context, *, has_sensor):
         for name in EXECUTABLES
     }
     connect_fingers(nodes.values())
-    if has_sensor:
-        for name in ('tactile_features', 'slip_detector'):
-            nodes[name].is_fed_by_calls = True
-        nodes['tactile_features'].emit_event = nodes['slip_detector'].add_event
-    detected = []
-    take_event = nodes['tactile_features'].emit_event
-    nodes['tactile_features'].emit_event = lambda event: (
-        detected.append(event),
-        take_event(event),
-    )
+    features, detected = nodes['tactile_features'], []
+    features.is_fed_by_calls = has_sensor
     for node in nodes.values():
         assert node.bring_up()
+    take_detected = features.extractor.take_detected_events
+
+    def watched():
+        events = take_detected()
+        detected.extend(events)
+        return events
+
+    features.extractor.take_detected_events = watched
     with NodeGroup(nodes.values(), context=context):
-        yield nodes, detected
+        yield features, detected
 
 
 def run_in_one_process(case, context, expected, *, has_sensor):
     player = Player(context)
-    with nodes_of_one_process(case, context, has_sensor=has_sensor) as (nodes, detected):
-        features, slip = nodes['tactile_features'], nodes['slip_detector']
-        player.wait(lambda: player.is_matched(expected, 0 if has_sensor else 2))
-        readers = [features.stage._events, *slip.stage._events]
-        if not has_sensor:
-            readers += [*features._polled, *slip._polled]
+    with nodes_of_one_process(case, context, has_sensor=has_sensor) as (features, detected):
+        player.wait(lambda: player.is_matched(expected, 0 if has_sensor else 1))
+        readers = [features.stage._events, *([] if has_sensor else features._polled)]
         # Both ends must know each other.
         player.wait(lambda: all(reader.get_publisher_count() for reader in readers))
 
         def call(message):
-            block = strain_block_from_msg(message.decode())
-            features.add_block(block)
-            slip.add_block(block)
+            features.add_block(strain_block_from_msg(message.decode()))
 
         def has_taken(blocks, events):
             extractor = features.extractor
             taken = extractor.block_count, extractor.event_count
             return (
                 taken == (blocks, events)
-                and slip.stage._block_count == blocks
                 # A topic keeps the last 16 alone.
                 and len(player.found['tactile_features/detected_events']) == len(detected)
             )
@@ -316,17 +292,14 @@ def run_in_processes(case, context, expected, folder):
     player = Player(context)
     with ExitStack() as stack:
         stack.enter_context(node_programs(case, context, folder))
-        player.wait(lambda: player.is_matched(expected, 2), START_S)
+        player.wait(lambda: player.is_matched(expected, 1), START_S)
         # The programs know their end of each match a moment later.
         player.reports.clear()
         player.wait(lambda: all(player.reports[name] >= 2 for name in EXECUTABLES), START_S)
 
         def has_taken(blocks, events):
             values = player.values.get('tactile_features', {})
-            return (values.get('blocks'), values.get('events')) == (
-                str(blocks),
-                str(events),
-            ) and player.values.get('slip_detector', {}).get('blocks') == str(blocks)
+            return (values.get('blocks'), values.get('events')) == (str(blocks), str(events))
 
         found = player.send(
             case, lambda message: player.strain.publish(message.data), has_taken, expected
@@ -340,7 +313,6 @@ def test_every_way_of_running_gives_the_same_messages(request, name, context, tm
     case = request.getfixturevalue(name)
     expected = outputs_of_core(case)
     counts = Counter({topic: len(outputs) for topic, outputs in expected.items()})
-    assert counts['slip_detector/slip']
     answers = expected['tactile_classifier/classification']
     if name == 'texture':
         assert counts['tactile_features/partial_features'] == 16

@@ -102,9 +102,7 @@ def sensing(context, node, *options):
 
             wait_until(condition, timeout_s=60.0, step=step)
 
-        line = process.stdout.readline()
-        assert 'running: ' in line
-        assert ('slip_detector' in line) == ('--slip' in options)
+        assert 'running: ' in process.stdout.readline()
         try:
             yield spin_until
         finally:
@@ -155,8 +153,8 @@ def test_a_simulated_finger_marks_all_that_comes_of_it(context, tmp_path):
         events.publish(event)
         return now.nanoseconds
 
-    with sensing(context, hand, '--simulated', '--slip', '--record', bag) as spin_until:
-        spin_until(lambda: events.get_subscription_count() >= 3)  # features, slip, recorder
+    with sensing(context, hand, '--simulated', '--record', bag) as spin_until:
+        spin_until(lambda: events.get_subscription_count() >= 2)  # features, recorder
         spin_until(lambda: hand.count_publishers(features))
         spin_until(lambda: blocks)
         end_ns = state('hold') + 3 * SECOND_NS

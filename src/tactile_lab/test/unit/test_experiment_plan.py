@@ -99,7 +99,7 @@ def test_blocks_are_in_different_orders_and_another_seed_changes_them():
     [
         ('- 1', 'no mapping'),
         ('protocol: texture', 'objects missing'),
-        ('{protocol: slip, objects: [R1]}', 'texture or stiffness'),
+        ('{protocol: smell, objects: [R1]}', 'texture or stiffness'),
         ('{protocol: texture, objects: R1}', 'no list'),
         ('{protocol: texture, objects: []}', 'objects is empty'),
         ('{protocol: texture, objects: [no]}', 'quotes'),

@@ -15,7 +15,6 @@ from tactile_bringup.launch_config.graph import (
     RIG_NODES,
     sensing_graph,
     sensor_parameters,
-    slip_node,
 )
 from tactile_features.errors import FeatureError, ModelFileError
 from tactile_ros.errors import TactileError
@@ -43,8 +42,8 @@ def test_rig_has_every_node_with_its_port(models):
     told = [name for name, node in nodes.items() if 'simulated' in node.parameters]
     assert told == ['tendon_sensor']
     assert nodes['tendon_sensor'].parameters['simulated'] is True
-    more = [recorder_node(Path('bag'), simulated=True), slip_node({})]
-    for node in (*nodes.values(), *more):  # each can be created here
+    # Each can be created here.
+    for node in (*nodes.values(), recorder_node(Path('bag'), simulated=True)):
         assert find_node_class(node.executable).__module__.split('.')[-1] == node.executable
     stated = {'linear_guide': {'strain_timeout_s': 0.5, 'port': '/dev/other'}}
     guide = by_name(rig_graph(PORTS, models, stated, simulated=True))['linear_guide']

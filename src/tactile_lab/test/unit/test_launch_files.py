@@ -25,14 +25,8 @@ from tactile_ros.node_program import find_node_class
 WITH_NODES = tuple(ARGUMENTS_OF.values())
 INCLUDES = {'texture': 'rig', 'stiffness': 'rig', 'sense': 'hand'}
 NODES = {
-    'rig': {*CONFIGS} - {'slip_detector', 'bag_player'},
-    'hand': {
-        'tendon_sensor',
-        'tactile_features',
-        'tactile_classifier',
-        'slip_detector',
-        'bag_recorder',
-    },
+    'rig': {*CONFIGS} - {'bag_player'},
+    'hand': {'tendon_sensor', 'tactile_features', 'tactile_classifier', 'bag_recorder'},
     'replay': {'tactile_features', 'tactile_classifier', 'bag_recorder', 'bag_player'},
 }
 

@@ -40,11 +40,7 @@ def test_the_finger_hangs_free_at_rest_and_is_carried_along_the_plate(contact):
 
 @pytest.mark.parametrize(
     ('protocol', 'last'),
-    [
-        ('texture', 'amplitude [mN]'),
-        ('stiffness', 'true contact force [N]'),
-        ('slip', 'true slip [mm]'),
-    ],
+    [('texture', 'amplitude [mN]'), ('stiffness', 'true contact force [N]')],
 )
 def test_figure_says_that_it_is_simulated_and_what_it_shows(protocol, last):
     picture = picture_of(protocol)

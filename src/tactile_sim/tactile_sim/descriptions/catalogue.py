@@ -22,7 +22,6 @@ from tactile_sim.descriptions.description import (
     Body,
     CONTACTS,
     Finger,
-    HeldObject,
     Plate,
     PROTOCOLS,
     Rig,
@@ -42,7 +41,7 @@ _LARGEST_BYTES = 1 << 20
 _MOST_LABELS = 1000
 _LABEL = re.compile(r'[A-Za-z0-9][A-Za-z0-9_.-]{0,63}\Z')
 _KEYED = ('finger_abduction.yaml', 'finger_flexion.yaml', 'rig.yaml')
-_LABELLED = {'texture': 'plates.yaml', 'stiffness': 'objects.yaml', 'slip': 'held_objects.yaml'}
+_LABELLED = {'texture': 'plates.yaml', 'stiffness': 'objects.yaml'}
 _GRAVITY_M_S2 = 9.80665
 # Deviations of each level (trial, mounting, session) are cut at three standard deviations.
 _WIDEST = 3.0
@@ -213,7 +212,6 @@ class Catalogue:
     _rig: Rig = field(repr=False)
     _plates: tuple[tuple[str, Plate], ...] = field(repr=False)
     _bodies: tuple[tuple[str, Body], ...] = field(repr=False)
-    _held_objects: tuple[tuple[str, HeldObject], ...] = field(repr=False)
 
     def __init__(self, folder: Path | None = None) -> None:
         files = {} if folder is None else _read_folder(folder)
@@ -229,7 +227,6 @@ class Catalogue:
             '_rig': rig,
             '_plates': _parse_labelled(Plate, _LABELLED['texture'], files),
             '_bodies': _parse_labelled(Body, _LABELLED['stiffness'], files),
-            '_held_objects': _parse_labelled(HeldObject, _LABELLED['slip'], files),
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)  # the dataclass is frozen
@@ -237,7 +234,7 @@ class Catalogue:
     @property
     def digest(self) -> str:
         """SHA-256 of all descriptions: the same for the same ones, wherever they were read."""
-        shelves = (self._fingers, self._rig, self._plates, self._bodies, self._held_objects)
+        shelves = (self._fingers, self._rig, self._plates, self._bodies)
         return hashlib.sha256(repr(shelves).encode()).hexdigest()
 
     def finger(self, contact: str) -> Finger:
@@ -264,15 +261,10 @@ class Catalogue:
         """The stiffness object of this label; DescriptionError if there is none."""
         return _find(self._bodies, label, 'stiffness object')
 
-    def held_object(self, label: str) -> HeldObject:
-        """The slip object of this label; DescriptionError if there is none."""
-        return _find(self._held_objects, label, 'slip object')
-
     def check_mount(self, protocol: str, label: str, contact: str) -> None:
         """Raise `DescriptionError` unless there are such a protocol, label and contact."""
         self.labels(protocol)
-        find = {'texture': self.plate, 'stiffness': self.body, 'slip': self.held_object}
-        find[protocol](label)
+        (self.plate if protocol == 'texture' else self.body)(label)
         self.finger(contact)
 
     def labels(self, protocol: str) -> tuple[str, ...]:
@@ -282,7 +274,7 @@ class Catalogue:
         """
         if protocol not in PROTOCOLS:
             raise DescriptionError(f'protocol is {show(protocol)}; it must be one of {PROTOCOLS}')
-        shelves = (self._plates, self._bodies, self._held_objects)
+        shelves = (self._plates, self._bodies)
         return tuple(label for label, _ in shelves[PROTOCOLS.index(protocol)])
 
 

@@ -13,10 +13,9 @@ from typing import Any
 
 from tactile_sim.errors import DescriptionError
 
-PROTOCOLS = ('texture', 'stiffness', 'slip')
+PROTOCOLS = ('texture', 'stiffness')
 CONTACTS = ('flexion', 'abduction')
 GROOVES = ('none', 'rectangular', 'triangular', 'circular', 'profile')
-MOTIONS = ('slide', 'roll')
 MOST_BRANCHES = 3
 MOST_POINTS = 1000
 
@@ -149,8 +148,8 @@ class Body:
 
     ``stiffness_n_m`` holds for ever, up to three ``branches`` relax besides. ``softening_m`` is
     the compression at which the force turns from proportional to growing with its root, as that of
-    a buckling shell does (Pogorelov) [m]; 0 for a solid that never does. ``friction`` is the
-    static one of the fingertip on it [1].
+    a buckling shell does (Pogorelov) [m]; 0 for a solid that never does. ``friction`` is that
+    of the fingertip on it [1].
     """
 
     stiffness_n_m: float = _between(0.0, 1e9)
@@ -167,34 +166,6 @@ class Body:
             raise DescriptionError(
                 'a body without stiffness_n_m cannot have branches; write branches: []'
             )
-
-
-@dataclass(frozen=True)
-class HeldObject:
-    """An object that the fingertip holds down while something pulls it sideways.
-
-    When the fingertip lets it go, it slides, or rolls as a cylinder of ``radius_m``. Over a way of
-    ``weakening_m`` [m] friction falls from static to ``kinetic_friction`` of it; at rest it
-    recovers in ``healing_s`` [s]. What pulls it has the stiffness ``drive_stiffness_n_m``.
-    """
-
-    body: Body
-    motion: str
-    radius_m: float = _between(0.0, 0.2)
-    kinetic_friction: float = _above(0.0, 1.0)
-    weakening_m: float = _between(1e-6, 0.1)
-    healing_s: float = _between(1e-3, 1e3)
-    drive_stiffness_n_m: float = _between(1.0, 1e6)
-
-    def __post_init__(self) -> None:
-        if self.motion not in MOTIONS:
-            raise DescriptionError(f'motion is {self.motion!r}; it must be one of {MOTIONS}')
-        if self.motion == 'roll' and self.radius_m < 1e-3:
-            raise DescriptionError('radius_m of an object that rolls must be at least 0.001')
-        if self.motion == 'slide' and self.radius_m != 0:
-            raise DescriptionError('radius_m of an object that slides must be 0')
-        if self.body.stiffness_n_m == 0:
-            raise DescriptionError('body.stiffness_n_m of a held object must be above 0')
 
 
 @dataclass(frozen=True)
@@ -270,14 +241,6 @@ class Placement:
 
 
 @dataclass(frozen=True)
-class Pull:
-    """Distance and speed of the sideways pull of held objects."""
-
-    distance_m: float = _between(1e-5, 0.1)
-    speed_m_s: float = _between(1e-5, 1.0)
-
-
-@dataclass(frozen=True)
 class VariationSpread:
     """Standard deviations; those without a unit are relative."""
 
@@ -312,7 +275,6 @@ class Rig:
     tendon: TendonDrive
     load_cell: LoadCell
     placement: Placement
-    pull: Pull
     variation: VariationLevels
 
     def __post_init__(self) -> None:

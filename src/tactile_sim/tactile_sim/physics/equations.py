@@ -209,8 +209,6 @@ class Constants(NamedTuple):
     tip_damping: float
     shear_stiffness: float
     per_shear_stiffness: float
-    friction_loss: float
-    per_weakening: float
     inverse_softening: float
     crosstalk: float
     masses: tuple[float, ...] = NO_MASSES
@@ -288,7 +286,7 @@ def compute_balance(
     ``swing_bases``: the same for accelerations: q'' = q * rate^2 - swing base [rad/s^2].
     ``sliders``: where the tip [m] and the tendon [rad] stuck before. ``creep``: moments that the
     creeping branch lends to the modes, and its present stiffness. ``factors``: friction
-    coefficient as it is now, and the finger's stiffness over the described. ``rate``: 1 / time
+    coefficient, and the finger's stiffness over the described. ``rate``: 1 / time
     since the bases [1/s]; 0 seeks rest. ``grip``: 1, or 0 to let go of all friction.
 
     Returns the largest residual [N m]; the changes of the three modes, to be subtracted; now:

@@ -24,7 +24,6 @@ from tactile_sim.errors import DescriptionError
 
 FloatArray = NDArray[np.float64]
 
-_PULL_ACCELERATION_M_S2 = 0.5
 _LONGEST_S = 3600.0
 
 
@@ -207,19 +206,17 @@ class Move:
 class Timeline:
     """Moves of the axes in one trial: each starts after the one before it has ended.
 
-    The guide starts at ``guide_start_m``, the tendon slack at 0 [m]. ``object_moves`` are sideways
-    moves of a held object, from 0; slip protocol only.
+    The guide starts at ``guide_start_m``, the tendon slack at 0 [m].
     """
 
     guide_moves: Sequence[Move]
     tendon_moves: Sequence[Move]
     duration_s: float
     guide_start_m: float = 0.060
-    object_moves: Sequence[Move] = ()
 
 
-def plan_timeline(rig: Rig, timeline: Timeline) -> tuple[Motion, Motion, Motion]:
-    """Motions of guide, tendon and held object; targets are rounded as the devices round.
+def plan_timeline(rig: Rig, timeline: Timeline) -> tuple[Motion, Motion]:
+    """Motions of guide and tendon; targets are rounded as the devices round.
 
     Raises `DescriptionError`: the timeline does not fit the rig.
     """
@@ -248,10 +245,7 @@ def plan_timeline(rig: Rig, timeline: Timeline) -> tuple[Motion, Motion, Motion]
         rig.tendon.max_acceleration_m_s2,
         rig.tendon.m_per_count,
     )
-    pulled = _plan_axis(
-        'held object', 0.0, timeline.object_moves, 1.0, _PULL_ACCELERATION_M_S2, 0.0
-    )
-    return guide, tendon, pulled
+    return guide, tendon
 
 
 def _plan_axis(
@@ -279,7 +273,7 @@ def _plan_axis(
             raise DescriptionError(
                 f'the {name} cannot move at {move.speed_m_s} m/s; its limit is {max_speed_m_s} m/s'
             )
-        target = round(move.target_m / unit_m) * unit_m if unit_m else move.target_m
+        target = round(move.target_m / unit_m) * unit_m
         ramp = plan_ramp(move.start_s, position, target, move.speed_m_s, acceleration_m_s2)
         segments += ramp
         position = target

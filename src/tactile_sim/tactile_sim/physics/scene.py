@@ -122,27 +122,15 @@ def build_plate_surface(plate: Plate, tip_radius_m: float, tray_depth_m: float) 
     return build_surface(dilate_by_circle(bare, SPACING_M, tip_radius_m), -margin, SPACING_M)
 
 
-@lru_cache
-def build_crown_surface(radius_m: float, tip_radius_m: float) -> Surface:
-    """Return the surface that a fingertip traces over a lying cylinder; the crown is at 0."""
-    both_m = radius_m + tip_radius_m
-    points = round(both_m / SPACING_M)  # to half the sum on either side: 30 deg steep
-    x_m = SPACING_M * (np.arange(points, dtype=np.float64) - points // 2)
-    return build_surface(np.sqrt(both_m**2 - x_m**2) - both_m, float(x_m[0]), SPACING_M)
-
-
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A finger over a plate (texture), an object (stiffness), a held object (slip) or nothing.
+    """A finger over a plate (texture), an object (stiffness) or nothing.
 
     ``body`` yields under the fingertip; None for a rigid plate. ``surface`` is felt under it; None
     for a level top. ``lead_m`` is the coordinate on it under the tip at ``guide_m`` and the
     contact bend; it is there only within ``half_width_m`` from this position of the guide [m].
 
-    Friction is static; ``kinetic_friction`` is the ratio of the kinetic one to it. It turns
-    kinetic over a way of sliding of ``weakening_m`` [m] and recovers within ``healing_s`` [s].
-    Where it ``rolls``, a pull, of stiffness ``drive_stiffness_n_m``, moves its shape but not its
-    material at the contact. With ``inertia`` the finger rings where a plate glides under it.
+    With ``inertia`` the finger rings where a plate glides under it.
     """
 
     finger: Finger
@@ -153,18 +141,12 @@ class Scene:
     body: Body | None = None
     surface: Surface | None = None
     lead_m: float = 0.0
-    rolls: bool = False
-    drive_stiffness_n_m: float = math.inf
-    kinetic_friction: float = 1.0
-    weakening_m: float = math.inf
-    healing_s: float = 1.0
     inertia: bool = False
 
     @cached_property
     def constants(self) -> Constants:
         """Constants that all trials share, for the solver."""
         f = self.finger
-        drive = 0.0 if self.rolls else 1 / self.drive_stiffness_n_m
         softening = self.body.softening_m if self.body else 0.0
         return Constants(
             length=f.length_m,
@@ -182,11 +164,8 @@ class Scene:
             stop_stiffness=f.stop_stiffness_nm_rad,
             tip_stiffness=f.tip_stiffness_n_m,
             tip_damping=f.tip_damping_n_s_m,
-            # The pull works through the drive's spring and the tip's shear in series.
-            shear_stiffness=1 / (1 / f.tip_shear_stiffness_n_m + drive),
-            per_shear_stiffness=1 / f.tip_shear_stiffness_n_m + drive,
-            friction_loss=1 - self.kinetic_friction,
-            per_weakening=1 / self.weakening_m,
+            shear_stiffness=f.tip_shear_stiffness_n_m,
+            per_shear_stiffness=1 / f.tip_shear_stiffness_n_m,
             inverse_softening=1 / softening if softening > 0 else 0.0,
             crosstalk=self.rig.load_cell.crosstalk,
             masses=self._compute_masses(),
@@ -228,17 +207,13 @@ class Scene:
             self.finger.creep_time_s,
             [branch.relaxation_time_s for branch in branches],
             1 / (2 * math.pi * self.rig.load_cell.low_pass_hz),
-            self.healing_s,
         )
 
-    def compute_inputs(
-        self, tendon_m: FloatArray, guide_m: FloatArray, pulled_m: FloatArray | float = 0.0
-    ) -> FloatArray:
+    def compute_inputs(self, tendon_m: FloatArray, guide_m: FloatArray) -> FloatArray:
         """Inputs of steps, shape (steps, INPUTS), from where the axes are at their ends [m]."""
         inputs = np.zeros((len(tendon_m), at.INPUTS))
         inputs[:, at.TENDON_INPUT] = tendon_m
         inputs[:, at.GUIDE_INPUT] = guide_m
-        inputs[:, at.SHAPE_INPUT if self.rolls else at.MATERIAL_INPUT] = pulled_m
         inputs[:, at.PRESENT_INPUT] = np.abs(guide_m - self.guide_m) <= self.half_width_m
         return inputs
 
@@ -327,22 +302,4 @@ def build_scene(
         if body.stiffness_n_m == 0:  # nothing is under no place
             return Scene(finger, rig, body.friction, place.object_guide_m, -1.0)
         return Scene(finger, rig, body.friction, *here, body)
-    if protocol == 'slip':
-        held = catalogue.held_object(object_label)
-        rolls = held.motion == 'roll'
-        return Scene(
-            finger,
-            rig,
-            held.body.friction,
-            *here,
-            held.body,
-            build_crown_surface(held.radius_m, finger.tip_radius_m) if rolls else None,
-            rolls=rolls,
-            drive_stiffness_n_m=held.drive_stiffness_n_m,
-            kinetic_friction=held.kinetic_friction,
-            weakening_m=held.weakening_m,
-            healing_s=held.healing_s,
-        )
-    raise DescriptionError(
-        f"protocol is {protocol!r}; it must be 'texture', 'stiffness' or 'slip'"
-    )
+    raise DescriptionError(f"protocol is {protocol!r}; it must be 'texture' or 'stiffness'")

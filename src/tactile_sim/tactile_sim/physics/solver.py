@@ -209,8 +209,7 @@ def _write_advance(
     def solve(z: Any, row: Any, inputs: Any, scene: Any, control: Any) -> None:
         constants, springs, table, grid, yields = scene
         grip, tolerance, trusted, iterations = control
-        guide_m, material_m = inputs[at.GUIDE_INPUT], inputs[at.MATERIAL_INPUT]
-        tendon_m = inputs[at.TENDON_INPUT]
+        guide_m, tendon_m = inputs[at.GUIDE_INPUT], inputs[at.TENDON_INPUT]
         present = inputs[at.PRESENT_INPUT] > 0.0
         for t in range(width):
             steps.begin_step(z, t, row)
@@ -231,7 +230,7 @@ def _write_advance(
                 steps.locate(z, t, guide_m, constants)
             if len(table) > 1:
                 for t in range(width):
-                    steps.find_cell(z, t, inputs[at.SHAPE_INPUT], grid[0], grid[1], grid[2])
+                    steps.find_cell(z, t, grid[0], grid[1], grid[2])
                 find_surface(z, table, grid[1])
             if present:
                 if yields:
@@ -241,7 +240,7 @@ def _write_advance(
                     for t in range(width):
                         steps.press_rigid(z, t, constants)
             for t in range(width):
-                steps.improve(z, t, row, tendon_m, material_m, grip, tolerance, trusted, constants)
+                steps.improve(z, t, row, tendon_m, grip, tolerance, trusted, constants)
             going = 0.0
             for t in range(width):
                 going += z[at.OPEN, t]

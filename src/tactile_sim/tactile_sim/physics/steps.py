@@ -69,7 +69,6 @@ def compute_coefficients(
     creep_time_s: float,
     branch_times_s: Sequence[float],
     sensor_time_s: float,
-    healing_time_s: float = 1.0,
 ) -> FloatArray:
     """Coefficients of every length of step that occurs, and of its parts; infinity seeks rest.
 
@@ -85,7 +84,6 @@ def compute_coefficients(
             column = at.BRANCH_COLUMN + 3 * branch
             row[column : column + 3] = compute_relaxation(step_s, time_s)
         row[at.SENSOR_COLUMN : at.SENSOR_COLUMN + 3] = compute_relaxation(step_s, sensor_time_s)
-        row[at.HEALING_COLUMN] = compute_relaxation(step_s, healing_time_s)[0]
     return table
 
 
@@ -164,11 +162,9 @@ def locate(z: Any, t: Any, guide_m: float, constants: Any) -> None:
     z[i + 15, t], z[i + 16, t], z[i + 17, t], z[i + 18, t] = line[15], line[16], line[17], line[18]
 
 
-def find_cell(
-    z: Any, t: Any, shape_m: float, origin_m: float, per_spacing: float, last: float
-) -> None:
+def find_cell(z: Any, t: Any, origin_m: float, per_spacing: float, last: float) -> None:
     """Place of the tip on the surface's grid; beyond the ends it is level."""
-    cell = (z[at.REACH, t] - shape_m - origin_m) * per_spacing
+    cell = (z[at.REACH, t] - origin_m) * per_spacing
     cell = select(cell > 0.0, cell, 0.0)
     z[at.CELL, t] = select(cell < last, cell, last)
 
@@ -207,7 +203,6 @@ def improve(
     t: Any,
     coefficients: Any,
     tendon_m: float,
-    material_m: float,
     grip: float,
     tolerance: float,
     trusted: float,
@@ -241,12 +236,11 @@ def improve(
         z[i + 18, t],
     )
     factor, late = z[at.FINGER_FACTOR, t], coefficients[at.CREEP_COLUMN + 2]
-    friction = z[at.FRICTION, t] * (1.0 - constants.friction_loss * z[at.WEAKENED, t])
     residual, (s0, s1, s2), (tension, _, tip, tendon), after, surprise = compute_balance(
         line,
         (z[at.NEW_FORCE, t], z[at.FORCE_SLOPE, t]),
         (z[at.INCLINE, t], z[at.BEND, t]),
-        z[at.REACH, t] - material_m,
+        z[at.REACH, t],
         (z[at.NEW_MODES, t], z[at.NEW_MODES + 1, t], z[at.NEW_MODES + 2, t]),
         (z[at.BASES, t], z[at.BASES + 1, t], z[at.BASES + 2, t]),
         (z[at.SWING_BASES, t], z[at.SWING_BASES + 1, t], z[at.SWING_BASES + 2, t]),
@@ -257,7 +251,7 @@ def improve(
             z[at.CREEP_MOMENTS + 2, t],
             constants.creep_stiffness * (1.0 - late),
         ),
-        (friction, factor),
+        (z[at.FRICTION, t], factor),
         tendon_m + z[at.TENDON_ZERO, t],
         z[at.RATE, t],
         grip,
@@ -309,10 +303,6 @@ def end_step(z: Any, t: Any, coefficients: Any, grip: float, constants: Any) -> 
     change = squeezed - z[at.SQUEEZED, t]
     z[at.SQUEEZED_DIFFERENCE, t] = select(done, change, z[at.SQUEEZED_DIFFERENCE, t])
     z[at.SQUEEZED, t] = select(done, squeezed, z[at.SQUEEZED, t])
-    # Sliding weakens friction over a distance, and time heals it.
-    slid = abs(z[at.NEW_TIP, t] - z[at.TIP_SLIDER, t]) * select(z[at.FORCE, t] > 0.0, grip, 0.0)
-    weak = z[at.WEAKENED, t] * coefficients[at.HEALING_COLUMN] + slid * constants.per_weakening
-    z[at.WEAKENED, t] = select(done, select(weak < 1.0, weak, 1.0), z[at.WEAKENED, t])
     z[at.TIP_SLIDER, t] = select(done, z[at.NEW_TIP, t], z[at.TIP_SLIDER, t])
     z[at.TENDON_SLIDER, t] = select(done, z[at.NEW_TENDON, t], z[at.TENDON_SLIDER, t])
     z[at.TENSION, t] = select(done, z[at.NEW_TENSION, t], z[at.TENSION, t])

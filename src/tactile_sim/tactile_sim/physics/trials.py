@@ -33,7 +33,7 @@ TRUSTED_NM = 1e-2
 _RESTING_STEPS_PER_SAMPLE = 2
 _SETTLING_S = 0.1  # the finger's own transients last some 20 ms
 _BATCH = 64
-_ROWS = (at.SENSED, at.TENSION, at.FORCE, at.TIP_SLIDER, at.MODES)
+_ROWS = (at.SENSED, at.TENSION, at.FORCE, at.MODES)
 _MODE_ROWS = (at.MODES + 1, at.MODES + 2)
 _STATE = tuple(range(at.STATE_ROWS))
 
@@ -59,9 +59,8 @@ class SimulatedMotion:
 
     ``sensed_n`` of shape (trials, samples) is tension and crosstalk behind the sensor's low pass
     [N]. ``truth`` has, of the same shape, ``tension_n`` and ``contact_force_n`` [N], ``bend_rad``
-    [rad]; for slip ``slip_m``, the way that the fingertip slid since the pull began [m]; if asked
-    for, ``modes_rad`` of shape (trials, samples, 3). ``failed_at_s`` is NaN, or when a trial found
-    no balance [s]; from there on its rows are NaN.
+    [rad]; if asked for, ``modes_rad`` of shape (trials, samples, 3). ``failed_at_s`` is NaN, or
+    when a trial found no balance [s]; from there on its rows are NaN.
     """
 
     sample_times_s: FloatArray
@@ -145,15 +144,10 @@ def simulate_motion(
     failed = np.flatnonzero(np.isfinite(failed_at_s))
     for trial in failed:
         sampled[:, trial, schedule.sample_times_s > failed_at_s[trial]] = np.nan
-    sensed_n, tension_n, force_n, slider_m, bend_rad = sampled[:5]
+    sensed_n, tension_n, force_n, bend_rad = sampled[:4]
     truth = {'tension_n': tension_n, 'contact_force_n': force_n, 'bend_rad': bend_rad}
-    if timeline.object_moves:
-        pulled = int(np.searchsorted(schedule.sample_times_s, timeline.object_moves[0].start_s))
-        slip_m = np.abs(slider_m - slider_m[:, pulled : pulled + 1])
-        slip_m[:, :pulled] = 0.0
-        truth['slip_m'] = slip_m
     if keep_modes:
-        truth['modes_rad'] = np.moveaxis(sampled[4:7], 0, -1)
+        truth['modes_rad'] = np.moveaxis(sampled[3:6], 0, -1)
     return SimulatedMotion(schedule.sample_times_s, sensed_n, truth, failed_at_s)
 
 
@@ -180,10 +174,10 @@ class _Schedule:
         within = np.arange(len(self.lengths)) - np.repeat(self._before[:-1], steps)
         started_s = np.repeat(self.sample_times_s[:-1], steps)
         self.times_s = started_s + (within + 1) * lengths_s[self.lengths]
-        guide, tendon, pulled = (axis.positions_at(self.times_s) for axis in axes)
-        self.inputs = scene.compute_inputs(tendon, guide, pulled)
-        rest = [axis.positions_at(np.zeros(1) - 1.0) for axis in axes]
-        self.start = scene.compute_inputs(rest[1], rest[0], rest[2])[0]
+        guide, tendon = (axis.positions_at(self.times_s) for axis in axes)
+        self.inputs = scene.compute_inputs(tendon, guide)
+        guide, tendon = (axis.positions_at(np.zeros(1) - 1.0) for axis in axes)
+        self.start = scene.compute_inputs(tendon, guide)[0]
 
     def locate_samples(self, phase: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
         """Place of each sample, shape (trials, samples), as steps from the start and a share.
@@ -311,7 +305,7 @@ class Plant:
         The state stays as it is until `follow`.
         """
         assert self._state is not None
-        inputs = self._compute_inputs(guide_m, tendon_m)
+        inputs = self._scene.compute_inputs(tendon_m, guide_m)
         count = len(inputs)
         failed = np.full(1, -1, dtype=np.int64)
         out = advance_trials(
@@ -353,9 +347,6 @@ class Plant:
         self._state[: at.STATE_ROWS, 0] = states[count]
         self._inputs = inputs[-1]
         self._steady_at_m = (float(inputs[-1, at.GUIDE_INPUT]), float(inputs[-1, at.TENDON_INPUT]))
-
-    def _compute_inputs(self, guide_m: FloatArray, tendon_m: FloatArray) -> FloatArray:
-        return self._scene.compute_inputs(tendon_m, guide_m)
 
     def _read(self, row: int) -> float:
         assert self._state is not None

@@ -19,20 +19,11 @@ from tactile_sim.descriptions.catalogue import (
     parse_description,
     parse_text,
 )
-from tactile_sim.descriptions.description import Body, CONTACTS, Finger, HeldObject, Plate, Rig
+from tactile_sim.descriptions.description import Body, CONTACTS, Finger, Plate, Rig
 from tactile_sim.errors import DescriptionError
 
 BRANCH = {'stiffness_n_m': 2.0, 'relaxation_time_s': 3.0}
 BODY = {'stiffness_n_m': 1.0, 'branches': [BRANCH], 'softening_m': 0.0, 'friction': 0.1}
-HELD = {
-    'body': BODY,
-    'motion': 'roll',
-    'radius_m': 0.01,
-    'kinetic_friction': 0.8,
-    'weakening_m': 1e-4,
-    'healing_s': 0.1,
-    'drive_stiffness_n_m': 100.0,
-}
 FLAT = {'groove': 'none', 'end_mm': 10.0, 'grooved_mm': 50.0, 'friction': 0.4}
 GROOVED = {**FLAT, 'groove': 'circular', 'pitch_mm': 4.0, 'width_mm': 2.0, 'depth_mm': 1.0}
 OWN = {**FLAT, 'groove': 'profile', 'points_mm': [[0, 0], [20.5, -1], [50, 0]]}
@@ -52,14 +43,6 @@ RIG = dataclasses.asdict(default_catalogue().rig())
         (Body, BODY, {'branches': [{**BRANCH, 'relaxation_time_s': 0}]}, r'branches\[0\].relax'),
         (Body, BODY, {'branches': [BRANCH] * 4}, 'branches has 4 entries; at most 3'),
         (Body, BODY, {'stiffness_n_m': 0.0}, 'without stiffness_n_m cannot have branches'),
-        (HeldObject, HELD, {'motion': 'jump'}, "motion is 'jump'"),
-        (HeldObject, HELD, {'motion': 3}, 'motion is 3; it must be a word'),
-        (HeldObject, HELD, {'radius_m': 0}, 'radius_m of an object that rolls'),
-        (HeldObject, HELD, {'motion': 'slide'}, 'radius_m of an object that slides'),
-        (HeldObject, HELD, {'kinetic_friction': 0.0}, 'must be above 0 and at most 1'),
-        (HeldObject, HELD, {'body': {**BODY, 'friction': 9}}, r'thing\.body\.friction is 9'),
-        (HeldObject, HELD, {'body': {**BODY, 'stiffness_n_m': 0, 'branches': []}}, 'body.stiff'),
-        (HeldObject, HELD, {'body': 3}, 'thing.body must be a mapping'),
         (Plate, FLAT, {'groove': 'square'}, 'groove is'),
         (Plate, FLAT, {'width_mm': 1.0}, 'groove: none has no pitch_mm, width_mm and depth_mm'),
         (Plate, FLAT, {'points_mm': [[0, 0], [50, 0]]}, 'only for groove: profile'),
@@ -172,7 +155,6 @@ FILES = {
     'rig.yaml': Rig,
     'plates.yaml': Plate,
     'objects.yaml': Body,
-    'held_objects.yaml': HeldObject,
 }
 OWN_PLATE = (
     '{groove: profile, end_mm: 10, grooved_mm: 2, friction: 0.4, '
@@ -190,15 +172,10 @@ def test_packaged_descriptions():
     catalogue = default_catalogue()
     assert list_objects('texture') == ('F', 'R1', 'R2', 'R3', 'T1', 'T2', 'C1', 'C2')
     assert list_objects('stiffness') == ('pla', 'solid_rubber', 'rubber_shell', 'sponge', 'none')
-    assert list_objects('slip') == ('rough', 'smooth', 'cylinder')
     for label in list_objects('texture'):
         assert catalogue.plate(label).length_m == pytest.approx(0.070)
     stiffness = [catalogue.body(label).stiffness_n_m for label in list_objects('stiffness')]
     assert stiffness == sorted(stiffness, reverse=True)
-    assert catalogue.held_object('cylinder').motion == 'roll'
-    # The same pull moves all three.
-    drives = {catalogue.held_object(label).drive_stiffness_n_m for label in list_objects('slip')}
-    assert len(drives) == 1
     for contact in CONTACTS:
         finger = catalogue.finger(contact)
         shear = finger.tip_shear_stiffness_n_m / finger.tip_stiffness_n_m
@@ -207,14 +184,14 @@ def test_packaged_descriptions():
 
 def test_unknown_names_are_refused():
     catalogue = default_catalogue()
-    for find in (catalogue.finger, catalogue.plate, catalogue.body, catalogue.held_object):
+    for find in (catalogue.finger, catalogue.plate, catalogue.body):
         with pytest.raises(DescriptionError, match="'wood'"):
             find('wood')
     with pytest.raises(DescriptionError, match="protocol is 'wood'; it must be one of"):
         catalogue.labels('wood')
-    for names in (('texture', 'F', 'wood'), ('slip', 'wood', 'flexion'), ('wood', 'F', 'flexion')):
+    for names in ('texture F wood', 'stiffness wood flexion', 'wood F flexion'):
         with pytest.raises(DescriptionError, match="'wood'"):
-            catalogue.check_mount(*names)
+            catalogue.check_mount(*names.split())
 
 
 def test_a_users_files_are_laid_over_by_key_and_label(tmp_path):
@@ -267,7 +244,7 @@ def test_a_users_files_are_laid_over_by_key_and_label(tmp_path):
         ('plates', f'../x: {OWN_PLATE}', "the label '../x' must be"),
         ('plates', f'"x\\n": {OWN_PLATE}', 'the label .* must be'),
         ('plates', ''.join(f'x{i}: 1\n' for i in range(1001)), 'has 1001 labels'),
-        ('held_objects', 'held: {motion: roll}', 'held_objects.yaml: held: body is missing'),
+        ('objects', 'mine: {friction: 1}', 'objects.yaml: mine: branches is missing'),
         ('finger_flexion', 'moment_arm_m: 0.2', r'finger_flexion.yaml.moment_arm_m is 0\.2'),
         ('finger_flexion', 'mass_kg: 2', 'hangs lower than its contact_bend_deg'),
         ('finger_flexion', 'moment_arm_m: 1e-3', 'needs .* N for its contact_bend_deg'),
@@ -307,7 +284,7 @@ def test_unusable_folders_and_files_are_refused(tmp_path):
 
 KEYS = sorted(
     {field.name for kind in FILES.values() for field in dataclasses.fields(kind)}
-    | {'F', 'rough', 'noise_n', 'trial', 'relaxation_time_s', 'mine'}
+    | {'F', 'sponge', 'noise_n', 'trial', 'relaxation_time_s', 'mine'}
 )
 VALUES = st.recursive(
     st.sampled_from(['1', '0', '-1', '1e308', '.nan', '.inf', 'null', 'true', 'none', '[]', '""'])

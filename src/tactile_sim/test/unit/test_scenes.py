@@ -4,7 +4,6 @@
 """Parts that a scene leaves out change nothing; those that it has do what their names say."""
 
 import dataclasses
-import math
 
 import numpy as np
 import pytest
@@ -24,24 +23,6 @@ from tactile_sim.physics.scene import (
 STEP_S = 1 / 600
 TIMES_S = STEP_S * np.arange(481)
 TENDON_M = ramp(TIMES_S, 0.02, 0.0, 0.0054, 0.03)
-SEEN = (at.TENSION, at.FORCE, at.SENSED, at.MODES, at.MODES + 1, at.MODES + 2, at.TIP_SLIDER)
-
-
-def seen(result):
-    return result.rows[list(SEEN)]
-
-
-def test_a_kinetic_friction_of_one_never_weakens():
-    held = build_scene('slip', 'smooth', 'flexion')
-    constant = dataclasses.replace(held, kinetic_friction=1.0)
-    without = dataclasses.replace(constant, weakening_m=math.inf)
-    pulled = ramp(TIMES_S, 0.3, 0.0, 0.004, 0.02)
-    one, other, weak = (
-        run(scene, STEP_S, TENDON_M, pulled_m=pulled) for scene in (constant, without, held)
-    )
-    assert seen(one).tobytes() == seen(other).tobytes()
-    assert one.rows[at.WEAKENED].max() == 1.0
-    assert not np.array_equal(seen(one), seen(weak))
 
 
 def test_an_object_out_of_reach_is_not_felt():
@@ -75,42 +56,6 @@ def test_the_mounting_height_and_the_tendons_zero_shift_the_contact():
     assert touch(contact_height_m=-5e-4) > described + 5e-5
     # Wound in by 0.1 mm before it is taut, it does everything 0.1 mm later.
     assert touch(tendon_zero_m=1e-4) - described == pytest.approx(1e-4, abs=2.1e-5)
-
-
-def pull(label):
-    """Hold as the trials do, and draw sideways by the packaged pull."""
-    rig = default_catalogue().rig().pull
-    times_s = STEP_S * np.arange(round((0.8 + rig.distance_m / rig.speed_m_s + 0.2) / STEP_S))
-    tendon_m = ramp(times_s, 0.02, 0.0, 0.0049, 0.01)
-    pulled_m = ramp(times_s, 0.8, 0.0, rig.distance_m, rig.speed_m_s)
-    result = run(build_scene('slip', label, 'flexion'), STEP_S, tendon_m, pulled_m=pulled_m)
-    assert (result.failed < 0).all()
-    begin = np.argmax(times_s >= 0.8)
-    slider = result.rows[at.TIP_SLIDER]
-    return np.abs(slider[:, -1] - slider[:, begin]), rig.distance_m, result, begin
-
-
-def test_the_packaged_pull_lets_the_smooth_slip_and_the_cylinder_roll():
-    """Follows held_objects.yaml and rig.yaml: change them there, and this with them."""
-    slip_m, distance_m, result, _ = pull('smooth')
-    assert slip_m[0] > 0.3 * distance_m
-    assert result.rows[at.WEAKENED][0].max() > 0.3
-    assert pull('rough')[0][0] < 0.7 * slip_m[0]
-    # The cylinder's material keeps up with the fingertip: only its shape moves away.
-    rolled_m, _, result, begin = pull('cylinder')
-    assert rolled_m[0] < 0.05 * distance_m
-    tension = result.rows[at.TENSION][0]
-    assert abs(tension[-1] - tension[begin]) < 0.2 * tension[begin]
-
-
-def test_what_slides_is_pulled_through_two_springs_and_what_rolls_through_the_tip_alone():
-    slides, rolls = (build_scene('slip', label, 'flexion') for label in ('smooth', 'cylinder'))
-    tip_n_m, drive_n_m = slides.finger.tip_shear_stiffness_n_m, slides.drive_stiffness_n_m
-    in_series = tip_n_m * drive_n_m / (tip_n_m + drive_n_m)
-    assert slides.constants.shear_stiffness == pytest.approx(in_series, rel=1e-12)
-    assert rolls.constants.shear_stiffness == pytest.approx(tip_n_m, rel=1e-12)
-    for constants in (slides.constants, rolls.constants):
-        assert constants.shear_stiffness * constants.per_shear_stiffness == pytest.approx(1.0)
 
 
 # -- surfaces --------------------------------------------------------------------------------

@@ -65,7 +65,6 @@
       this.tension.spans = finger.spans;
       this.tension.window = finger.window;
       this.showAnswer(finger, trial);
-      this.showSlip(finger.slip);
     }
 
     showAnswer(finger, trial) {
@@ -114,12 +113,6 @@
         row.append(make('td', name), middle, make('td', value));
         return row;
       }));
-    }
-
-    showSlip(slip) {
-      const element = this.find('.slip');
-      element.hidden = !slip;
-      if (slip) set(element, `Slip: the object is ${slip.motion} since ${slip.at.toFixed(1)} s, at ${slip.tension_n} N`);
     }
 
     draw() {
