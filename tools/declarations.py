@@ -52,6 +52,7 @@ LIBRARIES = {
     'mcap': Library('', 'mcap'),
     'numba': Library('python3-numba', 'numba'),
     'numpy': Library('python3-numpy', 'numpy'),
+    'pandas': Library('python3-pandas', 'pandas'),
     'pyarrow': Library('', 'pyarrow'),
     'pytest': Library('python3-pytest', 'pytest'),
     'rich': Library('python3-rich', 'rich'),

@@ -19,6 +19,7 @@ setup(
         'lz4>=4.0',
         'mcap',
         'numpy>=1.26',
+        'pandas>=2.1',
         'pyarrow',
         'PyYAML>=6.0',
         'rosbags',

@@ -28,7 +28,11 @@ from numpy.typing import NDArray
 
 from tactile_bags.experiment_journal import experiment_of
 from tactile_bags.sources.files import find_leaves, Kind, Leaf, Notes, SourceError, SourceOptions
-from tactile_bags.sources.raw_trials import arrays_from_trials, find_fault, RawTrial
+from tactile_bags.sources.raw_trials import (
+    arrays_from_trials,
+    find_fault,
+    RawTrial,
+)
 from tactile_bags.trial import Signal, Trial
 from tactile_classifier.datasets.archive import (
     LabelledTrials,
@@ -120,7 +124,11 @@ class Recording:
             )
         (kind,) = kinds
         notes = Notes()
-        arrays, raw = _read_others(kind, leaves, options, notes)
+        arrays, found = _read_others(kind, leaves, options, notes)
+        raw = [trial.in_newtons(options.unit) for trial in found]
+        for before, after in zip(found, raw, strict=True):
+            if (unit := options.unit or before.unit) != after.unit:
+                notes.add(f'force: converted from {unit} to N')
         files = [leaf.path for leaf in leaves]
         root = leaves[0].root if raw else leaves[0].path
         return cls(
@@ -159,8 +167,6 @@ class Recording:
         """Unit of all signals; empty: it is not known, or they have several."""
         if self.is_own:
             return 'N'
-        if self._options.unit:
-            return self._options.unit
         if self._raw:
             units = {raw.unit for raw in self._raw}
             return units.pop() if len(units) == 1 else ''
@@ -184,14 +190,14 @@ class Recording:
         return self._from_arrays(folds=0, skip_bad=True)
 
     def _from_arrays(self, *, folds: int, skip_bad: bool) -> LabelledTrials:
-        trials = trials_from_arrays(
+        return trials_from_arrays(
             self.paths[0],
             dict(self._arrays or {}),
             folds,
             skip_bad=skip_bad,
             rate_hz=self._options.rate_hz,
+            unit=self._options.unit,
         )
-        return replace(trials, unit=self._options.unit or trials.unit)
 
     def _raw_trial(self, raw: RawTrial) -> Trial:
         def load() -> Signal:
@@ -200,7 +206,7 @@ class Recording:
             if time_s is None and rate_hz is not None:
                 time_s = np.arange(raw.values.shape[1]) / rate_hz
             names = raw.channels or tuple(f'channel_{i}' for i in range(len(raw.values)))
-            return Signal(time_s, raw.values, names, self._options.unit or raw.unit, rate_hz)
+            return Signal(time_s, raw.values, names, raw.unit, rate_hz)
 
         why_not = find_fault(raw, self._options.rate_hz or raw.rate_hz)
         source = str(raw.columns.get('source', ''))
@@ -285,17 +291,11 @@ class Recording:
         return build_long_table(self._named_trials(), stated_hz)
 
     def to_frame(self) -> Any:
-        """Return `to_table` as a pandas.DataFrame.
+        """Return `to_table` as a pandas.DataFrame."""
+        import pandas  # slow to import
 
-        Raises
-        ------
-        SourceError
-            When pandas is not installed.
-        """
-        try:
-            return self.to_table().to_pandas()
-        except ImportError as error:
-            raise SourceError('to_frame needs pandas: pip install pandas') from error
+        frame: pandas.DataFrame = self.to_table().to_pandas()
+        return frame
 
     @property
     def rate_hz(self) -> float | None:

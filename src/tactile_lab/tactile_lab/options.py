@@ -175,16 +175,33 @@ def _of_others(*names: str, **more: Any) -> Any:
 class Statements:
     """Options on recordings of others, which are the fields of `SourceOptions`."""
 
-    column: Annotated[
-        Optional[list[str]],
+    force_column: Annotated[
+        str,
         _of_others(
-            '--column',
-            metavar='ROLE=NAME',
-            help='What a column of a table is: time, trial, label or value, as in --column '
-            'value=force_n or --column time=t:ms. May be given several times; several names with '
-            'commas.',
+            help='Column of the force in a table; several with commas are several channels. '
+            'Default: the column force or tension, with or without a unit, as in force_mN.'
         ),
-    ] = None
+    ] = ''
+    time_column: Annotated[
+        str, _of_others(help='Column of the times. Default: t, time, timestamp or stamp.')
+    ] = ''
+    trial_column: Annotated[
+        str,
+        _of_others(
+            help='Column that names the trial of each row. Default: trial or trial_id. Without '
+            'one, a file is one trial.'
+        ),
+    ] = ''
+    label_column: Annotated[
+        str, _of_others(help='Column of the labels. Default: label, object or object_label.')
+    ] = ''
+    time_unit: Annotated[
+        str,
+        _of_others(
+            help='Unit of the times where their heading does not say it: s, ms, us, ns or min; '
+            'iso for texts such as 2026-11-28 12:00:00.5, day-first for 28.11.2026 12:00:00.5.'
+        ),
+    ] = ''
     rate_hz: Annotated[
         Optional[float],
         _of_others(
@@ -194,7 +211,11 @@ class Statements:
         ),
     ] = None
     unit: Annotated[
-        str, _of_others(help='Unit of the signal where no heading says it, as in --unit mN.')
+        str,
+        _of_others(
+            help='Unit of the force where no heading says it, as in --unit mN. Forces are '
+            'converted to N.'
+        ),
     ] = ''
     label: Annotated[str, _of_others(help='The label of all these trials.')] = ''
     label_from: Annotated[
@@ -230,7 +251,7 @@ class Statements:
         str,
         _of_others(
             help='What stands between the columns of a text table: comma, semicolon, tab, space, '
-            'or the character. Default: comma; in .tsv a tab. LabVIEW files (.lvm) state it.'
+            'or the character. Default: comma; in .tsv a tab.'
         ),
     ] = ''
     decimal: Annotated[
@@ -244,8 +265,8 @@ class Statements:
         _of_others(
             min=0,
             max=1000,
-            help='Lines of a text table above its numbers. The last one names the columns; one '
-            'with their units may follow. Default: 1.',
+            help='Lines of a text table above its numbers. The last one names the columns. '
+            'Default: 1.',
         ),
     ] = None
 

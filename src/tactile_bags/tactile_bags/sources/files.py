@@ -23,9 +23,6 @@ LAYOUT = """recordings can be, all with their sample rate or with times:
   bags of this package                  with strain and trial events
   recordings.txt                        a list: one of these paths a line"""
 
-ROLES = ('time', 'trial', 'label', 'value')
-"""Possible roles of a column of a table."""
-
 
 class SourceError(TactileError):
     """A recording cannot be taken as labelled trials; says what to do."""
@@ -37,8 +34,11 @@ class SourceOptions:
 
     Attributes
     ----------
-    column : sequence of str, optional
-        ``ROLE=NAME`` of columns of a table; a role is one of `ROLES`.
+    force_column, time_column, trial_column, label_column : str
+        Names of columns of a table. Several channels of force have commas between them.
+    time_unit : str
+        Unit of the times: ``s``, ``ms``, ``us``, ``ns`` or ``min``; ``iso`` for texts such as
+        ``2026-11-28T12:00:00.5``, ``day-first`` for texts such as ``28.11.2026 12:00:00.5``.
     rate_hz : float, optional
         Sample rate of recordings without times [Hz]. With times it must fit them.
     unit : str
@@ -55,11 +55,14 @@ class SourceOptions:
         Of the columns of a text table, and in its numbers. Empty: a comma (in ``.tsv`` a tab), and
         a point.
     header_rows : int, optional
-        Lines of a text table above its numbers; the last one names the columns, and may be
-        followed by one with their units. None: 1.
+        Lines of a text table above its numbers; the last one names the columns. None: 1.
     """
 
-    column: Sequence[str] | None = None
+    force_column: str = ''
+    time_column: str = ''
+    trial_column: str = ''
+    label_column: str = ''
+    time_unit: str = ''
     rate_hz: float | None = None
     unit: str = ''
     label: str = ''
@@ -70,24 +73,6 @@ class SourceOptions:
     separator: str = ''
     decimal: str = ''
     header_rows: int | None = None
-
-    def __post_init__(self) -> None:
-        # Typer 0.9 gives an empty list for an option that is not given, newer versions None.
-        object.__setattr__(self, 'column', self.column or None)
-
-    @property
-    def roles(self) -> dict[str, tuple[str, ...]]:
-        """Names of columns by role; a text that is not ``ROLE=NAME`` is a `SourceError`."""
-        roles: dict[str, tuple[str, ...]] = {}
-        for text in self.column or ():
-            role, _, names = text.partition('=')
-            if role not in ROLES or not names:
-                raise SourceError(
-                    f'--column is "{text}"; it must be ROLE=NAME with a role of '
-                    f'{", ".join(ROLES)}, as in --column value=force_n'
-                )
-            roles[role] = tuple(name.strip() for name in names.split(','))
-        return roles
 
     def compile_label_pattern(self) -> re.Pattern[str] | None:
         """Return ``label_from`` as a pattern with a group; None where it is none."""
@@ -159,7 +144,7 @@ class Kind(Enum):
 _KINDS = {
     '.npz': Kind.ARCHIVE,
     '.npy': Kind.ARRAY,
-    **dict.fromkeys(('.csv', '.tsv', '.txt', '.lvm', '.parquet'), Kind.TABLE),
+    **dict.fromkeys(('.csv', '.tsv', '.txt', '.parquet'), Kind.TABLE),
     **dict.fromkeys(BAG_SUFFIXES, Kind.BAG),
 }
 

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 import math
 from typing import Any, NamedTuple
 
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_bags.sources.files import LAYOUT, Notes, SourceError
+from tactile_classifier.datasets.archive import LARGEST_N, NEWTONS
 
 GAP_PERIODS = 3.5
 """Longest pause between samples that is filled by a straight line, in periods: two are lost."""
@@ -50,6 +51,29 @@ class RawTrial:
         """The unit of all channels; empty: it is not known, or they have several."""
         return self.units[0] if len(set(self.units)) == 1 else ''
 
+    def in_newtons(self, unit: str = '') -> RawTrial:
+        """Return the trial with forces in newtons; channels of other units stay as they are.
+
+        ``unit`` is that of all channels, where it is stated. Forces beyond `LARGEST_N` are a
+        `SourceError`.
+        """
+        for other in set(filter(None, self.units)) - {unit}:
+            if unit:
+                raise SourceError(
+                    f'trial {self.name} is in {other} by its heading, and --unit is {unit}; leave '
+                    'the option out, or correct the heading'
+                )
+        units = (unit,) * len(self.values) if unit else self.units
+        if not any(each in NEWTONS for each in units):
+            return replace(self, units=units)
+        factors = np.array([NEWTONS.get(each, 1.0) for each in units])
+        values = self.values if (factors == 1.0).all() else self.values * factors[:, np.newaxis]
+        names = self.channels or [f'channel {i}' for i in range(len(units))]
+        for name, own, channel in zip(names, units, values, strict=True):
+            if own in NEWTONS:
+                _check_forces(channel, f'trial {self.name}, {name}')
+        return replace(self, values=values, units=tuple('N' if u in NEWTONS else u for u in units))
+
     @property
     def rate_hz(self) -> float | None:
         """The sample rate that the source or the stamps say [Hz]; None: neither does."""
@@ -57,6 +81,18 @@ class RawTrial:
             return self.stated_rate_hz
         period_s = _period_s(self.time_s)
         return _round_rate(1.0 / period_s) if period_s > 0.0 else None
+
+
+def _check_forces(values_n: Floats, where: str) -> None:
+    """Raise `SourceError` for a force beyond `LARGEST_N`; ``where`` says whose it is."""
+    with np.errstate(invalid='ignore'):
+        beyond = np.flatnonzero(np.abs(values_n) > LARGEST_N)
+    if len(beyond):
+        raise SourceError(
+            f'{where}: sample {beyond[0]} is {values_n[beyond[0]]:.6g} N, and no tendon carries '
+            f'more than {LARGEST_N:g} N; is the unit right (--unit), or the decimal mark '
+            '(--decimal)?'
+        )
 
 
 def arrays_from_trials(
@@ -167,7 +203,7 @@ def _check_rate(source: str, rate_hz: float, found: Sequence[_OwnRate], way_out:
     if own is not None and abs(own.rate_hz - rate_hz) > RATE_TOLERANCE * rate_hz:
         raise SourceError(
             f'{source} {rate_hz:g} Hz, and {own.words} {own.rate_hz:.6g} Hz; {way_out}state '
-            'the unit of the times (--column time=NAME:ms). `tactile evaluate`, `train`, '
+            'the unit of the times (--time-unit ms). `tactile evaluate`, `train`, '
             '`compare` and `features` change the rate with --resample-hz'
         )
 

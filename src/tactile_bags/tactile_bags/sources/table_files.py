@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables by pyarrow: columns of CSV, Parquet and LabVIEW files; trials as one long table.
+"""Tables by pyarrow: columns of CSV and Parquet files; trials as one long table.
 
 The form of a text is stated, never guessed; cells that do not fit it are an error.
 """
@@ -33,9 +33,6 @@ MAX_TABLE_BYTES = 2**30
 CHECKED_ROWS = 1000
 """Rows of a column of texts that are searched for numbers of another form."""
 
-SEARCHED_LINES = 60
-"""Lines of a text that are searched for its likely form, for the sentence of an error."""
-
 METADATA_KEY = b'tactile'
 """Entry of a table's metadata that holds what `Recording.to_table` states, as JSON."""
 
@@ -61,11 +58,6 @@ _NUMBERS = {
     mark: re.compile(rf'[+-]?(\d+([{mark}]\d*)?|[{mark}]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf)', re.I)
     for mark in '.,'
 }
-_UNITS = frozenset((
-    '', 's', 'ms', 'us', 'µs', 'μs', 'ns', 'min', 'Hz', 'N', 'mN', 'kN', 'g', 'kg', 'V', 'mV',
-    'µV', 'A', 'mA', 'm', 'mm', 'µm', 'deg', 'rad', '°', '°C', 'C', 'K', '%', 'Pa', 'kPa', 'MPa',
-    'bar', 'Nm', 'mNm', 'mm/s', 'm/s', 'counts', 'raw', '1', '-', 'n/a',
-))  # fmt: skip
 _REMEDY = (
     'state the form of the text with --separator (comma, semicolon, tab, space), --decimal (. or '
     ',) and --header-rows (lines above the numbers)'
@@ -76,24 +68,6 @@ _MISREAD = (
     (re.compile(r'(?=.*\d[;\t ])[-+.,;\t\d eE]+'), 'several numbers'),
 )
 """Texts that are numbers of another form, and what they are."""
-
-_END_OF_HEADER = '***End_of_Header***'
-
-
-@dataclass(frozen=True)
-class TextForm:
-    """The form of a text table, and the sample rate that it states [Hz].
-
-    ``names`` are ``column 1`` and so on where none stand in the text. ``first_line`` is the first
-    of the data, from 0.
-    """
-
-    separator: str
-    decimal: str
-    names: tuple[str, ...]
-    first_line: int
-    is_labview: bool = False
-    rate_hz: float | None = None
 
 
 @dataclass(frozen=True)
@@ -119,19 +93,18 @@ class Table:
 
 
 def read_table(path: Path, options: SourceOptions = SourceOptions()) -> Table:  # noqa: B008
-    """Read a CSV, LabVIEW or Parquet file.
+    """Read a CSV or Parquet file.
 
     One that is no table of the stated form, too large or damaged is a `SourceError`.
     """
     nested: tuple[str, ...] = ()
     if path.stat().st_size > MAX_TABLE_BYTES:
         raise SourceError(f'{path} is larger than {MAX_TABLE_BYTES >> 20} MiB; divide it')
-    form: TextForm | None = None
     try:
         if path.suffix.lower() == '.parquet':
             found, nested = _read_parquet(path)
         else:
-            found, form = _read_text(path, options)
+            found = _read_text(path, options)
     except (pyarrow.ArrowException, OSError, UnicodeError, csv.Error) as error:
         sentence = str(error).partition('\n')[0]
         raise SourceError(f'{path} cannot be read as a table: {sentence}') from error
@@ -143,7 +116,7 @@ def read_table(path: Path, options: SourceOptions = SourceOptions()) -> Table:  
     times = {f.name for f in found.schema if pyarrow.types.is_timestamp(f.type)}
     columns = {n: _to_numpy(path, n, found[n]) for n in found.column_names}
     stated = {f.name: f.metadata or {} for f in found.schema}
-    rate_hz = form.rate_hz if form else _stated_rate_hz(found.schema.metadata)
+    rate_hz = _stated_rate_hz(found.schema.metadata)
     units = {n: m[UNIT].decode(errors='replace') for n, m in stated.items() if UNIT in m}
     values = tuple(n for n, metadata in stated.items() if metadata.get(ROLE) == b'value')
     return Table(path, columns, frozenset(times), nested, units, values, rate_hz)
@@ -210,59 +183,29 @@ def _is_any(kind: Any, *names: str) -> bool:
     return any(getattr(pyarrow.types, f'is_{name}')(kind) for name in names)
 
 
-def _read_text(path: Path, options: SourceOptions) -> tuple[pyarrow.Table, TextForm]:
-    text = decode_text(path.read_bytes())
-    lines = text.splitlines(keepends=True)
-    form = options.header_rows is None and find_labview_form(path, lines)
-    form = form or _stated_form(path, lines, options)
-    rows = lines[form.first_line :]
-    if form.is_labview:  # a remark may follow the numbers
-        cells = (line.rstrip('\r\n').split(form.separator) for line in rows if line.strip())
-        rows = [form.separator.join(row[: len(form.names)]) + '\n' for row in cells]
+def _read_text(path: Path, options: SourceOptions) -> pyarrow.Table:
+    lines = decode_text(path.read_bytes()).splitlines(keepends=True)
+    separator, decimal = _read_form(path, options)
+    count = 1 if options.header_rows is None else options.header_rows
+    names = _read_names(path, lines, separator, decimal, count)
     try:
         found = pyarrow.csv.read_csv(
-            pyarrow.BufferReader(''.join(rows).encode()),
-            read_options=pyarrow.csv.ReadOptions(column_names=list(form.names), use_threads=False),
-            parse_options=pyarrow.csv.ParseOptions(delimiter=form.separator),
+            pyarrow.BufferReader(''.join(lines[count:]).encode()),
+            read_options=pyarrow.csv.ReadOptions(column_names=names, use_threads=False),
+            parse_options=pyarrow.csv.ParseOptions(delimiter=separator),
             convert_options=pyarrow.csv.ConvertOptions(
-                decimal_point=form.decimal, strings_can_be_null=False
+                decimal_point=decimal, strings_can_be_null=False
             ),
         )
     except pyarrow.ArrowException as error:
         sentence = str(error).partition('\n')[0]
-        raise SourceError(
-            f'{path} cannot be read as a table: {sentence}; {_remedy(lines)}'
-        ) from error
-    if form.is_labview:  # an empty column of times
-        empty = [f.name for f in found.schema if pyarrow.types.is_null(f.type)]
-        found = found.drop_columns(empty)
+        raise SourceError(f'{path} cannot be read as a table: {sentence}; {_REMEDY}') from error
     for name in found.column_names:
-        _check_cells(path, name, found[name], _remedy(lines))
-    return found, form
+        _check_cells(path, name, found[name])
+    return found
 
 
-def _remedy(lines: Sequence[str]) -> str:
-    """Return the options that state a form, and the one that the first lines suggest."""
-    best: tuple[int, int, str] = (0, 0, '')
-    for name, separator in _SEPARATORS.items():
-        for decimal in '.,':
-            rows = [
-                [cell.strip() for cell in line.strip().split(separator)]
-                for line in lines[:SEARCHED_LINES]
-            ]
-            numbers = [
-                len(row) if all(map(_NUMBERS[decimal].fullmatch, row)) else 0 for row in rows
-            ]
-            width = max(numbers, default=0)
-            count = numbers.count(width)
-            if decimal != separator and width > 1 and (count, width) > best[:2]:
-                above = numbers.index(width)
-                text = f'--separator {name} --decimal {decimal} --header-rows {above}'
-                best = (count, width, text)
-    return _REMEDY + (f'; likely is {best[2]}' if best[2] else '')
-
-
-def _check_cells(path: Path, name: str, column: Any, remedy: str) -> None:
+def _check_cells(path: Path, name: str, column: Any) -> None:
     """Refuse a column of texts of which each is a number, or several, of another form."""
     if not _is_text(column.type):
         return
@@ -270,12 +213,12 @@ def _check_cells(path: Path, name: str, column: Any, remedy: str) -> None:
     for pattern, found in _MISREAD if cells else ():
         if all(pattern.fullmatch(cell) for cell in cells):
             raise SourceError(
-                f'{path}: column "{name}" holds {found}, as in "{cells[0][:40]}"; {remedy}'
+                f'{path}: column "{name}" holds {found}, as in "{cells[0][:40]}"; {_REMEDY}'
             )
 
 
-def _stated_form(path: Path, lines: Sequence[str], options: SourceOptions) -> TextForm:
-    """Return the form that the options state, with the names that stand in the text."""
+def _read_form(path: Path, options: SourceOptions) -> tuple[str, str]:
+    """Return separator and decimal mark, as stated or usual."""
     usual = '\t' if path.suffix.lower() == '.tsv' else ','
     separator = _SEPARATORS.get(options.separator, options.separator) or usual
     decimal = options.decimal or '.'
@@ -285,91 +228,27 @@ def _stated_form(path: Path, lines: Sequence[str], options: SourceOptions) -> Te
             f'a separator is one character or one of {", ".join(_SEPARATORS)}, a decimal mark is '
             '. or , and another than the separator'
         )
-    count = 1 if options.header_rows is None else options.header_rows
-    above = [
-        [cell.strip() for cell in row]
-        for row in csv.reader((line.lstrip('#% ') for line in lines[:count]), delimiter=separator)
-    ]
-    above = [row for row in above if any(row)]
+    return separator, decimal
+
+
+def _read_names(
+    path: Path, lines: Sequence[str], separator: str, decimal: str, count: int
+) -> list[str]:
+    """Return the names in the last of the first ``count`` lines; without them ``column 1`` etc."""
     if not count:
         first = next((line for line in lines if line.strip()), '')
         width = len(next(csv.reader([first], delimiter=separator), []))
-        names = tuple(f'column {i + 1}' for i in range(width))
-        return TextForm(separator, decimal, names, 0)
-    if not above:
-        raise SourceError(
-            f'{path}: there are no names of columns in its first line; {_remedy(lines)}'
-        )
-    row = above[-1]
-    if len(above) > 1 and len(above[-2]) == len(row) and _UNITS.issuperset(_strip(row)):
-        row = [
-            f'{name} [{unit}]' if unit else name
-            for name, unit in zip(above[-2], _strip(row), strict=True)
-        ]
-    number = _NUMBERS[decimal]
-    if all(number.fullmatch(cell) for cell in row):
+        return [f'column {i + 1}' for i in range(width)]
+    last = (line.lstrip('#% ') for line in lines[count - 1 : count])
+    names = [cell.strip() for cell in next(csv.reader(last, delimiter=separator), [])]
+    if not any(names):
+        raise SourceError(f'{path}: line {count} has no names of columns; {_REMEDY}')
+    if all(_NUMBERS[decimal].fullmatch(name) for name in names):
         raise SourceError(
             f'{path}: line {count} holds numbers, and should hold the names of the columns; '
-            f'{_remedy(lines)}'
+            f'{_REMEDY}'
         )
-    return TextForm(separator, decimal, tuple(row), count)
-
-
-def _strip(units: Sequence[str]) -> list[str]:
-    return [unit.strip('[]()') for unit in units]
-
-
-def find_labview_form(path: Path, lines: Sequence[str]) -> TextForm | None:
-    """Return the form that the header of a LabVIEW measurement file states; None: it has none.
-
-    Source: National Instruments, "Specification for the LabVIEW Measurement File (.lvm)".
-    """
-    ends = [i for i, line in enumerate(lines) if line.strip() == _END_OF_HEADER]
-    if not ends:
-        return None
-    if not lines[0].startswith('LabVIEW Measurement') or len(ends) > 2:
-        problem = (
-            f'it has {len(ends) - 1} segments; save each in a file of its own'
-            if len(ends) > 2
-            else f'it has {_END_OF_HEADER} and does not begin as a LabVIEW measurement; {_REMEDY}'
-        )
-        raise SourceError(f'{path}: {problem}')
-    tab = '\t' if '\t' in ''.join(lines[: ends[0]]) else ','
-    tags = {}
-    for line in lines[: ends[-1]]:
-        tag, _, value = line.strip('\r\n').partition(tab)
-        tags[tag.strip()] = value
-    separator = ',' if tags.get('Separator', '').strip().lower() == 'comma' else '\t'
-    # A comma between columns leaves a point alone for numbers; version 1 has no such tag.
-    decimal = tags.get('Decimal_Separator', '').strip(' \t') or '.'
-    decimal = '.' if separator == ',' else decimal
-    if tags.get('X_Dimension', 'Time').split(tab)[0].strip() not in ('Time', ''):
-        raise SourceError(f'{path}: its X_Dimension is {tags["X_Dimension"]}, not Time')
-    at = ends[-1] + 1
-    cells = lines[at].strip('\r\n').split(separator) if at < len(lines) else []
-    row = [cell.strip() for cell in cells]
-    row = row[: row.index('Comment')] if 'Comment' in row else row
-    if not any(row) or _NUMBERS[decimal].fullmatch(row[0]):
-        raise SourceError(f'{path}: below {_END_OF_HEADER} there are no names; {_REMEDY}')
-    units = [unit.strip() for unit in tags.get('Y_Unit_Label', '').split(separator)]
-    names: list[str] = []
-    for cell in row:
-        name, channel = cell or 'unnamed', sum(name != 'time_s' for name in names)
-        if cell == 'X_Value':
-            name = 'time_s'
-        elif channel < len(units) and units[channel]:
-            name = f'{name} [{units[channel]}]'
-        if name == 'time_s' and name in names:
-            raise SourceError(
-                f'{path}: each channel has times of its own (X_Columns Multi); save it with one '
-                'column of times'
-            )
-        again = sum(other.partition(' #')[0] == name for other in names)
-        names.append(f'{name} #{again + 1}' if again else name)
-    steps = [float(t.replace(',', '.')) for t in tags.get('Delta_X', '').split() if t]
-    period_s = steps[0] if steps and tags.get('X_Columns', '').strip() == 'No' else 0.0
-    rate_hz = 1.0 / period_s if period_s > 0.0 else None
-    return TextForm(separator, decimal, tuple(names), at + 1, is_labview=True, rate_hz=rate_hz)
+    return names
 
 
 def _to_numpy(path: Path, name: str, column: Any) -> NDArray[Any]:

@@ -5,8 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime, timedelta
 import re
 from typing import Any
 
@@ -14,8 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_bags.sources.files import (
-    ambiguity,
-    LAYOUT,
     Leaf,
     name_labels,
     Notes,
@@ -24,75 +23,65 @@ from tactile_bags.sources.files import (
 )
 from tactile_bags.sources.raw_trials import RawTrial
 from tactile_bags.sources.table_files import read_table, Table
+from tactile_classifier.datasets.archive import NEWTONS
 
 NAMES: Mapping[str, frozenset[str]] = {
-    'time': frozenset(
-        ('t', 'time', 'timestamp', 'timestamps', 'stamp', 'sec', 'seconds', 'zeit', 'elapsed')
-    ),
-    'trial': frozenset(
-        ('trial', 'trial_id', 'trial_no', 'trial_number', 'run', 'run_id', 'measurement', 'case')
-    ),
-    'label': frozenset(
-        ('label', 'class', 'y', 'target', 'object', 'object_label', 'material', 'texture')
-    ),
+    'time': frozenset(('t', 'time', 'timestamp', 'stamp')),
+    'trial': frozenset(('trial', 'trial_id')),
+    'label': frozenset(('label', 'object', 'object_label')),
+    'force': frozenset(('force', 'tension')),
 }
-"""Usual names of columns, without their unit, in small letters."""
+"""Names of columns that need no option, in small letters and without their unit."""
 
 GROUPS = frozenset(
-    ('session', 'session_id', 'day', 'mounting', 'mounting_id', 'block', 'repetition', 'rep')
+    ('session', 'session_id', 'day', 'mounting', 'mounting_id', 'subject', 'specimen', 'block')
 )
-"""Usual names of columns that no trial goes across, and within which trials are numbered."""
+"""Names of columns that no trial goes across, and within which trials are numbered."""
 
 UNITS_S = {'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'µs': 1e-6, 'μs': 1e-6, 'ns': 1e-9, 'min': 60.0}
 """Units of time [s]."""
 
+ISO, DAY_FIRST = 'iso', 'day-first'
+"""Other values of `SourceOptions.time_unit`: forms of dates."""
+
+_DAY_FIRST_FORMS = tuple(
+    f'%d{mark}%m{mark}%Y %H:%M:%S{fraction}' for mark in './-' for fraction in ('', '.%f')
+)
+_ISO_DATE = re.compile(r'\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(\.\d{1,9})?$')
 _BRACKETS = re.compile(r'^(.*?)[ _]*[\[(]([^\])]*)[\])]$')
-_ENDING = re.compile(rf'^(.+)[ _]({"|".join(UNITS_S)})$')
-_SIGNAL = re.compile(r'(force|tension|strain|value|signal|load|f[xyz]?$|ch(annel)?_?\d)')
-_FORCE_UNITS = frozenset(('N', 'mN', 'kN', 'g', 'kg'))
-_SIGNAL_ENDING = re.compile(r'.+[ _](N|[mkuµ]N|m?V|[kM]?Pa|n|mn|kn)$')
+_ENDING = re.compile(rf'^(.+)[ _]({"|".join(UNITS_S)}|N|[mkuµ]N|m?V|[kM]?Pa|k?g|n|mn|kn)$')
 _SPELLINGS = {'n': 'N', 'mn': 'mN', 'kn': 'kN', 'newton': 'N', 'newtons': 'N', 'volt': 'V'}
 _SPELLINGS |= {'volts': 'V', '-': '', '1': '', 'raw': '', 'a.u.': '', 'n/a': ''}
-_NO_SIGNALS = frozenset((*GROUPS, 'index', 'sample', 'samples', 'sample_index', 'row', ''))
 
 
 @dataclass(frozen=True)
 class Roles:
     """The columns by what they are; an empty name: there is none.
 
-    Each of ``values`` is a channel of the signal. Those of ``trial`` name a trial together;
-    without them the file is one.
+    Each of ``values`` is a channel of the signal. Without ``trial`` the file is one trial.
+    ``time_unit`` is a key of `UNITS_S`, or a form of dates.
     """
 
     values: tuple[str, ...]
     time: str = ''
-    time_unit_s: float = 1.0
-    trial: tuple[str, ...] = ()
+    time_unit: str = ''
+    trial: str = ''
     label: str = ''
 
 
 def split_unit(name: str) -> tuple[str, str]:
     """Return the name of a column in small letters and its unit, which may be empty.
 
-    ``Force [N]``, ``time (ms)`` and ``time_ms`` have one.
+    ``Force [N]``, ``time (ms)``, ``time_ms`` and ``force_n`` have one.
     """
-    small = name.strip()
     for pattern in (_BRACKETS, _ENDING):
-        found = pattern.match(small)
+        found = pattern.match(name.strip())
         if found:
-            return found.group(1).strip().lower().replace(' ', '_'), found.group(2).strip()
-    return small.lower().replace(' ', '_'), ''
-
-
-def signal_unit(name: str) -> str:
-    """Return the unit of a signal that the name of its column states; empty: it states none.
-
-    ``force_mN``, ``tension [N]``, ``Kraft (N)`` and ``force_n`` have one.
-    """
-    found = _BRACKETS.match(name.strip())
-    ending = _SIGNAL_ENDING.match(name.strip())
-    unit = found.group(2).strip() if found else ending.group(1) if ending else ''
-    return _SPELLINGS.get(unit.lower(), unit) if unit not in _FORCE_UNITS else unit
+            unit = found.group(2).strip()
+            is_known = unit in UNITS_S or unit in NEWTONS
+            unit = unit if is_known else _SPELLINGS.get(unit.lower(), unit)
+            return found.group(1).strip().lower().replace(' ', '_'), unit
+    return name.strip().lower().replace(' ', '_'), ''
 
 
 def read_table_trials(
@@ -113,10 +102,15 @@ def read_table_trials(
         if table.nested:
             notes.add(f'left out, they hold lists: {", ".join(table.nested)}')
         if roles is None or tuple(table.columns) != columns:  # asked once for equal files
-            roles, columns = assign_roles(table, options.roles, notes), tuple(table.columns)
+            roles, columns = assign_roles(table, options, notes), tuple(table.columns)
         known: Mapping[str, str] = {}
         if not roles.label:
-            named = named or name_labels(leaves, options, notes)
+            try:
+                named = named or name_labels(leaves, options, notes)
+            except SourceError as error:
+                texts = [name for name, c in table.columns.items() if c.dtype.kind == 'U']
+                proposed = f'; in a table: --label-column {texts[0]}' if texts else ''
+                raise SourceError(f'{error}{proposed}') from error
             known = named[i]
         trials += _cut_trials(table, roles, leaf, known, notes)
     return trials
@@ -125,8 +119,10 @@ def read_table_trials(
 def _cut_trials(
     table: Table, roles: Roles, leaf: Leaf, known: Mapping[str, str], notes: Notes
 ) -> list[RawTrial]:
+    for name in roles.values:
+        _check_numeric(table, name)
     values = np.stack([table.columns[name].astype(np.float64) for name in roles.values])
-    units = tuple(table.units.get(name) or signal_unit(name) for name in roles.values)
+    units = tuple(table.units.get(name) or split_unit(name)[1] for name in roles.values)
     time_s = _times_s(table, roles)
     others = {
         name: column
@@ -152,8 +148,8 @@ def _cut_trials(
         )
     if 'label' in varying:
         raise SourceError(
-            f'{table.path.name}: a trial has several labels; if a row is a sample, name the '
-            'column of trials with --column trial=NAME'
+            f'{table.path}: a trial has several labels; name the column of trials with '
+            '--trial-column'
         )
     if varying:
         notes.add(f'left out, they change within a trial: {", ".join(sorted(varying))}')
@@ -165,10 +161,49 @@ def _times_s(table: Table, roles: Roles) -> NDArray[np.float64] | None:
     if not roles.time:
         return None
     column = table.columns[roles.time]
+    if roles.time_unit in (ISO, DAY_FIRST):
+        column = _parse_dates(table, roles.time, roles.time_unit)
+        unit_s = 1e-9
+    else:
+        _check_numeric(table, roles.time)
+        unit_s = 1e-9 if roles.time in table.times else UNITS_S[roles.time_unit]
     if column.dtype.kind in 'iu':
         column = column.astype(np.int64)
-        return np.asarray((column - column[0]) * roles.time_unit_s, dtype=np.float64)
-    return np.asarray(column * roles.time_unit_s, dtype=np.float64)
+        return np.asarray((column - column[0]) * unit_s, dtype=np.float64)
+    return np.asarray(column * unit_s, dtype=np.float64)
+
+
+def _parse_dates(table: Table, name: str, form: str) -> NDArray[np.int64]:
+    """Return texts as nanoseconds."""
+    found = []
+    for row, text in enumerate(table.columns[name].tolist(), start=1):
+        stamp = _parse_date(str(text).strip().replace(',', '.'), form)
+        if stamp is None:
+            raise SourceError(
+                f'{table.path}: column "{name}", row {row} of its data: "{text}" is no date and '
+                f'time of the form {form}'
+            )
+        found.append(stamp)
+    return np.array(found, dtype=np.int64)
+
+
+def _parse_date(text: str, form: str) -> int | None:
+    """Return a date and time in nanoseconds since 1970; None where the text is none."""
+    try:
+        if form == ISO:
+            # NumPy takes other texts, too, such as "now".
+            if not _ISO_DATE.match(text):
+                return None
+            return int(np.datetime64(text.replace(' ', 'T'), 'ns').astype(np.int64))
+    except ValueError:
+        return None
+    for pattern in _DAY_FIRST_FORMS:
+        try:
+            since = datetime.strptime(text, pattern) - datetime(1970, 1, 1)
+        except ValueError:
+            continue
+        return (since // timedelta(microseconds=1)) * 1000
+    return None
 
 
 def _group_rows(
@@ -180,7 +215,7 @@ def _group_rows(
     """
     if not roles.trial:
         return [((), np.arange(len(table)))]
-    names = roles.trial
+    names: tuple[str, ...] = (roles.trial,)
     numbers = _number_groups(table, names)
     groups = (name for name in table.columns if split_unit(name)[0] in GROUPS)
     for name in dict.fromkeys((roles.label, *groups)):
@@ -188,7 +223,7 @@ def _group_rows(
             finer = _number_groups(table, (name, *names))
             if finer.max() > numbers.max():
                 names, numbers = (name, *names), finer
-    if names != roles.trial:
+    if len(names) > 1:
         notes.add(f'a trial is named by {" and ".join(names)} together')
     order = np.argsort(numbers, kind='stable')
     starts = np.flatnonzero(np.diff(numbers[order], prepend=-1))
@@ -209,130 +244,101 @@ def _number_groups(table: Table, names: Sequence[str]) -> NDArray[np.intp]:
     return np.asarray(rank[inverse], dtype=np.intp)
 
 
-def assign_roles(table: Table, stated: Mapping[str, tuple[str, ...]], notes: Notes) -> Roles:
-    """Return what each column is, by what is stated, or its name."""
-    for role, names in stated.items():
-        for name in names:
-            bare = name.rpartition(':')[0] or name if role == 'time' else name
-            if bare not in table.columns and name not in table.columns:
-                raise SourceError(
-                    f'{table.path.name} has no column "{name}"; there are: '
-                    f'{", ".join(table.columns)}'
-                )
-    short = {name: split_unit(name)[0] for name in table.columns}
+def assign_roles(table: Table, options: SourceOptions, notes: Notes) -> Roles:
+    """Return what each column is, by what is stated, or by its exact name.
 
-    def named(role: str) -> str:
-        found = [name for name, bare in short.items() if bare in NAMES[role]]
-        if len(found) > 1:
-            raise ambiguity(
-                f'{table.path.name} has several columns that may be the {role}',
-                found,
-                f'--column {role}=NAME',
-                found[0],
-            )
-        return found[0] if found else ''
-
-    trial = stated.get('trial') or ((named('trial'),) if named('trial') else ())
-    label = stated.get('label', (named('label'),))[0]
-    time, unit_s = _find_time(table, stated, named)
-    values = stated.get('value') or table.values
-    values = values or _find_values(table, time, (*trial, label), short)
-    for name in values:
-        _check_numeric(table, name)
-    roles = Roles(values, time, unit_s, trial, label)
+    A column whose meaning neither says is a `SourceError`.
+    """
+    forces = tuple(name.strip() for name in options.force_column.split(',') if name.strip())
+    stated = {'time': options.time_column, 'trial': options.trial_column}
+    stated['label'] = options.label_column
+    for name in filter(None, (*forces, *stated.values())):
+        if name not in table.columns:
+            raise SourceError(f'{table.path} has no column "{name}"; {_show_columns(table)}')
+    named = {role: name or _find_named(table, role) for role, name in stated.items()}
+    if not named['time'] and table.times:
+        named['time'] = _choose(table, 'time', sorted(table.times))
+    force = forces or table.values
+    if not force:
+        force = (_find_named(table, 'force'),)
+    if not any(force):
+        likely = [name for name in table.columns if split_unit(name)[1] in NEWTONS]
+        raise _ask(table, 'force', likely)
+    unit = _find_time_unit(table, named['time'], options.time_unit)
+    roles = Roles(force, named['time'], unit, named['trial'], named['label'])
     _note_roles(table, roles, notes)
     return roles
 
 
-def _find_time(
-    table: Table, stated: Mapping[str, tuple[str, ...]], named: Callable[[str], str]
-) -> tuple[str, float]:
-    """Return the column of times and its unit [s]."""
-    unit = ''
-    if 'time' in stated:
-        name = stated['time'][0]
-        if name not in table.columns:
-            name, _, unit = name.rpartition(':')
-            if unit not in UNITS_S:
-                raise SourceError(
-                    f'--column time={name}:{unit}: the unit is none of {", ".join(UNITS_S)}'
-                )
-    elif table.times:
-        name = min(table.times)
-    else:
-        name = named('time')
+def _find_named(table: Table, role: str) -> str:
+    """Return the column that has an exact name of a role; empty: there is none."""
+    found = [name for name in table.columns if split_unit(name)[0] in NAMES[role]]
+    return _choose(table, role, found) if found else ''
+
+
+def _choose(table: Table, role: str, found: Sequence[str]) -> str:
+    if len(found) > 1:
+        raise _ask(table, role, found)
+    return found[0]
+
+
+def _ask(table: Table, role: str, likely: Sequence[str]) -> SourceError:
+    """Return the refusal of a table that does not say which column has a role."""
+    possible = f'; possible: {", ".join(likely)}' if likely else ''
+    several = '[,NAME...]' if role == 'force' else ''
+    return SourceError(
+        f'{table.path}: which column is the {role} is not known{possible}. State it with '
+        f'--{role}-column NAME{several}; {_show_columns(table)}'
+    )
+
+
+def _show_columns(table: Table) -> str:
+    """Return names of the columns with their values in the first row."""
+    cells = [f'{name} = {column[0]}' for name, column in table.columns.items()]
+    more = f', and {len(cells) - 12} more' if len(cells) > 12 else ''
+    return f'columns and first row: {", ".join(cells[:12])}{more}'
+
+
+def _find_time_unit(table: Table, name: str, stated: str) -> str:
+    """Return the unit of the times, as stated or as the name of the column says."""
+    if stated and stated not in (*UNITS_S, ISO, DAY_FIRST):
+        raise SourceError(
+            f'--time-unit is "{stated}"; it must be one of {", ".join((*UNITS_S, ISO, DAY_FIRST))}'
+        )
     if not name:
-        return '', 1.0
+        return ''
     if name in table.times:
-        return name, 1e-9
-    _check_numeric(table, name)
-    unit = unit or split_unit(name)[1]
-    if unit not in UNITS_S:
-        unit = _guess_unit(table, name)
-    return name, UNITS_S[unit]
-
-
-def _guess_unit(table: Table, name: str) -> str:
-    """Return seconds where the usual step between samples suggests them; otherwise refuse."""
-    steps = np.diff(table.columns[name].astype(np.float64))
+        return 'ns'
+    is_text = table.columns[name].dtype.kind not in 'fiu'
+    unit = stated or split_unit(name)[1]
+    if is_text and unit not in (ISO, DAY_FIRST):
+        _check_numeric(table, name, f'; for dates state --time-unit {ISO} or {DAY_FIRST}')
+    if unit in UNITS_S or (is_text and unit in (ISO, DAY_FIRST)):
+        return unit
+    if unit in (ISO, DAY_FIRST):
+        raise SourceError(f'{table.path}: column "{name}" holds numbers; --time-unit is {unit}')
+    steps = np.diff(table.columns[name][:1000].astype(np.float64))
     steps = steps[np.isfinite(steps) & (steps > 0.0)]
     step = float(np.median(steps)) if len(steps) else 0.0
-    if 0.0 < step <= 0.2:
-        return 's'
-    raise ambiguity(
-        f'the unit of the times in {table.path.name}, column "{name}", is not known '
-        f'(usual step {step:g})',
-        tuple(UNITS_S),
-        f'--column time={name}:UNIT',
-        's' if 0.0 < step < 1.0 else '',
-        with_layout=False,
+    rates = [f'{u}: {1.0 / (step * UNITS_S[u]):.4g} Hz' for u in ('s', 'ms', 'us') if step > 0.0]
+    shown = f' ({", ".join(rates)})' if rates else ''
+    raise SourceError(
+        f'{table.path}: the unit of the times in column "{name}" is not known. State it with '
+        f'--time-unit UNIT{shown}, or in the name, as in {name}_s; {_show_columns(table)}'
     )
 
 
-def _find_values(
-    table: Table, time: str, keys: tuple[str, ...], short: Mapping[str, str]
-) -> tuple[str, ...]:
-    taken = (time, *keys)
-    free = [
-        name
-        for name, column in table.columns.items()
-        if name not in taken and column.dtype.kind in 'fiu' and short[name] not in _NO_SIGNALS
-    ]
-    first = np.ones(len(table), dtype=bool)  # the rows of the first trial
-    for name in filter(None, keys):
-        first &= table.columns[name] == table.columns[name][0]
-    changing = [n for n in free if len(np.unique(table.columns[n][first])) > 1] or free
-    if len(changing) == 1:
-        return (changing[0],)
-    if not changing:
-        raise SourceError(
-            f'{table.path.name} has no column of numbers beside time, trial and label; there '
-            f'are: {", ".join(table.columns)}\n{LAYOUT}'
-        )
-    likely = [
-        name
-        for name in changing
-        if _SIGNAL.match(short[name]) or split_unit(name)[1] in _FORCE_UNITS
-    ]
-    raise ambiguity(
-        f'which column of {table.path.name} is the signal is not known',
-        changing,
-        '--column value=NAME[,NAME...]',
-        ','.join(likely),
-    )
-
-
-def _check_numeric(table: Table, name: str) -> None:
+def _check_numeric(table: Table, name: str, remedy: str = '') -> None:
     column = table.columns[name]
     if column.dtype.kind in 'fiu':
         return
     row, cell = next(
-        ((row, cell) for row, cell in enumerate(column.tolist()) if not _is_number(cell)),
-        (0, column[0]),
+        ((row, cell) for row, cell in enumerate(column.tolist(), 1) if not _is_number(cell)),
+        (1, column[0]),
     )
     raise SourceError(
-        f'{table.path.name}: column "{name}" must hold numbers, and row {row} of its data holds '
-        f'"{cell}"'
+        f'{table.path}: column "{name}" must hold numbers, and row {row} of its data holds '
+        f'"{cell}"{remedy}'
     )
 
 
@@ -345,12 +351,11 @@ def _is_number(cell: Any) -> bool:
 
 
 def _note_roles(table: Table, roles: Roles, notes: Notes) -> None:
-    parts = [f'signal: {", ".join(roles.values)}']
+    parts = [f'force: {", ".join(roles.values)}']
     if roles.time:
-        unit = next(unit for unit, size in UNITS_S.items() if size == roles.time_unit_s)
-        parts.append(f'time: {roles.time} in {unit}')
+        parts.append(f'time: {roles.time} in {roles.time_unit}')
     if roles.trial:
-        parts.append(f'trial: {", ".join(roles.trial)}')
+        parts.append(f'trial: {roles.trial}')
     if roles.label:
         parts.append(f'label: {roles.label}')
     notes.add('took ' + '; '.join(parts))

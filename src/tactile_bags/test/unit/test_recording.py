@@ -3,7 +3,6 @@
 
 """Recordings of any kind as one class: what was written must come back, and be read once."""
 
-import importlib.util
 import json
 import os
 
@@ -37,20 +36,25 @@ def test_an_archive_is_trials_and_the_same_archive_again(tmp_path):
     path = write_archive(tmp_path / 'a.npz', unit='mN')
     recording = Recording.load(path)
     assert recording.kind == 'archive'
-    assert recording.unit == 'mN'
+    assert recording.unit == 'N'
     assert recording.rate_hz == 100.0
     assert [trial.label for trial in recording.trials] == ['pla'] * 3 + ['rubber'] * 3
     last = recording.trials[-1]
     assert last.session_id == 'c'
     assert last.columns['speed_mm_s'] == 5.0
     assert last.signal.values.shape == (2, 30)
-    assert last.signal.unit == 'mN'
+    assert last.signal.unit == 'N'
     assert last.signal.time_s[-1] == pytest.approx(0.29)
     whole, loaded = recording.to_arrays(), load_archive(path, folds=0)
     np.testing.assert_array_equal(whole.x, loaded.x)
-    assert whole.unit == loaded.unit == 'mN'
+    with np.load(path) as stored:
+        np.testing.assert_array_equal(whole.x[:3], stored['x'][:3] * 1e-3)
+    assert whole.unit == loaded.unit == 'N'
+    assert 'force: converted from mN to N' in whole.steps
     save_archive(tmp_path / 'b.npz', whole)
-    assert load_archive(tmp_path / 'b.npz', folds=0).unit == 'mN'
+    assert load_archive(tmp_path / 'b.npz', folds=0).unit == 'N'
+    with pytest.raises(DatasetError, match='is in mN, and --unit is kN'):
+        _ = Recording.load(path, SourceOptions(unit='kN')).trials
 
 
 def test_a_unit_that_is_not_known_is_the_first_note(tmp_path):
@@ -86,20 +90,47 @@ def test_equal_trials_are_refused(tmp_path):
         Recording.load(tmp_path / 'a.npz').to_arrays()
 
 
-@pytest.mark.parametrize('heading', ['force_mN', 'tension [mN]', 'Kraft (mN)'])
-def test_the_unit_of_a_heading_is_that_of_the_recording(tmp_path, heading):
+@pytest.mark.parametrize('heading', ['force_mN', 'tension [mN]', 'Force (mN)', 'Kraft (mN)'])
+def test_forces_are_converted_from_the_unit_of_their_heading(tmp_path, heading):
     for label in ('pla', 'rubber'):
         (tmp_path / 'lab' / label).mkdir(parents=True)
         rows = [f'{i / 100},{i % 7 + len(label)}' for i in range(50)]
         text = '\n'.join([f'time_s,{heading}', *rows])
         (tmp_path / 'lab' / label / '01.csv').write_text(text)
-    recording = Recording.load(tmp_path / 'lab')
-    assert recording.unit == 'mN'
+    options = SourceOptions(force_column=heading if 'Kraft' in heading else '')
+    recording = Recording.load(tmp_path / 'lab', options)
+    assert recording.unit == 'N'
+    assert recording.trials[0].signal.values[0, :3].tolist() == [0.003, 0.004, 0.005]
+    assert 'force: converted from mN to N' in recording.notes
     assert recording.trials[0].signal.channels == (heading,)
     assert recording.trials[0].signal.rate_hz == 100.0
-    assert recording.to_arrays().unit == 'mN'
-    save_archive(tmp_path / 'lab.npz', recording.to_arrays())
-    assert Recording.load(tmp_path / 'lab.npz').unit == 'mN'
+    assert recording.to_arrays().unit == 'N'
+    with pytest.raises(SourceError, match='is in mN by its heading, and --unit is N'):
+        Recording.load(tmp_path / 'lab', SourceOptions(force_column=heading, unit='N'))
+
+
+@pytest.mark.parametrize(('unit', 'newtons'), [('N', 1.0), ('kN', 1e3), ('g', 9.80665e-3)])
+def test_a_stated_unit_is_converted_and_forces_beyond_a_million_newtons_are_refused(
+    tmp_path, unit, newtons
+):
+    for label in ('pla', 'rubber'):
+        (tmp_path / 'lab' / label).mkdir(parents=True)
+        rows = [f'{i / 100},{i % 7 + len(label)}' for i in range(50)]
+        (tmp_path / 'lab' / label / '01.csv').write_text('\n'.join(['time_s,force', *rows]))
+    recording = Recording.load(tmp_path / 'lab', SourceOptions(unit=unit))
+    assert recording.trials[0].signal.values[0, :2].tolist() == [3 * newtons, 4 * newtons]
+    assert recording.unit == 'N'
+    broken = tmp_path / 'lab' / 'pla' / '01.csv'
+    broken.write_text(broken.read_text().replace('0.05,8', '0.05,1234567890'))
+    with pytest.raises(
+        SourceError, match=r'trial lab/pla/01\.csv, force: sample 5 is .* N, and no'
+    ):
+        Recording.load(tmp_path / 'lab', SourceOptions(unit=unit))
+    x = np.random.default_rng(0).normal(size=(3, 1, 20))
+    x[2, 0, 7] = -2e6
+    np.savez(tmp_path / 'a.npz', x=x, label=['a', 'b', 'a'], rate_hz=10.0, unit='N')
+    with pytest.raises(DatasetError, match=r'row 2.* goes to 2e\+06 N, and no tendon carries'):
+        Recording.load(tmp_path / 'a.npz').to_arrays()
 
 
 @pytest.mark.parametrize('suffix', ['.parquet', '.csv'])
@@ -108,7 +139,7 @@ def test_the_long_table_is_read_back_equal(tmp_path, suffix):
     first = Recording.load(tmp_path / 'a.npz')
     table = first.to_table()
     assert table.column_names[:4] == ['trial', 'label', 'session_id', 'time_s']
-    assert table.schema.field('channel_1').metadata[b'unit'] == b'mN'
+    assert table.schema.field('channel_1').metadata[b'unit'] == b'N'
     assert table.schema.field('time_s').metadata == {b'unit': b's'}
     assert json.loads(table.schema.metadata[b'tactile']) == {'rate_hz': 100.0}
     assert table.num_rows == 3 * 40 + 3 * 30
@@ -118,7 +149,7 @@ def test_the_long_table_is_read_back_equal(tmp_path, suffix):
         pyarrow.parquet.write_table(table, path)
     else:
         pyarrow.csv.write_csv(table, path)
-        options = SourceOptions(column=['value=channel_0,channel_1'], unit='mN')
+        options = SourceOptions(force_column='channel_0,channel_1', unit='N')
     again = Recording.load(path, options)
     one, two = first.to_arrays(), again.to_arrays()
     np.testing.assert_array_equal(one.lengths, two.lengths)
@@ -150,32 +181,30 @@ def test_a_stated_rate_that_the_times_do_not_have_is_refused(tmp_path):
             assert recording.to_arrays().rate_hz == 100.0
 
 
-def write_labview(folder, rates_hz):
-    """Write LabVIEW files without times that state these rates [Hz]; return the folder."""
+def write_stated(folder, rates_hz):
+    """Write files without times that state these rates [Hz]; return the folder."""
     for label, rate_hz in rates_hz.items():
-        lines = [
-            'LabVIEW Measurement', 'X_Columns\tNo', f'Delta_X\t{1 / rate_hz!r}',
-            '***End_of_Header***', 'X_Value\tForce', *(f'\t{i % len(label)}.5' for i in range(40)),
-        ]  # fmt: skip
-        path = folder / label / '1.lvm'
+        path = folder / label / '1.parquet'
         path.parent.mkdir(parents=True)
-        path.write_text('\n'.join(lines) + '\n')
+        table = pyarrow.table({'force_n': [i % len(label) + 0.5 for i in range(40)]})
+        stated = {b'tactile': json.dumps({'rate_hz': rate_hz}).encode()}
+        pyarrow.parquet.write_table(table.replace_schema_metadata(stated), path)
     return folder
 
 
 def test_rates_that_files_state_agree_or_are_named(tmp_path):
-    same = write_labview(tmp_path / 'same', {'pla': 100.0, 'rubber': 100.5})
+    same = write_stated(tmp_path / 'same', {'pla': 100.0, 'rubber': 100.5})
     assert Recording.load(same).to_arrays().rate_hz == 100.0
     with pytest.raises(SourceError, match=r'--rate-hz says 60 Hz, and trial .* says 100.5 Hz'):
         Recording.load(same, SourceOptions(rate_hz=60.0)).to_arrays()
-    mixed = write_labview(tmp_path / 'mixed', {'pla': 100.0, 'rubber': 50.0})
-    told = r'different rates: 100 Hz \(mixed/pla/1\.lvm\), 50 Hz \(mixed/rubber/1\.lvm\); take'
+    mixed = write_stated(tmp_path / 'mixed', {'pla': 100.0, 'rubber': 50.0})
+    told = r'rates: 100 Hz \(mixed/pla/1\.parquet\), 50 Hz \(mixed/rubber/1\.parquet\); take'
     with pytest.raises(SourceError, match=told):
         Recording.load(mixed).to_arrays()
     rows = [f'{i / 50!r},{i % 7}.5' for i in range(40)]  # stamps instead of the statement
-    (mixed / 'rubber' / '1.lvm').unlink()
+    (mixed / 'rubber' / '1.parquet').unlink()
     (mixed / 'rubber' / '1.csv').write_text('\n'.join(['time_s,force_n', *rows]))
-    with pytest.raises(SourceError, match=told.replace('rubber/1\\.lvm', 'rubber/1\\.csv')):
+    with pytest.raises(SourceError, match=told.replace('rubber/1\\.parquet', 'rubber/1\\.csv')):
         Recording.load(mixed).to_arrays()
 
 
@@ -187,13 +216,10 @@ def test_a_pipe_is_no_recording(tmp_path):
         Recording.load(tmp_path)
 
 
-def test_a_frame_needs_pandas(tmp_path):
+def test_the_long_table_is_a_frame(tmp_path):
+    pytest.importorskip('pandas', reason='pandas is not installed')
     recording = Recording.load(write_archive(tmp_path / 'a.npz'))
-    if importlib.util.find_spec('pandas'):
-        assert len(recording.to_frame()) == recording.to_table().num_rows
-    else:
-        with pytest.raises(SourceError, match='to_frame needs pandas'):
-            recording.to_frame()
+    assert len(recording.to_frame()) == recording.to_table().num_rows
 
 
 def test_a_list_file_stands_for_its_recordings(tmp_path):

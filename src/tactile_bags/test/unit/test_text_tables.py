@@ -10,7 +10,7 @@ import pytest
 
 from tactile_bags.sources.files import SourceError, SourceOptions
 from tactile_bags.sources.table_files import read_table
-from tactile_bags.sources.table_trials import signal_unit, split_unit
+from tactile_bags.sources.table_trials import split_unit
 
 NUMBERS = st.floats(-1e6, 1e6, allow_nan=False).map(lambda x: round(x, 6))
 NAMES = st.lists(
@@ -75,12 +75,6 @@ def test_a_table_without_names_has_numbered_columns(tmp_path):
     np.testing.assert_array_equal(table.columns['column 2'], np.arange(1.0, 12.0, 2.0))
 
 
-def test_units_may_stand_below_the_names(tmp_path):
-    (tmp_path / 'units.csv').write_text('time,force\ns,N\n0.0,1.5\n0.1,1.25\n')
-    two = SourceOptions(header_rows=2)
-    assert list(read_table(tmp_path / 'units.csv', two).columns) == ['time [s]', 'force [N]']
-
-
 @pytest.mark.parametrize(
     ('name', 'expected'),
     [
@@ -89,28 +83,18 @@ def test_units_may_stand_below_the_names(tmp_path):
         ('time_ns', ('time', 'ns')),
         ('Zeit', ('zeit', '')),
         ('t', ('t', '')),
+        ('force_mN', ('force', 'mN')),
+        ('tension [N]', ('tension', 'N')),
+        ('Kraft (N)', ('kraft', 'N')),
+        ('force_n', ('force', 'N')),
+        ('tension [Newton]', ('tension', 'N')),
+        ('load_kN', ('load', 'kN')),
+        ('pressure [kPa]', ('pressure', 'kPa')),
+        ('signal [-]', ('signal', '')),
     ],
 )
 def test_units_in_names(name, expected):
     assert split_unit(name) == expected
-
-
-@pytest.mark.parametrize(
-    ('name', 'unit'),
-    [
-        ('force_mN', 'mN'),
-        ('tension [N]', 'N'),
-        ('Kraft (N)', 'N'),
-        ('force_n', 'N'),
-        ('tension [Newton]', 'N'),
-        ('load_kN', 'kN'),
-        ('pressure [kPa]', 'kPa'),
-        ('force', ''),
-        ('signal [-]', ''),
-    ],
-)
-def test_units_of_signals(name, unit):
-    assert signal_unit(name) == unit
 
 
 MISREAD = {
@@ -126,88 +110,19 @@ MISREAD = {
 
 
 @pytest.mark.parametrize('name', MISREAD)
-def test_a_text_of_another_form_is_refused_with_the_likely_options(tmp_path, name):
+def test_a_text_of_another_form_is_refused_with_the_options_that_state_it(tmp_path, name):
     path = tmp_path / 'other.csv'
     path.write_text(MISREAD[name])
-    with pytest.raises(SourceError, match='--separator') as refused:
+    with pytest.raises(SourceError, match='--separator'):
         read_table(path)
-    said = str(refused.value)
-    if 'quoted' in name:
-        assert 'numbers with a decimal comma, as in "0,0"' in said
+    if 'quoted' in name or 'names' in name:
         return
-    kind = {'s': 'semicolon', 't': 'tab', 'c': 'tab', 'b': 'space', 'p': 'comma'}[name[0]]
+    kind = {'s': 'semicolon', 't': 'tab', 'b': 'space', 'p': 'comma'}[name[0]]
     decimal = ',' if 'decimal' in name else '.'
     rows = 3 if 'preamble' in name else 1
-    assert f'likely is --separator {kind} --decimal {decimal} --header-rows {rows}' in said
-    if 'names' in name:
-        return
     stated = SourceOptions(separator=kind, decimal=decimal, header_rows=rows)
     (_, force_n) = read_table(path, stated).columns.values()
     assert force_n.tolist() == [1.5, 2.5]
-
-
-LABVIEW = """LabVIEW Measurement\t
-Writer_Version\t2
-Reader_Version\t2
-Separator\tTab
-Decimal_Separator\t,
-Multi_Headings\tNo
-X_Columns\t{columns}
-Time_Pref\tRelative
-Operator\tx
-Date\t2026/11/20
-Time\t10:02:11,25
-***End_of_Header***\t
-\t
-Channels\t2\t\t
-Samples\t3\t3\t
-Date\t2026/11/20\t2026/11/20\t
-Time\t10:02:11,25\t10:02:11,25\t
-Y_Unit_Label\tNewton\tmm\t
-X_Dimension\tTime\tTime\t
-X0\t0,0E+0\t0,0E+0\t
-Delta_X\t0,010000\t0,010000\t
-***End_of_Header***\t\t\t
-X_Value\tForce\tWay\tComment
-{rows}"""
-
-
-def test_a_labview_file_is_read_as_its_header_says(tmp_path):
-    path = tmp_path / 'trial.lvm'
-    rows = '0,000000\t4,981\t0,5\ta remark\n0,010000\t4,972\t0,6\n0,020000\t4,963\t0,7\n'
-    for end in ('\n', '\r\n'):
-        text = LABVIEW.format(columns='One', rows=rows).replace('\n', end)
-        path.write_bytes(text.encode('latin-1'))
-        table = read_table(path)
-        assert list(table.columns) == ['time_s', 'Force [Newton]', 'Way [mm]']
-        assert table.columns['time_s'].tolist() == [0.0, 0.01, 0.02]
-        assert table.columns['Force [Newton]'].tolist() == [4.981, 4.972, 4.963]
-        assert table.rate_hz is None
-
-
-def test_a_labview_file_without_times_states_its_rate(tmp_path):
-    path = tmp_path / 'trial.txt'
-    path.write_text(LABVIEW.format(columns='No', rows='\t4,981\t0,5\n\t4,972\t0,6\n'))
-    table = read_table(path)
-    assert list(table.columns) == ['Force [Newton]', 'Way [mm]']
-    assert table.rate_hz == pytest.approx(100.0)
-
-
-@pytest.mark.parametrize(
-    ('old', 'new', 'problem'),
-    [
-        ('LabVIEW Measurement', 'Measurement', 'does not begin as a LabVIEW measurement'),
-        ('X_Dimension\tTime', 'X_Dimension\tFrequency', 'its X_Dimension is Frequency'),
-        ('X_Value\tForce\tWay', 'X_Value\tForce\tX_Value', 'X_Columns Multi'),
-        ('Comment\n', 'Comment\n***End_of_Header***\n', 'it has 2 segments'),
-    ],
-)
-def test_a_labview_file_that_is_not_understood_is_refused(tmp_path, old, new, problem):
-    path = tmp_path / 'trial.lvm'
-    text = LABVIEW.format(columns='One', rows='0,0\t1,5\t0\n')
-    path.write_text(text.replace(old, new))
-    with pytest.raises(SourceError, match=problem):
-        read_table(path)
 
 
 def test_text_in_a_column_of_numbers_names_the_row(tmp_path):

@@ -29,6 +29,14 @@ MAX_ARCHIVE_BYTES = 2**30
 MAX_MAGNITUDE = 1e100
 """Largest absolute value in an archive [its unit]."""
 
+NEWTONS = {
+    'N': 1.0, 'mN': 1e-3, 'uN': 1e-6, 'µN': 1e-6, 'kN': 1e3, 'g': 9.80665e-3, 'kg': 9.80665,
+}  # fmt: skip
+"""Units of force [N]; g and kg are weights at standard gravity."""
+
+LARGEST_N = 1e6
+"""A larger value is no tension of a tendon [N]."""
+
 FEW_SAMPLES = 16
 """Trials of fewer samples are pointed out: a spectrum of them has eight lines at most."""
 
@@ -36,7 +44,7 @@ LAYOUT = """an archive holds, with one entry a trial where not said otherwise:
   x        numbers of shape (trials, channels, samples), or (trials, samples); or X
   label    strings or integers; or y
   rate_hz  one number; or fs, or --rate-hz
-  unit     optional, one string: of x, as in N
+  unit     optional, one string: of x, as in N; forces are converted to N
   and any further columns
 For trials of unequal length, either pad x with anything and add
   length   samples of each trial that count
@@ -351,8 +359,12 @@ def trials_from_arrays(
     *,
     skip_bad: bool,
     rate_hz: float | None = None,
+    unit: str = '',
 ) -> LabelledTrials:
-    """Return the trials of arrays as `load_archive` does; ``path`` names their source."""
+    """Return the trials of arrays as `load_archive` does; ``path`` names their source.
+
+    ``unit`` is that of the signals, where it is stated. Forces are converted to N.
+    """
     x, label, rate, steps = _find_arrays(path, arrays, rate_hz)
     x, lengths = _unpack_signals(path, x, arrays)
     trials = len(x)
@@ -362,7 +374,13 @@ def trials_from_arrays(
             f'label in {path} is {label.dtype} of shape {label.shape}; '
             f'it must be strings or integers of shape ({trials},), one a trial'
         )
-    unit = _take_unit(path, arrays)
+    own_unit = _take_unit(path, arrays)
+    if unit and own_unit not in ('', unit):
+        raise DatasetError(f'{path} is in {own_unit}, and --unit is {unit}; leave the option out')
+    unit = unit or own_unit
+    if unit in NEWTONS and unit != 'N':
+        x, steps = x * NEWTONS[unit], (*steps, f'force: converted from {unit} to N')
+        unit = 'N'
     if rate.size != 1 or rate.dtype.kind not in 'fiu' or not 0 < float(rate.item()) < math.inf:
         raise DatasetError(f'rate_hz in {path} must be one positive number')
     columns = {}
@@ -383,7 +401,7 @@ def trials_from_arrays(
         steps=steps,
         unit=unit,
     )
-    loaded = loaded.drop(_find_unusable(path, x, lengths))
+    loaded = loaded.drop(_find_unusable(path, x, lengths, unit))
     if folds and len(np.unique(loaded.label)) < 2:
         raise DatasetError(f'{path} has one class only, "{loaded.label[0]}"; record at least two')
     if len(loaded) < folds:
@@ -503,9 +521,9 @@ def _decode_text(path: Path, name: str, column: Array) -> Array:
         ) from error
 
 
-def _find_unusable(path: Path, x: Array, lengths: Indices) -> dict[int, str]:
+def _find_unusable(path: Path, x: Array, lengths: Indices, unit: str) -> dict[int, str]:
     """Return why trials cannot be used, by row; padding does not count."""
-    if x.dtype.kind != 'f':
+    if x.dtype.kind != 'f' and unit != 'N':
         return {}
     unusable = {}
     for row, (trial, count) in enumerate(zip(x, lengths.tolist(), strict=True)):
@@ -517,6 +535,11 @@ def _find_unusable(path: Path, x: Array, lengths: Indices) -> dict[int, str]:
             unusable[row] = (
                 f'x in {path.name} is not finite at {bad.sum()} of {bad.size} samples, first '
                 f'channel {channel}, sample {sample}'
+            )
+        elif unit == 'N' and max(-low, high) > LARGEST_N:
+            unusable[row] = (
+                f'x in {path.name} goes to {max(-low, high):.6g} N, and no tendon carries more '
+                f'than {LARGEST_N:g} N; is its unit right?'
             )
         elif max(-low, high) > MAX_MAGNITUDE:
             unusable[row] = (

@@ -21,8 +21,8 @@ SHOWN_LABELS = 12
 DRAWN = 3
 """Trials in the picture."""
 
-GROUPS = ('session_id', 'day', 'mounting_id', 'block', 'repetition', 'rep', 'folder')
-"""Columns that may name sessions or mountings, the surest first."""
+GROUPS = ('session_id', 'day', 'subject', 'specimen', 'mounting_id', 'block', 'folder')
+"""Columns that a test should hold out, the most likely one first."""
 
 
 def import_recordings(

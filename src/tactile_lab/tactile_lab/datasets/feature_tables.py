@@ -164,7 +164,7 @@ def load_recording(paths: Sequence[Path], statements: SourceOptions | None = Non
         recording.close()
         raise TactileError(
             'these are bags with trial events, which say themselves what a trial is: leave '
-            '--column, --rate-hz, --label, --label-from, --labels and --field out'
+            '--force-column, --rate-hz, --label, --label-from, --labels and --field out'
         )
     return recording
 

@@ -81,7 +81,7 @@ def test_a_long_table_in_csv_and_parquet(tmp_path, long_table):
     assert found['samples'] == [240, 245]
     assert found['columns'] == ['source', 'trial', 'session_id']
     assert trials.columns['session_id'].tolist() == [0, 1, 0, 1, 0, 1] * 2
-    assert 'took signal: force_n; time: time_s in s; trial: trial; label: object' in found['notes']
+    assert 'took force: force_n; time: time_s in s; trial: trial; label: object' in found['notes']
     assert 'a trial is named by object and trial together' in found['notes']
     parquet = tmp_path / 'long.parquet'
     pyarrow.parquet.write_table(pyarrow.csv.read_csv(long_table), parquet)
@@ -110,28 +110,30 @@ def folders(tmp_path):
     return tmp_path / 'lab'
 
 
-GERMAN = ('--separator', 'semicolon', '--decimal', ',', '--header-rows', 4)
+GERMAN = (
+    '--separator', 'semicolon', '--decimal', ',', '--header-rows', 4, '--time-column', 'Zeit [ms]',
+)  # fmt: skip
+FORCE = ('--force-column', 'Kraft [N]')
 
 
 def test_a_file_a_trial_in_folders_named_as_the_label(tmp_path, folders):
-    said = refusal(tmp_path, folders)
-    assert 'likely is --separator semicolon --decimal , --header-rows 4' in said
-    found, trials = import_json(tmp_path, folders, *GERMAN)
+    assert '--separator' in refusal(tmp_path, folders)
+    found, trials = import_json(tmp_path, folders, *GERMAN, *FORCE)
     check_holds(trials, column='source', pattern='lab/{label}/{i:02d}.csv')
-    assert 'took signal: Kraft [N]; time: Zeit [ms] in ms' in found['notes']
+    assert 'took force: Kraft [N]; time: Zeit [ms] in ms' in found['notes']
     assert 'label: the folder of each file (pla, rubber)' in found['notes']
 
 
 def test_a_signal_that_could_be_another_column_must_be_stated(tmp_path, folders):
-    path = folders / 'pla' / '00.csv'
-    path.write_bytes(path.read_bytes().replace(b'21,000', b'21,500', 1))
-    assert 'State it with --column value=NAME' in refusal(tmp_path, folders, *GERMAN)
-    _, trials = import_json(tmp_path, folders, *GERMAN, '--column', 'value=Kraft [N]')
-    assert len(trials) == 12
-    _, both = import_json(
-        tmp_path, folders, *GERMAN, '--column', 'value=Kraft [N],Temperatur [°C]'
+    said = refusal(tmp_path, folders, *GERMAN)
+    assert 'possible: Kraft [N]. State it with --force-column NAME[,NAME...]' in said
+    assert 'columns and first row: Zeit [ms] = 0.0, Kraft [N] = ' in said
+    assert 'has no column "Kraft"' in refusal(
+        tmp_path, folders, *GERMAN, '--force-column', 'Kraft'
     )
-    assert both.x.shape[1] == 2
+    both = ('--force-column', 'Kraft [N],Temperatur [°C]')
+    _, trials = import_json(tmp_path, folders, *GERMAN, *both)
+    assert trials.x.shape[:2] == (12, 2)
 
 
 def test_labels_from_names_of_files_must_be_stated(tmp_path):

@@ -6,6 +6,7 @@
 import numpy as np
 import pyarrow.csv
 import pyarrow.parquet
+import pytest
 from tactile_command import ask_tactile, hear_tactile, tactile
 import yaml
 
@@ -59,9 +60,9 @@ def test_a_table_has_units_and_a_card(stiffness_bag, tmp_path):
     assert '| `label` | string |  |' in card
 
 
-def write_trials(folder, heading='force_mN', *, rate=True):
+def write_trials(folder, heading='force_mN', *, rate=True, group='session'):
     """Write three trials of two labels in two sessions as one table; return it."""
-    lines = [f'label,session,trial,{"time_s," if rate else ""}{heading}']
+    lines = [f'label,{group},trial,{"time_s," if rate else ""}{heading}']
     rng = np.random.default_rng(4)
     for label in ('pla', 'rubber'):
         for session in (1, 2):
@@ -78,15 +79,30 @@ def test_import_draws_says_first_what_it_could_not_know_and_last_what_to_do(tmp_
     table, picture = write_trials(tmp_path), tmp_path / 'trials.svg'
     archive = tmp_path / 'lab.npz'
     found = ask_tactile('import', table, '-o', archive, '--plot', picture)
-    assert found['unit'] == 'mN'
+    assert found['unit'] == 'N'
+    assert 'force: converted from mN to N' in found['notes']
     assert not any(note.startswith('not known') for note in found['notes'])
     stated = f'tactile evaluate {archive} --task texture (or stiffness) --group session_id'
     assert found['next'] == stated
     drawn = picture.read_text()
-    assert drawn.count('signal [mN]') == 3
+    assert drawn.count('signal [N]') == 3
     assert 'window' in drawn
-    table = write_trials(tmp_path, 'signal')
+    table = write_trials(tmp_path, 'force')
     done = tactile('import', table, '-o', archive, '--force')
     assert done.stdout.startswith('not known: unit of the signal (--unit N)\n')
-    table = write_trials(tmp_path, 'signal', rate=False)
+    table = write_trials(tmp_path, 'force', rate=False)
     assert '--rate-hz' in hear_tactile('import', table, '-o', tmp_path / 'b.npz', code=2)
+
+
+@pytest.mark.parametrize('group', ['day', 'subject', 'specimen'])
+def test_import_suggests_to_hold_out_what_looks_like_a_group(tmp_path, group):
+    found = ask_tactile('import', write_trials(tmp_path, group=group), '-o', tmp_path / 'a.npz')
+    assert found['next'].endswith(f'--group {group}')
+
+
+def test_import_says_what_may_be_the_label(tmp_path):
+    table = write_trials(tmp_path)
+    table.write_text(table.read_text().replace('label,', 'material,', 1))
+    said = hear_tactile('import', table, '-o', tmp_path / 'a.npz', code=2)
+    assert '--label-column material' in said
+    hear_tactile('import', table, '-o', tmp_path / 'a.npz', '--label-column', 'material')

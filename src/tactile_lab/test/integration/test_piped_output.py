@@ -42,7 +42,7 @@ CASES = [
     ('check', 'check --sensor {port}', 1, ['sensor on {port}']),
     ('check-problem', 'check --sensor {port}', 1, ['WRONG', '{port}:', 'there is no such device']),
     ('export', 'export {archive} -o {new}.csv', 0, ['{new}.csv: 12 trials', 'columns: ']),
-    ('import', 'import {table} -o {new}.npz --column label=label', 0, ['{new}.npz: 12 trials']),
+    ('import', 'import {table} -o {new}.npz --label-column label', 0, ['{new}.npz: 12 trials']),
     ('repair', 'repair {bag} -o {new}', 0, ['{new}: ', 'messages']),
     ('features', 'features {bag} -o {new}.csv', 0, ['{new}.csv: stiffness']),
     ('evaluate', 'evaluate {bag} --folds 3', 0, ['3 nearest neighbours', '80.0 ± 0.0']),
