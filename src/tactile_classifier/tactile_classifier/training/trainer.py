@@ -41,6 +41,7 @@ from tactile_classifier.evaluation.early_answers import fit_rule
 from tactile_classifier.model_file.manifest import FULL_WINDOW, Manifest, Stage, TrainingTrials
 from tactile_classifier.records import PROBABILITY, ROCKET
 from tactile_classifier.training.feature_choice import Candidate, FeatureChoice
+from tactile_features.model_container import MAX_MANIFEST_BYTES, MAX_MODEL_BYTES
 
 LIBRARIES = ('numpy', 'scikit-learn')
 
@@ -115,8 +116,8 @@ def train(
     Raises
     ------
     DatasetError
-        When there are too few trials or one class only, when a column is missing, or when the
-        tables of partial windows hold other trials.
+        When there are too few trials or one class only, when a column is missing, when the model
+        file would be too large, or when the tables of partial windows hold other trials.
     ValueError
         When a name is not known, a rate is not between 0 and 1, or the score is of another
         classifier.
@@ -135,6 +136,7 @@ def train(
             f'random convolutions need a waveform, and {table.spec.feature_set} is none: take '
             'glide_waveform, spatial_waveform or hold_waveform'
         )
+    check_size(table)
     labels = np.unique(table.labels)
     if len(labels) < 2:
         raise DatasetError(f'there is one class only, "{table.labels[0]}"; record at least two')
@@ -201,6 +203,22 @@ def train(
         training=describe_training(table),
     )
     return Trained(tuple(stages), manifest)
+
+
+def check_size(table: FeatureTable) -> None:
+    """Raise DatasetError when a model of so many trials and features would be too large a file.
+
+    Most of a file are the two matrices of the novelty measure, and the trials of this measure and
+    of the nearest neighbours.
+    """
+    (trials, features), labels = table.values.shape, len(np.unique(table.labels))
+    size = 8 * (2 * features**2 + trials * (2 * features + labels))
+    if size > MAX_MODEL_BYTES - MAX_MANIFEST_BYTES:
+        raise DatasetError(
+            f'{trials} trials of {features} features ({table.spec.feature_set}) would give a '
+            f'model file of {size / 2**20:.0f} MiB, the limit is {MAX_MODEL_BYTES >> 20} MiB: '
+            'take fewer trials, one channel, or shorter windows'
+        )
 
 
 def _calibrate(

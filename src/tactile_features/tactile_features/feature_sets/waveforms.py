@@ -20,12 +20,16 @@ from tactile_features.feature_sets.feature_set import (
 from tactile_features.feature_sets.texture_spatial import smooth_over_distance, TextureSpatial
 from tactile_features.records import PHASE_GLIDE, PHASE_HOLD
 
+GLIDE_PARTS = 600
+"""Most values of a glide: with more, a model file would be too large and training too slow. Of
+3 s, parts of 5 ms keep the shape up to 100 Hz."""
+
 HOLD_PARTS = 100
 """Most values of a hold: relaxation is slow, and means of many samples hold less noise."""
 
 
 class GlideWaveform(FeatureSet):
-    """The samples of a glide over a fixed time."""
+    """The samples of a glide over a fixed time, as means of up to 600 equal parts."""
 
     name = 'glide_waveform'
     version = 1
@@ -36,12 +40,15 @@ class GlideWaveform(FeatureSet):
     count_field = 'texture_samples'
 
     def describe(self, sample_count: int, rate_hz: float) -> tuple[Feature, ...]:
+        parts = min(sample_count, GLIDE_PARTS)
+        per_part = sample_count / parts
         return tuple(
-            Feature(f'tension__waveform__s_{i / rate_hz:.4f}', 'N') for i in range(sample_count)
+            Feature(f'tension__waveform__s_{i * per_part / rate_hz:.4f}', 'N')
+            for i in range(parts)
         )
 
     def compute(self, samples: WindowSamples) -> FloatArray:
-        return samples.tension_n.copy()
+        return average_parts(samples.tension_n, GLIDE_PARTS)
 
 
 class SpatialWaveform(TextureSpatial):

@@ -195,7 +195,7 @@ early_outcomes: Counter[Outcome] = Counter()
 
 
 # Which outcomes the examples meet is asserted below, so the examples are always the same.
-@settings(max_examples=80, deadline=None, derandomize=True)
+@settings(max_examples=110, deadline=None, derandomize=True)
 @given(configs(), wanted_features(), st.integers(0, 2**32 - 1))
 def check_arrival(config, wanted, seed):
     random = Random(seed)

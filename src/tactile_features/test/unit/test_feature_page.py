@@ -107,14 +107,14 @@ def texture_spatial(x, length_m, finest_m, step_m):
     return np.concatenate([amplitude / h.sum(), *quantiles])
 
 
-def hold_waveform(x):
+def waveform(x, parts):
     n = len(x)
-    if n <= 100:
+    if n <= parts:
         return x
-    edges = np.arange(101, dtype=wide) * n / 100
+    edges = np.arange(parts + 1, dtype=wide) * n / parts
     i = np.arange(n)
     overlap = np.minimum(i + 1, edges[1:, None]) - np.maximum(i, edges[:-1, None])
-    return np.maximum(overlap, 0) @ x * 100 / n
+    return np.maximum(overlap, 0) @ x * parts / n
 
 
 def stiffness_relaxation(t, x):
@@ -137,8 +137,8 @@ def recompute(name, x, rate_hz, config, speed_m_s=0.0):
         ),
         'texture_spatial': lambda: texture_spatial(x, *over),
         'spatial_waveform': lambda: spatial_waveform(x, *over),
-        'glide_waveform': lambda: x,
-        'hold_waveform': lambda: hold_waveform(x),
+        'glide_waveform': lambda: waveform(x, 600),
+        'hold_waveform': lambda: waveform(x, 100),
         'stiffness_regression': lambda: stiffness_relaxation(t, x)[:3],
         'stiffness_relaxation': lambda: stiffness_relaxation(t, x),
     }[name]()
@@ -377,12 +377,14 @@ def test_the_place_in_a_large_batch_changes_no_bit(rows):
         assert compute_spectrum(x[start:stop]).tobytes() == whole[start:stop].tobytes()
 
 
-@pytest.mark.parametrize('n', [101, 150, 400])
+@pytest.mark.parametrize(
+    ('n', 'parts'), [(101, 100), (150, 100), (400, 100), (3_000, 600), (601, 600)]
+)
 @pytest.mark.parametrize(('offset', 'slope'), [(0.0, 1.0), (1e9, 1e-4), (-5.0, 0.0)])
-def test_means_of_parts_are_exact(n, offset, slope):
+def test_means_of_parts_are_exact(n, parts, offset, slope):
     row = offset + slope * (np.arange(n) / n + 0.1 * np.random.default_rng(n).normal(size=n))
     size = np.ptp(row) + np.finfo(float).eps * abs(offset)
-    error = np.abs(average_parts(row, 100) - hold_waveform(row.astype(wide))).max()
+    error = np.abs(average_parts(row, parts) - waveform(row.astype(wide), parts)).max()
     assert error <= 1e-12 * size * n + np.spacing(abs(offset))
 
 

@@ -290,6 +290,7 @@ def train_models(
     from tactile_classifier.model_file.manifest import format_features
     from tactile_classifier.records import CLASSIFIER_TITLES, SCALING_TITLES
     from tactile_classifier.training.model_writer import write_model
+    from tactile_classifier.training.trainer import check_size
     from tactile_classifier.training.trainer import train as train_model
     from tactile_features.records import PROTOCOL_TEXTURE
     from tactile_lab.datasets.tables import (
@@ -299,6 +300,8 @@ def train_models(
         format_warnings,
     )
 
+    for table in tables.values():
+        check_size(table)
     paths = {key: model_path(folder, *key) for key in tables}
     refuse_to_replace(paths.values(), force=force)
     make_output_folder(folder)

@@ -24,6 +24,7 @@ from tactile_classifier.training.feature_choice import (
     INNER_REPEATS,
     MANY_TRIALS,
 )
+from tactile_classifier.training.trainer import check_size
 from tactile_features.feature_sets.registry import list_feature_sets
 from tactile_features.records import PHASE_GLIDE, PHASE_HOLD
 from tactile_lab.datasets.feature_tables import Key, name_table, RecordingFeatures
@@ -143,6 +144,8 @@ def _divide(
 
 def _read_stated(features: RecordingFeatures) -> dict[Key, dict[str, FeatureTable]]:
     found = features.tables().tables
+    for table in found.values():
+        check_size(table)
     return {key: {table.spec.feature_set: table} for key, table in found.items()}
 
 
@@ -161,6 +164,11 @@ def _read_all(features: RecordingFeatures, say: Say) -> dict[Key, dict[str, Feat
             say(f'left out: {error}')
             continue
         for key, table in found.tables.items():
+            try:
+                check_size(table)
+            except DatasetError as error:
+                say(f'{name_table(key, table)}, left out: {error}')
+                continue
             others = tables.setdefault(key, {})
             first = next(iter(others.values()), table)
             if np.array_equal(table.column('trial_id'), first.column('trial_id')):
