@@ -192,5 +192,6 @@ def _fit_ridge(shares: Matrix, labels: npt.ArrayLike) -> tuple[RidgeClassifierCV
     """Return the linear classifier of features, and what each of them is divided by."""
     # Divided by the spread alone: without its mean a feature gives the same classifier.
     spread = shares.std(axis=0)
-    spread[spread == 0.0] = 1.0
+    # Of equal shares the spread is the rounding of their mean, such as 5e-17, and not 0.
+    spread[(shares == shares[0]).all(axis=0)] = 1.0
     return RidgeClassifierCV(alphas=ALPHAS).fit(shares / spread, labels), spread

@@ -206,6 +206,22 @@ def test_the_model_file_answers_as_the_estimator(few_features, channels, classes
     np.testing.assert_array_equal(found.scores.argmax(axis=1), found.answer)
 
 
+def test_a_share_that_is_equal_in_all_training_trials_has_no_weight():
+    # Relaxations with little noise: at many samples every trial is above a bias, or below it.
+    rng = np.random.default_rng(0)
+    labels = np.repeat(['a', 'b', 'c'], 20)
+    level = np.repeat([5.0, 6.0, 7.0], 20)[:, np.newaxis]
+    relaxation = 1 - 0.1 * (1 - np.exp(-np.arange(100) / 37.5))
+    values = level * relaxation * (1 + 0.01 * rng.normal(size=(60, 1)))
+    values += 0.004 * rng.normal(size=(60, 100))
+    model = RandomConvolutionClassifier().fit(values, labels)
+    shares = model._transform(model._check(values))
+    is_equal = (shares == shares[0]).all(axis=0)
+    # What the numbers say: the deviation of equal shares is the rounding of their mean.
+    assert (shares[:, is_equal].std(axis=0) > 0.0).any()
+    assert np.abs(model.coef_[:, is_equal]).max() < 1e-9
+
+
 def test_a_waveform_is_told_by_its_shape_and_its_level_alone(few_features):
     rng = np.random.default_rng(3)
     labels = np.where(np.arange(60) % 2, 'high', 'low')
