@@ -9,13 +9,10 @@ from pathlib import Path
 import tempfile
 
 import numpy as np
-from sklearn.neighbors import KNeighborsClassifier
-from sklearn.pipeline import Pipeline
 
 from benchmarks.measuring import measure_ratio, Report, Row
 from tactile_classifier import CLASSIFIERS, FeatureTable, train, write_model
 from tactile_classifier.estimators.classifiers import compute_raw_scores
-from tactile_classifier.estimators.neighbours import NearestNeighbours, NEIGHBOURS
 from tactile_classifier.records import ROCKET
 from tactile_features import FeatureConfig, features_from_trials, spec_for
 
@@ -39,15 +36,15 @@ def run_inference(quick: bool) -> Report:
             trained = train(table, classifier)
             with tempfile.TemporaryDirectory() as folder:
                 model = write_model(Path(folder) / 'model.npz', trained)
-            estimator, peer = trained.estimator, _peer(trained.estimator, table)
+            estimator = trained.estimator
             row = queries[:1]
             ratio = measure_ratio(
                 lambda model=model, row=row: model.predict(row),
-                lambda peer=peer, row=row: peer.predict(row),
+                lambda estimator=estimator, row=row: estimator.predict(row),
                 rounds=5 if quick else 15,
             )
             found, part = model.compute(queries), trained.stages[0]
-            changed = np.array(model.labels)[found.answer] != peer.predict(queries)
+            changed = np.array(model.labels)[found.answer] != estimator.predict(queries)
             scores = part.calibration.compute(compute_raw_scores(estimator, queries))
             difference = np.abs(found.scores - scores).max()
             novelty = np.abs(found.novelty - part.novelty.compute(queries)).max()
@@ -71,17 +68,6 @@ def run_inference(quick: bool) -> Report:
         'largest difference of a probability (and of the novelty), between pairs of trials',
         rows,
     )
-
-
-def _peer(estimator: Pipeline, table: FeatureTable) -> Pipeline:
-    """Return scikit-learn's own: the estimator, or its neighbours in place of ours."""
-    if not isinstance(estimator[-1], NearestNeighbours):
-        return estimator
-    steps = [
-        *estimator.steps[:-1],
-        ('classify', KNeighborsClassifier(NEIGHBOURS, algorithm='kd_tree')),
-    ]
-    return Pipeline(steps).fit(table.values, table.labels)
 
 
 def _texture_tables() -> tuple[FeatureTable, FeatureTable]:
