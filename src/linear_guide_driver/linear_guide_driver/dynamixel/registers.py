@@ -42,6 +42,9 @@ PRESENT_VELOCITY = Register(128, 4, True)
 PRESENT_POSITION = Register(132, 4, True)
 PRESENT_VOLTAGE = Register(144, 2)
 PRESENT_TEMPERATURE = Register(146, 1)
+MARK = Register(220, 4)
+"""Indirect addresses 27 and 28: no function of the servo uses them unless somebody reads or writes
+through them. They can be changed with the torque off, and are lost without power."""
 
 MODELS = {1020: 'XM430-W350', 1030: 'XM430-W210'}
 """Model numbers whose table and units are the ones of this module."""
@@ -55,6 +58,10 @@ STATUS_ALWAYS = 2
 STARTUP_TORQUE_ON = 0x01
 WATCHDOG_STEP_S = 0.02
 WATCHDOG_OFF, WATCHDOG_TRIPPED = 0, 255
+OUR_MARK = 375 | 515 << 16
+"""Value of `MARK` in a servo that this driver has set up: two addresses that are allowed."""
+NO_MARK = 250 | 251 << 16
+"""Value of `MARK` at power-up."""
 
 INSTRUCTION_PING, INSTRUCTION_READ, INSTRUCTION_WRITE, INSTRUCTION_REBOOT = 1, 2, 3, 8
 

@@ -8,8 +8,9 @@ registers that differ. A write that is lost differs at the next read.
 
 Nothing is written to a servo before it is known to be the tendon's. While a driver runs, that is
 the servo with the model, firmware, modes and homing offset of the one that it has set up. At the
-start it is a servo with its torque off, or one with the registers that a driver leaves: an armed
-or tripped bus watchdog above all, which a servo forgets without power.
+start it is a servo with its torque off, or one with the registers that a driver leaves: above all
+an armed or tripped bus watchdog, or a mark, which a servo forgets without power. The mark tells a
+servo whose driver was killed just before it armed the watchdog.
 """
 
 from __future__ import annotations
@@ -198,8 +199,9 @@ class TendonServo:
         """Write what differs from the desired state; return whether nothing waits to be written.
 
         ``actual`` was just read. A goal that tightens, which needs ``may_tighten``, waits for a
-        read that confirms watchdog and current. It travels in one packet with its velocity. The
-        torque is switched on after a read that confirms everything else.
+        read that confirms watchdog and current. It travels in one packet with its velocity. A
+        lower current is written before the goal, a higher one after it. The torque is switched on
+        after a read that confirms everything else.
         """
         desired = self._desired
         if actual.watchdog == registers.WATCHDOG_TRIPPED:
@@ -210,7 +212,7 @@ class TendonServo:
             actual = self.read()  # it may have moved: the goal that was locked is in force again
         if actual.watchdog == self._watchdog:
             self._is_arming = False
-        is_armed = actual.watchdog == self._watchdog or not actual.is_torque_on
+        is_armed = actual.watchdog == self._watchdog
         has_current = actual.goal_current == desired.current
         tightens = desired.tightens and may_tighten
         is_goal_there = self.is_goal_in_force(actual) or (
@@ -221,18 +223,21 @@ class TendonServo:
         profile = actual.profile_acceleration, actual.profile_velocity
         is_well = is_goal_there and profile == (0, desired.velocity)
         waits = tightens and not is_goal_there and not (is_armed and has_current)
+        lowers_current = desired.current < actual.goal_current
+        if lowers_current:
+            self.bus.write_once(registers.GOAL_CURRENT, desired.current)
         if not is_well and not waits:
             self._goal_counts = self._find_goal(actual.position_counts, tightens=tightens)
             data = registers.encode_goal(desired.velocity, self._goal_counts)
             self.bus.write_block(registers.GOAL_BLOCK, data)
-        if not has_current:
+        if not has_current and not lowers_current:
             self.bus.write_once(registers.GOAL_CURRENT, desired.current)
-        if not is_armed:  # the watchdog works only with the torque on
+        if not is_armed:  # it counts only with the torque on
             self._is_arming = True
             self.bus.write_once(registers.BUS_WATCHDOG, self._watchdog)
         if actual.is_torque_on:
             return not waits
-        if is_well and has_current:
+        if is_well and has_current and is_armed:
             self.bus.write_once(registers.TORQUE_ENABLE, 1)
         return False
 
@@ -285,14 +290,25 @@ class TendonServo:
 
     def _was_left_by_driver(self, identity: _Identity, actual: ServoState) -> bool:
         """Return whether a servo with its torque on has the registers that a driver leaves."""
+        is_watched = actual.watchdog in (self._watchdog, registers.WATCHDOG_TRIPPED)
+        is_unarmed = actual.watchdog == registers.WATCHDOG_OFF  # its driver was about to arm it
         return (
             identity.drive_mode == 0
             and identity.operating_mode == registers.MODE_CURRENT_BASED_POSITION
-            and actual.watchdog in (self._watchdog, registers.WATCHDOG_TRIPPED)
             and 0 < actual.goal_current <= self.current
             and actual.profile_acceleration == 0
             and actual.profile_velocity > 0
+            and (is_watched or (is_unarmed and self._has_mark()))
         )
+
+    def _has_mark(self) -> bool:
+        with suppress(DeviceRefusedError):
+            return self.bus.read(registers.MARK) == registers.OUR_MARK
+        return False
+
+    def _write_mark(self, mark: int) -> None:
+        with suppress(DeviceRefusedError):  # a servo that does not take it works without
+            self.bus.write(registers.MARK, mark)
 
     def _find_condition(
         self, identity: _Identity, settings: ServoSettings, actual: ServoState
@@ -380,6 +396,7 @@ class TendonServo:
             self._switch_torque_off()
             position_counts = self._wait_settled()  # it may be off since just now
             self._write_settings(wanted, position_counts)
+            self._write_mark(registers.OUR_MARK)
         self.limits = ServoLimits(settings.velocity_limit, settings.temperature_limit_c)
         model = registers.MODELS[identity.model]
         self.identification = f'Dynamixel {model} firmware {identity.firmware}'
@@ -414,6 +431,7 @@ class TendonServo:
             if self._known is not None and self._is_known(self._identify()[0]):
                 self._switch_torque_off()
                 self.bus.write(registers.BUS_WATCHDOG, registers.WATCHDOG_OFF)
+                self._write_mark(registers.NO_MARK)
         self.bus.close()
 
     def _check_limits(self, settings: ServoSettings) -> None:

@@ -33,7 +33,7 @@ def test_the_peers_checksum_is_the_documented_one():
 def test_connect_sets_the_servo_up_in_a_safe_order(tendon, servo):
     assert tendon.identification == 'Dynamixel XM430-W350 firmware 45'
     order = [address for address, _ in servo.writes]
-    assert order == [11, 20, 108, 112, 116, 102, 64, 98]
+    assert order == [11, 20, 220, 102, 108, 112, 116, 98, 64]
     assert dict(servo.writes) == {
         98: 20,
         11: 5,
@@ -43,6 +43,7 @@ def test_connect_sets_the_servo_up_in_a_safe_order(tendon, servo):
         112: 167,
         116: 0,
         64: 1,
+        220: registers.OUR_MARK,
     }
     assert tendon.state.displacement_m == 0.0
     assert tendon.state.voltage_v == pytest.approx(12.1)
@@ -181,6 +182,7 @@ def test_a_servo_that_has_shut_down_is_restarted_and_refused_when_that_does_not_
         ({64: 1}, 'was not set up by this driver'),
         ({64: 1, 11: 5, 102: 1193, 112: 50}, 'was not set up by this driver'),
         ({64: 1, 11: 5, 102: 1193, 112: 50, 98: 255}, 'was not set up by this driver'),
+        ({64: 1, 11: 5, 102: 56, 112: 50, 98: 0}, 'was not set up by this driver'),
         ({64: 1, 11: 5, 60: 1}, r'Startup Configuration switches the torque on: set it to 0'),
     ],
 )
@@ -202,6 +204,19 @@ def test_a_servo_with_limits_below_the_configuration_is_refused_and_left_slack(c
     with pytest.raises(DeviceRefusedError, match='the servo allows'):
         connect()
     assert servo.table[64] == 0
+
+
+def test_a_servo_whose_driver_was_killed_before_it_armed_the_watchdog_is_taken_over(
+    connect, servo
+):
+    servo.leave_as_a_driver(2048, 2048 + 261)
+    servo.put(98, 1, 0)
+    servo.put(220, 4, registers.OUR_MARK)
+    tendon = connect()
+    wait_until(lambda: abs(servo.position - 2048) <= 33)
+    assert servo.table[98] == 20
+    tendon.close()
+    assert servo.get(220) == registers.NO_MARK
 
 
 def test_a_tendon_held_where_its_zero_cannot_be_must_be_homed(connect, servo):

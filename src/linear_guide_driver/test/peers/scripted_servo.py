@@ -18,6 +18,7 @@ would have heard its driver meanwhile. Its watchdog does not count that time."""
 TABLE = (
     (0, 2, 1020), (6, 1, 45), (7, 1, 1), (11, 1, 3), (31, 1, 80), (38, 2, 1193), (44, 4, 200),
     (68, 1, 2), (132, 4, 2048), (144, 2, 121), (146, 1, 31),
+    (220, 4, 250 | 251 << 16),
 )  # fmt: skip
 """Address, size and value of what is not zero at first."""
 
@@ -54,7 +55,7 @@ class ServoModel:
 
     def __init__(self, clock=time.monotonic):
         self._clock = clock
-        self.table = bytearray(147)
+        self.table = bytearray(224)
         for address, size, value in TABLE:
             self.put(address, size, value)
         self.writes = []
@@ -99,7 +100,7 @@ class ServoModel:
     def lose_power(self):
         """Forget everything but the EEPROM, and turns beyond one."""
         counts = self.position
-        self.put(64, 83, 0)
+        self.put(64, 160, 0)
         for address, size, value in TABLE:
             if address >= 64:
                 self.put(address, size, value)

@@ -28,7 +28,7 @@ from linear_guide_driver.errors import (
     LinearGuideDriverError,
     MotionRefusedError,
 )
-from linear_guide_driver.safety import Order, Pull, SLACK_M, State, TopicWatchdog, Zero
+from linear_guide_driver.safety import Order, Pull, State, TopicWatchdog, Zero
 from linear_guide_driver.stop_latch import EmergencyInput, StopLatch
 from linear_guide_driver.tension import STILL_NS
 from tactile_ros.refusal import Refusal
@@ -72,7 +72,7 @@ class Tendon(RuleBasedStateMachine):
         unguarded=st.booleans(),
         reads=st.sampled_from([0.0, 2.0]),
         reach_m=st.sampled_from([0.002, 0.02]),
-        found=st.sampled_from(['off', 'kept', 'foreign']),
+        found=st.sampled_from(['off', 'kept', 'unarmed', 'foreign']),
         place_mm=st.sampled_from([0, 1, 10]),
         first_count=st.sampled_from([2048, 3800]),
         has_emergency=st.booleans(),
@@ -128,6 +128,9 @@ class Tendon(RuleBasedStateMachine):
         self.line.on_heard = self.note_instruction
         if found != 'off':
             self.servo.leave_as_a_driver(first_count, first_count + 65 * place_mm)
+        if found == 'unarmed':
+            self.servo.put(98, 1, 0)
+            self.servo.put(220, 4, registers.OUR_MARK)
         if found == 'foreign':
             self.servo.put(98, 1, 0)
             self.servo.put(11, 1, 3)
@@ -607,17 +610,22 @@ class Tendon(RuleBasedStateMachine):
     def note(self):
         """Note since when something is wrong that the driver can see."""
         is_seen = not (self.monitor.outage or self.line.faults) and self.can_be_reached
-        is_doubted = self.safety.tension.find_loss(self.now_ns) is not None
+        # Without a zero, a doubtful tare is no loss: nothing tells that the tendon is taut.
+        is_doubted = (
+            self.safety.zero is not Zero.UNKNOWN
+            and self.safety.tension.find_loss(self.now_ns) is not None
+        )
         is_lost = self.is_lost or (is_doubted and not self.config.unguarded)
         lets_out = self.pull and self.pull.displacement_m <= self.at_m
         is_above = self.is_live() and abs(self.tension_n) > self.safety.limit_n
-        if not (is_seen and is_lost and self.at_m > SLACK_M) or lets_out or self.is_busy:
+        is_taut = not self.safety.is_slack(self.at_m, self.now_ns)
+        if not (is_seen and is_lost and is_taut) or lets_out or self.is_busy:
             self.lost_since_ns = None
         elif self.lost_since_ns is None:
             self.lost_since_ns = self.now_ns
         # Unlike after a loss, no cancelled goal postpones it.
         to_slack = self.pull and self.pull.lets_out
-        if not (is_seen and self.is_stopped and self.at_m > SLACK_M) or to_slack or self.is_busy:
+        if not (is_seen and self.is_stopped and is_taut) or to_slack or self.is_busy:
             self.stopped_since_ns = None
         elif self.stopped_since_ns is None:
             self.stopped_since_ns = self.now_ns
@@ -703,6 +711,53 @@ def test_a_pull_to_slack_goes_on_when_the_servo_reports_a_fault():
         tendon.pull_to_slack()  # says when it fails
     finally:
         tendon.teardown()
+
+
+class Killed(BaseException):
+    """The driver is killed."""
+
+
+@pytest.mark.parametrize('way', ['set-up', 'tripped watchdog', 'homing'])
+def test_a_driver_killed_between_any_two_packets_leaves_a_servo_that_the_next_takes_over(way):
+    def exchange(*packet):
+        nonlocal left
+        if not left:
+            raise Killed
+        left -= 1
+        return carry_out(*packet)
+
+    was_killed, count = True, 0
+    while was_killed:
+        tendon = Tendon()
+        tendon.start(unguarded=False, reads=0.0, reach_m=0.02, found='off', place_mm=0)
+        try:
+            tendon.pass_time_with_everybody_there(5)
+            if way == 'set-up':
+                tendon.client.close()
+                tendon.client = tendon.make_client()
+            elif way == 'tripped watchdog':
+                tendon.trip_the_watchdog()
+            carry_out, left, was_killed = tendon.line.exchange, count, False
+            tendon.line.exchange = exchange
+            try:
+                if way == 'set-up':
+                    tendon.connect()
+                elif way == 'homing':
+                    with tendon.client._servo.bus.lock:
+                        tendon.client._servo.write_zero(0.001)
+                else:
+                    tendon.poll()
+            except Killed:
+                was_killed = True
+            tendon.line.exchange = carry_out
+            tendon.client = tendon.make_client()
+            tendon.connect()
+            assert tendon.servo.table[64]
+            assert tendon.servo.table[98] == 10
+        finally:
+            tendon.teardown()
+        count += 1
+    assert count > 3
 
 
 TestTendon = pytest.mark.filterwarnings('ignore')(Tendon.TestCase)

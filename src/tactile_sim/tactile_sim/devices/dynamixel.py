@@ -26,7 +26,7 @@ _STATUS = 0x55
 _STUFFED, _PLAIN = b'\xff\xff\xfd\xfd', b'\xff\xff\xfd'
 
 ERROR_RANGE, ERROR_LENGTH, ERROR_LIMIT, ERROR_ACCESS = 4, 5, 6, 7
-TABLE_END = 147
+TABLE_END = 224
 MODES = (0, 1, 3, 4, 5, 16)
 GOALS = (known.GOAL_CURRENT, known.GOAL_POSITION)
 FIRMWARE_VERSION = 45
@@ -149,6 +149,7 @@ FIELDS = (
     Field(known.PRESENT_POSITION, 0),
     Field(known.PRESENT_VOLTAGE, 120),
     Field(known.PRESENT_TEMPERATURE, ROOM_C),
+    Field(known.MARK, known.NO_MARK, known.NO_MARK, known.OUR_MARK),
 )
 _BY_ADDRESS = {field.register.address: field for field in FIELDS}
 
