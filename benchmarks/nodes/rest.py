@@ -5,7 +5,7 @@
 
 Every node is a process of its own, and so is the program that commands them. The truth comes
 from the simulated rig, not from the drivers. Nothing starts a killed node again. The tendon
-moves on while it winds in; when it was slack again is told beside.
+moves on while it tightens; when it was slack again is told beside.
 """
 
 from __future__ import annotations
@@ -189,7 +189,7 @@ def _wait_for_motion(rig: SimulatedRig) -> None:
 
 
 def _watch(rig: SimulatedRig, cause: Callable[[], None]) -> dict[str, float]:
-    """Return when the guide last moved, the tendon last wound in, and was slack [s].
+    """Return when the guide last moved, the tendon last tightened, and was slack [s].
 
     ``slack`` is -1 when the tendon stays taut.
     """

@@ -119,9 +119,7 @@ class TendonActuatorConfig(_MotionConfig):
     pulley_radius_m: float = parameter(
         0.01, 'radius at which the tendon winds up', unit='m', range=(0.001, 0.1)
     )
-    reverse: bool = parameter(
-        False, "true when the tendon winds in as the servo's position count falls"
-    )
+    reverse: bool = parameter(False, 'true when the servo tightens as its position count falls')
     speed_m_s: float = parameter(
         0.01, 'tendon speed of a goal that names none', unit='m/s', range=(0.0005, 0.5)
     )
@@ -204,14 +202,14 @@ class TendonActuatorConfig(_MotionConfig):
     )
     guard_timeout_s: float = parameter(
         0.2,
-        'a tendon that is wound in or taut is held when no valid strain sample came for this long',
+        'a taut tendon is held when no valid strain sample came for this long',
         unit='s',
         range=(0.02, 10.0),
     )
     slack_after_s: float = parameter(
         2.0,
         'a taut tendon that has lost its sensor, a heartbeat or its pull is held for this long, '
-        'then let out to slack',
+        'then slackened',
         unit='s',
         range=(0.0, 60.0),
     )
@@ -231,7 +229,7 @@ class TendonActuatorConfig(_MotionConfig):
     hang_timeout_s: float = parameter(
         0.0,
         'a driver whose poll hangs for so long, as when it is frozen, is killed, so that its '
-        'launch starts it again and the tendon is let out; 0: never, as under a debugger',
+        'launch starts it again and the tendon is slackened; 0: never, as under a debugger',
         unit='s',
         range=(0.0, 60.0),
     )
@@ -293,7 +291,7 @@ class GuideState(NamedTuple):
 class TendonState(NamedTuple):
     """The tendon actuator as of its last poll.
 
-    ``displacement_m`` is wound in from the slack reference, ``velocity_m_s`` positive when winding
+    ``displacement_m`` counts from the slack reference, ``velocity_m_s`` is positive when tightening
     in. ``current_a`` is the motor current, positive when pulling: an estimate of the pull with
     friction in it. The values arrived at ``received_at_ns`` on the client's clock.
     """

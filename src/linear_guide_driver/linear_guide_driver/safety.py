@@ -7,9 +7,9 @@
 state      entered when                                        order to the servo
 =========  ==================================================  ===========================
 FREE       a pull is admitted; or slack is reached             follow the pull, then rest
-HOLDING    a goal is cancelled; or Stop is pressed, or         hold; nothing winds in
+HOLDING    a goal is cancelled; or Stop is pressed, or         hold; nothing tightens
            something needed is lost, in contact
-RELEASING  the tension is above its limit; or HOLDING after    let out to slack
+RELEASING  the tension is above its limit; or HOLDING after    slacken
            Stop or a loss has lasted ``slack_after_s``
 =========  ==================================================  ===========================
 
@@ -20,21 +20,21 @@ latch       set when                           while it is set
 ==========  =================================  ===============================================
 stopped     Stop is pressed on any node of     every pull is refused but one to slack; a pull
             the rig; the emergency stop is     that runs ends, unless it goes to slack; a taut
-            pressed or lost                    tendon is held for ``slack_after_s``, then let
-                                               out to slack
+            pressed or lost                    tendon is held for ``slack_after_s``, then
+                                               slackened
 reset       `StopLatch.reset`                  the three states alone count
 ==========  =================================  ===============================================
 
 Five rules hold in every state:
 
-1. Above the limit the order is to let out. It depends on the present tension, not on how it
+1. Above the limit the order is to slacken. It depends on the present tension, not on how it
    came about, so no stop, loss or goal turns it into holding.
-2. Letting out is always admitted, and never winds in. Only winding in is checked.
-3. A taut tendon is not at rest: after a loss it is held for a while, then let out, unless a
+2. Slackening is always admitted, and never tightens. Only tightening is checked.
+3. A taut tendon is not at rest: after a loss it is held for a while, then slackened, unless a
    fresh pull is admitted.
-4. Nothing but homing winds in while the zero of the displacement is unknown.
-5. While the latch is set or something needed is lost, letting out goes on to slack. Neither a
-   further Stop nor a cancelled goal turns it into holding.
+4. Nothing but homing tightens while the zero of the displacement is unknown.
+5. While the latch is set or something needed is lost, slackening goes on until the tendon is
+   slack. Neither a further Stop nor a cancelled goal turns it into holding.
 
 A `Watch` tells whether a sign of life is there: a `TopicWatchdog` by the messages of a topic, and
 `tactile_ros.health.HeartbeatWatch` by DDS liveliness. Both go by the monotonic clock: ROS time may
@@ -124,7 +124,7 @@ def find_loss(watches: Sequence[Watch], now_ns: int) -> Refusal | None:
 # -- the tendon ------------------------------------------------------------------------------
 
 SLACK_M = 0.0005
-"""A tendon wound in less than this counts as slack: the position loop yields a little."""
+"""A tendon tightened less than this counts as slack: the position loop yields a little."""
 
 SLACK_SHARE = 0.5
 """Share of the taut tension below which a tendon without a zero counts as slack."""
@@ -147,7 +147,7 @@ class Order(Enum):
 
     FOLLOW = 'follow the goal'
     HOLD = 'hold'
-    RELEASE = 'let out to slack'
+    RELEASE = 'slacken'
 
 
 class Zero(Enum):
@@ -180,7 +180,7 @@ class Pull(NamedTuple):
     is_homing: bool = False
 
     @property
-    def lets_out(self) -> bool:
+    def slackens(self) -> bool:
         """True for a pull to slack, which never goes further in than the tendon is."""
         return self.displacement_m <= 0.0 and not self.is_homing
 
@@ -221,7 +221,7 @@ class TendonSafety:
         self._loss: str | None = None  # for which the tendon is held
         self._cause = Ending.STOPPED
         self._pull: Pull | None = None
-        self._winds_in = False
+        self._tightens = False
         self.ending: Ending | None = None
         self.zero = Zero.UNKNOWN
         self._zero_reason = 'the driver is not connected'
@@ -255,8 +255,8 @@ class TendonSafety:
     def slack_m(self) -> float:
         """Displacement that a release goes to, or stays below [m].
 
-        Without a known zero it may let out as much as any pull may have wound in. A tendon that is
-        further out already is held: no release winds in.
+        Without a known zero it may slacken by as much as any pull may have tightened. A tendon
+        that is further out already is held: no release tightens.
         """
         return -self._config.max_displacement_m if self.zero is Zero.UNKNOWN else 0.0
 
@@ -293,13 +293,13 @@ class TendonSafety:
     def add_current(self, current_a: float, now_ns: int) -> None:
         """Take the motor current of a poll [A], before `decide`."""
         with self._lock:
-            tightens = self._winds_in and self.ending is None
+            tightens = self._tightens and self.ending is None
             self.tension.add_current(current_a if tightens else None, now_ns)
 
     def find_current_limit_a(self, pull: Pull) -> float:
         """Return the largest motor current of a pull [A]."""
         config = self._config
-        return config.current_limit_a if pull.lets_out else config.currents_a[pull.contact]
+        return config.current_limit_a if pull.slackens else config.currents_a[pull.contact]
 
     def set_zero(self, zero: Zero, reason: str = '') -> None:
         """Note what is known of the zero, and why nothing is. Later samples confirm it."""
@@ -335,16 +335,16 @@ class TendonSafety:
         """Let a pull begin, or raise `MotionRefusedError` and change nothing.
 
         ``start_m`` is the displacement now, read under the bus's lock [m]: it tells whether the
-        pull winds in. With a ``fault`` of the servo it must not.
+        pull tightens. With a ``fault`` of the servo it must not.
         """
         with self._lock:
-            if not pull.lets_out and (stop := self._latch.find_loss(now_ns)):
+            if not pull.slackens and (stop := self._latch.find_loss(now_ns)):
                 raise MotionRefusedError(str(stop))
-            limit_n = self.limit_n if pull.lets_out else self.check_pull(pull)
+            limit_n = self.limit_n if pull.slackens else self.check_pull(pull)
             epoch = self.tension.tare_epoch if pull.is_homing else None
             self._confirm_zero(start_m, now_ns)
-            winds_in = not pull.lets_out and (pull.is_homing or pull.displacement_m > start_m)
-            if winds_in:
+            tightens = not pull.slackens and (pull.is_homing or pull.displacement_m > start_m)
+            if tightens:
                 by_zero = (
                     self._find_homing_obstacle(now_ns)
                     if pull.is_homing
@@ -360,37 +360,37 @@ class TendonSafety:
                 if self.zero is Zero.UNCONFIRMED:  # without a sensor nothing else confirms it
                     self.zero = Zero.KNOWN
             self.limit_n = min(self.limit_n, limit_n)  # a higher one needs what tightening needs
-            self._pull, self._winds_in, self._homing_epoch = pull, winds_in, epoch
+            self._pull, self._tightens, self._homing_epoch = pull, tightens, epoch
             self.state, self._release_at_ns = State.FREE, None
             self.ending, self.reason = None, ''
 
     def finish(self) -> None:
         """Forget the pull: it has ended. Limit and state stay in force."""
         with self._lock:
-            self._pull, self._winds_in = None, False
+            self._pull, self._tightens = None, False
 
     def hold(self, now_ns: int) -> None:
-        """Hold from now on; above the limit `decide` turns it into letting out at once.
+        """Hold from now on; above the limit `decide` turns it into slackening at once.
 
-        Letting out goes on while the rig is stopped or something needed is lost.
+        Slackening goes on while the rig is stopped or something needed is lost.
         """
         with self._lock:
             if self.state is State.HOLDING and self._release_at_ns is not None:
-                return  # held for a loss, and let out soon
-            if self._is_letting_out and (loss := self._find_need_loss(now_ns)):
-                self._enter(State.RELEASING, f'{loss} The tendon is let out.', Ending.LOST)
+                return  # held for a loss, and slackened soon
+            if self._is_slackening and (loss := self._find_need_loss(now_ns)):
+                self._enter(State.RELEASING, f'{loss} The tendon is slackened.', Ending.LOST)
                 return
             self._enter(State.HOLDING, 'The tendon was stopped.', Ending.STOPPED)
 
     def release(self, reason: str) -> None:
-        """Let out from now on, until the tendon is slack or a pull is admitted."""
+        """Slacken from now on, until the tendon is slack or a pull is admitted."""
         with self._lock:
             self._enter(State.RELEASING, reason, Ending.STOPPED)
 
     def lose(self, reason: str, now_ns: int) -> None:
-        """Note that the servo has stopped by itself: hold, later let out; a release goes on."""
+        """Note that the servo has stopped by itself: hold, slacken later; a release goes on."""
         with self._lock:
-            if self._pull is not None and not self._winds_in:
+            if self._pull is not None and not self._tightens:
                 self._enter(State.RELEASING, reason, Ending.LOST)
             elif self.state is not State.RELEASING:
                 self._hold_then_release(reason, now_ns)
@@ -404,7 +404,7 @@ class TendonSafety:
             if self.tension.is_above(self.limit_n, now_ns):
                 self._enter(
                     State.RELEASING,
-                    f'{self.tension.format_above(self.limit_n)}: the tendon is let out.',
+                    f'{self.tension.format_above(self.limit_n)}: the tendon is slackened.',
                     Ending.OVER_LIMIT,
                 )
             elif self.state is not State.FREE and is_slack and self._pull is None:
@@ -414,7 +414,9 @@ class TendonSafety:
                     self._hold_then_release(str(loss), now_ns)
                 if self._release_at_ns is not None and now_ns >= self._release_at_ns:
                     held_s = self._config.slack_after_s
-                    sentence = f'{self._loss} The tendon was held for {held_s:g} s and is let out.'
+                    sentence = (
+                        f'{self._loss} The tendon was held for {held_s:g} s and is slackened.'
+                    )
                     self._enter(State.RELEASING, sentence, Ending.LOST)
             self._confirm_zero(displacement_m, now_ns)
             if self.state is State.RELEASING:
@@ -428,7 +430,7 @@ class TendonSafety:
         if state is self.state and state is State.RELEASING:
             return
         if state is State.RELEASING:
-            self._release_at_ns = None  # a stop that ends the letting out holds for good
+            self._release_at_ns = None  # a stop that ends the slackening holds for good
         self.state, self.reason, self._cause = state, reason, ending
         pull = self._pull
         is_final = self.ending is not None and (self.ending, ending) != (
@@ -437,21 +439,21 @@ class TendonSafety:
         )
         if pull is None or is_final:
             return
-        if state is State.RELEASING and pull.lets_out:
-            return  # it lets out to slack itself
+        if state is State.RELEASING and pull.slackens:
+            return  # it slackens itself
         self.ending = ending
 
     def _hold_then_release(self, loss: str, now_ns: int) -> None:
         if self._release_at_ns is None:  # a second loss postpones nothing, and the first is told
             self._release_at_ns, self._loss = now_ns + self._slack_after_ns, loss
         after_s = self._config.slack_after_s
-        sentence = f'{self._loss} The tendon is held and let out after {after_s:g} s.'
+        sentence = f'{self._loss} The tendon is held and slackened after {after_s:g} s.'
         self._enter(State.HOLDING, sentence, Ending.LOST)
 
     @property
-    def _is_letting_out(self) -> bool:
+    def _is_slackening(self) -> bool:
         pull = self._pull if self.ending is None else None
-        return self.state is State.RELEASING or (pull is not None and pull.lets_out)
+        return self.state is State.RELEASING or (pull is not None and pull.slackens)
 
     def _judge_tension(self, highest_n: float | None, now_ns: int) -> bool:
         """End a pull whose stop tension is reached; return whether the order may change."""
@@ -469,10 +471,10 @@ class TendonSafety:
     def _find_loss(self, is_slack: bool, now_ns: int) -> Refusal | None:
         """Return what a taut tendon, or a pull that tightens, lacks, or None."""
         pull = self._pull if self.ending is None else None
-        if pull is not None and not pull.lets_out and (stop := self._latch.find_loss(now_ns)):
+        if pull is not None and not pull.slackens and (stop := self._latch.find_loss(now_ns)):
             return stop
-        if not self._winds_in and (is_slack or pull is not None):
-            return None  # a slack tendon needs nothing, and letting out goes on
+        if not self._tightens and (is_slack or pull is not None):
+            return None  # a slack tendon needs nothing, and slackening goes on
         return self._find_need_loss(now_ns)
 
     def _find_need_loss(self, now_ns: int) -> Refusal | None:
@@ -482,7 +484,7 @@ class TendonSafety:
         if not self._needs_samples(self._pull or Pull(0.0)):
             return None
         epoch = self._homing_epoch if self._pull else None
-        if self.zero is Zero.UNKNOWN and not self._winds_in:
+        if self.zero is Zero.UNKNOWN and not self._tightens:
             epoch = self.tension.tare_epoch  # nothing tells that the tendon is taut
         return self.tension.find_loss(now_ns, epoch)
 
@@ -511,7 +513,7 @@ class TendonSafety:
         if self.zero is Zero.UNKNOWN:
             return Refusal(f'The zero is unknown: {self._zero_reason}', 'home the tendon')
         if self.zero is Zero.UNCONFIRMED and displacement_m > SLACK_M:
-            return Refusal('The tendon was taut when the driver started', 'let it out first')
+            return Refusal('The tendon was taut when the driver started', 'slacken it first')
         if self.zero is Zero.UNCONFIRMED and self._at_zero_since_ns is not None:
             return Refusal(
                 'The sensor reads tension at the zero of the tendon', 'wait until it is slack'
@@ -540,7 +542,7 @@ class TendonSafety:
                 'a sensor',
             )
         if self.tension.is_above(limit_n, now_ns):
-            return Refusal(self.tension.format_above(limit_n), 'let the tendon out first')
+            return Refusal(self.tension.format_above(limit_n), 'slacken the tendon first')
         return None
 
     def _needs_samples(self, pull: Pull) -> bool:

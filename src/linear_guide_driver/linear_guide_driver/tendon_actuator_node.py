@@ -99,7 +99,7 @@ class TendonActuatorNode(MotionNode):
         self.offer(release=self._on_release)
 
     def stop(self) -> None:
-        """A driver that is not active is a loss for safety: it holds, and lets out later."""
+        """A driver that is not active is a loss for safety: it holds, and slackens later."""
         self.end_goals()
         self.on_stop_change()
 
@@ -108,14 +108,14 @@ class TendonActuatorNode(MotionNode):
             self._client.supervise()
 
     def stop_device(self) -> tuple[bool, str]:
-        """Hold, and let out later. Safety ends goals that wind in; one to slack goes on."""
+        """Hold, and slacken later. Safety ends goals that tighten; one to slack goes on."""
         safety = self._client.safety
         try:
             self._client.hold_here()
         except LinearGuideDriverError as error:
             return False, str(error)
         if safety.state is State.FREE:
-            return True, 'The tendon is slack, and nothing winds in.'
+            return True, 'The tendon is slack, and nothing tightens.'
         return True, safety.reason
 
     # -- goals -------------------------------------------------------------------------------
@@ -238,7 +238,7 @@ class TendonActuatorNode(MotionNode):
         except LinearGuideDriverError as error:
             self.end_goals()
             return False, str(error)
-        return True, 'The tendon is let out to slack.'
+        return True, 'The tendon is slackened.'
 
     def _on_turn(self, pause_s: float) -> None:
         self.beat()

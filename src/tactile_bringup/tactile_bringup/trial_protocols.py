@@ -150,7 +150,7 @@ class GuideStep:
 
 @dataclass(frozen=True)
 class TendonStep:
-    """Wind the tendon to ``displacement_m`` at ``speed_m_s``; 0 m releases it."""
+    """Tighten the tendon to ``displacement_m`` at ``speed_m_s``; 0 m slackens it."""
 
     phase: str
     displacement_m: float

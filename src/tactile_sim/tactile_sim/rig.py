@@ -159,7 +159,7 @@ class PalpationRig:
         scene = build_scene(protocol, object_label, contact, self._catalogue)
         if self.tendon.displacement_m > _SLACK_M:
             raise RigError(
-                f'the tendon is wound in by {self.tendon.displacement_m * 1e3:.1f} mm; '
+                f'the tendon is tightened by {self.tendon.displacement_m * 1e3:.1f} mm; '
                 'release it before changing what lies under the finger: '
                 'ros2 service call /tendon_actuator/release std_srvs/srv/Trigger'
             )

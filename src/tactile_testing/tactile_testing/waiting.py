@@ -7,7 +7,7 @@ import os
 import time
 
 DEADLINE_S = 20.0
-"""Far more than anything needs, and less than the 30 s after which a tendon is let out anyway."""
+"""Far more than anything needs, and less than the 30 s after which a tendon slackens anyway."""
 
 
 def read_stderr():

@@ -219,7 +219,7 @@ class ServoMonitor:
             if self._failed_polls < FAILED_POLLS:
                 return 0.0
             self.fail(f'the servo {"is silent" if is_silent else "refuses to be read"} ({error})')
-        except Exception as error:  # the poll must outlive it: it lets the tendon out
+        except Exception as error:  # the poll must outlive it: it slackens the tendon
             if self._outage is None:
                 _logger.exception('reading the servo failed')
             self.fail(f'reading the servo failed: {error!r}', is_lost=self.is_lost)

@@ -66,7 +66,7 @@ POLL_WAIT_S = 1.0
 COMMAND_CYCLES = 5
 """Reads, each followed by writes, in which a command must be carried out: packets may be lost."""
 
-LET_OUT_S = 2.0
+SLACKEN_S = 2.0
 """Longest wait of `TendonActuatorClient.close` for a tendon to become slack."""
 
 HOMING_REACH_M = 0.005
@@ -80,7 +80,7 @@ HOMING_SLACK_SHARE = 0.5
 
 NOT_BEGUN = 'The pull was stopped before it began.'
 RELEASED = 'The tendon was released.'
-RESTARTED = 'The driver has started with a taut tendon: it is let out.'
+RESTARTED = 'The driver has started with a taut tendon: it is slackened.'
 
 _logger = logging.getLogger(__name__)
 
@@ -91,8 +91,8 @@ _News = Generator[TendonState | None, None, _Result]
 class TendonActuatorClient:
     """Blocking, thread-safe client of the tendon's servo; one pull at a time.
 
-    Every command passes `TendonSafety`, and the poll carries its orders out. `connect` lets a
-    tendon out that was left taut. `close` lets it out, too, and switches the torque off. Commands
+    Every command passes `TendonSafety`, and the poll carries its orders out. `connect` slackens
+    a tendon that was left taut. `close` slackens it, too, and switches the torque off. Commands
     raise `MotionRefusedError`, and the errors of the bus.
 
     ``on_state`` is called with each `TendonState`, stamped by ``clock_ns``, on the poll thread;
@@ -156,7 +156,7 @@ class TendonActuatorClient:
     # -- life ----------------------------------------------------------------------------
 
     def connect(self) -> None:
-        """Open the bus and set the servo up; a tendon that was left taut is let out.
+        """Open the bus and set the servo up; a tendon that was left taut is slackened.
 
         Raises what `open_servo` raises.
         """
@@ -171,25 +171,25 @@ class TendonActuatorClient:
         self._monitor.wait_poll(POLL_WAIT_S)
 
     def close(self) -> None:
-        """Let the tendon out, then switch the torque off; harmless when called twice."""
+        """Slacken the tendon, then switch the torque off; harmless when called twice."""
         servo, monitor = self._servo, self._monitor
         if servo is None or monitor is None:
             return
         if not monitor.outage:
-            self._let_out(monitor)
+            self._slacken(monitor)
         with servo.bus.lock:
             self._pull_state = None  # ends a running pull
         monitor.close()
         self._servo = None
         servo.switch_off()
 
-    def _let_out(self, monitor: ServoMonitor) -> None:
+    def _slacken(self, monitor: ServoMonitor) -> None:
         """Release and wait until the tendon is slack, for a while at the most."""
-        deadline_s = time.monotonic() + LET_OUT_S
+        deadline_s = time.monotonic() + SLACKEN_S
         if self.safety.zero is Zero.UNKNOWN and self._read_tension() is None:
             return  # nothing would tell where to end
         try:
-            self.request_release(reason='The driver is closed: the tendon is let out.')
+            self.request_release(reason='The driver is closed: the tendon is slackened.')
             while time.monotonic() < deadline_s:
                 state = monitor.wait_poll(POLL_WAIT_S)
                 if monitor.outage:
@@ -199,7 +199,7 @@ class TendonActuatorClient:
         except LinearGuideDriverError as error:
             _logger.error('the tendon may still be taut: %s', error)
         else:
-            _logger.error('the tendon was not slack after %s s; it may still be taut', LET_OUT_S)
+            _logger.error('the tendon was not slack after %s s; it may still be taut', SLACKEN_S)
 
     def _take_over(self, found: Found) -> None:
         """Begin with a servo that has just been set up: it holds, and no order is in force."""
@@ -239,12 +239,12 @@ class TendonActuatorClient:
         contact: str = 'flexion',
         stop_tension_n: float = 0.0,
     ) -> TendonState:
-        """Wind the tendon to a displacement and keep it there; return the state at rest.
+        """Move the tendon to a displacement and keep it there; return the state at rest.
 
         Parameters
         ----------
         displacement_m, speed_m_s : float
-            From the slack reference [m], and [m/s]; 0 lets the tendon out to slack, and is the
+            From the slack reference [m], and [m/s]; 0 slackens the tendon, and is the
             configured speed.
         on_state, should_stop : callable
             Called with each new state while the tendon moves; holds the tendon where it is by
@@ -262,7 +262,7 @@ class TendonActuatorClient:
         MotionFailedError, MotionStoppedError
             Ended by a fault or by safety; by ``should_stop`` or a later command.
         """
-        if displacement_m == 0.0:  # letting out is always accepted
+        if displacement_m == 0.0:  # slackening is always accepted
             return self._run(partial(self._release, speed_m_s), on_state, should_stop)
         if not 0.0 <= displacement_m <= self._config.max_displacement_m:
             raise MotionRefusedError(
@@ -276,7 +276,7 @@ class TendonActuatorClient:
                 f'{self._max_speed_m_s:.4f} m/s.'
             )
         pull = Pull(displacement_m, contact, stop_tension_n)
-        return self._run(partial(self._wind, pull, speed_m_s), on_state, should_stop)
+        return self._run(partial(self._drive, pull, speed_m_s), on_state, should_stop)
 
     def home(
         self,
@@ -284,9 +284,9 @@ class TendonActuatorClient:
         on_state: Callable[[TendonState], None] = lambda _: None,
         should_stop: Callable[[], bool] = lambda: False,
     ) -> float:
-        """Wind in slowly until the tendon is just taut; displacements count from there.
+        """Tighten slowly until the tendon is just taut; displacements count from there.
 
-        A tendon that is taut already is let out first. The fingertip must be free. Returns by how
+        A tendon that is taut already is slackened. The fingertip must be free. Returns by how
         much the zero has moved [m]. It counts as taut at ``taut_tension_n`` [N]; the other
         parameters and the errors are those of `pull_to`.
         """
@@ -321,7 +321,7 @@ class TendonActuatorClient:
             self.hold_here()
 
     def _release(self, speed_m_s: float) -> _News[TendonState]:
-        """Let out to the zero; without a known zero, until the sensor reads a slack tendon."""
+        """Slacken to the zero; without a known zero, until the sensor reads a slack tendon."""
         safety = self.safety
         wanted_m_s = speed_m_s if speed_m_s > 0.0 else self._config.speed_m_s
 
@@ -329,10 +329,10 @@ class TendonActuatorClient:
             is_known = safety.zero is not Zero.UNKNOWN
             return not is_known and safety.is_slack(state.displacement_m, time.monotonic_ns())
 
-        return self._wind(Pull(safety.slack_m), min(wanted_m_s, self._max_speed_m_s), until)
+        return self._drive(Pull(safety.slack_m), min(wanted_m_s, self._max_speed_m_s), until)
 
     def _find_zero(self, taut_tension_n: float) -> _News[float]:
-        """Let the tendon go slack, wind in until it is taut, and count from there."""
+        """Let the tendon go slack, tighten until it is taut, and count from there."""
         present_n = self._read_tension()
         if present_n is None:
             reason = 'Homing needs the tendon sensor and no valid strain sample arrives'
@@ -348,7 +348,7 @@ class TendonActuatorClient:
     def _seek(
         self, direction: int, is_there: Callable[[float], bool], goal: str
     ) -> _News[TendonState]:
-        """Wind in (1) or out (-1) until the tension is there; return the first such state."""
+        """Tighten (1) or slacken (-1) until the tension is there; return the first such state."""
         there: list[TendonState] = []
 
         def until(state: TendonState) -> bool:
@@ -368,20 +368,20 @@ class TendonActuatorClient:
             start_m = max(start_m, 0.0)
         end_m = start_m + direction * reach_m
         pull = Pull(end_m, self.safety.strictest_contact, is_homing=True)
-        end = yield from self._wind(pull, self._config.homing_speed_m_s, until)
+        end = yield from self._drive(pull, self._config.homing_speed_m_s, until)
         if len(there) < HOMING_POLLS:
             raise MotionFailedError(
                 f'Homing failed at {end.displacement_m:.4f} m: the tendon did not become {goal}.'
             )
         return there[0]
 
-    def _wind(
+    def _drive(
         self,
         pull: Pull,
         speed_m_s: float,
         until: Callable[[TendonState], bool] = lambda _: False,
     ) -> _News[TendonState]:
-        """Wind until there, or until ``until`` says so, and then hold."""
+        """Move until there, or until ``until`` says so, and then hold."""
         path_m = self._begin(pull, speed_m_s)
         _, monitor = self._require_connection()
         deadline_s = time.monotonic() + path_m / speed_m_s + SLACK_S
@@ -394,7 +394,7 @@ class TendonActuatorClient:
             if outage := monitor.outage:
                 raise MotionFailedError(f'The pull failed: {outage.reason}.')
             # A pull to slack goes on when safety orders the same, whatever the reason.
-            goes_on = pull.lets_out and self.safety.state is State.RELEASING
+            goes_on = pull.slackens and self.safety.state is State.RELEASING
             if self._is_replaced and not goes_on:
                 raise MotionStoppedError(self._format_end(self.safety.reason))
             if state is not None:
@@ -415,7 +415,7 @@ class TendonActuatorClient:
                 self.request_release(reason=end)
                 raise MotionFailedError(
                     f'{end} It got no further with {self.safety.find_current_limit_a(pull):g} A; '
-                    'the tendon is let out.'
+                    'the tendon is slackened.'
                 )
 
     def _wait_state(self, monitor: ServoMonitor) -> TendonState | None:
@@ -461,13 +461,13 @@ class TendonActuatorClient:
             # the goal is written, and is seen here, or after it, and overrides it.
             if self._motions.is_stopping:
                 raise MotionStoppedError(NOT_BEGUN)
-            if pull.lets_out:  # a servo that does not hear it now lets out when it answers
+            if pull.slackens:  # a servo that does not hear it now slackens when it answers
                 self.safety.release(RELEASED)
             self._check_reachable(monitor)
             start_m = servo.read_displacement_m()
             self.safety.admit(pull, start_m, time.monotonic_ns(), monitor.fault)
             goal_m = pull.displacement_m
-            if pull.lets_out:
+            if pull.slackens:
                 goal_m = min(self.safety.slack_m, start_m)
             self._order, self._goal_m = Order.FOLLOW, goal_m
             # A goal that is not further in than the tendon is must not tighten, whatever moves
@@ -496,20 +496,20 @@ class TendonActuatorClient:
     # -- orders --------------------------------------------------------------------------
 
     def hold_here(self) -> None:
-        """Hold the tendon where it is; above the limit it is let out instead.
+        """Hold the tendon where it is; above the limit it is slackened instead.
 
-        In a stopped rig a taut tendon is let out after ``slack_after_s``.
+        In a stopped rig a taut tendon is slackened after ``slack_after_s``.
         """
         self._command(lambda: self.safety.hold(time.monotonic_ns()), Order.HOLD)
 
     def request_release(
         self, end_pull: Callable[[], None] = lambda: None, reason: str = RELEASED
     ) -> None:
-        """Begin to let the tendon out as fast as the servo can; ends a running pull.
+        """Begin to slacken the tendon as fast as the servo can; ends a running pull.
 
         While the servo cannot be reached this raises, and is carried out when it answers.
         ``end_pull`` makes ``should_stop`` of a pull return True. It is called under the bus's
-        lock, so that no pull can hold the tendon before it is let out.
+        lock, so that no pull can hold the tendon before it is slackened.
         """
 
         def release() -> None:

@@ -61,7 +61,7 @@ def test_a_missed_goal_is_not_repeated_once_safety_orders_another(tendon, servo)
     servo.lose = lose
     with pytest.raises(MotionFailedError, match='above the limit'):
         tendon.pull_to(0.005)
-    wait_until(lambda: servo.writes.count((116, 0)) == 2)  # at the start, and let out
+    wait_until(lambda: servo.writes.count((116, 0)) == 2)  # at the start, and slackened
     assert {value for address, value in servo.writes if address == 116} == {0}
 
 
@@ -105,7 +105,7 @@ def test_pull_and_release(tendon, servo):
     assert tendon.pull_to(0.0).displacement_m == pytest.approx(0.0, abs=0.0005)
 
 
-def test_a_reversed_tendon_winds_in_as_counts_fall(connect, servo):
+def test_a_reversed_tendon_tightens_as_counts_fall(connect, servo):
     tendon = connect(reverse=True)
     states = []
     assert tendon.pull_to(0.005, 0.0, states.append).displacement_m > 0.0045
@@ -228,7 +228,7 @@ def test_a_tendon_held_where_its_zero_cannot_be_must_be_homed(connect, servo):
         tendon.pull_to(0.001)
 
 
-def test_no_release_winds_in(connect, servo):
+def test_no_release_tightens(connect, servo):
     servo.leave_as_a_driver(0, 2048)  # further in than any pull: the zero is unknown
     tendon = connect(max_displacement_m=0.002)
     below = 2048 - 652  # 10 mm below the zero, as after homings that failed
@@ -275,7 +275,7 @@ def test_lost_packets_lose_no_stop(tendon, servo):
 
 
 @pytest.mark.parametrize(('reverse', 'count'), [(False, 1), (True, 2)])
-def test_no_hold_winds_in_while_its_packets_are_lost(connect, servo, reverse, count):
+def test_no_hold_tightens_while_its_packets_are_lost(connect, servo, reverse, count):
     tendon = connect(reverse=reverse)
     tendon.pull_to(0.01)
     lost, out = [], 100 if reverse else -100
@@ -355,7 +355,7 @@ def test_a_pull_against_the_current_limit_is_given_up_and_released(tendon, servo
     wait_until(lambda: servo.position == 2048)
 
 
-def test_one_pull_at_a_time_and_close_lets_the_tendon_out_before_the_torque_goes_off(
+def test_one_pull_at_a_time_and_close_slackens_the_tendon_before_the_torque_goes_off(
     tendon, servo
 ):
     pull = begin_pull(tendon, servo)
@@ -435,7 +435,7 @@ def test_nothing_tightens_before_the_current_limit_is_confirmed(tendon, servo):
     assert servo.get(102, 2) == 112
 
 
-def test_a_restarted_driver_keeps_the_zero_and_lets_the_tendon_out(tendon, connect, servo):
+def test_a_restarted_driver_keeps_the_zero_and_slackens_the_tendon(tendon, connect, servo):
     tendon.pull_to(0.004)
     tendon._monitor.close()  # as when it is killed: it says nothing more
     tendon._servo.bus.close()

@@ -119,7 +119,7 @@ def test_a_servo_that_lost_its_power_is_set_up_again_at_rest(connect, servo):
     assert servo.position == rest
 
 
-def test_letting_out_survives_an_outage(connect, servo):
+def test_slackening_survives_an_outage(connect, servo):
     tendon = connect(slack_after_s=0.2)
     for begin, end in (
         (partial(setattr, servo, 'status_error', 1), partial(setattr, servo, 'status_error', 0)),

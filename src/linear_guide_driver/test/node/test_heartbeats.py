@@ -105,7 +105,7 @@ def test_a_driver_notices_the_loss_of_a_peer_while_its_executor_hangs(bench, ser
     wait_until(lambda: is_over)
 
 
-def test_of_two_tendon_drivers_none_winds_in_and_both_let_out(bench, servo, twins):
+def test_of_two_tendon_drivers_none_tightens_and_both_slacken(bench, servo, twins):
     bench.start(TendonActuatorNode, port=servo.port, slack_after_s=0.2, **TENDON)
     handle = bench.send(PullTendon, '/tendon_actuator/pull', **PULL)
     assert bench.result(handle)[0] == 'succeeded'
@@ -185,7 +185,7 @@ def test_of_two_guides_a_moving_one_stops_and_none_moves(bench, grbl, twins):
 # -- a frozen tendon driver, in a process of its own --------------------------------------------
 
 
-def test_a_tendon_driver_that_waits_is_left_and_a_frozen_one_is_killed_and_the_next_lets_out(
+def test_a_tendon_driver_that_waits_is_left_and_a_frozen_one_is_killed_and_the_next_slackens(
     bench, servo, start_driver
 ):
     driver = start_driver(hang_timeout_s=HANG_S, **TENDON)

@@ -71,7 +71,7 @@ def test_a_stopped_tendon_becomes_slack_however_often_stop_is_pressed(bench, ser
     answer = bench.call('/tendon_actuator/stop')
     assert answer.success
     assert PRESSED in answer.message
-    assert 'held and let out after 0.5 s' in answer.message
+    assert 'held and slackened after 0.5 s' in answer.message
     wait_until(lambda: not bench.call('/tendon_actuator/stop').success or is_slack(servo))
     assert bench.call('/tendon_actuator/stop').message.startswith('The tendon is slack')
     wait_until(lambda: PRESSED in heard['tendon_actuator'])
@@ -91,7 +91,7 @@ def test_a_stopped_tendon_becomes_slack_however_often_stop_is_pressed(bench, ser
 
 
 @pytest.mark.parametrize('begin', ['pull', 'release'])
-def test_a_stop_does_not_end_letting_out(bench, servo, peers, begin):
+def test_a_stop_does_not_end_slackening(bench, servo, peers, begin):
     servo.put(44, 4, 10)  # 1.6 s for 4 mm of tendon
     start_tendon(bench, servo, speed_m_s=0.002, slack_after_s=30.0)
     wait_until(lambda: not bench.node._find_missing())
@@ -219,7 +219,7 @@ def test_an_emergency_stop_latches_when_it_is_pressed_and_when_it_is_lost(
     pull_taut(bench, peers)
 
 
-def test_a_driver_that_is_deactivated_lets_the_tendon_out(bench, servo, peers):
+def test_a_driver_that_is_deactivated_slackens_the_tendon(bench, servo, peers):
     start_tendon(bench, servo, slack_after_s=0.5)
     pull_taut(bench, peers)
     assert bench.node.trigger_deactivate().name == 'SUCCESS'
@@ -231,7 +231,7 @@ def test_a_driver_that_is_deactivated_lets_the_tendon_out(bench, servo, peers):
 
 
 @pytest.mark.parametrize('way', ['pull', 'release'])
-def test_a_driver_that_is_not_active_accepts_letting_out(bench, servo, peers, way):
+def test_a_driver_that_is_not_active_accepts_slackening(bench, servo, peers, way):
     start_tendon(bench, servo, slack_after_s=30.0)
     pull_taut(bench, peers)
     assert bench.node.trigger_deactivate().name == 'SUCCESS'

@@ -223,7 +223,7 @@ def test_homing_is_refused_or_fails_with_a_sentence(tendon, servo):
     wait_until(lambda: servo.goal == servo.position)
 
 
-def test_without_sensor_and_heartbeats_nothing_winds_in(bench, servo):
+def test_without_sensor_and_heartbeats_nothing_tightens(bench, servo):
     start(bench, servo, heartbeat_topics=['heart'], heartbeat_timeout_s=0.5, guard_timeout_s=0.5)
     bench.aborts(pull(bench, 0.01), 'Nothing has been heard on heart yet')
     with Peers(bench) as peers:

@@ -61,7 +61,7 @@ def is_slack(servo):
     return abs(servo.position - SLACK) <= 33  # 0.5 mm
 
 
-def test_above_the_limit_nothing_turns_letting_out_into_holding(bench, servo, peers):
+def test_above_the_limit_nothing_turns_slackening_into_holding(bench, servo, peers):
     start(bench, servo)
     pull_taut(bench, peers)
     handle = pull(bench, TAUT_M + 0.001, 0.001)
@@ -79,7 +79,7 @@ def fall_silent(peers, who, is_silent=True):
     setattr(peers, 'beats' if who == 'heartbeat' else 'samples', not is_silent)
 
 
-def test_letting_out_is_accepted_whoever_is_silent(bench, servo, peers):
+def test_slackening_is_accepted_whoever_is_silent(bench, servo, peers):
     start(bench, servo)
     for lost, speed_m_s in (('heartbeat', -1.0), ('sensor', 99.0)):
         pull_taut(bench, peers)
@@ -108,18 +108,18 @@ def test_taut_is_not_rest_after_a_loss_though_the_clock_stands(bench, servo, pee
         wait_until(lambda: not bench.node._find_missing())
 
 
-def test_letting_out_ends_a_running_pull_instead_of_being_refused(bench, servo, peers):
+def test_slackening_ends_a_running_pull_instead_of_being_refused(bench, servo, peers):
     start(bench, servo)
-    winding = pull(bench, 0.02, 0.002)
+    tightening = pull(bench, 0.02, 0.002)
     wait_until(lambda: servo.position > SLACK + 60)
     slow = pull(bench, 0.0, 0.001)
-    assert bench.result(winding)[0] == 'aborted'
+    assert bench.result(tightening)[0] == 'aborted'
     assert bench.call('/tendon_actuator/release').success
     bench.aborts(slow, 'released')
     wait_until(lambda: is_slack(servo))
 
 
-def test_a_goal_that_is_sent_while_the_tendon_unwinds_is_judged_by_where_it_is(
+def test_a_goal_that_is_sent_while_the_tendon_slackens_is_judged_by_where_it_is(
     bench, servo, peers
 ):
     start(bench, servo)
@@ -214,7 +214,7 @@ def test_a_driver_whose_cable_is_plugged_in_again_is_ready_by_itself(bench, serv
     wait_until(lambda: is_slack(servo))
 
 
-def test_tension_at_the_zero_asks_for_homing_and_letting_out_goes_by_the_sensor(
+def test_tension_at_the_zero_asks_for_homing_and_slackening_goes_by_the_sensor(
     bench, servo, peers
 ):
     # The gear has kept 2 N on the tendon with the torque off: 1 N a millimetre.
@@ -276,7 +276,7 @@ def test_a_sensor_driver_that_starts_again_is_believed_after_a_still_reading(ben
     pull_taut(bench, peers)
 
 
-def test_a_saturated_sensor_that_is_stuck_lets_out_and_stop_does_not_hold(bench, servo, peers):
+def test_a_saturated_sensor_that_is_stuck_slackens_and_stop_does_not_hold(bench, servo, peers):
     start(bench, servo)  # a loss would hold for 30 s
     pull_taut(bench, peers)
     peers.status = StrainBlock.STATUS_SATURATED | StrainBlock.STATUS_STUCK

@@ -69,7 +69,7 @@ def test_the_contact_chooses_the_limit(safety):
 
 
 @pytest.mark.parametrize('command', ['stop', 'lose', 'silence', 'partial'])
-def test_above_the_limit_nothing_turns_letting_out_into_holding(safety, command):
+def test_above_the_limit_nothing_turns_slackening_into_holding(safety, command):
     hold_taut(safety)
     assert sense(safety, 20.0) is Order.RELEASE
     now_ns = 100 * MS
@@ -87,7 +87,7 @@ def test_above_the_limit_nothing_turns_letting_out_into_holding(safety, command)
     assert safety.decide(0.004, now_ns) is Order.RELEASE
 
 
-def test_letting_out_ends_at_slack_and_a_stop_below_the_limit_holds(safety):
+def test_slackening_ends_at_slack_and_a_stop_below_the_limit_holds(safety):
     hold_taut(safety)
     assert sense(safety, 20.0) is Order.RELEASE
     assert sense(safety, 5.0, 0.003) is Order.RELEASE
@@ -118,7 +118,7 @@ def test_saturation_and_either_sign_count_as_above_the_limit(safety):
         ('flexion', 10.0, Pull(0.0, 'abduction'), 15.0),
     ],
 )
-def test_letting_out_never_raises_the_limit(safety, contact, tension_n, pull, limit_n):
+def test_slackening_never_raises_the_limit(safety, contact, tension_n, pull, limit_n):
     hold_taut(safety, contact, tension_n=tension_n)
     safety.admit(pull, TAUT_M, 0)
     assert safety.limit_n == limit_n
@@ -133,7 +133,7 @@ def test_letting_out_never_raises_the_limit(safety, contact, tension_n, pull, li
         (Pull(0.006, stop_tension_n=-1.0), 'between 0'),
         (Pull(0.006, stop_tension_n=float('nan')), 'between 0'),
         (Pull(0.006, stop_tension_n=15.1), 'between 0 and the flexion limit'),
-        (Pull(0.006, 'abduction'), 'let the tendon out first'),
+        (Pull(0.006, 'abduction'), 'slacken the tendon first'),
     ],
 )
 def test_a_refused_pull_changes_nothing(safety, pull, text):
@@ -187,12 +187,12 @@ def test_the_first_loss_is_told_and_no_later_one_postpones_the_release(safety):
     for reason, now_ms in (('The servo is silent.', 0), ('The line is lost.', 1900)):
         safety.lose(reason, now_ms * MS)
         safety.hold(now_ms * MS)
-        assert safety.reason == 'The servo is silent. The tendon is held and let out after 2 s.'
+        assert safety.reason == 'The servo is silent. The tendon is held and slackened after 2 s.'
     assert sense(safety, 1.0, TAUT_M, 2000 * MS) is Order.RELEASE
-    assert safety.reason == 'The servo is silent. The tendon was held for 2 s and is let out.'
+    assert safety.reason == 'The servo is silent. The tendon was held for 2 s and is slackened.'
 
 
-def test_letting_out_that_was_stopped_needs_samples_as_any_taut_tendon_does(safety):
+def test_slackening_that_was_stopped_needs_samples_as_any_taut_tendon_does(safety):
     hold_taut(safety)
     safety.admit(Pull(0.0), TAUT_M, 0)
     assert safety.decide(TAUT_M, 1000 * MS) is Order.FOLLOW
@@ -224,7 +224,7 @@ def test_unguarded_pulls_need_no_samples_unless_they_ask_for_a_tension():
     assert safety.ending is Ending.LOST
 
 
-def test_a_lost_topic_holds_then_lets_out_and_letting_out_is_always_admitted():
+def test_a_lost_topic_holds_then_slackens_and_slackening_is_always_admitted():
     peer = TopicWatchdog('trial_runner/heartbeat', 0.2)
     safety = make([peer])
     with pytest.raises(MotionRefusedError, match='Nothing has been heard'):
@@ -241,7 +241,7 @@ def test_a_lost_topic_holds_then_lets_out_and_letting_out_is_always_admitted():
     assert safety.decide(0.002, 5000 * MS) is Order.FOLLOW  # goes on without anybody
 
 
-def test_a_stop_that_ends_a_letting_out_holds_for_good(safety):
+def test_a_stop_that_ends_a_slackening_holds_for_good(safety):
     hold_taut(safety)
     safety.lose('The servo was silent.', 0)
     safety.release('The tendon was released.')
@@ -250,7 +250,7 @@ def test_a_stop_that_ends_a_letting_out_holds_for_good(safety):
         assert sense(safety, 1.0, TAUT_M, now_ms * MS) is Order.HOLD
 
 
-def test_a_servo_that_stops_by_itself_ends_the_pull_but_no_letting_out(safety):
+def test_a_servo_that_stops_by_itself_ends_the_pull_but_no_slackening(safety):
     safety.admit(Pull(TAUT_M), 0.0, 0)
     safety.lose("The servo's watchdog has stopped it.", 0)
     assert safety.decide(0.002, 0) is Order.HOLD
@@ -314,7 +314,7 @@ def test_while_stopped_every_pull_but_one_to_slack_is_refused(pull):
     safety.admit(pull, TAUT_M, 10_000 * MS)
 
 
-def test_stop_turns_a_pull_that_lets_out_a_part_into_holding_then_slack():
+def test_stop_turns_a_pull_that_slackens_a_part_into_holding_then_slack():
     safety, latch = make_with_latch()
     hold_taut(safety)
     safety.admit(Pull(0.003), TAUT_M, 0)
@@ -324,7 +324,7 @@ def test_stop_turns_a_pull_that_lets_out_a_part_into_holding_then_slack():
 
 
 @pytest.mark.parametrize('begin', ['release', 'pull'])
-def test_while_stopped_no_cancel_turns_letting_out_into_holding(begin):
+def test_while_stopped_no_cancel_turns_slackening_into_holding(begin):
     safety, latch = make_with_latch()
     hold_taut(safety)
     if begin == 'release':
@@ -336,7 +336,7 @@ def test_while_stopped_no_cancel_turns_letting_out_into_holding(begin):
     assert sense(safety, 1.0) is Order.RELEASE
 
 
-def test_a_reset_keeps_letting_out_and_winds_nothing_in():
+def test_a_reset_keeps_slackening_and_tightens_nothing():
     safety, latch = make_with_latch()
     hold_taut(safety)
     latch.stop('pressed')
@@ -346,7 +346,7 @@ def test_a_reset_keeps_letting_out_and_winds_nothing_in():
     assert sense(safety, 1.0, now_ns=2000 * MS) is Order.RELEASE
 
 
-def test_a_tendon_that_was_held_after_a_cancel_is_let_out_after_a_stop():
+def test_a_tendon_that_was_held_after_a_cancel_is_slackened_after_a_stop():
     safety, latch = make_with_latch()
     hold_taut(safety)
     safety.hold(0)
@@ -357,14 +357,14 @@ def test_a_tendon_that_was_held_after_a_cancel_is_let_out_after_a_stop():
     assert sense(safety, 1.0, now_ns=7000 * MS) is Order.RELEASE
 
 
-def test_above_the_limit_a_stop_lets_out_at_once():
+def test_above_the_limit_a_stop_slackens_at_once():
     safety, latch = make_with_latch()
     hold_taut(safety)
     latch.stop('pressed')
     assert sense(safety, 20.0) is Order.RELEASE
 
 
-def test_without_a_zero_a_stop_lets_out_by_a_stated_length():
+def test_without_a_zero_a_stop_slackens_by_a_stated_length():
     latch = StopLatch()
     safety = TendonSafety(CONFIG, latch=latch)
     safety.set_zero(Zero.UNKNOWN, 'the servo was held')
@@ -425,11 +425,11 @@ def test_a_zero_is_confirmed_by_a_slack_reading_and_refuted_by_tension():
     safety.admit(Pull(0.02, 'abduction', is_homing=True), 0.0, 500 * MS)
 
 
-def test_a_tendon_that_was_left_taut_is_let_out_before_anything_winds_in():
+def test_a_tendon_that_was_left_taut_is_slackened_before_anything_tightens():
     safety = make_unconfirmed()
     safety.release('The driver was restarted.')
     assert sense(safety, 10.9) is Order.RELEASE
-    with pytest.raises(MotionRefusedError, match='let it out first'):
+    with pytest.raises(MotionRefusedError, match='slacken it first'):
         safety.admit(Pull(0.006), TAUT_M, 0)
     for now_ms in (0, 100, 200):  # the tendon is out already, the samples lag behind
         safety.decide(0.0, now_ms * MS)
@@ -437,7 +437,7 @@ def test_a_tendon_that_was_left_taut_is_let_out_before_anything_winds_in():
     assert safety.zero is Zero.KNOWN
 
 
-def test_without_a_zero_letting_out_ends_where_the_sensor_reads_slack():
+def test_without_a_zero_slackening_ends_where_the_sensor_reads_slack():
     safety = TendonSafety(CONFIG)
     safety.set_zero(Zero.UNKNOWN, 'the servo was held')
     assert safety.slack_m == -CONFIG.max_displacement_m

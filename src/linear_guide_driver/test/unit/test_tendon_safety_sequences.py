@@ -295,8 +295,8 @@ class Tendon(RuleBasedStateMachine):
             self.pull, self.speed_m_s = None, before_m_s
             # While the latch is set, or its emergency stop was not heard, only slack is granted.
             place_m = 0.0 if is_latched else max(0.0, self.at_m)
-            lets_out = not pull.is_homing and pull.displacement_m <= place_m
-            assert not (lets_out and self.can_be_reached), 'letting out was refused'
+            slackens = not pull.is_homing and pull.displacement_m <= place_m
+            assert not (slackens and self.can_be_reached), 'slackening was refused'
         except LinearGuideDriverError as error:
             self.monitor.fail(str(error))
             self.safety.finish()
@@ -306,7 +306,7 @@ class Tendon(RuleBasedStateMachine):
     def cancel(self):
         self.lost_since_ns = None  # a hold that ends a release begins the holding time anew
         pull = self.pull if self.safety.ending is None else None
-        slackens = self.safety.state is State.RELEASING or (pull and pull.lets_out)
+        slackens = self.safety.state is State.RELEASING or (pull and pull.slackens)
         with suppress(LinearGuideDriverError):
             self.client.hold_here()
         is_slack = self.safety.is_slack(self.at_m, self.now_ns)
@@ -382,7 +382,7 @@ class Tendon(RuleBasedStateMachine):
             try:
                 self.client.pull_to(0.0)
             except LinearGuideDriverError:
-                assert not is_well, 'letting out failed'
+                assert not is_well, 'slackening failed'
 
     @rule()
     def home(self):
@@ -578,7 +578,7 @@ class Tendon(RuleBasedStateMachine):
             return
         pull = self.pull
         assert pull is not None, f'something tightens by {goal - present} counts without a pull'
-        assert not pull.lets_out
+        assert not pull.slackens
         assert not self.monitor.fault
         assert pull.is_homing or self.safety.zero is Zero.KNOWN
         assert not self.is_stopped, 'something tightens although the rig is stopped'
@@ -616,15 +616,15 @@ class Tendon(RuleBasedStateMachine):
             and self.safety.tension.find_loss(self.now_ns) is not None
         )
         is_lost = self.is_lost or (is_doubted and not self.config.unguarded)
-        lets_out = self.pull and self.pull.displacement_m <= self.at_m
+        slackens = self.pull and self.pull.displacement_m <= self.at_m
         is_above = self.is_live() and abs(self.tension_n) > self.safety.limit_n
         is_taut = not self.safety.is_slack(self.at_m, self.now_ns)
-        if not (is_seen and is_lost and is_taut) or lets_out or self.is_busy:
+        if not (is_seen and is_lost and is_taut) or slackens or self.is_busy:
             self.lost_since_ns = None
         elif self.lost_since_ns is None:
             self.lost_since_ns = self.now_ns
         # Unlike after a loss, no cancelled goal postpones it.
-        to_slack = self.pull and self.pull.lets_out
+        to_slack = self.pull and self.pull.slackens
         if not (is_seen and self.is_stopped and is_taut) or to_slack or self.is_busy:
             self.stopped_since_ns = None
         elif self.stopped_since_ns is None:
@@ -636,7 +636,7 @@ class Tendon(RuleBasedStateMachine):
         self.check_rest()
 
     def check_rest(self):
-        """Above the limit, and after a loss, the tendon is let out."""
+        """Above the limit, and after a loss, the tendon is slackened."""
         safety = self.safety
         goal_m = registers.counts_to_m(self.servo.get(116), self.config.pulley_radius_m)
         if self.above_since_ns is not None and self.now_ns - self.above_since_ns > SETTLED_NS:
@@ -678,7 +678,7 @@ class Tendon(RuleBasedStateMachine):
         assert self.servo.get(116) <= max(0, self.servo.get(132) + ON_THE_WAY_COUNTS)
 
 
-def test_a_pull_that_lets_out_winds_nothing_in_however_late_it_is_written():
+def test_a_pull_that_slackens_tightens_nothing_however_late_it_is_written():
     tendon = Tendon()
     tendon.start(unguarded=True, reads=0.0, reach_m=0.02, found='off', place_mm=0)
     try:

@@ -66,7 +66,7 @@ def shared_arguments(**defaults: str) -> list[DeclareLaunchArgument]:
         'respawn': (
             'true',
             'true: start a process again that has died. A tendon driver that starts on a taut '
-            'tendon lets it out',
+            'tendon slackens it',
         ),
         'log_level': ('info', 'least severity that the nodes log'),
     }

@@ -191,7 +191,7 @@ class TrialRunnerNode(PollingNode):
 
     @staticmethod
     def _answer_stop() -> tuple[bool, str]:
-        return True, 'The rig is stopped: a trial that runs ends, and its tendon is let out.'
+        return True, 'The rig is stopped: a trial that runs ends, and its tendon is slackened.'
 
     def _find_missing(self) -> list[str]:
         """Return what keeps a trial from being taken, a sentence each."""

@@ -145,8 +145,8 @@ def test_a_runner_whose_executor_or_trial_hangs_gives_no_sign_of_life(bench):
     watch.close()
 
 
-def test_a_trial_waits_for_a_tendon_that_is_still_let_out_after_the_last_one(bench):
-    bench.tendon.slowness = {2: 3.0}  # it is let out in 0.5 s
+def test_a_trial_waits_for_a_tendon_that_is_still_being_slackened_after_the_last_one(bench):
+    bench.tendon.slowness = {2: 3.0}  # it is slackened in 0.5 s
     goal = bench.touch('stiffness')
     bench.tendon.beats = False
     assert 'Nothing was heard on tendon_actuator/heartbeat' in bench.end(goal).message

@@ -381,6 +381,6 @@ def _tighten(
                     'see whether the tendon is caught; check current_limit_a',
                 )
             ]
-    facts['wound in and out [mm]'] = round(length_m * 1e3, 1)
+    facts['tightened and slackened [mm]'] = round(length_m * 1e3, 1)
     facts['largest current [A]'] = round(most_a, 3)
     return []

@@ -81,7 +81,7 @@ class WatchControls:
         return f'stop: confirmed by {", ".join(confirmed)}'
 
     async def release(self) -> str:
-        """Let all tendons out to slack."""
+        """Slacken all tendons."""
         return await self._ask_all('release', RELEASES)
 
     async def reset(self) -> str:

@@ -132,7 +132,7 @@ class WatchState:
                 self._stops[namespace] = reason
 
     def set_can_release(self, can_release: bool) -> None:
-        """Set whether there is a tendon that can be let out."""
+        """Set whether there is a tendon that can be slackened."""
         with self._lock:
             if can_release != self._can_release:
                 self._can_release = can_release

@@ -135,7 +135,7 @@ def test_a_sound_rig_is_fit_and_moves_when_allowed(rig):
     assert sensor['rate [Hz]'] == pytest.approx(60.0, rel=0.02)
     assert 1e-4 < sensor['noise, standard deviation [N]'] < 0.1
     assert abs(guide['error at rest [mm]']) < 0.1
-    assert tendon['wound in and out [mm]'] == 2.0
+    assert tendon['tightened and slackened [mm]'] == 2.0
     assert rig.truth()['tendon_displacement_m'] == pytest.approx(0.0, abs=2e-4)
 
 

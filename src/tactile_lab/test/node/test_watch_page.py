@@ -235,7 +235,7 @@ def test_stop_ends_the_trial_and_brings_guide_and_tendon_to_rest(rig, browser):
         assert browser.evaluate(STOP_IS_SEEN)
     assert len(stopped) == 1  # the loop ends by it: see test_observer
     assert watch.state.was_stopped
-    assert abs(truth_at_rest(simulated)['tendon_displacement_m']) < 1e-3, 'the tendon is let out'
+    assert abs(truth_at_rest(simulated)['tendon_displacement_m']) < 1e-3, 'the tendon is slackened'
     assert browser.console == []
 
 

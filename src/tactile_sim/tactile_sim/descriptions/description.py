@@ -201,7 +201,7 @@ class TendonDrive:
 
     @property
     def m_per_count(self) -> float:
-        """Tendon wound in by one count of the encoder [m]."""
+        """Tendon tightened by one count of the encoder [m]."""
         return 2 * math.pi * self.pulley_radius_m / self.counts_per_turn
 
 

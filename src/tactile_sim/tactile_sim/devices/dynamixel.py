@@ -235,7 +235,7 @@ class ControlTable(dict[Register, int]):
 class DynamixelDevice:
     """The servo and its pulley.
 
-    Positions are counts; winding in counts up. Mode 5 alone moves it.
+    Positions are counts; tightening counts up. Mode 5 alone moves it.
     """
 
     def __init__(self, drive: TendonDrive) -> None:
@@ -263,7 +263,7 @@ class DynamixelDevice:
 
     @property
     def displacement_m(self) -> float:
-        """Tendon wound in since it just hung [m]."""
+        """Tendon tightened since it just hung [m]."""
         return (self._position - self._drive.slack_count) * self._drive.m_per_count
 
     def advance(self, now_s: float, tension_n: float) -> None:
@@ -275,9 +275,9 @@ class DynamixelDevice:
             self.fail(OVERHEATING)
         if not self._table[known.TORQUE_ENABLE]:
             pull = max(tension_n - self._drive.back_drive_n, 0.0)
-            let_out_m = pull / self._drive.back_drive_n_s_m * elapsed_s
-            if let_out_m or not self._is_at_rest:
-                self._rest_at(self._position - let_out_m / self._drive.m_per_count)
+            slackened_m = pull / self._drive.back_drive_n_s_m * elapsed_s
+            if slackened_m or not self._is_at_rest:
+                self._rest_at(self._position - slackened_m / self._drive.m_per_count)
             return
         position, velocity = self._motion.state_at(now_s)
         overloaded = self._load_a(1.0) > self._limit_a()

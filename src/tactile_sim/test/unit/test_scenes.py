@@ -54,7 +54,7 @@ def test_the_mounting_height_and_the_tendons_zero_shift_the_contact():
     described = touch()
     assert touch(contact_height_m=5e-4) < described - 5e-5
     assert touch(contact_height_m=-5e-4) > described + 5e-5
-    # Wound in by 0.1 mm before it is taut, it does everything 0.1 mm later.
+    # Tightened by 0.1 mm before it is taut, it does everything 0.1 mm later.
     assert touch(tendon_zero_m=1e-4) - described == pytest.approx(1e-4, abs=2.1e-5)
 
 
