@@ -291,9 +291,9 @@ class GuideState(NamedTuple):
 class TendonState(NamedTuple):
     """The tendon actuator as of its last poll.
 
-    ``displacement_m`` counts from the slack reference, ``velocity_m_s`` is positive when tightening
-    in. ``current_a`` is the motor current, positive when pulling: an estimate of the pull with
-    friction in it. The values arrived at ``received_at_ns`` on the client's clock.
+    ``displacement_m`` counts from the slack reference, ``velocity_m_s`` is positive when it
+    tightens. ``current_a`` is the motor current, positive when pulling: an estimate of the pull
+    with friction in it. The values arrived at ``received_at_ns`` on the client's clock.
     """
 
     displacement_m: float

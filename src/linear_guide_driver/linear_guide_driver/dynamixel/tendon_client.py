@@ -286,7 +286,7 @@ class TendonActuatorClient:
     ) -> float:
         """Tighten slowly until the tendon is just taut; displacements count from there.
 
-        A tendon that is taut already is slackened. The fingertip must be free. Returns by how
+        A taut tendon is slackened first. The fingertip must be free. Returns by how
         much the zero has moved [m]. It counts as taut at ``taut_tension_n`` [N]; the other
         parameters and the errors are those of `pull_to`.
         """
