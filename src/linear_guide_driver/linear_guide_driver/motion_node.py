@@ -12,7 +12,6 @@ import time
 from typing import Any, TypeVar
 import uuid
 
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
@@ -22,7 +21,7 @@ from std_srvs.srv import Trigger
 from linear_guide_driver.errors import LinearGuideDriverError
 from linear_guide_driver.safety import find_loss, Watch
 from linear_guide_driver.stop_latch import EmergencyInput, StopLatch, StopState
-from tactile_ros.errors import MessageError
+from tactile_msgs.msg import StopState as StopStateMsg
 from tactile_ros.goals import Goal, GoalAborted
 from tactile_ros.health import (
     Diagnostics,
@@ -30,7 +29,6 @@ from tactile_ros.health import (
     Health,
     Heartbeat,
     HeartbeatWatch,
-    OK,
     Presence,
     ReadinessPublisher,
 )
@@ -57,23 +55,9 @@ State = TypeVar('State')
 Result = TypeVar('Result')
 
 
-def stop_state_to_msg(state: StopState, node_name: str, sender: str) -> DiagnosticStatus:
-    """Return the message on `STOP_TOPIC`; ``sender`` names this run of the node."""
-    return DiagnosticStatus(
-        level=ERROR if state.is_stopped else OK,
-        name=node_name,
-        message=state.reason,
-        hardware_id=sender,
-        values=[KeyValue(key='number', value=str(state.number))],
-    )
-
-
-def stop_state_from_msg(message: DiagnosticStatus) -> StopState:
-    """Return the state in a message on `STOP_TOPIC`; raise `MessageError` if there is none."""
-    values = {pair.key: pair.value for pair in message.values}
-    if not (number := values.get('number', '')).isdecimal():
-        raise MessageError(f'the value "number" is "{number}"; it must be a whole number')
-    return StopState(int(number), message.level != OK, message.message)
+def stop_state_from_msg(message: StopStateMsg) -> StopState:
+    """Return the state in a message on `STOP_TOPIC`."""
+    return StopState(message.number, message.stopped, message.reason)
 
 
 class RigStop:
@@ -107,8 +91,8 @@ class RigStop:
         self._is_closed = False
         topic, timeout_s = node.config.emergency_stop_topic, node.config.emergency_stop_timeout_s
         latch.emergency = EmergencyInput(topic, timeout_s) if topic else None
-        self._publisher = node.create_publisher(DiagnosticStatus, STOP_TOPIC, LATEST)
-        states = node.poll(DiagnosticStatus, STOP_TOPIC, self._on_state, STATES)
+        self._publisher = node.create_publisher(StopStateMsg, STOP_TOPIC, LATEST)
+        states = node.poll(StopStateMsg, STOP_TOPIC, self._on_state, STATES)
         self._polled = [states]
         if topic:
             self._polled.append(node.poll(Bool, topic, self._on_emergency, EMERGENCY))
@@ -152,8 +136,8 @@ class RigStop:
         response.message = 'The rig is reset.' if refusal is None else str(refusal)
         return response
 
-    def _on_state(self, message: DiagnosticStatus, _: Any) -> None:
-        self._latch.take(stop_state_from_msg(message), message.hardware_id)
+    def _on_state(self, message: StopStateMsg, _: Any) -> None:
+        self._latch.take(stop_state_from_msg(message), message.sender)
 
     def _on_emergency(self, message: Bool, _: Any) -> None:
         self._latch.hear_emergency(message.data, time.monotonic_ns())
@@ -168,7 +152,11 @@ class RigStop:
     def _publish(self) -> None:
         with self._lock:
             if not self._is_closed and self._node.context.ok():
-                message = stop_state_to_msg(self._latch.state, self._name, self._sender)
+                number, stopped, reason = self._latch.state
+                message = StopStateMsg(
+                    number=number, stopped=stopped, reason=reason, sender=self._sender
+                )
+                message.header.stamp = self._node.get_clock().now().to_msg()
                 self._publisher.publish(message)
 
 

@@ -12,7 +12,6 @@ import threading
 from typing import Any
 
 from action_msgs.msg import GoalStatus
-from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.context import Context
 from rclpy.node import Node
 from std_srvs.srv import Trigger
@@ -24,6 +23,7 @@ from tactile_classifier.conversions import classification_from_msg, model_infos_
 from tactile_classifier.records import ClassificationResult, ModelInfo
 from tactile_msgs.action import HomeGuide, RunTrial
 from tactile_msgs.msg import Classification, ModelInfos
+from tactile_msgs.msg import StopState as StopStateMsg
 from tactile_ros.errors import TactileError
 from tactile_ros.goal_client import GoalClient, GoalLostError, SentGoal
 from tactile_ros.health import Diagnostics, Health, OK, watch_rivals
@@ -82,7 +82,7 @@ class OperatorNode(Node):  # type: ignore[misc]
         self._models: tuple[ModelInfo, ...] | None = None
         guard = MessageGuard(self)
         take_stop = guard.wrap(STOP_TOPIC, self._on_stop_state)
-        self.create_subscription(DiagnosticStatus, STOP_TOPIC, take_stop, STATES)
+        self.create_subscription(StopStateMsg, STOP_TOPIC, take_stop, STATES)
         wanted = (
             (Classification, CLASSIFICATION_TOPIC.name, self._on_classification, RESULTS),
             (ModelInfos, MODELS_TOPIC.name, self._on_models, LATEST),
@@ -112,7 +112,7 @@ class OperatorNode(Node):  # type: ignore[misc]
         response.message = 'No further goal is sent.'
         return response
 
-    def _on_stop_state(self, message: DiagnosticStatus) -> None:
+    def _on_stop_state(self, message: StopStateMsg) -> None:
         self._stop_state = stop_state_from_msg(message)  # a rig that starts again counts from 0
 
     def tell_progress(self, number: int, count: int, request: TrialRequest) -> None:

@@ -11,13 +11,13 @@ import threading
 from typing import Any
 
 from action_msgs.srv import CancelGoal
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_srvs.srv import Trigger
 
-from linear_guide_driver.motion_node import STATES, stop_state_from_msg, STOP_TOPIC
+from linear_guide_driver.motion_node import STATES
 from tactile_classifier.conversions import classification_from_msg, model_infos_from_msg
 from tactile_features.conversions import (
     event_from_msg,
@@ -30,6 +30,7 @@ from tactile_msgs.msg import (
     Classification,
     ModelInfos,
     Readiness,
+    StopState,
     StrainBlock,
     TactileFeatures,
     TrialEvent,
@@ -77,7 +78,7 @@ PROFILES = {
     TrialEvent: EVENTS,
     ModelInfos: LATEST,
     Readiness: LATEST,
-    DiagnosticStatus: STATES,
+    StopState: STATES,
 }
 
 KINDS: dict[str, type] = {
@@ -153,8 +154,6 @@ class WatchNode(Node):  # type: ignore[misc]
         for topic, types in self.get_topic_names_and_types():
             kind = next((KINDS[name] for name in types if name in KINDS), None)
             if self._answers_only and kind not in (TrialEvent, Classification, ModelInfos):
-                continue
-            if kind is DiagnosticStatus and not topic.endswith(f'/{STOP_TOPIC}'):
                 continue
             if kind is None or topic in self._topics or len(self._topics) >= MOST_SUBSCRIPTIONS:
                 continue
@@ -236,9 +235,7 @@ class WatchNode(Node):  # type: ignore[misc]
             Classification: lambda m: state.take_answer(finger, classification_from_msg(m)),
             ModelInfos: lambda m: update(Finger.take_models, model_infos_from_msg(m).models),
             TrialEvent: lambda m: update(Finger.take_event, event_from_msg(m)),
-            DiagnosticStatus: lambda m: state.take_stop(
-                topic.strip('/').rpartition('/')[0], stop_state_from_msg(m).reason
-            ),
+            StopState: lambda m: state.take_stop(topic.strip('/').rpartition('/')[0], m.reason),
             Readiness: lambda m: state.take_readiness(device, list(m.missing)),
         }
         self._listen_to(kind, topic, takes[kind], PROFILES[kind])
