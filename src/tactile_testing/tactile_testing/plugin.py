@@ -17,9 +17,11 @@ import pytest
 settings.register_profile('untimed', deadline=None)
 settings.load_profile('untimed')
 
+# A script's background ignores Ctrl-C, and nohup a closed terminal; programs would inherit it.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-    # A script's background ignores Ctrl-C, and so would the programs that are started there.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 @pytest.fixture(scope='session', autouse=True)

@@ -9,7 +9,7 @@ import json
 import numpy as np
 import pytest
 
-from tactile_classifier.confidence import calibration
+from tactile_classifier.confidence import fit_calibration
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.evaluation.open_set import evaluate_open_set
 from tactile_classifier.evaluation.plans import run_plans
@@ -54,7 +54,7 @@ def answered(simulate_bag):
     options = {'folds': 2, 'repetitions': 1, 'details': False}
     with pytest.MonkeyPatch.context() as patch:
         # Two folds, and a rate that the half of the trials can bound.
-        patch.setattr(calibration, 'MAX_FOLDS', 2)
+        patch.setattr(fit_calibration, 'MAX_FOLDS', 2)
         patch.setattr(answers_module, 'FALSE_ALARM_RATE', 0.1)
         results = analyse(sets, **options, random_state=0, jobs=1)
     return results, build_page(results, [], {})

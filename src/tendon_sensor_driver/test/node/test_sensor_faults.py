@@ -164,7 +164,8 @@ def test_a_board_that_restarts_takes_the_tare_with_it(graph, board):
 
 
 def test_a_board_without_a_clock_that_comes_back_takes_the_tare_with_it(make_graph, sensor, board):
-    graph = make_graph(sensor.port, **{**TARE, 'tare_samples': 200}, time_column=-1)
+    columns = {'time_column': -1, 'line_columns': 3}
+    graph = make_graph(sensor.port, **{**TARE, 'tare_samples': 200}, **columns)
     graph.bring_up()
     graph.await_more(200)
     assert graph.call('tare').success
