@@ -53,7 +53,6 @@ TOPICS = (
     Topic('phases', 'events.phases', 'phases found in the tension: how often, how exactly'),
     Topic('phase-features', 'events.phases', 'accuracy with found phases, beside stated ones'),
     Topic('thresholds', 'sessions.thresholds', 'unknown objects in new sessions', LONG),
-    Topic('stopping', 'sessions.stopping', 'early predictions in new sessions', LONG),
     Topic('sensors', 'nodes.sensors', 'sensor nodes, 60 Hz to five times 7 kHz: CPU, loss'),
     Topic('hand', 'nodes.hand', 'five fingers, from a block to a classification', LONG),
     Topic('rest', 'nodes.rest', 'from a killed process or a cut cable to rest', LONG),

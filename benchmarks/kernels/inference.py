@@ -43,7 +43,7 @@ def run_inference(quick: bool) -> Report:
                 lambda estimator=estimator, row=row: estimator.predict(row),
                 rounds=5 if quick else 15,
             )
-            found, part = model.compute(queries), trained.stages[0]
+            found, part = model.compute(queries), trained
             changed = np.array(model.labels)[found.answer] != estimator.predict(queries)
             scores = part.calibration.compute(compute_raw_scores(estimator, queries))
             difference = np.abs(found.scores - scores).max()

@@ -24,8 +24,6 @@ _HOMES = {
     'JOINT_STATE': 'tactile_ros.topics',
     'MODELS': 'tactile_ros.topics',
     'MODELS_TOPIC': 'tactile_ros.topics',
-    'PARTIAL_CLASSIFICATION_TOPIC': 'tactile_ros.topics',
-    'PARTIAL_FEATURES_TOPIC': 'tactile_ros.topics',
     'RecordedBag': 'tactile_bags.recorded_bag',
     'RecordedTopic': 'tactile_ros.topics',
     'Recording': 'tactile_bags.recording',

@@ -9,7 +9,7 @@ A simulated recording states the parameters of its features in its metadata.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 import hashlib
 import json
 import logging
@@ -24,7 +24,7 @@ from tactile_classifier.records import ModelInfo
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.registry import PHASE_OF_TASK
-from tactile_features.spec import FeatureSpec, shared_rate_hz, spec_for, WantedFeatures
+from tactile_features.spec import FeatureSpec, shared_rate_hz, spec_for
 from tactile_ros.errors import TactileError
 from tactile_ros.topics import MODELS, SPECIFICATIONS
 
@@ -42,14 +42,12 @@ class RecordedFeatures:
     """
 
     config: FeatureConfig
-    wanted: tuple[WantedFeatures, ...] = ()
+    wanted: tuple[FeatureSpec, ...] = ()
 
     @property
     def specifications(self) -> tuple[FeatureSpec, ...]:
         """The specifications of the windows."""
-        if self.wanted:
-            return tuple(each.spec for each in self.wanted)
-        return tuple(spec_for(task, self.config) for task in PHASE_OF_TASK)
+        return self.wanted or tuple(spec_for(task, self.config) for task in PHASE_OF_TASK)
 
     def bound(self) -> FeatureConfig:
         """Return parameters that yield the first recorded specification of each task.
@@ -66,18 +64,11 @@ class RecordedFeatures:
             raise BagError(f'its features cannot be computed here: {error}') from error
         return config
 
-    def without_parts(self) -> RecordedFeatures:
-        """Return the same, without partial windows."""
-        return RecordedFeatures(
-            replace(self.config, partial_samples=()),
-            tuple(WantedFeatures(each.spec) for each in self.wanted),
-        )
-
 
 def recorded_features(bag: TactileBag, namespace: str = '') -> RecordedFeatures:
     """Return the features of a finger; `BagError` when they cannot be used here."""
     config = bag.metadata.get('feature_config') or {}
-    wanted: dict[str, WantedFeatures] = {}
+    wanted: dict[str, FeatureSpec] = {}
     messages = list(bag.messages(SPECIFICATIONS, namespace=namespace))
     records = list(read_records(messages))
     if messages and not records and messages[-1].is_of_another_release:
@@ -94,10 +85,7 @@ def recorded_features(bag: TactileBag, namespace: str = '') -> RecordedFeatures:
         )
     for _, announced in records:
         config = announced.config
-        for each in announced.wanted:
-            known = wanted.get(each.spec.digest, each).partial_samples
-            samples = tuple(sorted({*known, *each.partial_samples}))
-            wanted[each.spec.digest] = WantedFeatures(each.spec, samples)
+        wanted |= {spec.digest: spec for spec in announced.specs}
     try:
         return RecordedFeatures(_read_config(config), tuple(wanted.values()))
     except (TypeError, FeatureError) as error:
@@ -128,7 +116,7 @@ def nominal_rate_hz(bag: TactileBag, namespace: str = '') -> float:
     except BagError:
         return 0.0
     if features.wanted:
-        return shared_rate_hz(each.spec for each in features.wanted)
+        return shared_rate_hz(features.wanted)
     return features.config.rate_hz if bag.metadata.get('feature_config') else 0.0
 
 

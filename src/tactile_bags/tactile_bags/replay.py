@@ -54,17 +54,9 @@ class TactileResults:
     def sort(self) -> TactileResults:
         """Bring the results into the order of time, whatever order they arrived in."""
         self.windows.sort(
-            key=lambda w: (
-                w.window_end_ns,
-                w.trial_id,
-                w.feature_set,
-                not w.partial,
-                w.specification_digest,
-            )
+            key=lambda w: (w.window_end_ns, w.trial_id, w.feature_set, w.specification_digest)
         )
-        self.classifications.sort(
-            key=lambda c: (c.window_end_ns, c.trial_id, c.model_id, not c.partial)
-        )
+        self.classifications.sort(key=lambda c: (c.window_end_ns, c.trial_id, c.model_id))
         return self
 
 
@@ -278,8 +270,8 @@ def _by_kind(results: TactileResults) -> dict[tuple[object, ...], list[Result]]:
 
 def _kind(result: Result) -> tuple[object, ...]:
     if isinstance(result, FeatureWindow):
-        return 'windows', result.specification_digest, result.partial
-    return 'answers', result.model_id, result.partial
+        return 'windows', result.specification_digest
+    return 'answers', result.model_id
 
 
 def _without(results: TactileResults, left_out: Sequence[Result]) -> TactileResults:

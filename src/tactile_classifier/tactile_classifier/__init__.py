@@ -40,7 +40,6 @@ _HOMES = {
     'RankSum': 'evaluation.significance',
     'rank_features': 'evaluation.significance',
     'rank_sum_p_values': 'evaluation.significance',
-    'evaluate_stopping': 'evaluation.early_answers',
     'train': 'training.trainer',
 }
 

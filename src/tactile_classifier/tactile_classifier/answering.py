@@ -3,7 +3,7 @@
 
 """Classification of each window by every model that fits it.
 
-`ModelSet` are all models of a finger; `Answering` counts their answers and tells news of them.
+`ModelSet` are all models of a finger; `Answering` counts their answers.
 """
 
 from __future__ import annotations
@@ -32,8 +32,6 @@ class ModelSet:
 
     Attributes
     ----------
-    partial_samples : tuple of int
-        Lengths of the partial windows that any of them answers, rising.
     infos : tuple of ModelInfo
         Facts of each model.
     """
@@ -46,7 +44,6 @@ class ModelSet:
     ) -> None:
         self.models = tuple(models)
         self.refused = tuple(refused)
-        self.partial_samples = tuple(sorted({n for m in models for n in m.partial_samples}))
         self.infos = tuple(_info_of(model, contact) for model in models)
         self._contact = contact
         self._digests: frozenset[str] = frozenset()
@@ -123,10 +120,10 @@ def _info_of(model: TactileModel, contact: str) -> ModelInfo:
 
 
 class Answering:
-    """Answers windows by a `ModelSet`, counts them and notes what people want to know.
+    """Answers windows by a `ModelSet`, and counts them.
 
-    ``counts`` are by name, as in the diagnostics; windows for others are full windows that no
-    model answers. ``mismatch`` says why the features of the last window are of another
+    ``counts`` are by name, as in the diagnostics; windows for others are those that no model
+    answers. ``mismatch`` says why the features of the last window are of another
     specification than its model's; empty where they are not. ``is_told``: the specifications of
     the feature node have been announced.
     """
@@ -138,13 +135,10 @@ class Answering:
             'answers': 0,
             'windows for others': 0,
             'windows of another specification': 0,
-            'answers on partial windows': 0,
         }
         self.is_told = False
         self.mismatch = ''
         self._by_id = {model.model_id: model for model in models.models}
-        self._decided: dict[str, tuple[str, int]] = {}
-        self._news: list[str] = []
 
     def announce(self, announced: FeatureSpecifications) -> tuple[str, ...]:
         """Take in the specifications of the feature node; return what is missing in them."""
@@ -155,24 +149,14 @@ class Answering:
     def answer(self, window: FeatureWindow) -> list[ClassificationResult]:
         """Return the answers on a window."""
         results = self.models.classify(window)
-        if window.partial:
-            self.counts['answers on partial windows'] += len(results)
-        else:
-            self.counts['windows'] += 1
-            self.counts['windows for others'] += not results
-            self.counts['answers'] += len(results)
+        self.counts['windows'] += 1
+        self.counts['windows for others'] += not results
+        self.counts['answers'] += len(results)
         if results:
             reasons = [self._by_id[each.model_id].format_mismatch(window) for each in results]
             self.mismatch = next(filter(None, reasons), '')
             self.counts['windows of another specification'] += bool(self.mismatch)
-        for result in results:
-            self._note(result)
         return results
-
-    def take_news(self) -> list[str]:
-        """Return sentences since the last call: decisions on partial windows."""
-        news, self._news = self._news, []
-        return news
 
     def values(self) -> dict[str, object]:
         """Return the counts by name, for diagnostics."""
@@ -181,15 +165,3 @@ class Answering:
             'models': len(self.models.models),
             'refused model files': len(self.models.refused),
         }
-
-    def _note(self, result: ClassificationResult) -> None:
-        if not result.partial:
-            return
-        trial = (result.trial_id, result.window_start_ns)
-        if result.decided and trial != self._decided.get(result.model_id):
-            self._decided[result.model_id] = trial
-            seconds = (result.window_end_ns - result.window_start_ns) / 1e9
-            self._news.append(
-                f'{result.model_id}: {result.label} after {seconds:.2f} s of the window, '
-                f'probability {max(result.scores):.3f} (trial {result.trial_id})'
-            )

@@ -50,7 +50,7 @@ def model_infos_from_msg(message: Any) -> ModelInfos:
     )
 
 
-_CONVERTED = ('outcome', 'labels', 'scores', 'frame_id', 'partial')
+_CONVERTED = ('outcome', 'labels', 'scores', 'frame_id')
 _TIMES = ('window_start_ns', 'window_end_ns')
 _AS_THEY_ARE = tuple(
     field.name
@@ -71,7 +71,6 @@ def classification_to_msg(result: ClassificationResult) -> Any:
         outcome=int(result.outcome),
         labels=list(result.labels),
         scores=list(result.scores),
-        running=result.partial,
         window_start=time_to_msg(result.window_start_ns),
         window_end=time_to_msg(result.window_end_ns),
         **{name: getattr(result, name) for name in _AS_THEY_ARE},
@@ -92,7 +91,6 @@ def classification_from_msg(message: Any) -> ClassificationResult:
         outcome=_read_outcome(message.outcome),
         labels=tuple(message.labels),
         scores=tuple(float(score) for score in message.scores),
-        partial=bool(message.running),
         window_start_ns=_to_ns(message.window_start),
         window_end_ns=_to_ns(message.window_end),
         frame_id=message.header.frame_id,

@@ -68,10 +68,6 @@ class ClassificationResult:
         Negative: the model has none.
     false_alarm_rate : float
         Share of windows of known labels that the threshold rejects [1]; negative: none.
-    partial, decided : bool
-        An answer on the first part of a window, and whether the stopping rule holds.
-    error_rate : float
-        Share of wrong answers that the stopping rule allows [1]; negative: no rule.
     window_start_ns, window_end_ns : int
         Times of the window's first and last sample (ROS time) [ns].
     """
@@ -93,9 +89,6 @@ class ClassificationResult:
     window_end_ns: int
     frame_id: str
     false_alarm_rate: float = -1.0
-    partial: bool = False
-    decided: bool = True
-    error_rate: float = -1.0
 
 
 @dataclasses.dataclass(frozen=True)

@@ -30,7 +30,7 @@ from tactile_ros.node_group import run_node
 from tactile_ros.qos import LATEST, RESULTS
 from tactile_ros.stages import RecordPublisher, Stage, StageNode
 
-FEATURES_TOPIC, PARTIAL_TOPIC = 'tactile_features/features', 'tactile_features/partial_features'
+FEATURES_TOPIC = 'tactile_features/features'
 SPECIFICATIONS_TOPIC = 'tactile_features/specifications'
 
 LOG_PERIOD_S = 10.0
@@ -49,7 +49,11 @@ class ClassifierStage(Stage):
         models = ModelSet.load(config.models, config.contact)
         self.answering = Answering(models)
         self._log_models(models)
-        self._publishers = [self._make_publisher('~/classification')]
+        self._publishers = [
+            RecordPublisher(
+                node, Classification, '~/classification', classification_to_msg, RESULTS
+            )
+        ]
         if vision is not None:
             self._publishers.append(
                 RecordPublisher(
@@ -60,11 +64,6 @@ class ClassifierStage(Stage):
                     RESULTS,
                 )
             )
-        self._partial_publishers: list[RecordPublisher] = []
-        topics = [FEATURES_TOPIC]
-        if models.partial_samples:
-            self._partial_publishers.append(self._make_publisher('~/partial_classification'))
-            topics.append(PARTIAL_TOPIC)
         # A plain publisher: the models are a state, also of an inactive node.
         self._infos = node.create_publisher(ModelInfosMsg, '~/models', LATEST)
         now_ns = node.get_clock().now().nanoseconds
@@ -78,20 +77,19 @@ class ClassifierStage(Stage):
             lambda msg: self._warn(*self.answering.announce(specifications_from_msg(msg))),
             LATEST,
         )
-        for topic in topics:
-            node.listen(
-                TactileFeatures,
-                topic,
-                lambda msg: self.add_window(feature_window_from_msg(msg)),
-                RESULTS,
-            )
+        node.listen(
+            TactileFeatures,
+            FEATURES_TOPIC,
+            lambda msg: self.add_window(feature_window_from_msg(msg)),
+            RESULTS,
+        )
 
     def close(self) -> None:
         """Give the topics back."""
         self._diagnostics.close()
         self._node.destroy_subscription(self._specifications)
         del self._specifications  # a circle would keep the models
-        for publisher in (*self._publishers, *self._partial_publishers):
+        for publisher in self._publishers:
             publisher.close()
         self._node.destroy_publisher(self._infos)
 
@@ -99,18 +97,12 @@ class ClassifierStage(Stage):
         """Answer a window of features, while the node is active."""
         if not self._node.is_active:
             return
-        publishers = self._partial_publishers if window.partial else self._publishers
         for result in self.answering.answer(window):
-            for publisher in publishers:
+            for publisher in self._publishers:
                 publisher.publish(result)
         log = self._node.get_logger()
         if self.answering.mismatch:
             log.warning(plain_text(self.answering.mismatch), throttle_duration_sec=LOG_PERIOD_S)
-        for sentence in self.answering.take_news():
-            log.info(plain_text(sentence))
-
-    def _make_publisher(self, topic: str) -> RecordPublisher:
-        return RecordPublisher(self._node, Classification, topic, classification_to_msg, RESULTS)
 
     def _log_models(self, models: ModelSet) -> None:
         self._warn(*models.refused)
@@ -140,9 +132,9 @@ class ClassifierStage(Stage):
 class TactileClassifierNode(StageNode):
     """Publishes ``~/classification``: for each window, one answer of each model that fits.
 
-    Answers on partial windows, while a window fills, go to ``~/partial_classification``; the
-    first decided one of each trial goes to the log. With the parameter ``vision_messages``
-    answers go to ``~/vision_classification``, too. The models are latched on ``~/models``.
+    A model of early windows answers while the phase goes on, with probabilities and an unknown of
+    its own. With the parameter ``vision_messages`` answers go to ``~/vision_classification``, too.
+    The models are latched on ``~/models``.
 
     Configuring loads the models. A file that cannot be used is named, and the others run.
     """

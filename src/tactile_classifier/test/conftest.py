@@ -76,16 +76,19 @@ def stiffness_table():
 
 
 @pytest.fixture(scope='session')
-def partial_tables(texture_table):
-    """Return 4 labels of full windows, and what their first 1 and 2 s might give."""
-    table = texture_table.take(texture_table.labels < 'plate 4')
-    rng = np.random.default_rng(11)
+def four_labels(texture_table):
+    """Return the trials of four labels."""
+    return texture_table.take(texture_table.labels < 'plate 4')
 
-    def blur(size_n):
-        values = np.abs(table.values + size_n * rng.normal(size=table.values.shape))
-        return FeatureTable(values, table.labels, table.spec, table.columns)
 
-    return table, {60: blur(0.005), 120: blur(0.001)}
+@pytest.fixture(scope='session')
+def early_table(four_labels):
+    """Return what the first second of the trials of four labels might give."""
+    config = FeatureConfig(texture_samples=60, early_windows=True)
+    spec = spec_for('texture', config)
+    noise = 0.005 * np.random.default_rng(11).normal(size=(len(four_labels), len(spec.names)))
+    values = np.abs(four_labels.values[:, : len(spec.names)] + noise)
+    return FeatureTable(values, four_labels.labels, spec, four_labels.columns)
 
 
 @pytest.fixture(scope='session')
@@ -96,10 +99,10 @@ def model_path(small_table, tmp_path_factory):
 
 
 @pytest.fixture(scope='session')
-def partial_path(partial_tables, tmp_path_factory):
-    """Return a model of the nearest neighbours that answers after 1 and 2 s, too."""
-    path = tmp_path_factory.mktemp('models') / 'partial.npz'
-    write_model(path, train(partial_tables[0], 'knn', partial=partial_tables[1]))
+def early_path(early_table, tmp_path_factory):
+    """Return a model of the nearest neighbours for early windows of a second."""
+    path = tmp_path_factory.mktemp('models') / 'early.npz'
+    write_model(path, train(early_table, 'knn'))
     return path
 
 

@@ -23,7 +23,6 @@ _HOMES = {
     'TrialEvent': '.records',
     'TrialFeatureExtractor': '.extraction.extractor',
     'UndefinedFeatureError': '.errors',
-    'WantedFeatures': '.spec',
     'WindowSamples': '.feature_sets.feature_set',
     'WindowSpec': '.feature_sets.feature_set',
     'compute_regression': '.feature_sets.stiffness',

@@ -8,7 +8,6 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 from typing import Any
 
 from tactile_features.errors import FeatureError
@@ -30,9 +29,6 @@ from tactile_ros.configs import check_parameters, parameter
 MIN_DETECTION_HZ = 20.0
 """Slowest sensor in whose tension phases are found."""
 
-MIN_PARTIAL_SAMPLES = 30
-"""Fewest samples of a partial window: half a second at 60 Hz."""
-
 
 @dataclass(frozen=True)
 class FeatureConfig(WindowParameters):
@@ -50,13 +46,6 @@ class FeatureConfig(WindowParameters):
         'over a stretch of surface at any sliding speed, which trial events must then state; '
         'glide_waveform and spatial_waveform, the tension itself over time and over the surface; '
         'or a set of another package',
-    )
-    partial_samples: tuple[int, ...] = parameter(
-        (),
-        'lengths of the partial windows of texture whose features are published on '
-        '~/partial_features, in samples; rising, 30 or more and fewer than texture_samples',
-        unit='1',
-        element=int,
     )
     stiffness_features: str = parameter(
         SET_STIFFNESS_REGRESSION,
@@ -126,21 +115,8 @@ class FeatureConfig(WindowParameters):
                 f'rate_hz is {self.rate_hz:g}; phases are found in a tension of at least '
                 f'{MIN_DETECTION_HZ:g} Hz'
             )
-        # A parameter file gives a list, which is no constant.
-        object.__setattr__(self, 'partial_samples', tuple(self.partial_samples))
-        texture = self.feature_set(PHASE_GLIDE)
+        self.feature_set(PHASE_GLIDE)
         self.feature_set(PHASE_HOLD)
-        if self.partial_samples and not texture.has_parts:
-            raise FeatureError(
-                f'{texture.name} has no partial windows; leave partial_samples empty'
-            )
-        counts = (MIN_PARTIAL_SAMPLES - 1, *self.partial_samples, self.texture_samples)
-        if self.partial_samples and not all(a < b for a, b in pairwise(counts)):
-            raise FeatureError(
-                f'partial_samples are {list(self.partial_samples)}; they must rise from '
-                f'{MIN_PARTIAL_SAMPLES} or more to fewer than texture_samples, which is '
-                f'{self.texture_samples}'
-            )
         texture_s = self.texture_crop_start_s + self.texture_samples / self.rate_hz
         stiffness_s = self.stiffness_settle_s + self.stiffness_min_s
         if max(texture_s, stiffness_s) > self.buffer_s:

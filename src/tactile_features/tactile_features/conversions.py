@@ -20,7 +20,7 @@ import numpy as np
 from tactile_features import records
 from tactile_features.errors import FeatureError
 from tactile_features.records import FeatureWindow, Outcome, TrialEvent
-from tactile_features.spec import FeatureSpec, FeatureSpecifications, WantedFeatures
+from tactile_features.spec import FeatureSpec, FeatureSpecifications
 from tactile_ros.errors import MessageError
 from tactile_ros.message_classes import time_to_msg
 from tactile_ros.strain import StrainBlock, StrainStatus
@@ -165,7 +165,6 @@ def feature_window_from_msg(msg: Any) -> FeatureWindow:
             window_start_ns=_stamp_from_msg(msg.window_start),
             window_end_ns=_stamp_from_msg(msg.window_end),
             frame_id=msg.header.frame_id,
-            partial=bool(msg.running),
         )
     )
 
@@ -187,7 +186,6 @@ def feature_window_to_msg(window: FeatureWindow) -> Any:
         window_start=time_to_msg(fields.pop('window_start_ns')),
         window_end=time_to_msg(end_ns),
         outcome=int(fields.pop('outcome')),
-        running=fields.pop('partial'),
         values=fields.pop('values').tolist(),
         **fields,
     )
@@ -198,11 +196,10 @@ def specifications_to_msg(announced: FeatureSpecifications) -> Any:
     from tactile_msgs.msg import FeatureSpecification
     from tactile_msgs.msg import FeatureSpecifications as FeatureSpecificationsMsg
 
-    def to_msg(wanted: WantedFeatures) -> Any:
-        spec = wanted.spec
+    def to_msg(spec: FeatureSpec) -> Any:
         return FeatureSpecification(
             digest=spec.digest,
-            task=wanted.task,
+            task=spec.task,
             feature_set=spec.feature_set,
             version=spec.version,
             rate_hz=spec.rate_hz,
@@ -211,12 +208,11 @@ def specifications_to_msg(announced: FeatureSpecifications) -> Any:
             units=list(spec.units),
             parameter_names=list(spec.parameters),
             parameter_values=[json.dumps(value) for value in spec.parameters.values()],
-            partial_samples=list(wanted.partial_samples),
         )
 
     return FeatureSpecificationsMsg(
         header=_header(announced.stamp_ns),
-        specifications=[to_msg(wanted) for wanted in announced.wanted],
+        specifications=[to_msg(spec) for spec in announced.specs],
         config=json.dumps(dict(announced.config)),
     )
 
@@ -229,11 +225,11 @@ def specifications_from_msg(msg: Any) -> FeatureSpecifications:
     config = _from_json('config', msg.config)
     if not isinstance(config, dict):
         raise MessageError('config is no JSON object of parameters by name')
-    wanted = tuple(_wanted_from_msg(entry) for entry in msg.specifications)
-    return FeatureSpecifications(wanted, config, _stamp_from_msg(msg.header.stamp))
+    specs = tuple(_spec_from_msg(entry) for entry in msg.specifications)
+    return FeatureSpecifications(specs, config, _stamp_from_msg(msg.header.stamp))
 
 
-def _wanted_from_msg(msg: Any) -> WantedFeatures:
+def _spec_from_msg(msg: Any) -> FeatureSpec:
     names, values = list(msg.parameter_names), list(msg.parameter_values)
     if len(names) != len(values):
         raise MessageError(
@@ -255,7 +251,7 @@ def _wanted_from_msg(msg: Any) -> WantedFeatures:
             f'digest is {msg.digest}; that of the specification of {spec.feature_set} is '
             f'{spec.digest}: one of them was changed'
         )
-    return WantedFeatures(spec, tuple(int(count) for count in msg.partial_samples))
+    return spec
 
 
 def _from_json(field: str, text: str) -> Any:

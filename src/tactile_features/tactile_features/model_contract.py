@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The part of a model file that features need: task, contact, specification, partial windows.
+"""The part of a model file that features need: task, contact, specification.
 
 `tactile_classifier` reads the rest.
 """
@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
@@ -19,13 +18,8 @@ from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError, ModelFileError
 from tactile_features.feature_sets.registry import task_of
 from tactile_features.model_container import read_container
-from tactile_features.records import (
-    CONTACT_ABDUCTION,
-    CONTACT_FLEXION,
-    contacts_agree,
-    PROTOCOL_TEXTURE,
-)
-from tactile_features.spec import FeatureSpec, spec_for, WantedFeatures
+from tactile_features.records import CONTACT_ABDUCTION, CONTACT_FLEXION, contacts_agree
+from tactile_features.spec import FeatureSpec
 
 FORMAT_VERSION = 8
 """Of the manifest in a model file."""
@@ -49,14 +43,13 @@ class ModelContract:
     path : Path
     task, contact : str
         ``contact`` is empty for a model of any.
-    wanted : WantedFeatures
-        ``partial_samples`` are the lengths of the partial windows that the model answers.
+    spec : FeatureSpec
     """
 
     path: Path
     task: str
     contact: str
-    wanted: WantedFeatures
+    spec: FeatureSpec
 
 
 @dataclass(frozen=True)
@@ -67,7 +60,7 @@ class FeaturePlan:
     that the models decide otherwise than the node's, as ``name 90 (not 180)``.
     """
 
-    wanted: tuple[WantedFeatures, ...] = ()
+    specs: tuple[FeatureSpec, ...] = ()
     refused: tuple[str, ...] = ()
     overruled: tuple[str, ...] = ()
 
@@ -83,12 +76,12 @@ def plan_features(config: FeatureConfig, models: str | Path, contact: str = '') 
     def load(path: Path) -> ModelContract:
         contract = read_contract(path)
         with refusals_of(path):
-            contract.wanted.bind(config)
+            contract.spec.bind(config)
         return contract
 
     contracts, refused = load_usable(models, contact, load)
-    wanted = tuple(contract.wanted for contract in contracts)
-    return FeaturePlan(wanted, tuple(refused), _find_overruled(config, wanted))
+    specs = tuple(contract.spec for contract in contracts)
+    return FeaturePlan(specs, tuple(refused), _find_overruled(config, specs))
 
 
 def read_contracts(models: str | Path, contact: str = '') -> tuple[list[ModelContract], list[str]]:
@@ -113,9 +106,9 @@ def read_contract(path: Path) -> ModelContract:
     """Return the contract of a model file; `ModelFileError` when it cannot be used here."""
     with refusals_of(path):
         fields = check_version(read_container(path).manifest)
-        wanted = parse_wanted(fields)
-        wanted.bind(FeatureConfig(buffer_s=LONGEST_BUFFER_S))
-        return ModelContract(path, fields['task'], fields['contact'], wanted)
+        spec = parse_spec(fields)
+        spec.bind(FeatureConfig(buffer_s=LONGEST_BUFFER_S))
+        return ModelContract(path, fields['task'], fields['contact'], spec)
 
 
 def check_version(manifest: Mapping[str, Any]) -> dict[str, Any]:
@@ -130,9 +123,9 @@ def check_version(manifest: Mapping[str, Any]) -> dict[str, Any]:
     return fields
 
 
-def parse_wanted(fields: Mapping[str, Any]) -> WantedFeatures:
+def parse_spec(fields: Mapping[str, Any]) -> FeatureSpec:
     """Return the features that the entries of a manifest ask for; check task and contact."""
-    types = {'task': str, 'contact': str, 'spec': dict, DIGEST: str, 'stages': list}
+    types = {'task': str, 'contact': str, 'spec': dict, DIGEST: str}
     for name, expected in types.items():
         if type(fields.get(name)) is not expected:
             raise ModelFileError(f'its manifest has no valid entry "{name}"')
@@ -144,24 +137,11 @@ def parse_wanted(fields: Mapping[str, Any]) -> WantedFeatures:
         raise ModelFileError(
             f'its {DIGEST} is not that of its feature specification: one of them was changed'
         )
-    counts = _read_counts(fields['stages'])
-    _check_contract(fields['task'], fields['contact'], spec, counts)
-    return WantedFeatures(spec, counts[1:])
+    _check_contract(fields['task'], fields['contact'], spec)
+    return spec
 
 
-def _read_counts(stages: Sequence[Any]) -> tuple[int, ...]:
-    counts: list[int] = []
-    for stage in stages:
-        if not isinstance(stage, dict) or 'sample_count' not in stage:
-            raise ModelFileError('its manifest has no valid entry "stages"')
-        count = stage['sample_count']
-        if type(count) is not int:
-            raise ModelFileError('its manifest has no valid entry "sample_count" in "stages"')
-        counts.append(count)
-    return tuple(counts)
-
-
-def _check_contract(task: str, contact: str, spec: FeatureSpec, counts: tuple[int, ...]) -> None:
+def _check_contract(task: str, contact: str, spec: FeatureSpec) -> None:
     of_set = task_of(spec.feature_set)
     if not of_set:
         raise ModelFileError(
@@ -176,13 +156,6 @@ def _check_contract(task: str, contact: str, spec: FeatureSpec, counts: tuple[in
     if contact not in contacts:
         raise ModelFileError(
             f'its contact is "{contact}"; it must be {" or ".join(contacts[1:])}, or empty'
-        )
-    whole = spec.sample_count
-    rises = all(a < b for a, b in pairwise(counts)) and max(counts[1:], default=-1) < whole
-    if counts[:1] != (0,) or not rises:
-        raise ModelFileError(
-            f'its stages have {list(counts)} samples; they must be 0, for the full window, and '
-            f'then rise to fewer than {whole}'
         )
 
 
@@ -255,22 +228,16 @@ def refusals_of(path: str | Path) -> Iterator[None]:
         raise ModelFileError(f'model {path} is refused: {error}') from error
 
 
-def _find_overruled(config: FeatureConfig, wanted: Sequence[WantedFeatures]) -> tuple[str, ...]:
+def _find_overruled(config: FeatureConfig, specs: Sequence[FeatureSpec]) -> tuple[str, ...]:
     """Return the parameters that are stated otherwise than the models need them."""
     default, found = FeatureConfig(), []
     needed: dict[str, list[Any]] = {}
-    for each in wanted:
-        for name, value in each.spec.config_values().items():
+    for spec in specs:
+        for name, value in spec.config_values().items():
             needed.setdefault(name, []).append(value)
     for name, values in needed.items():
         stated = getattr(config, name)
         if stated != getattr(default, name) and any(value != stated for value in values):
             texts = dict.fromkeys(str(value) for value in values)
             found.append(f'{name} {" and ".join(texts)} (not {stated})')
-    glides = [each for each in wanted if each.task == PROTOCOL_TEXTURE]
-    counts = {count for each in glides for count in each.partial_samples}
-    own = spec_for(PROTOCOL_TEXTURE, config)
-    is_own = any(spec_for(PROTOCOL_TEXTURE, each.bind(config)) == own for each in glides)
-    if glides and not is_own and set(config.partial_samples) - counts:
-        found.append(f'partial_samples {sorted(counts)} (not {list(config.partial_samples)})')
     return tuple(found)

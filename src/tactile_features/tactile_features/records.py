@@ -94,8 +94,6 @@ class FeatureWindow:
         sample belongs to the window [ns].
     first_sequence, sample_count, interpolated_count : int
         0 when no sample belongs to the window.
-    partial : bool
-        The first part of a window that still fills.
     speed_m_s : float
         Sliding speed that the features were computed with; 0: they need none [m/s].
     specification_digest : str
@@ -120,7 +118,6 @@ class FeatureWindow:
     interpolated_count: int
     status: int
     frame_id: str
-    partial: bool = False
     speed_m_s: float = 0.0
     specification_digest: str = ''
     stamp_error_s: float = -1.0

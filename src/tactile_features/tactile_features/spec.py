@@ -23,7 +23,6 @@ from tactile_features.feature_sets.registry import (
     PHASE_OF_TASK,
     task_of,
 )
-from tactile_features.records import PHASE_GLIDE
 
 EARLY = 'early_windows'
 """Parameter of the specifications whose windows are given out when their samples are there."""
@@ -146,6 +145,47 @@ class FeatureSpec:
                 values[name] = int(value) if name == 'max_gap_samples' else value
         return values
 
+    @property
+    def task(self) -> str:
+        """The task that its windows answer; empty: its feature set is not installed here."""
+        return task_of(self.feature_set)
+
+    def bind(self, config: FeatureConfig) -> FeatureConfig:
+        """Return a configuration that yields these features.
+
+        Parameters
+        ----------
+        config : FeatureConfig
+            States the rest: limits, time-outs, and the parameters that the specification of
+            ready-cut windows misses.
+
+        Raises
+        ------
+        FeatureError
+            When these features cannot be computed here, or not within the limits of ``config``.
+        """
+        found = find_feature_set(self.feature_set)
+        if found is None:
+            raise FeatureError(
+                f'the feature set "{self.feature_set}" is not installed here: install the package '
+                'that the model was trained with'
+            )
+        values = self.config_values()
+        for name, value in values.items():
+            if isinstance(value, str) != isinstance(getattr(config, name), str):
+                raise FeatureError(f'{name} of the {self.feature_set} features is {value!r}')
+        bound = dataclasses.replace(config, **values)
+        computed = spec_of(bound.feature_set(found.phase))
+        reason = self.mismatch(computed)
+        if unknown := sorted(set(self.parameters) - set(computed.parameters)):
+            reason = reason or f'the parameter {unknown[0]} is not known there'
+        if reason:
+            raise FeatureError(
+                f'the {self.feature_set} features that are wanted are not those of this '
+                f'installation: {reason} (here: wanted, there: installed); train the model again'
+            )
+        return bound
+
     def mismatch(self, other: FeatureSpec) -> str:
         """Return why features of ``other`` must not be taken for these, or an empty string.
 
@@ -173,71 +213,12 @@ class FeatureSpec:
 
 
 @dataclass(frozen=True)
-class WantedFeatures:
-    """One specification, and the partial windows of it that somebody wants.
-
-    Attributes
-    ----------
-    spec : FeatureSpec
-    partial_samples : tuple of int
-        Lengths of the partial windows, rising.
-    """
-
-    spec: FeatureSpec
-    partial_samples: tuple[int, ...] = ()
-
-    @property
-    def task(self) -> str:
-        """The task that its windows answer; empty: its feature set is not installed here."""
-        return task_of(self.spec.feature_set)
-
-    def bind(self, config: FeatureConfig) -> FeatureConfig:
-        """Return a configuration that yields these features.
-
-        Parameters
-        ----------
-        config : FeatureConfig
-            States the rest: limits, time-outs, and the parameters that the specification of
-            ready-cut windows misses.
-
-        Raises
-        ------
-        FeatureError
-            When these features cannot be computed here, or not within the limits of ``config``.
-        """
-        spec = self.spec
-        found = find_feature_set(spec.feature_set)
-        if found is None:
-            raise FeatureError(
-                f'the feature set "{spec.feature_set}" is not installed here: install the package '
-                'that the model was trained with'
-            )
-        if self.partial_samples and found.phase != PHASE_GLIDE:
-            raise FeatureError(f'{spec.feature_set} has no partial windows; a model wants some')
-        values = spec.config_values()
-        for name, value in values.items():
-            if isinstance(value, str) != isinstance(getattr(config, name), str):
-                raise FeatureError(f'{name} of the {spec.feature_set} features is {value!r}')
-        bound = dataclasses.replace(config, **values, partial_samples=self.partial_samples)
-        computed = spec_of(bound.feature_set(found.phase))
-        reason = spec.mismatch(computed)
-        if unknown := sorted(set(spec.parameters) - set(computed.parameters)):
-            reason = reason or f'the parameter {unknown[0]} is not known there'
-        if reason:
-            raise FeatureError(
-                f'the {spec.feature_set} features that are wanted are not those of this '
-                f'installation: {reason} (here: wanted, there: installed); train the model again'
-            )
-        return bound
-
-
-@dataclass(frozen=True)
 class FeatureSpecifications:
     """Specifications that a feature node computes, as it announces them.
 
     Attributes
     ----------
-    wanted : tuple of WantedFeatures
+    specs : tuple of FeatureSpec
         Distinct by digest.
     config : mapping
         Parameters of the node by name, as of `FeatureConfig`: what all windows share.
@@ -245,14 +226,9 @@ class FeatureSpecifications:
         Time of the configuration (ROS time) [ns].
     """
 
-    wanted: tuple[WantedFeatures, ...]
+    specs: tuple[FeatureSpec, ...]
     config: Mapping[str, Any] = field(default_factory=dict)
     stamp_ns: int = 0
-
-    @property
-    def specs(self) -> tuple[FeatureSpec, ...]:
-        """The specifications without their partial windows."""
-        return tuple(each.spec for each in self.wanted)
 
 
 def _describe(

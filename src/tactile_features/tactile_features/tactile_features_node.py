@@ -58,7 +58,7 @@ class FeaturesStage(Stage):
         self._emit = emit
         shared = config.shared()
         plan = plan_features(shared, config.models, config.contact)
-        self.extractor = TrialFeatureExtractor(shared, plan.wanted)
+        self.extractor = TrialFeatureExtractor(shared, plan.specs)
         self._refused = plan.refused
         for sentence in plan.refused:
             node.get_logger().warning(sentence)
@@ -66,9 +66,8 @@ class FeaturesStage(Stage):
             node.get_logger().info(f'the models decide: {", ".join(plan.overruled)}')
         self._begun_ns, self._begun_s = time.time_ns(), time.monotonic()
         self._assessed_blocks = 0
-        self._features, self._partial = (
-            RecordPublisher(node, TactileFeatures, topic, feature_window_to_msg, RESULTS)
-            for topic in ('~/features', '~/partial_features')
+        self._features = RecordPublisher(
+            node, TactileFeatures, '~/features', feature_window_to_msg, RESULTS
         )
         self._detected = node.create_lifecycle_publisher(
             TrialEventMsg, '~/detected_events', EVENTS
@@ -78,7 +77,7 @@ class FeaturesStage(Stage):
             FeatureSpecificationsMsg, '~/specifications', LATEST
         )
         announced = FeatureSpecifications(
-            self.extractor.wanted,
+            self.extractor.specifications,
             dataclasses.asdict(self.extractor.config),
             node.get_clock().now().nanoseconds,
         )
@@ -112,7 +111,6 @@ class FeaturesStage(Stage):
         node.destroy_subscription(self._events)
         del self._events, self._timeout  # circles would keep the samples
         self._features.close()
-        self._partial.close()
         node.destroy_lifecycle_publisher(self._detected)
         node.destroy_publisher(self._specifications)
 
@@ -143,7 +141,7 @@ class FeaturesStage(Stage):
                 self._node.get_logger().warning(
                     plain_text(f'no features of trial {window.trial_id}: {window.reason}')
                 )
-            (self._partial if window.partial else self._features).publish(window)
+            self._features.publish(window)
             if self._node.is_active:
                 self._emit(window)
 
@@ -170,10 +168,9 @@ class FeaturesStage(Stage):
 class TactileFeaturesNode(StageNode):
     """Publishes ``~/features`` for the trials seen on the strain and event topics.
 
-    Windows that still fill go to ``~/partial_features``, where nobody takes them for
-    finished ones; phases found in the signal go to ``~/detected_events``. The specification of
-    each kind of window is latched on ``~/specifications``. With the parameter ``models`` the
-    model files decide what is computed.
+    Phases found in the signal go to ``~/detected_events``. The specification of each kind of
+    window is latched on ``~/specifications``. With the parameter ``models`` the model files
+    decide what is computed: full windows, early ones of several lengths, or both.
 
     A window whose samples do not come is refused after ``samples_timeout_s``, also while
     nothing at all comes any more.

@@ -18,15 +18,13 @@ sys.path.insert(0, str(Path(__file__).parent))
 def make_model_file():
     """Return a writer of a file that asks for features."""
 
-    def make(path, wanted, contact='flexion', **changes):
-        stages = [{'sample_count': count} for count in (0, *wanted.partial_samples)]
+    def make(path, spec, contact='flexion', **changes):
         fields = {
             'format_version': 8,
-            'task': wanted.task,
+            'task': spec.task,
             'contact': contact,
-            'spec': wanted.spec.to_dict(),
-            'specification_digest': wanted.spec.digest,
-            'stages': stages,
+            'spec': spec.to_dict(),
+            'specification_digest': spec.digest,
         }
         path.write_bytes(pack_container({**fields, **changes}, {}))
         return path

@@ -8,7 +8,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
@@ -118,6 +118,27 @@ def plot_all_trials(path: Path, trials: Sequence[Trial]) -> None:
     )
     figure.supxlabel('time [s]')
     figure.supylabel('tension [N]')
+    figure.savefig(path, dpi=130)
+
+
+def plot_accuracy_by_length(
+    path: Path, curves: Mapping[str, Sequence[tuple[float, float]]], *, simulated: bool
+) -> None:
+    """Draw the error of models against the length of their window.
+
+    ``curves``: by model, pairs of seconds and accuracy [1].
+    """
+    figure = Figure(figsize=(6.2, 3.2), layout='constrained')
+    axes = figure.subplots()
+    for name, points in curves.items():
+        seconds, accuracies = zip(*sorted(points), strict=True)
+        errors = [100.0 * (1.0 - accuracy) for accuracy in accuracies]
+        axes.plot(seconds, errors, 'o-', ms=4, lw=1.2, label=name)
+    axes.set(xlim=(0, None), ylim=(0, None), xlabel='window [s]', ylabel='wrong labels [%]')
+    axes.set_title('SIMULATED' if simulated else '', fontsize=9)
+    axes.grid(alpha=0.2, lw=0.5)
+    if curves:
+        legend_outside(figure, 'upper right', fontsize=8)
     figure.savefig(path, dpi=130)
 
 

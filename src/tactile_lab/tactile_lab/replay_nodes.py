@@ -35,8 +35,6 @@ from tactile_ros.topics import (
     EVENT,
     EVENT_TOPIC,
     FEATURES_TOPIC,
-    PARTIAL_CLASSIFICATION_TOPIC,
-    PARTIAL_FEATURES_TOPIC,
     STRAIN,
     STRAIN_TOPIC,
 )
@@ -85,11 +83,8 @@ def replay_through_nodes(
             executor.add_node(node)
         features = nodes[0]
         topics = {FEATURES_TOPIC.name: TactileFeatures}
-        topics[PARTIAL_FEATURES_TOPIC.name] = TactileFeatures
         if choice:
             topics[CLASSIFICATION_TOPIC.name] = Classification
-        if any(answer.partial for answer in expected.classifications):
-            topics[PARTIAL_CLASSIFICATION_TOPIC.name] = Classification
 
         def take(message: Any) -> None:
             if isinstance(message, TactileFeatures):

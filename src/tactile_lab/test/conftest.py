@@ -90,5 +90,5 @@ def trained(stiffness_bag, tmp_path_factory):
 
     folder = tmp_path_factory.mktemp('models')
     for (task, contact), table in read_tables([stiffness_bag]).tables.items():
-        write_model(model_path(folder, task, contact), train(table, 'knn'))
+        write_model(model_path(folder, (task, contact)), train(table, 'knn'))
     return folder

@@ -50,17 +50,11 @@ class RecordedTopic:
 STRAIN_TOPIC = RecordedTopic('tendon_sensor/strain', STRAIN)
 EVENT_TOPIC = RecordedTopic('trial_runner/events', EVENT, latched=True, of_rig=True)
 FEATURES_TOPIC = RecordedTopic('tactile_features/features', FEATURES)
-PARTIAL_FEATURES_TOPIC = RecordedTopic(
-    'tactile_features/partial_features', FEATURES, optional=True
-)
 SPECIFICATIONS_TOPIC = RecordedTopic(
     'tactile_features/specifications', SPECIFICATIONS, latched=True
 )
 CLASSIFICATION_TOPIC = RecordedTopic(
     'tactile_classifier/classification', CLASSIFICATION, of_classifier=True
-)
-PARTIAL_CLASSIFICATION_TOPIC = RecordedTopic(
-    'tactile_classifier/partial_classification', CLASSIFICATION, optional=True
 )
 MODELS_TOPIC = RecordedTopic('tactile_classifier/models', MODELS, latched=True, of_classifier=True)
 
@@ -68,7 +62,6 @@ FINGER_TOPICS = (
     STRAIN_TOPIC,
     EVENT_TOPIC,
     FEATURES_TOPIC,
-    PARTIAL_FEATURES_TOPIC,
     SPECIFICATIONS_TOPIC,
     RecordedTopic('tactile_features/detected_events', EVENT, latched=True, optional=True),
     RecordedTopic('tendon_sensor/wrench', WRENCH),
@@ -76,7 +69,6 @@ FINGER_TOPICS = (
     RecordedTopic('linear_guide/joint_states', JOINT_STATE, of_rig=True),
     RecordedTopic('tendon_actuator/joint_states', JOINT_STATE, of_rig=True),
     CLASSIFICATION_TOPIC,
-    PARTIAL_CLASSIFICATION_TOPIC,
     MODELS_TOPIC,
 )
 """Every topic of one finger that a recording holds."""

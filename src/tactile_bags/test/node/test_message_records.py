@@ -34,7 +34,7 @@ from tactile_features.conversions import (
 from tactile_msgs.msg import StrainBlock
 
 PHASES = ['approach', 'contact', 'glide', 'hold', 'release', 'return', 'done', 'aborted', 'pull']
-CONFIG = FeatureConfig(texture_crop_start_s=1 / 3, partial_samples=(60, 120), max_gap_samples=2)
+CONFIG = FeatureConfig(texture_crop_start_s=1 / 3, early_windows=True, max_gap_samples=2)
 
 uint32 = st.integers(0, 2**32 - 1) | st.sampled_from([0, 2**32 - 1, 999_999_999, 10**9])
 uint64 = st.integers(0, 2**64 - 1) | st.sampled_from([0, 1, 2**64 - 1, 2**63])
@@ -129,10 +129,12 @@ def test_reads_blocks_of_either_library(read):
 
 def test_specifications_come_back_as_they_were(read):
     announced = FeatureSpecifications(
-        TrialFeatureExtractor(CONFIG).wanted, dataclasses.asdict(CONFIG), 1_760_000_000_000_000_001
+        TrialFeatureExtractor(CONFIG).specifications,
+        dataclasses.asdict(CONFIG),
+        1_760_000_000_000_000_001,
     )
     found = specifications_from_msg(read(specifications_to_msg(announced)))
-    assert found.wanted == announced.wanted
+    assert found.specs == announced.specs
     assert [s.digest for s in found.specs] == [s.digest for s in announced.specs]
     assert FeatureConfig(**found.config) == CONFIG
     assert found.stamp_ns == announced.stamp_ns

@@ -110,7 +110,7 @@ class ModelChoice:
             raise TactileError(
                 f'{path} has no model for {task} {contact}'.rstrip() + f', only for {only}'
             )
-        rate_hz = shared_rate_hz(each.wanted.spec for each in contracts)
+        rate_hz = shared_rate_hz(each.spec for each in contracts)
         return cls(path.resolve(), contact, rate_hz)
 
     @classmethod

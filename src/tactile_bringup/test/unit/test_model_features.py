@@ -28,7 +28,7 @@ SPATIAL = FeatureConfig(
 def write(tmp_path):
     """Return a writer of models for windows cut by a config; the features mean nothing."""
 
-    def write(name, config, partial=()):
+    def write(name, config):
         task, _, contact = name.partition('_')
         labels = np.repeat(['a', 'b'], 24)
         spec = spec_for(task, config)
@@ -38,7 +38,7 @@ def write(tmp_path):
         table = FeatureTable(values, labels, spec, columns)
         path = tmp_path / 'models' / f'{name}.npz'
         path.parent.mkdir(exist_ok=True)
-        write_model(path, train(table, 'tree', partial=dict.fromkeys(partial, table)))
+        write_model(path, train(table, 'tree'))
         return path
 
     return write
@@ -52,7 +52,7 @@ def planned(fingers=None, params=None, **options):
 
 def test_models_with_different_features_share_a_finger(write, tmp_path):
     folder = write('texture_flexion', SPATIAL).parent
-    write('texture_abduction', FeatureConfig(), (30, 90))
+    write('texture_abduction', FeatureConfig(texture_samples=30, early_windows=True))
     write('stiffness_flexion', FeatureConfig(stiffness_settle_s=0.75))
     for contact in ({}, {'contact': 'flexion'}):
         nodes = planned(models=str(folder), **contact)
@@ -76,7 +76,7 @@ def test_the_rate_of_a_sensor_on_a_topic_is_that_of_the_models_that_are_taken(wr
 def test_a_finger_may_have_other_models_than_its_neighbour(write, tmp_path):
     paths = {
         'index': write('texture_flexion', SPATIAL),
-        'thumb': write('texture_abduction', FeatureConfig(), (60,)),
+        'thumb': write('texture_abduction', FeatureConfig(texture_samples=60, early_windows=True)),
     }
     hand = tmp_path / 'hand.yaml'
     hand.write_text(

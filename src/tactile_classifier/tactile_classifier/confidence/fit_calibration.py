@@ -305,14 +305,13 @@ def hold_out_probabilities(scores: Matrix, true: Indices, fold: Indices) -> Matr
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class CalibratedStage:
-    """Calibration of one length of window by held-out trials.
+class HeldOutCalibration:
+    """Probabilities and novelty of a model, from trials that were held out.
 
     ``calibration`` is fitted to all held-out scores, ``novelty`` to all trials; the threshold
     comes from ``held_out_novelty``, shape (trials,), by measures of the other folds. The errors
-    are expected calibration errors before and after calibration [1]. ``confidence``, shape
-    (trials,), is the probability of the answer by a map of the other folds, -1 where the trial is
-    rejected as unknown; ``wrong`` tells whether the answer is not the label.
+    are expected calibration errors before and after calibration [1]. ``accuracy`` is the share of
+    held-out trials whose answer is their label [1].
     """
 
     calibration: Calibration
@@ -321,13 +320,12 @@ class CalibratedStage:
     held_out_novelty: Matrix
     error_before: float
     error_after: float
-    confidence: Matrix
-    wrong: npt.NDArray[np.bool_]
+    accuracy: float
 
 
-def calibrate_stage(
+def calibrate_held_out(
     table: FeatureTable, classifier: str, scaling: str, folds: GroupFolds, false_alarm_rate: float
-) -> CalibratedStage:
+) -> HeldOutCalibration:
     """Hold out each fold in turn; return the calibration, the thresholds and their errors.
 
     Raises TooFewTrialsError when there are too few for the rate, or for the classifier.
@@ -337,13 +335,12 @@ def calibrate_stage(
     measure, novelty, threshold = fit_novelty(table, folds, false_alarm_rate)
     probabilities = hold_out_probabilities(scores, true, fold)
     uncalibrated = compute_uncalibrated(scores, SCORE_KINDS[classifier])
-    return CalibratedStage(
+    return HeldOutCalibration(
         calibration=fit_calibration(scores, true),
         novelty=measure,
         novelty_threshold=threshold,
         held_out_novelty=novelty,
         error_before=compute_calibration_error(uncalibrated, true),
         error_after=compute_calibration_error(probabilities, true),
-        confidence=np.where(novelty > threshold, -1.0, probabilities.max(axis=1)),
-        wrong=scores.argmax(axis=1) != true,
+        accuracy=float(np.mean(scores.argmax(axis=1) == true)),
     )

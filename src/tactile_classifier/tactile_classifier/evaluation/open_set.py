@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tactile_classifier.confidence.fit_calibration import (
-    calibrate_stage,
+    calibrate_held_out,
     compute_calibration_error,
     compute_uncalibrated,
     fit_novelty,
@@ -162,7 +162,7 @@ def _evaluate_fold(
 ) -> _Part:
     train, test = table.take(~held_out), table.take(held_out)
     inner = make_group_folds(train, columns)
-    stage = calibrate_stage(train, classifier, scaling, inner, rate)
+    calibrated = calibrate_held_out(train, classifier, scaling, inner, rate)
     scores, true = score_held_out(table, held_out, classifier, scaling)
     before = compute_uncalibrated(scores, SCORE_KINDS[classifier])
     unknown = {}
@@ -175,10 +175,10 @@ def _evaluate_fold(
         novelty = measure.compute(test.values)
         unknown[str(label)] = compute_auroc(is_new, novelty), novelty[is_new] <= threshold
     return _Part(
-        rejected=stage.novelty.compute(test.values) > stage.novelty_threshold,
+        rejected=calibrated.novelty.compute(test.values) > calibrated.novelty_threshold,
         right=scores.argmax(axis=1) == true,
         before=before,
-        after=stage.calibration.compute(scores),
+        after=calibrated.calibration.compute(scores),
         true=true,
         unknown=unknown,
         calibration_split=inner.split,

@@ -26,7 +26,7 @@ from tactile_features.model_contract import (
     check_version,
     DIGEST,
     FORMAT_VERSION,
-    parse_wanted,
+    parse_spec,
 )
 from tactile_features.spec import FeatureSpec
 from tactile_ros.errors import plain_text
@@ -36,30 +36,22 @@ KNOWN_NOVELTY = 'held_out_novelty'
 
 
 @dataclasses.dataclass(frozen=True)
-class Stage:
-    """Thresholds of the answers on one length of window, of ``sample_count`` samples (0: all).
+class Confidence:
+    """Probabilities and thresholds of the answers.
 
     ``metric`` is the kind of novelty, empty without one. ``novelty_threshold`` is the novelty
     above which the answer is "unknown" [1]; negative: none. ``slope`` and ``offset`` are those of
-    the `Calibration`; negative: scores are raw.
-    ``stop_threshold`` is the probability from which one need not wait for more samples [1];
-    negative: never. Calibration errors (expected) and accuracy are on held-out trials [1];
-    negative: not calibrated.
+    the `Calibration`; negative: scores are raw. Calibration errors (expected) and accuracy are on
+    held-out trials [1]; negative: not calibrated.
     """
 
-    sample_count: int = 0
     metric: str = ''
     novelty_threshold: float = -1.0
     slope: float = -1.0
     offset: float = -1.0
-    stop_threshold: float = -1.0
     calibration_error_before: float = -1.0
     calibration_error_after: float = -1.0
     accuracy: float = -1.0
-
-
-FULL_WINDOW = Stage()
-"""A full window without novelty and calibration."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -105,20 +97,16 @@ class Manifest:
         by which features and classifier were chosen (`FeatureChoice.summarise`), where so.
     created : str
         When it was trained (ISO 8601, UTC).
-    stages : tuple of Stage
-        The full window, then the partial ones by rising sample count.
+    confidence : Confidence
     calibration : mapping
         ``split``, ``groups``, ``trials`` and ``held_out``, the columns that make a group, of the
         held-out trials behind the thresholds and probabilities, and ``session_share``, the share
         of new groups in which the thresholds hold (negative: there were no groups), or ``reason``
-        why there are none.
-        ``held_out_novelty``: for each stage the novelties of held-out trials, by group.
+        why there are none. ``held_out_novelty``: the novelties of held-out trials, by group.
         ``unlearned``: rejection of labels left out in turn (`UnlearnedLabels`).
     false_alarm_rate : float
         Share of windows of known labels that the thresholds reject [1]; negative: no
         thresholds.
-    stop_error_rate : float
-        Share of wrong answers among those given early [1]; negative: no partial windows.
     """
 
     task: str
@@ -134,23 +122,17 @@ class Manifest:
     versions: Mapping[str, str]
     cross_validation: Mapping[str, Any]
     created: str
-    stages: tuple[Stage, ...] = (FULL_WINDOW,)
+    confidence: Confidence = Confidence()
     calibration: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     false_alarm_rate: float = -1.0
-    stop_error_rate: float = -1.0
     training: TrainingTrials = TrainingTrials()
-
-    @property
-    def partial_samples(self) -> tuple[int, ...]:
-        """Sample counts of the partial windows that the model answers."""
-        return tuple(stage.sample_count for stage in self.stages[1:])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the manifest as what JSON can hold."""
         fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         fields['spec'] = self.spec.to_dict()
         fields['labels'] = list(self.labels)
-        fields['stages'] = [dataclasses.asdict(stage) for stage in self.stages]
+        fields['confidence'] = dataclasses.asdict(self.confidence)
         fields['training'] = dataclasses.asdict(self.training)
         return {'format_version': FORMAT_VERSION, DIGEST: self.spec.digest, **fields}
 
@@ -159,10 +141,10 @@ class Manifest:
         """Return the manifest that `to_dict` gave; raise ModelFileError for other entries."""
         fields = check_version(entries)
         _check_types(fields)
-        fields['spec'] = parse_wanted(fields).spec
+        fields['spec'] = parse_spec(fields)
         del fields[DIGEST]
         fields['labels'] = tuple(fields['labels'])
-        fields['stages'] = tuple(_read_entry('stages', e, Stage()) for e in fields['stages'])
+        fields['confidence'] = _read_entry('confidence', fields['confidence'], Confidence())
         fields['training'] = _read_entry('training', fields['training'], TrainingTrials())
         manifest = cls(**fields)
         manifest._check()
@@ -182,7 +164,7 @@ class Manifest:
                 )
 
 
-_IN_JSON = {tuple: list, Mapping: dict, FeatureSpec: dict, TrainingTrials: dict}
+_IN_JSON = {tuple: list, Mapping: dict, FeatureSpec: dict, TrainingTrials: dict, Confidence: dict}
 _TYPES: dict[str, type] = {
     DIGEST: str,
     **{
@@ -191,7 +173,7 @@ _TYPES: dict[str, type] = {
     },
 }
 
-_Entry = TypeVar('_Entry', Stage, TrainingTrials)
+_Entry = TypeVar('_Entry', Confidence, TrainingTrials)
 
 
 def _read_entry(name: str, entry: Any, absent: _Entry) -> _Entry:
@@ -210,7 +192,7 @@ def _check_types(fields: dict[str, Any]) -> None:
     for name, expected in _TYPES.items():
         if type(fields.get(name)) is not expected:
             raise ModelFileError(f'its manifest has no valid entry "{name}"')
-    if not all(-1 <= fields[name] <= 1 for name in ('false_alarm_rate', 'stop_error_rate')):
+    if not -1 <= fields['false_alarm_rate'] <= 1:
         raise ModelFileError('its manifest has a rate that is not between 0 and 1')
     if not all(type(label) is str for label in fields['labels']):
         raise ModelFileError('its manifest has no valid entry "labels"')
@@ -248,7 +230,7 @@ def format_features(spec: FeatureSpec) -> str:
 @refuse_damage('an entry of its manifest is')
 def list_facts(manifest: Manifest) -> dict[str, str]:
     """Return the facts of the card by name; raise ModelFileError when an entry is damaged."""
-    whole, *partial = manifest.stages
+    confidence = manifest.confidence
     score, calibration, spec = manifest.cross_validation, manifest.calibration, manifest.spec
     more = len(manifest.labels) - MAX_LABELS
     labels = ', '.join(manifest.labels[:MAX_LABELS]) + f' and {more} more' * (more > 0)
@@ -258,6 +240,7 @@ def list_facts(manifest: Manifest) -> dict[str, str]:
         f'{SCALING_TITLES[manifest.scaling]}',
         **({'ties': KNN_TIES} if manifest.classifier == 'knn' else {}),
         'takes': f'{len(spec.names)} {format_features(spec)}, from '
+        + ('the first ' if spec.is_early else '')
         + (f'{spec.sample_count} samples' if spec.sample_count else 'windows of any length')
         + f' at {spec.rate_hz:g} Hz',
         'trained on': f'{manifest.trials} {_format_origin(manifest)} trials, '
@@ -267,19 +250,19 @@ def list_facts(manifest: Manifest) -> dict[str, str]:
         if score
         else 'not stated',
         'chosen': _format_choice(score.get('choice')),
-        'held out': f'{100 * whole.accuracy:.1f} % named correctly ({calibration["split"]})'
-        if whole.accuracy >= 0.0 and 'split' in calibration
+        'held out': f'{100 * confidence.accuracy:.1f} % named correctly ({calibration["split"]})'
+        if confidence.accuracy >= 0.0 and 'split' in calibration
         else f'not calibrated: {calibration.get("reason", "not stated")}',
         'scores': format_scores(manifest),
     }
-    before, after = whole.calibration_error_before, whole.calibration_error_after
+    before, after = confidence.calibration_error_before, confidence.calibration_error_after
     if after >= 0.0:
         facts['calibration error'] = (
             f'{100 * before:.1f} % before, {100 * after:.1f} % after, on held-out trials'
         )
-    if whole.novelty_threshold >= 0.0:
+    if confidence.novelty_threshold >= 0.0:
         facts['unknown'] = (
-            f'above novelty {whole.novelty_threshold:.2f}, at '
+            f'above novelty {confidence.novelty_threshold:.2f}, at '
             f'{100 * manifest.false_alarm_rate:g} % false rejection'
         )
         if 'unlearned' in calibration:
@@ -288,11 +271,6 @@ def list_facts(manifest: Manifest) -> dict[str, str]:
                 f'{100 * without["miss_rate"]:.0f} % of their trials get a known name: each of '
                 f'{without["labels"]} labels left out in turn'
             )
-    if partial:
-        facts['early predictions'] = ', '.join(
-            f'{stage.sample_count / spec.rate_hz:g} s {100 * stage.accuracy:.1f} %'
-            for stage in partial
-        )
     facts['made with'] = ', '.join(f'{name} {v}' for name, v in sorted(manifest.versions.items()))
     return facts
 
@@ -344,7 +322,7 @@ def list_limits(manifest: Manifest) -> list[str]:
         'Specimens of one label were not told apart: another plate or object of that name was '
         'not tested.'
     )
-    if manifest.stages[0].novelty_threshold >= 0.0:
+    if manifest.confidence.novelty_threshold >= 0.0:
         limits.append('An unknown object that feels like a known one is given its name.')
     else:
         limits.append('It never answers "unknown": every object is given a name.')

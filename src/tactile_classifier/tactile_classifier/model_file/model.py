@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tactile_classifier.errors import DatasetError, ModelFileError, refuse_damage
-from tactile_classifier.model_file.manifest import KNOWN_NOVELTY, Manifest, Stage
+from tactile_classifier.model_file.manifest import KNOWN_NOVELTY, Manifest
 from tactile_classifier.model_file.prediction import Predictions
 from tactile_classifier.model_file.samples import SampleWindow
 from tactile_classifier.model_file.storage import open_model
@@ -57,8 +57,6 @@ class Answer:
     p_value : float or None
         Share of held-out trials of known labels that are at least as novel, in the sessions that
         the threshold comes from [1]: small is novel.
-    is_decided : bool
-        False on the first part of a window while the rest could change the answer.
     missing : tuple of str
         One sentence for each of probabilities, novelty and p-value that there is none of.
     """
@@ -70,7 +68,6 @@ class Answer:
     novelty: float | None
     novelty_threshold: float | None
     p_value: float | None
-    is_decided: bool
     missing: tuple[str, ...]
 
 
@@ -82,7 +79,6 @@ class _Judged(NamedTuple):
     reason: str = ''
     scores: tuple[float, ...] = ()
     novelty: float = -1.0
-    is_decided: bool = False
 
 
 class _KnownNovelty(NamedTuple):
@@ -131,10 +127,8 @@ class TactileModel:
         What it can answer, in the order of its scores.
     model_id : str
         Task, contact, classifier and the first 12 digits of ``sha256``.
-    partial_samples : tuple of int
-        Sample counts of the partial windows that it answers.
-    predictors : mapping of int to Predictor
-        What predicts, by the number of samples; 0: full windows.
+    predictor : Predictor
+        What predicts.
     """
 
     def __init__(self, data: bytes, path: str = '') -> None:
@@ -152,11 +146,9 @@ class TactileModel:
                 self.sha256[:12],
             )
         )
-        self.partial_samples = self.manifest.partial_samples
         self._announced: Mapping[str, FeatureSpec] = {}
-        self._stages = {stage.sample_count: stage for stage in self.manifest.stages}
         self._known_novelty = _read_known_novelty(self.manifest)
-        self.predictors = contents.predictors
+        self.predictor = contents.predictor
 
     @property
     def task(self) -> str:
@@ -191,20 +183,16 @@ class TactileModel:
             return True
         return digest in self._announced and not self.spec.mismatch(self._announced[digest])
 
-    def compute(self, values: npt.ArrayLike, sample_count: int = 0) -> Predictions:
-        """Return the predictions on many windows of one length.
+    def compute(self, values: npt.ArrayLike) -> Predictions:
+        """Return the predictions on many windows.
 
         Parameters
         ----------
         values : array_like of shape (windows, k)
             Features in the order and units of ``spec``.
-        sample_count : int
-            Samples in the windows, one of ``partial_samples``; 0: full windows.
 
         Raises
         ------
-        KeyError
-            When the model has no answers for windows of that length.
         DatasetError
             When the values have another shape.
         """
@@ -215,11 +203,10 @@ class TactileModel:
                 f'the values have shape {rows.shape}; model {self.model_id} takes '
                 f'(windows, {len(self.spec.names)}){remedy}'
             )
-        predictor = self.predictors[sample_count]
         if not len(rows):
             none = np.empty((0, len(self.labels)))
             return Predictions(np.empty(0, dtype=np.intp), none, np.empty(0))
-        return predictor.compute(np.ascontiguousarray(rows))
+        return self.predictor.compute(np.ascontiguousarray(rows))
 
     def classify(
         self, samples: npt.ArrayLike, rate_hz: float, *, speed_m_s: float = 0.0
@@ -230,8 +217,7 @@ class TactileModel:
         ----------
         samples : array_like of shape (n,)
             Tension in the unit of the training [N], evenly spaced: the part of a trial that the
-            model was trained on (``spec.sample_count`` samples; 0: of any length). With one of the
-            lengths in ``partial_samples``, the answer is on the first part of a window. A model of
+            model was trained on (``spec.sample_count`` samples; 0: of any length). A model of
             several channels takes shape (channels, n).
         rate_hz : float
             Must be the model's, ``spec.rate_hz`` [Hz].
@@ -250,29 +236,28 @@ class TactileModel:
             found = self._samples.compute(samples, rate_hz, speed_m_s)
         except DatasetError as error:
             raise DatasetError(f'model {self.model_id}: {error}') from error
-        part = found.part
         if found.reason:
             judged = _Judged(Outcome.NO_FEATURES, reason=found.reason)
         else:
-            judged = self._judge(found.values, self._stages[part])
-        return self._answer_of(judged, part)
+            judged = self._judge(found.values)
+        return self._answer_of(judged)
 
     @cached_property
     def _samples(self) -> SampleWindow:
         try:
-            return SampleWindow(self.task, self.spec, self.partial_samples)
+            return SampleWindow(self.task, self.spec)
         except FeatureError as error:
             raise ModelFileError(f'model {self.model_id} cannot be used: {error}') from error
 
-    def predict(self, values: npt.ArrayLike, sample_count: int = 0) -> npt.NDArray[np.str_]:
+    def predict(self, values: npt.ArrayLike) -> npt.NDArray[np.str_]:
         """Return a label, ``'unknown'`` or ``'no answer'`` for each window of features.
 
         Arguments and errors as in `compute`.
         """
-        found = self.compute(values, sample_count)
+        found = self.compute(values)
         names = np.array(self.labels, dtype=object)[found.answer]
         valid = np.isfinite(found.scores).all(axis=1)
-        threshold = self._stages[sample_count].novelty_threshold
+        threshold = self.manifest.confidence.novelty_threshold
         if len(found.novelty):
             valid &= np.isfinite(found.novelty)
             if threshold >= 0.0:
@@ -281,24 +266,20 @@ class TactileModel:
         return names.astype(str)
 
     def accepts(self, window: FeatureWindow) -> bool:
-        """Return whether the window is of its feature set, a known length, no other contact."""
-        if window.partial and window.sample_count not in self.partial_samples:
-            return False
+        """Return whether the window is of its feature set and of no other contact."""
         is_of_set = window.feature_set == self.spec.feature_set
         return is_of_set and contacts_agree(self.contact, window.contact)
 
     def classify_window(self, window: FeatureWindow) -> ClassificationResult:
         """Return the answer on one window of features, or why there is none.
 
-        A window whose novelty is above the threshold is unknown. A partial window is decided when
-        it is known and its answer's probability reaches the stopping rule's.
+        A window whose novelty is above the threshold is unknown.
         """
-        stage = self._stages[window.sample_count if window.partial else 0]
         reason = self._why_not(window)
         if reason:
             judged = _Judged(Outcome.NO_FEATURES, reason=reason)
         else:
-            judged = self._judge(window.values, stage)
+            judged = self._judge(window.values)
         return ClassificationResult(
             task=self.manifest.task,
             trial_id=window.trial_id,
@@ -312,20 +293,17 @@ class TactileModel:
             scores=judged.scores,
             score_kind=self.manifest.score_kind,
             novelty=judged.novelty,
-            novelty_threshold=stage.novelty_threshold,
+            novelty_threshold=self.manifest.confidence.novelty_threshold,
             window_start_ns=window.window_start_ns,
             window_end_ns=window.window_end_ns,
             frame_id=window.frame_id,
             false_alarm_rate=self.manifest.false_alarm_rate,
-            partial=window.partial,
-            decided=judged.is_decided if window.partial else True,
-            error_rate=self.manifest.stop_error_rate if window.partial else -1.0,
         )
 
-    def _judge(self, values: npt.NDArray[np.float64], stage: Stage) -> _Judged:
+    def _judge(self, values: npt.NDArray[np.float64]) -> _Judged:
         """Return the answer on the features of one window, shape (k,)."""
-        threshold = stage.novelty_threshold
-        found = self.compute(values[np.newaxis], stage.sample_count)
+        threshold = self.manifest.confidence.novelty_threshold
+        found = self.compute(values[np.newaxis])
         scores = tuple(found.scores[0].tolist())
         novelty = float(found.novelty[0]) if len(found.novelty) else -1.0
         if not all(map(math.isfinite, (*scores, novelty))):
@@ -338,8 +316,7 @@ class TactileModel:
             )
             return _Judged(Outcome.UNKNOWN, reason=reason, scores=scores, novelty=novelty)
         label = self.labels[int(found.answer[0])]
-        is_decided = max(scores) >= stage.stop_threshold >= 0.0
-        return _Judged(Outcome.LABEL, label, '', scores, novelty, is_decided)
+        return _Judged(Outcome.LABEL, label, '', scores, novelty)
 
     def _why_not(self, window: FeatureWindow) -> str:
         if window.outcome != FeatureOutcome.OK:
@@ -364,7 +341,7 @@ class TactileModel:
             ('rate in Hz', window.rate_hz, spec.rate_hz),
         ]
         if window.outcome == FeatureOutcome.OK:
-            if spec.sample_count and not window.partial:
+            if spec.sample_count:
                 pairs.append(('window in samples', window.sample_count, spec.sample_count))
             pairs.append(('number of features', len(window.values), len(spec.names)))
         for what, got, wanted in pairs:
@@ -384,12 +361,13 @@ class TactileModel:
             f'(digest {digest} instead of {spec.digest}, with {values}): {_REMEDY}'
         )
 
-    def _answer_of(self, judged: _Judged, part: int) -> Answer:
-        calibration, threshold = self.manifest.calibration, self._stages[part].novelty_threshold
+    def _answer_of(self, judged: _Judged) -> Answer:
+        calibration = self.manifest.calibration
+        threshold = self.manifest.confidence.novelty_threshold
         scores = dict(zip(self.labels, judged.scores, strict=False))
         is_probability = self.manifest.score_kind == PROBABILITY
         has_novelty = judged.novelty >= 0.0
-        p_value = self._compute_p_value(judged.novelty, part) if has_novelty else None
+        p_value = self._compute_p_value(judged.novelty) if has_novelty else None
         missing = []
         if judged.outcome != Outcome.NO_FEATURES:
             why = calibration.get('reason', 'the raw scores were better in held-out sessions')
@@ -408,11 +386,10 @@ class TactileModel:
             novelty=judged.novelty if has_novelty else None,
             novelty_threshold=threshold if threshold >= 0.0 else None,
             p_value=p_value,
-            is_decided=judged.is_decided if part else True,
             missing=tuple(missing),
         )
 
-    def _compute_p_value(self, novelty: float, part: int) -> float | None:
+    def _compute_p_value(self, novelty: float) -> float | None:
         """Return the conformal p-value that the threshold is a quantile of, or None.
 
         At most the rate of false alarms exactly where the novelty is above the threshold, if each
@@ -420,28 +397,24 @@ class TactileModel:
         """
         if self._known_novelty is None:
             return None
-        rank, sessions = self._known_novelty[part]
+        rank, sessions = self._known_novelty
         shares = sorted((1 + int((each >= novelty).sum())) / (1 + len(each)) for each in sessions)
         return shares[rank - 1]
 
 
-def _read_known_novelty(manifest: Manifest) -> dict[int, _KnownNovelty] | None:
-    """Return the novelties of held-out trials by samples; None: not stated."""
-    entries = manifest.calibration.get(KNOWN_NOVELTY)
-    if entries is None:
+def _read_known_novelty(manifest: Manifest) -> _KnownNovelty | None:
+    """Return the novelties of held-out trials; None: not stated."""
+    entry = manifest.calibration.get(KNOWN_NOVELTY)
+    if entry is None:
         return None
     with refuse_damage('its novelties of held-out trials are'):
-        found = {
-            stage.sample_count: _KnownNovelty(
-                int(entry['rank']),
-                [np.array(session, dtype=np.float64) for session in entry['sessions']],
-            )
-            for stage, entry in zip(manifest.stages, entries, strict=True)
-        }
-    for rank, sessions in found.values():
-        is_flat = all(each.ndim == 1 and len(each) for each in sessions)
-        if not is_flat or not 1 <= rank <= len(sessions):
-            raise ModelFileError('its novelties of held-out trials are damaged')
+        found = _KnownNovelty(
+            int(entry['rank']),
+            [np.array(session, dtype=np.float64) for session in entry['sessions']],
+        )
+    is_flat = all(each.ndim == 1 and len(each) for each in found.sessions)
+    if not is_flat or not 1 <= found.rank <= len(found.sessions):
+        raise ModelFileError('its novelties of held-out trials are damaged')
     return found
 
 

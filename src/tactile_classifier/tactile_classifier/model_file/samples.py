@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import dataclasses
 import math
 from typing import NamedTuple
@@ -18,7 +17,7 @@ from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError, UndefinedFeatureError
 from tactile_features.feature_sets.feature_set import WindowSamples
 from tactile_features.model_contract import LONGEST_BUFFER_S
-from tactile_features.spec import FeatureSpec, set_for, WantedFeatures
+from tactile_features.spec import FeatureSpec, set_for
 
 Matrix = npt.NDArray[np.float64]
 
@@ -27,33 +26,27 @@ CHANNEL_0 = 'channel_000__'
 
 
 class Found(NamedTuple):
-    """Features of one window, shape (k,), or one sentence why there are none.
-
-    ``part`` counts the samples of a partial window; 0: it is a whole one.
-    """
+    """Features of one window, shape (k,), or one sentence why there are none."""
 
     values: Matrix
-    part: int
     reason: str = ''
 
 
 class SampleWindow:
     """The window of a specification, of one or several channels.
 
-    Its first parts of ``partial_samples`` lengths are taken, too. Raises FeatureError when this
-    installation computes other features.
+    Raises FeatureError when this installation computes other features.
     """
 
-    def __init__(self, task: str, spec: FeatureSpec, partial_samples: Sequence[int]) -> None:
+    def __init__(self, task: str, spec: FeatureSpec) -> None:
         self._spec = spec
-        self._partial_samples = partial_samples
         self._channels = 1
         if spec.names[0].startswith(CHANNEL_0):
             self._channels = len({name.partition('__')[0] for name in spec.names})
         k = len(spec.names) // self._channels
         names = tuple(name.removeprefix(CHANNEL_0) for name in spec.names[:k])
         one = dataclasses.replace(spec, names=names, units=spec.units[:k])
-        config = WantedFeatures(one).bind(FeatureConfig(buffer_s=LONGEST_BUFFER_S))
+        config = one.bind(FeatureConfig(buffer_s=LONGEST_BUFFER_S))
         self._set = set_for(task, config)
 
     def compute(self, samples: npt.ArrayLike, rate_hz: float, speed_m_s: float) -> Found:
@@ -64,24 +57,22 @@ class SampleWindow:
         """
         rows = self._check(samples, rate_hz)
         count, whole = rows.shape[1], self._count(speed_m_s)
-        part = count if count in self._partial_samples else 0
-        if whole and count != whole and not part:
+        if whole and count != whole:
             raise DatasetError(self._format_length(count, whole))
         if not np.isfinite(rows).all():
-            return Found(np.empty(0), part, 'the samples are not all finite')
+            return Found(np.empty(0), 'the samples are not all finite')
         times_ns = np.rint(np.arange(count) * (1e9 / rate_hz)).astype(np.int64)
         try:
             found = [
-                self._compute_one(WindowSamples(times_ns, row, rate_hz, speed_m_s), part)
-                for row in rows
+                self._set.compute(WindowSamples(times_ns, row, rate_hz, speed_m_s)) for row in rows
             ]
         except UndefinedFeatureError as error:
-            return Found(np.empty(0), part, str(error))
+            return Found(np.empty(0), str(error))
         except FeatureError as error:
             raise DatasetError(f'no features from these samples: {error}') from error
         values = np.concatenate(found)
         is_finite = bool(np.isfinite(values).all())
-        return Found(values, part, '' if is_finite else 'the features are not finite')
+        return Found(values, '' if is_finite else 'the features are not finite')
 
     def _check(self, samples: npt.ArrayLike, rate_hz: float) -> Matrix:
         """Return samples of shape (channels, n)."""
@@ -114,17 +105,10 @@ class SampleWindow:
         except FeatureError as error:
             raise DatasetError(f'no features from these samples: {error}') from error
 
-    def _compute_one(self, samples: WindowSamples, part: int) -> Matrix:
-        if part:
-            return self._set.compute_part(samples, self._spec.sample_count)
-        return self._set.compute(samples)
-
     def _format_length(self, count: int, whole: int) -> str:
         """Return why so many samples are no window, with the remedy."""
         rate_hz = self._spec.rate_hz
         text = f'{count} samples; a window has {whole} ({whole / rate_hz:g} s at {rate_hz:g} Hz)'
-        if self._partial_samples:
-            text += f', or the first {", ".join(map(str, self._partial_samples))} of these'
         if count < whole:
             return f'{text}: give that many'
         crop_s = self._spec.parameters.get('texture_crop_start_s')

@@ -4,13 +4,11 @@
 """The contents of a model file: a manifest, its card, and arrays, written and read.
 
 Names of arrays are ``classifier.trials``, ``scaling.mean``, ``novelty.centre`` and so on: the
-part, and the array of its class in `prediction`. Those for partial windows begin with the number
-of samples, as in ``60.classifier.trials``.
+part, and the array of its class in `prediction`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 import dataclasses
 from typing import Any, TypeVar
 
@@ -20,7 +18,7 @@ import numpy.typing as npt
 from tactile_classifier.confidence.calibration import Calibration
 from tactile_classifier.confidence.novelty import METRICS, NoveltyMeasure
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.model_file.manifest import format_card, Manifest, Stage
+from tactile_classifier.model_file.manifest import format_card, Manifest
 from tactile_classifier.model_file.prediction import (
     Classifier,
     Convolutions,
@@ -55,21 +53,20 @@ _Part = TypeVar('_Part', Classifier, Scaling, NoveltyMeasure)
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ModelContents:
-    """Manifest, card, and what predicts by samples of a window; 0: the full one."""
+    """Manifest, card, and what predicts."""
 
     manifest: Manifest
     card: str
-    predictors: Mapping[int, Predictor]
+    predictor: Predictor
 
 
-def pack_model(manifest: Manifest, predictors: Mapping[int, Predictor]) -> bytes:
+def pack_model(manifest: Manifest, predictor: Predictor) -> bytes:
     """Return the bytes of a model file. Raises ModelFileError when it would be too large."""
     arrays: Arrays = {}
-    for count, predictor in predictors.items():
-        for name in ('classifier', 'scaling', 'novelty'):
-            part = getattr(predictor, name)
-            if part is not None:
-                arrays |= _take_arrays(part, f'{_prefix(count)}{name}.')
+    for name in ('classifier', 'scaling', 'novelty'):
+        part = getattr(predictor, name)
+        if part is not None:
+            arrays |= _take_arrays(part, f'{name}.')
     return pack_container({**manifest.to_dict(), CARD: format_card(manifest)}, arrays)
 
 
@@ -86,14 +83,10 @@ def open_model(data: bytes) -> ModelContents:
     if len(card.encode()) > MAX_CARD_BYTES:
         raise ModelFileError(f'its card has more than {MAX_CARD_BYTES >> 10} KiB')
     manifest = Manifest.from_dict(entries)
-    predictors = {s.sample_count: _read_predictor(manifest, s, arrays) for s in manifest.stages}
+    predictor = _read_predictor(manifest, arrays)
     if arrays:
         raise ModelFileError(f'it has the array "{min(arrays)}", which belongs to no part of it')
-    return ModelContents(manifest, card, predictors)
-
-
-def _prefix(sample_count: int) -> str:
-    return f'{sample_count}.' if sample_count else ''
+    return ModelContents(manifest, card, predictor)
 
 
 def _take_arrays(part: Any, prefix: str) -> Arrays:
@@ -104,24 +97,24 @@ def _take_arrays(part: Any, prefix: str) -> Arrays:
     }
 
 
-def _read_predictor(manifest: Manifest, stage: Stage, arrays: Arrays) -> Predictor:
-    """Return what predicts on windows of a stage; take its arrays away."""
-    if (manifest.score_kind == PROBABILITY) != (stage.slope > 0.0):
+def _read_predictor(manifest: Manifest, arrays: Arrays) -> Predictor:
+    """Return what predicts; take its arrays away."""
+    stated = manifest.confidence
+    if (manifest.score_kind == PROBABILITY) != (stated.slope > 0.0):
         raise ModelFileError('its calibration does not go with its kind of scores')
-    metrics = METRICS if stage.novelty_threshold >= 0.0 else ('',)
-    if stage.metric not in metrics:
+    metrics = METRICS if stated.novelty_threshold >= 0.0 else ('',)
+    if stated.metric not in metrics:
         raise ModelFileError('its threshold of novelty does not go with its kind of novelty')
-    prefix = _prefix(stage.sample_count)
     sizes: dict[str | int, int] = {'k': len(manifest.spec.names), 'labels': len(manifest.labels)}
 
     def read(kind: type[_Part], name: str, **more: Any) -> _Part:
-        return _read_part(kind, f'{prefix}{name}.', arrays, dict(sizes), **more)
+        return _read_part(kind, f'{name}.', arrays, dict(sizes), **more)
 
     return Predictor(
         classifier=read(_CLASSIFIERS[manifest.classifier], 'classifier'),
         scaling=read(Scaling, 'scaling') if manifest.scaling == 'standard' else None,
-        calibration=Calibration(stage.slope, stage.offset) if stage.slope > 0.0 else None,
-        novelty=read(NoveltyMeasure, 'novelty', metric=stage.metric) if stage.metric else None,
+        calibration=Calibration(stated.slope, stated.offset) if stated.slope > 0.0 else None,
+        novelty=read(NoveltyMeasure, 'novelty', metric=stated.metric) if stated.metric else None,
     )
 
 

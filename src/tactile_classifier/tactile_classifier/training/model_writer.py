@@ -29,7 +29,7 @@ from tactile_classifier.model_file.prediction import (
 )
 from tactile_classifier.model_file.storage import pack_model
 from tactile_classifier.records import NO_ANSWER, UNKNOWN
-from tactile_classifier.training.trainer import FittedStage, Trained
+from tactile_classifier.training.trainer import Trained
 
 if TYPE_CHECKING:
     from sklearn.pipeline import Pipeline
@@ -51,8 +51,7 @@ Matrix = npt.NDArray[np.float64]
 def write_model(path: str | Path, trained: Trained) -> TactileModel:
     """Write a model whose labels are those of scikit-learn; return it as loaded from the bytes.
 
-    Labels are compared at every training trial and at points near the borders between labels, for
-    each length of window.
+    Labels are compared at every training trial and at points near the borders between labels.
 
     Parameters
     ----------
@@ -68,11 +67,9 @@ def write_model(path: str | Path, trained: Trained) -> TactileModel:
     """
     try:
         _check_names(trained)
-        predictors = {stage.sample_count: make_predictor(stage) for stage in trained.stages}
-        data = pack_model(trained.manifest, predictors)
+        data = pack_model(trained.manifest, make_predictor(trained))
         model = TactileModel(data, str(Path(path).absolute()))
-        for stage in trained.stages:
-            check_labels(model.predictors[stage.sample_count], stage.estimator, stage.values)
+        check_labels(model.predictor, trained.estimator, trained.values)
     except ModelFileError as error:
         raise ModelFileError(f'model {path} is not written: {error}') from error
     replace_file(Path(path), data)
@@ -81,7 +78,7 @@ def write_model(path: str | Path, trained: Trained) -> TactileModel:
 
 def _check_names(trained: Trained) -> None:
     labels = trained.manifest.labels
-    if any(list(stage.estimator.classes_) != list(labels) for stage in trained.stages):
+    if list(trained.estimator.classes_) != list(labels):
         raise ModelFileError("the labels of the manifest are not the estimator's")
     taken = sorted({UNKNOWN, NO_ANSWER} & set(labels))
     if taken:
@@ -127,14 +124,14 @@ def _find_points_near_borders(predictor: Predictor, values: Matrix) -> Matrix:
     return np.asarray(low + rng.random((len(low), 1)) * (high - low))
 
 
-def make_predictor(stage: FittedStage) -> Predictor:
-    """Return the arrays of what was fitted for one length of window."""
+def make_predictor(trained: Trained) -> Predictor:
+    """Return the arrays of what was fitted."""
     scaling = None
-    if 'scale' in stage.estimator.named_steps:
-        scaler = stage.estimator.named_steps['scale']
+    if 'scale' in trained.estimator.named_steps:
+        scaler = trained.estimator.named_steps['scale']
         scaling = Scaling(scaler.mean_, scaler.scale_)
-    classifier = _take_classifier(stage.estimator[-1])
-    return Predictor(classifier, scaling, stage.calibration, stage.novelty)
+    classifier = _take_classifier(trained.estimator[-1])
+    return Predictor(classifier, scaling, trained.calibration, trained.novelty)
 
 
 def _take_classifier(estimator: Any) -> Classifier:

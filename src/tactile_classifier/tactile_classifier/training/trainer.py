@@ -5,12 +5,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 import contextlib
 import dataclasses
 import datetime
 import importlib.metadata
-from itertools import zip_longest
 import platform
 from typing import Any
 
@@ -20,8 +19,8 @@ from sklearn.pipeline import Pipeline
 
 from tactile_classifier.confidence.calibration import Calibration
 from tactile_classifier.confidence.fit_calibration import (
-    calibrate_stage,
-    CalibratedStage,
+    calibrate_held_out,
+    HeldOutCalibration,
     leave_labels_out,
     make_group_folds,
 )
@@ -37,8 +36,7 @@ from tactile_classifier.estimators.classifiers import (
     warn_of_labels_never_given,
 )
 from tactile_classifier.evaluation.cross_validation import Score
-from tactile_classifier.evaluation.early_answers import fit_rule
-from tactile_classifier.model_file.manifest import FULL_WINDOW, Manifest, Stage, TrainingTrials
+from tactile_classifier.model_file.manifest import Confidence, Manifest, TrainingTrials
 from tactile_classifier.records import PROBABILITY, ROCKET
 from tactile_classifier.training.feature_choice import Candidate, FeatureChoice
 from tactile_features.model_container import MAX_MANIFEST_BYTES, MAX_MODEL_BYTES
@@ -47,31 +45,18 @@ LIBRARIES = ('numpy', 'scikit-learn')
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class FittedStage:
-    """The fitted parts that answer windows of ``sample_count`` samples; 0: the full window.
+class Trained:
+    """The fitted parts of a model, and what its file will say of them.
 
     ``values``, shape (trials, k), are the features that the estimator was fitted on. Without a
     calibration raw scores are given.
     """
 
-    sample_count: int
     estimator: Pipeline
     values: npt.NDArray[np.float64]
     calibration: Calibration | None
     novelty: NoveltyMeasure | None
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Trained:
-    """Fitted stages, the full window's first, and what their model file will say of them."""
-
-    stages: tuple[FittedStage, ...]
     manifest: Manifest
-
-    @property
-    def estimator(self) -> Pipeline:
-        """The stage that answers full windows."""
-        return self.stages[0].estimator
 
 
 @on_one_thread
@@ -80,9 +65,7 @@ def train(
     classifier: str,
     scaling: str = '',
     *,
-    partial: Mapping[int, FeatureTable] | None = None,
     false_alarm_rate: float = 0.05,
-    stop_error_rate: float = 0.05,
     score: Score | None = None,
     choice: FeatureChoice | None = None,
     hold_out: Sequence[str] = ('session_id',),
@@ -99,13 +82,8 @@ def train(
         Its columns ``contact``, ``simulated`` and ``session_id``, where present, count.
     classifier, scaling : str
         See `build_estimator`; an empty scaling means the task's default.
-    partial : mapping of int to FeatureTable, optional
-        Features of the first so many samples of the same windows, trial by trial, of which
-        the model is to give early predictions.
     false_alarm_rate : float
         Share of windows of known labels that may be rejected as unknown [1].
-    stop_error_rate : float
-        Share of wrong answers among those given before the window is full [1].
     score : Score, optional
         What cross-validation said of the same classifier and scaling.
     choice : FeatureChoice, optional
@@ -116,10 +94,10 @@ def train(
     Raises
     ------
     DatasetError
-        When there are too few trials or one class only, when a column is missing, when the model
-        file would be too large, or when the tables of partial windows hold other trials.
+        When there are too few trials or one class only, when a column is missing, or when the
+        model file would be too large.
     ValueError
-        When a name is not known, a rate is not between 0 and 1, or the score is of another
+        When a name is not known, the rate is not between 0 and 1, or the score is of another
         classifier.
     """
     scaling = scaling or default_scaling(table.task, classifier)
@@ -128,9 +106,8 @@ def train(
             f'the score is of {score.classifier} with scaling {score.scaling}, '
             f'not of {classifier} with scaling {scaling}'
         )
-    for rate in (false_alarm_rate, stop_error_rate):
-        if not 0.0 < rate < 1.0:
-            raise ValueError(f'a rate is {rate}; it must lie between 0 and 1')
+    if not 0.0 < false_alarm_rate < 1.0:
+        raise ValueError(f'the rate is {false_alarm_rate}; it must lie between 0 and 1')
     if classifier == ROCKET and not table.is_waveform:
         raise DatasetError(
             f'random convolutions need a waveform, and {table.spec.feature_set} is none: take '
@@ -142,36 +119,16 @@ def train(
         raise DatasetError(f'there is one class only, "{table.labels[0]}"; record at least two')
     if len(table) < 3:
         raise DatasetError('training needs three trials at least')
-    tables = {0: table, **dict(sorted((partial or {}).items()))}
-    for count, other in tables.items():
-        if not np.array_equal(other.labels, table.labels) or table.spec.mismatch(other.spec):
-            raise DatasetError(f'the table of {count} samples is not of the same trials')
-
-    calibrated, stated, session = _calibrate(
-        list(tables.values()), classifier, scaling, false_alarm_rate, hold_out
-    )
-    if partial and not calibrated:
-        raise DatasetError(f'early predictions need calibrated ones: {stated["reason"]}')
-    stages = [
-        FittedStage(
-            sample_count=count,
-            estimator=build_estimator(classifier, scaling, table.channels).fit(
-                table.values, table.labels
-            ),
-            values=table.values,
-            calibration=held_out.calibration if held_out else None,
-            novelty=held_out.novelty if held_out else None,
-        )
-        for (count, table), held_out in zip_longest(tables.items(), calibrated)
-    ]
-    warn_of_labels_never_given(stages[0].estimator, table.values)
-    stop_threshold = fit_rule(calibrated[1:], stop_error_rate, session) if partial else None
+    held_out, stated = _calibrate(table, classifier, scaling, false_alarm_rate, hold_out)
+    estimator = build_estimator(classifier, scaling, table.channels)
+    estimator.fit(table.values, table.labels)
+    warn_of_labels_never_given(estimator, table.values)
     manifest = Manifest(
         task=table.task,
         contact=_only_contact(table),
         spec=table.spec,
         labels=tuple(str(label) for label in labels),
-        score_kind=PROBABILITY if calibrated else SCORE_KINDS[classifier],
+        score_kind=PROBABILITY if held_out else SCORE_KINDS[classifier],
         classifier=classifier,
         scaling=scaling,
         simulated=bool(np.any(table.columns.get('simulated', False))),
@@ -182,27 +139,28 @@ def train(
             score, choice, Candidate(table.spec.feature_set, classifier, scaling)
         ),
         created=datetime.datetime.now(datetime.timezone.utc).isoformat(timespec='seconds'),
-        stages=tuple(
-            Stage(
-                sample_count=count,
-                metric=held_out.novelty.metric,
-                novelty_threshold=held_out.novelty_threshold,
-                slope=held_out.calibration.slope,
-                offset=held_out.calibration.offset,
-                stop_threshold=stop_threshold if count and stop_threshold else -1.0,
-                calibration_error_before=held_out.error_before,
-                calibration_error_after=held_out.error_after,
-                accuracy=float(1.0 - held_out.wrong.mean()),
-            )
-            for count, held_out in zip(tables, calibrated, strict=False)
+        confidence=Confidence(
+            metric=held_out.novelty.metric,
+            novelty_threshold=held_out.novelty_threshold,
+            slope=held_out.calibration.slope,
+            offset=held_out.calibration.offset,
+            calibration_error_before=held_out.error_before,
+            calibration_error_after=held_out.error_after,
+            accuracy=held_out.accuracy,
         )
-        or (FULL_WINDOW,),
+        if held_out
+        else Confidence(),
         calibration=stated,
-        false_alarm_rate=false_alarm_rate if calibrated else -1.0,
-        stop_error_rate=stop_error_rate if partial else -1.0,
+        false_alarm_rate=false_alarm_rate if held_out else -1.0,
         training=describe_training(table),
     )
-    return Trained(tuple(stages), manifest)
+    return Trained(
+        estimator,
+        table.values,
+        held_out.calibration if held_out else None,
+        held_out.novelty if held_out else None,
+        manifest,
+    )
 
 
 def check_size(table: FeatureTable) -> None:
@@ -222,43 +180,43 @@ def check_size(table: FeatureTable) -> None:
 
 
 def _calibrate(
-    tables: list[FeatureTable],
+    table: FeatureTable,
     classifier: str,
     scaling: str,
     false_alarm_rate: float,
     hold_out: Sequence[str],
-) -> tuple[list[CalibratedStage], dict[str, Any], npt.NDArray[np.intp] | None]:
-    """Return calibrated stages, the manifest's entry, and groups; no stages, and why, if not."""
-    columns = [find_column(tables[0].columns, name) for name in hold_out]
+) -> tuple[HeldOutCalibration | None, dict[str, Any]]:
+    """Return the calibration and the manifest's entry; None, and the reason, if there is none."""
+    columns = [find_column(table.columns, name) for name in hold_out]
     if columns != ['session_id']:  # a table may have no sessions, and then trials are held out
         for name in columns:
-            tables[0].column(name)
+            table.column(name)
     try:
-        folds = make_group_folds(tables[0], columns)
-        stages = [
-            calibrate_stage(table, classifier, scaling, folds, false_alarm_rate)
-            for table in tables
-        ]
+        folds = make_group_folds(table, columns)
+        held_out = calibrate_held_out(table, classifier, scaling, folds, false_alarm_rate)
     except TooFewTrialsError as error:
-        return [], {'reason': str(error)}, None
+        return None, {'reason': str(error)}
     stated = {
         'split': folds.split,
         'groups': folds.groups,
         'held_out': columns,
-        'trials': len(tables[0]),
+        'trials': len(table),
         'session_share': folds.session_share,
-        'held_out_novelty': [_state_novelty(stage, folds.session) for stage in stages],
+        'held_out_novelty': _state_novelty(held_out, folds.session),
     }
-    unlearned = leave_labels_out(tables[0], folds, stages[0].novelty.metric, false_alarm_rate)
+    unlearned = leave_labels_out(table, folds, held_out.novelty.metric, false_alarm_rate)
     if unlearned is not None:
         stated['unlearned'] = dataclasses.asdict(unlearned)
-    return stages, stated, folds.session
+    return held_out, stated
 
 
-def _state_novelty(stage: CalibratedStage, session: npt.NDArray[np.intp] | None) -> dict[str, Any]:
+def _state_novelty(
+    held_out: HeldOutCalibration, session: npt.NDArray[np.intp] | None
+) -> dict[str, Any]:
     """Return the novelties of held-out trials, for p-values."""
-    group = np.zeros(len(stage.held_out_novelty), dtype=int) if session is None else session
-    sessions = [np.sort(stage.held_out_novelty[group == i]) for i in np.unique(group)]
+    novelty = held_out.held_out_novelty
+    group = np.zeros(len(novelty), dtype=int) if session is None else session
+    sessions = [np.sort(novelty[group == i]) for i in np.unique(group)]
     return {
         'rank': rank_of_sessions(len(sessions)),
         'sessions': [each.tolist() for each in sessions],

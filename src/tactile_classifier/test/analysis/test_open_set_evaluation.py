@@ -111,11 +111,10 @@ def test_random_convolutions_of_several_channels_are_those_of_the_model_file(mon
     assert found.calibration_error_before == pytest.approx(stated, rel=1e-12)
     # The file states the same, and its model is of three channels, too.
     trained = train(table, 'rocket', false_alarm_rate=0.1)
-    (stage,) = trained.manifest.stages
-    assert stage.calibration_error_before == pytest.approx(stated, rel=1e-12)
+    assert trained.manifest.confidence.calibration_error_before == pytest.approx(stated, rel=1e-12)
     whole = build_estimator('rocket', 'none', channels=3).fit(table.values, table.labels)
     np.testing.assert_array_equal(
-        compute_raw_scores(trained.stages[0].estimator, table.values),
+        compute_raw_scores(trained.estimator, table.values),
         compute_raw_scores(whole, table.values),
     )
 

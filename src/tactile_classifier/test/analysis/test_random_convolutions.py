@@ -197,12 +197,12 @@ def test_the_model_file_answers_as_the_estimator(few_features, channels, classes
     model = write_model(tmp_path / 'm.npz', trained)
     assert (model.manifest.classifier, model.manifest.scaling) == ('rocket', 'none')
     others = make_trials(channels, classes=classes, seed=1).x.reshape(len(table), -1)
-    found, (part,) = model.compute(others), trained.stages
+    found = model.compute(others)
     raw = compute_raw_scores(trained.estimator, others)
     answer = np.array(model.labels)[found.answer]
     np.testing.assert_array_equal(answer, trained.estimator.predict(others))
-    np.testing.assert_allclose(found.scores, part.calibration.compute(raw), atol=1e-9, rtol=0)
-    np.testing.assert_allclose(found.novelty, part.novelty.compute(others), rtol=1e-6)
+    np.testing.assert_allclose(found.scores, trained.calibration.compute(raw), atol=1e-9, rtol=0)
+    np.testing.assert_allclose(found.novelty, trained.novelty.compute(others), rtol=1e-6)
     np.testing.assert_array_equal(found.scores.argmax(axis=1), found.answer)
 
 

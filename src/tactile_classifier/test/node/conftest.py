@@ -25,8 +25,8 @@ from tactile_testing.waiting import wait_until
 START_NS = 1_760_000_000_000_000_000
 PERIOD_NS = 16_666_667
 NAME = 'tactile_classifier'
-FEATURES = ('tactile_features/features', 'tactile_features/partial_features')
-ANSWERS = (f'{NAME}/classification', f'{NAME}/partial_classification')
+FEATURES = 'tactile_features/features'
+ANSWERS = f'{NAME}/classification'
 
 
 def make_header(since_ns):
@@ -46,13 +46,12 @@ class Finger:
         self.features = None if features is None else make(TactileFeaturesNode, features)
         self.nodes = [node for node in (self.features, self.classifier) if node is not None]
         self.peer = Node('peer', context=context)
-        self.heard, self.heard_partial, self.diagnostics = [], [], []
-        for topic, heard in zip(ANSWERS, (self.heard, self.heard_partial), strict=True):
-            self.listen(Classification, topic, heard)
+        self.heard, self.diagnostics = [], []
+        self.listen(Classification, ANSWERS, self.heard)
         self.peer.create_subscription(DiagnosticArray, '/diagnostics', self._hear_health, 10)
         publish = self.peer.create_publisher
         if features is None:
-            self.windows, self.parts = (publish(TactileFeatures, t, RESULTS) for t in FEATURES)
+            self.windows = publish(TactileFeatures, FEATURES, RESULTS)
         else:
             self.strain = publish(StrainBlock, 'tendon_sensor/strain', STREAM)
             self.events = publish(TrialEvent, 'trial_runner/events', EVENTS)
@@ -68,12 +67,8 @@ class Finger:
 
     @property
     def answers(self):
-        """Answers on whole windows that were heard."""
+        """Answers that were heard."""
         return [classification_from_msg(message) for message in self.heard]
-
-    @property
-    def partial_answers(self):
-        return [classification_from_msg(message) for message in self.heard_partial]
 
     @property
     def answering(self):
@@ -101,9 +96,7 @@ class Finger:
 
     def connect(self):
         """Wait until each publisher has met its subscriber, and the features are announced."""
-        topics = {f'/{topic}' for topic in (*FEATURES, *ANSWERS, f'{NAME}/vision_classification')}
-        if not self.answering.models.partial_samples:
-            topics -= {f'/{FEATURES[1]}', f'/{ANSWERS[1]}'}
+        topics = {f'/{topic}' for topic in (FEATURES, ANSWERS, f'{NAME}/vision_classification')}
         publishers = [
             publisher
             for node in (*self.nodes, self.peer)
@@ -120,10 +113,9 @@ class Finger:
         )
 
     def send(self, *windows):
-        """Send windows of features, whole and partial ones."""
+        """Send windows of features."""
         for window in windows:
-            publisher = self.parts if window.partial else self.windows
-            publisher.publish(feature_window_to_msg(window))
+            self.windows.publish(feature_window_to_msg(window))
 
     def play(self, events, blocks):
         """Publish events and samples of trials."""

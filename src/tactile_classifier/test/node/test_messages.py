@@ -25,22 +25,16 @@ def test_records_have_the_fields_and_constants_of_the_messages():
     for kind in ('VOTES', 'MARGIN', 'PROBABILITY'):
         assert getattr(records, kind) == getattr(Classification, f'SCORE_{kind}')
     fields = {f.name for f in dataclasses.fields(records.ClassificationResult)}
-    mirrored = {name.removesuffix('_ns') for name in fields} - {'frame_id', 'partial'}
-    assert mirrored | {'header', 'running'} == set(Classification.get_fields_and_field_types())
+    mirrored = {name.removesuffix('_ns') for name in fields} - {'frame_id'}
+    assert mirrored | {'header'} == set(Classification.get_fields_and_field_types())
     names = {field.name for field in dataclasses.fields(records.ModelInfo)}
     assert names == set(ModelInfo.get_fields_and_field_types())
 
 
-PARTIAL = {'partial': True, 'decided': False, 'error_rate': 0.05, 'false_alarm_rate': 0.1}
-
-
-@pytest.mark.parametrize('changes', [{}, {'rate_hz': 1.0}, PARTIAL])
+@pytest.mark.parametrize('changes', [{}, {'rate_hz': 1.0}])
 def test_message_round_trip(model_path, make_window, changes):
     model = load_model(model_path)
-    if changes is PARTIAL:
-        result = dataclasses.replace(model.classify_window(make_window()), **changes)
-    else:
-        result = model.classify_window(make_window(**changes))
+    result = model.classify_window(make_window(**changes))
     message = classification_to_msg(result)
     assert classification_from_msg(message) == result
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == (10**9 + 2, 983_333_334)

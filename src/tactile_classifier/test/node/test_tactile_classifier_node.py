@@ -3,7 +3,6 @@
 
 """The node over real DDS: windows of features in, answers out, alone and behind a feature node."""
 
-import dataclasses
 import importlib.util
 import shutil
 
@@ -53,26 +52,6 @@ def test_windows_are_classified_over_the_wire(make_finger, model_path, make_wind
     )
     assert finger.wait_for_count('answers', '4').hardware_id == model.model_id
     assert finger.classifier.get_parameter(depth).value == 7
-
-
-def test_partial_windows_are_answered_on_a_topic_of_their_own(
-    make_finger, partial_path, partial_tables, make_window, capfd
-):
-    table, partial = partial_tables
-    finger = make_finger(models=str(partial_path))
-    finger.bring_up()
-    windows = [
-        make_window(values=partial.get(count, table).values[0], partial=True, sample_count=count)
-        for count in (60, 90, 120)
-    ]
-    finger.send(*windows, make_window(values=table.values[0]))
-    finger.spin_until(lambda: finger.heard and len(finger.heard_partial) == 2)
-    answers, model = finger.partial_answers, load_model(partial_path)
-    assert answers == [model.classify_window(windows[0]), model.classify_window(windows[2])]
-    assert all(answer.partial and answer.decided for answer in answers)
-    assert not finger.answers[0].partial
-    assert finger.answering.counts['answers on partial windows'] == 2
-    assert capfd.readouterr().err.count('plate 0 after') == 1  # the first decided answer alone
 
 
 def test_only_an_active_node_answers_and_it_can_be_configured_again(make_finger, make_window):
@@ -182,6 +161,7 @@ def test_a_parameter_of_the_feature_node_alone_is_noticed(
 
 
 SPECS = {
+    'early': spec_for('texture', FeatureConfig(texture_samples=30, early_windows=True)),
     'full': spec_for('texture', FeatureConfig()),
     'short': spec_for('texture', FeatureConfig(texture_samples=90, max_gap_samples=3)),
     'over_distance': spec_for('texture', FeatureConfig(texture_features='texture_spatial')),
@@ -198,20 +178,18 @@ def folder(tmp_path_factory):
     for seed, (name, spec) in enumerate(SPECS.items()):
         values = np.random.default_rng(seed).normal(0.05, 0.02, (24, len(spec.names)))
         table = FeatureTable(scale * np.abs(values), labels, spec, columns)
-        parts = {60: dataclasses.replace(table, values=1.1 * table.values)}
-        trained = train(table, 'knn', partial=parts if name == 'full' else {})
-        write_model(folder / f'{name}.npz', trained)
+        write_model(folder / f'{name}.npz', train(table, 'knn'))
     return folder
 
 
 def answer_alone(path, events, blocks):
     """Return the answers of one model behind an extractor that computes its features alone."""
     (contract,), _ = read_contracts(path)
-    extractor = TrialFeatureExtractor(FeatureConfig(), [contract.wanted])
+    extractor = TrialFeatureExtractor(FeatureConfig(), [contract.spec])
     windows = [w for event in events for w in extractor.add_event(event_from_msg(event))]
     windows += [w for block in blocks for w in extractor.add_block(strain_block_from_msg(block))]
     model = load_model(path)
-    digest = contract.wanted.spec.digest
+    digest = contract.spec.digest
     return [model.classify_window(w) for w in windows if w.specification_digest == digest]
 
 
@@ -219,21 +197,18 @@ def test_each_model_answers_with_the_bits_that_it_gives_alone(make_finger, make_
     finger = make_finger({'models': str(folder)}, models=str(folder))
     finger.bring_up()
     assert [spec.digest for spec in finger.features.extractor.specifications] == [
-        SPECS[name].digest for name in ('full', 'hold', 'over_distance', 'short')
+        SPECS[name].digest for name in ('early', 'full', 'hold', 'over_distance', 'short')
     ]
     trials = make_trials(lost=150)
     finger.play(*trials)
     alone = {name: answer_alone(folder / f'{name}.npz', *trials) for name in SPECS}
-    part = [answer for answer in alone['full'] if answer.partial]
-    whole = {name: [a for a in answers if not a.partial] for name, answers in alone.items()}
-    assert [len(answers) for answers in (*whole.values(), part)] == [2, 2, 2, 1, 2]
-    finger.spin_until(lambda: len(finger.heard) == 7 and len(finger.heard_partial) == 2)
-    for answers in whole.values():
+    assert [len(answers) for answers in alone.values()] == [2, 2, 2, 2, 1]
+    finger.spin_until(lambda: len(finger.heard) == 9)
+    for answers in alone.values():
         model_id = answers[0].model_id
         assert [a for a in finger.answers if a.model_id == model_id] == answers
-    assert finger.partial_answers == part
     # The lost sample is refused by the one and filled by the other.
-    (lost,) = [a for a in whole['full'] if a.trial_id == 't1']
+    (lost,) = [a for a in alone['full'] if a.trial_id == 't1']
     assert 'max_gap_samples allows 0' in lost.reason
     assert 'missing' not in alone['short'][0].reason
 

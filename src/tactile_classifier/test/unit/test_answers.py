@@ -37,7 +37,6 @@ def test_classification_repeats_the_window_and_names_the_model(model, make_windo
     assert result.frame_id == 'tendon_sensor_link'
     assert (result.score_kind, result.false_alarm_rate) == ('probability', 0.05)
     assert 0.0 <= result.novelty < result.novelty_threshold
-    assert (result.partial, result.decided, result.error_rate) == (False, True, -1.0)
     assert result.simulated  # the model was trained on simulated trials
 
 
@@ -157,91 +156,85 @@ def test_too_few_trials_give_raw_scores_and_the_reason(stiffness_table, tmp_path
     assert model.predict(np.full((1, 3), 1.7e308)).tolist() == [NO_ANSWER]
 
 
-# -- partial windows ----------------------------------------------------------------
+# -- early windows ------------------------------------------------------------------
 
 
 @pytest.fixture(scope='module')
-def partial_model(partial_path):
-    return load_model(partial_path)
+def early_model(early_path):
+    return load_model(early_path)
+
+
+@pytest.fixture
+def early_window(early_table, make_window):
+    """Return a maker of early windows with the features of one trial."""
+
+    def make(trial, **changes):
+        fields = {
+            'values': early_table.values[trial],
+            'sample_count': 60,
+            'specification_digest': early_table.spec.digest,
+        }
+        return make_window(0, **{**fields, **changes})
+
+    return make
 
 
 @pytest.mark.parametrize('classifier', CLASSIFIERS)
-def test_every_part_answers_as_scikit_learn_does(
-    partial_tables, make_window, tmp_path, classifier
-):
-    table, partial = partial_tables
-    trained = train(table, classifier, partial=partial)
+def test_a_model_of_early_windows_answers_as_scikit_learn_does(early_table, tmp_path, classifier):
+    trained = train(early_table, classifier)
     model = write_model(tmp_path / 'm.npz', trained)
-    assert model.partial_samples == (60, 120)
-    for part, stage in zip(trained.stages, model.manifest.stages, strict=True):
-        rows = (0.6 * part.values + 0.4 * part.values[::-1])[:100]
-        found = model.compute(rows, part.sample_count)
-        raw = compute_raw_scores(part.estimator, rows)
-        np.testing.assert_allclose(found.scores, part.calibration.compute(raw), atol=1e-12)
-        np.testing.assert_allclose(found.novelty, part.novelty.compute(rows), rtol=1e-9)
-        named = np.array(model.labels)[found.answer]
-        np.testing.assert_array_equal(named, part.estimator.predict(rows))
-        expected = np.where(found.novelty > stage.novelty_threshold, UNKNOWN, named)
-        np.testing.assert_array_equal(model.predict(rows, part.sample_count), expected)
-    with pytest.raises(KeyError):
-        model.compute(rows, 90)
-    # A partial window is decided by its probability. A tree is as sure of every answer; on these
-    # trials that proves no threshold.
-    threshold = model.manifest.stages[1].stop_threshold
-    assert (threshold > 0.0) == (classifier != 'tree')
-    seen = set()
-    for trial in range(0, 240, 7):
-        window = make_window(values=partial[60].values[trial], partial=True, sample_count=60)
-        assert model.accepts(window)
-        result = model.classify_window(window)
-        assert (result.partial, result.error_rate) == (True, 0.05)
-        is_known = result.outcome == Outcome.LABEL
-        assert is_known == (result.novelty <= result.novelty_threshold)
-        assert result.decided == (is_known and max(result.scores) >= threshold > 0.0)
-        seen.add(result.decided)
-    assert (True in seen) == (threshold > 0.0)
-    assert not model.accepts(make_window(partial=True, sample_count=90))
+    rows = (0.6 * trained.values + 0.4 * trained.values[::-1])[:100]
+    found = model.compute(rows)
+    raw = compute_raw_scores(trained.estimator, rows)
+    np.testing.assert_allclose(found.scores, trained.calibration.compute(raw), atol=1e-12)
+    np.testing.assert_allclose(found.novelty, trained.novelty.compute(rows), rtol=1e-9)
+    named = np.array(model.labels)[found.answer]
+    np.testing.assert_array_equal(named, trained.estimator.predict(rows))
+    is_unknown = found.novelty > model.manifest.confidence.novelty_threshold
+    np.testing.assert_array_equal(model.predict(rows), np.where(is_unknown, UNKNOWN, named))
 
 
-def test_partial_windows_change_nothing_for_whole_ones(partial_model, partial_tables, tmp_path):
-    table, _ = partial_tables
-    alone = write_model(tmp_path / 'm.npz', train(table, 'knn'))
-    whole = partial_model.compute(table.values)
-    for one, two in zip(alone.compute(table.values), whole, strict=True):
-        np.testing.assert_array_equal(one, two)
-
-
-@pytest.mark.parametrize('sample_count', [60, 180])
-def test_what_is_unlike_all_training_is_unknown(
-    partial_model, partial_tables, make_window, sample_count
+def test_an_early_answer_has_probabilities_and_an_unknown_of_its_own(
+    early_model, early_window, early_table
 ):
-    is_partial = sample_count < 180
-    window = make_window(
-        values=partial_tables[0].values[0] + 1.0, partial=is_partial, sample_count=sample_count
-    )
-    result = partial_model.classify_window(window)
+    result = early_model.classify_window(early_window(0))
+    assert (result.outcome, result.label) == (Outcome.LABEL, early_table.labels[0])
+    assert sum(result.scores) == pytest.approx(1.0)
+    assert 'the first 60 samples' in early_model.card
+    result = early_model.classify_window(early_window(0, values=early_table.values[0] + 1.0))
     assert (result.outcome, result.label) == (Outcome.UNKNOWN, '')
     assert result.novelty > result.novelty_threshold > 0.0
     assert 'unlike all that the model was trained on' in result.reason
     assert (len(result.scores), result.false_alarm_rate) == (4, 0.05)
-    assert result.decided is not is_partial  # a full window is all there is
-    silent = dataclasses.replace(window, values=np.full(91, np.nan))
-    result = partial_model.classify_window(silent)
-    assert (result.outcome, result.decided) == (Outcome.NO_FEATURES, not is_partial)
+    silent = early_window(0, values=np.full(31, np.nan))
+    assert early_model.classify_window(silent).outcome == Outcome.NO_FEATURES
 
 
-def test_manifest_states_rates_and_how_they_were_found(partial_model):
-    manifest = Manifest.from_dict(partial_model.manifest.to_dict())
-    assert manifest == partial_model.manifest
+def test_a_full_window_of_the_same_length_is_no_early_one(early_model, early_window):
+    full = spec_for('texture', FeatureConfig(texture_samples=60))
+    early_model.set_specifications([full])
+    reason = early_model.classify_window(early_window(0, specification_digest=full.digest)).reason
+    early_model.set_specifications([])
+    assert 'the window (early_windows) differs' in reason
+
+
+def test_a_refusal_after_an_early_window_is_no_answer(early_model, early_window):
+    refusal = early_window(
+        0, outcome=FeatureOutcome.TOO_SHORT, reason='the glide ended', values=np.empty(0)
+    )
+    result = early_model.classify_window(refusal)
+    assert (result.outcome, result.reason) == (Outcome.NO_FEATURES, 'the glide ended')
+
+
+def test_manifest_states_rates_and_how_they_were_found(early_model):
+    manifest = Manifest.from_dict(early_model.manifest.to_dict())
+    assert manifest == early_model.manifest
     stated = dict(manifest.calibration)
     known = stated.pop('held_out_novelty')
-    assert [each['rank'] for each in known] == [3, 3, 3]
-    assert [sum(map(len, each['sessions'])) for each in known] == [240, 240, 240]
+    assert (known['rank'], sum(map(len, known['sessions']))) == (3, 240)
     assert stated.pop('unlearned')['labels'] == 4
     assert stated == {
         'split': 'one session held out', 'groups': 3, 'held_out': ['session_id'], 'trials': 240,
         'session_share': 0.75,
     }  # fmt: skip
-    assert (manifest.false_alarm_rate, manifest.stop_error_rate) == (0.05, 0.05)
-    assert manifest.score_kind == 'probability'
-    assert [part.sample_count for part in manifest.stages] == [0, 60, 120]
+    assert (manifest.false_alarm_rate, manifest.score_kind) == (0.05, 'probability')

@@ -20,7 +20,7 @@ from tactile_features.config import FeatureConfig
 from tactile_features.extraction.extractor import features_from_trials, TrialFeatureExtractor
 from tactile_features.model_container import open_container, pack_container
 from tactile_features.records import TrialEvent
-from tactile_features.spec import spec_for, WantedFeatures
+from tactile_features.spec import spec_for
 from tactile_ros.strain import StrainBlock
 
 START_NS = 10**18
@@ -53,7 +53,7 @@ def table_of_rows(task, config, samples, sessions=3, each=10, **options):
 
 def stream(task, config, tension_n, phase, end_s):
     """Return the windows that come from samples and events, one phase from the first sample."""
-    wanted = [WantedFeatures(spec_for(task, config), config.partial_samples)]
+    wanted = [spec_for(task, config)]
     extractor = TrialFeatureExtractor(config, wanted)
     events = [
         TrialEvent(
@@ -108,28 +108,16 @@ def test_the_answer_is_that_on_the_window_of_the_stream_bit_for_bit(case, tmp_pa
     assert seen > {UNKNOWN} or case in ('waveform', 'over distance')
 
 
-@pytest.fixture(scope='module')
-def partial_model(tmp_path_factory):
-    whole, *parts = (
-        table_of_rows('texture', FeatureConfig(), 180, first_samples=count)
-        for count in (None, 60, 120)
-    )
-    path = tmp_path_factory.mktemp('partial') / 'm.npz'
-    return write_model(path, train(whole, 'knn', partial=dict(zip((60, 120), parts, strict=True))))
-
-
-def test_the_first_part_of_a_window_is_answered_as_on_the_stream(partial_model):
-    config = FeatureConfig(partial_samples=(60, 120))
+def test_an_early_window_is_answered_as_on_the_stream(tmp_path):
+    config = FeatureConfig(texture_samples=60, early_windows=True)
+    early = write_model(tmp_path / 'm.npz', train(table_of_rows('texture', config, 60), 'knn'))
     tension_n = make_rows(1, 91, 1, 60.0, 300)[0]
-    windows = stream('texture', config, tension_n, 'glide', 4.5)
-    assert [w.sample_count for w in windows] == [60, 120, 180]
-    for window in windows:
-        part = tension_n[window.first_sequence :][: window.sample_count]
-        live, answer = partial_model.classify_window(window), partial_model.classify(part, 60)
-        assert (tuple(answer.scores.values()), answer.label) == (live.scores, live.label)
-        assert answer.is_decided == live.decided
-    with pytest.raises(DatasetError, match=r'90 samples; a window has 180 .* or the first 60'):
-        partial_model.classify(tension_n[:90], 60)
+    (window,) = stream('texture', config, tension_n, 'glide', 4.5)
+    part = tension_n[window.first_sequence :][: window.sample_count]
+    live, answer = early.classify_window(window), early.classify(part, 60)
+    assert (tuple(answer.scores.values()), answer.label) == (live.scores, live.label)
+    with pytest.raises(DatasetError, match=r'90 samples; a window has 60 '):
+        early.classify(tension_n[:90], 60)
 
 
 @pytest.fixture(scope='module')

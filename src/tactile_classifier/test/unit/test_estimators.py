@@ -20,7 +20,7 @@ from tactile_classifier.estimators.classifiers import (
     warn_of_labels_never_given,
 )
 from tactile_classifier.training.model_writer import check_labels, make_predictor
-from tactile_classifier.training.trainer import FittedStage
+from tactile_classifier.training.trainer import Trained
 
 
 @pytest.mark.parametrize('scaling', ['standard', 'none'])
@@ -57,7 +57,7 @@ def trials_and_midpoints(draw):
 
 
 def convert(estimator, values):
-    return make_predictor(FittedStage(0, estimator, values, None, None))
+    return make_predictor(Trained(estimator, values, None, None, None))
 
 
 @settings(max_examples=50, deadline=None)

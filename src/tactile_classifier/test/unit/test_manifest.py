@@ -19,12 +19,11 @@ from tactile_classifier.errors import ModelFileError
 from tactile_classifier.evaluation.cross_validation import evaluate
 from tactile_classifier.evaluation.plans import run_plans
 from tactile_classifier.model_file.manifest import (
+    Confidence,
     format_card,
-    FULL_WINDOW,
     list_facts,
     list_limits,
     Manifest,
-    Stage,
     TrainingTrials,
 )
 from tactile_classifier.model_file.model import load_model
@@ -50,12 +49,12 @@ GOOD = Manifest(
     versions={'numpy': '2.2.6'},
     cross_validation={'mean': 0.9, 'spread': 0.01, 'spread_of': 'folds', 'split': 'random'},
     created='2026-01-02T03:04:05+00:00',
-    stages=(Stage(0, 'plain', 1.5, 2.0, 0.0, -1.0, 0.1, 0.05, 0.9),),
+    confidence=Confidence('plain', 1.5, 2.0, 0.0, 0.1, 0.05, 0.9),
     calibration={'split': 'one session held out', 'groups': 3, 'session_share': 0.75},
 )
 
 
-STAGE = dataclasses.asdict(FULL_WINDOW)
+CONFIDENCE = dataclasses.asdict(Confidence())
 TRAINING = dataclasses.asdict(TrainingTrials(2, 1, 1, 0.02, 0.02, 120))
 
 
@@ -91,14 +90,11 @@ def changed(**changes):
         ({'training': {**TRAINING, 'sessions': 1.5}}, 'no valid entry "sessions" in "training"'),
         ({'training': {**TRAINING, 'fastest_m_s': math.inf}}, 'no valid entry "fastest_m_s"'),
         ({'surprise': 1}, 'unknown entry "surprise"'),
-        ({'stop_error_rate': 2.0}, 'a rate that is not between 0 and 1'),
-        ({'stages': []}, 'its stages have'),
-        ({'stages': 3}, 'no valid entry "stages"'),
-        ({'stages': [{**STAGE, 'sample_count': 60}]}, r'its stages have \[60\]'),
-        ({'stages': [{**STAGE, 'sample_count': True}]}, 'no valid entry "sample_count"'),
-        ({'stages': [{**STAGE, 'novelty_threshold': math.inf}]}, '"novelty_threshold"'),
-        ({'stages': [{**STAGE, 'novelty_threshold': math.nan}]}, '"novelty_threshold"'),
-        ({'stages': [{**STAGE, 'more': 1}]}, 'no valid entry "stages"'),
+        ({'false_alarm_rate': 2.0}, 'a rate that is not between 0 and 1'),
+        ({'confidence': 3}, 'no valid entry "confidence"'),
+        ({'confidence': {**CONFIDENCE, 'novelty_threshold': math.inf}}, '"novelty_threshold"'),
+        ({'confidence': {**CONFIDENCE, 'novelty_threshold': math.nan}}, '"novelty_threshold"'),
+        ({'confidence': {**CONFIDENCE, 'more': 1}}, 'no valid entry "confidence"'),
     ],
 )
 def test_tampered_manifest_is_refused(changes, message):
@@ -199,9 +195,8 @@ SEVERAL = TrainingTrials(3, 3, 2, 0.02, 0.03, 0)
             ['one session only'],
         ),
         (
-            {'stages': (FULL_WINDOW, Stage(60, accuracy=0.75)), 'score_kind': 'votes'},
+            {'confidence': Confidence(), 'score_kind': 'votes'},
             [
-                'early predictions: 1 s 75.0 %',
                 'raw (votes), not calibrated',
                 'It never answers "unknown": every object is given a name.',
             ],

@@ -18,12 +18,12 @@ from tactile_classifier.estimators.classifiers import (
     SCORE_KINDS,
 )
 from tactile_classifier.model_file import prediction
-from tactile_classifier.model_file.manifest import FULL_WINDOW
+from tactile_classifier.model_file.manifest import Confidence
 from tactile_classifier.model_file.model import load_model, TactileModel
 from tactile_classifier.records import CLASSIFIERS, Outcome, UNKNOWN
 from tactile_classifier.training import model_writer
 from tactile_classifier.training.model_writer import check_labels, make_predictor, write_model
-from tactile_classifier.training.trainer import FittedStage, train, Trained
+from tactile_classifier.training.trainer import train, Trained
 from tactile_features.config import FeatureConfig
 from tactile_features.model_container import MAX_MODEL_BYTES, open_container, pack_container
 from tactile_features.spec import spec_for
@@ -32,7 +32,7 @@ from tactile_features.spec import spec_for
 def check_answers(trained, model, values, atol):
     """Compare a model file with the estimator and the calibration that it was made of."""
     raw = compute_raw_scores(trained.estimator, values)
-    calibration = trained.stages[0].calibration
+    calibration = trained.calibration
     expected = raw if calibration is None else calibration.compute(raw)
     found = model.compute(values)
     np.testing.assert_allclose(found.scores, expected, atol=atol, rtol=0)
@@ -77,11 +77,10 @@ def test_many_windows_of_many_trials_fit_into_the_memory_limit(small_table, tmp_
     values = np.random.default_rng(2).normal(size=(4000, 91))
     estimator = build_estimator('knn', 'none').fit(values, np.tile(['a', 'b'], 2000))
     trained = train(small_table.take(small_table.labels != 'plate 2'), 'knn', 'none')
-    part = FittedStage(0, estimator, values[:64], None, None)
     manifest = dataclasses.replace(
-        trained.manifest, labels=('a', 'b'), stages=(FULL_WINDOW,), score_kind=SCORE_KINDS['knn']
+        trained.manifest, labels=('a', 'b'), confidence=Confidence(), score_kind=SCORE_KINDS['knn']
     )
-    write_model(tmp_path / 'm.npz', Trained((part,), manifest))
+    write_model(tmp_path / 'm.npz', Trained(estimator, values[:64], None, None, manifest))
 
 
 def test_a_model_that_changes_labels_is_not_written(small_table, tmp_path):
@@ -106,12 +105,12 @@ def test_a_model_that_changes_labels_is_not_written(small_table, tmp_path):
 @pytest.mark.parametrize('labels', [2, 3])
 def test_a_fault_that_shows_only_near_borders_is_found(small_table, classifier, labels):
     table = small_table.take(small_table.labels < f'plate {labels}')
-    stage = train(table, classifier, 'standard').stages[0]
-    predictor = make_predictor(stage)
-    check_labels(predictor, stage.estimator, stage.values)
+    trained = train(table, classifier, 'standard')
+    predictor = make_predictor(trained)
+    check_labels(predictor, trained.estimator, trained.values)
     # Trials keep their labels; one point between two of them has another.
-    near = model_writer._find_points_near_borders(predictor, stage.values)
-    real, names = stage.estimator.predict, stage.estimator.classes_
+    near = model_writer._find_points_near_borders(predictor, trained.values)
+    real, names = trained.estimator.predict, trained.estimator.classes_
     turned = dict(zip(names, np.roll(names, 1), strict=True))
 
     def predict(values):
@@ -119,9 +118,9 @@ def test_a_fault_that_shows_only_near_borders_is_found(small_table, classifier, 
         is_near = (values == near[0]).all(axis=1)
         return np.where(is_near, [turned[label] for label in found], found)
 
-    stage.estimator.predict = predict
+    trained.estimator.predict = predict
     with pytest.raises(ModelFileError, match='1 of 1000 points near borders get another label'):
-        check_labels(predictor, stage.estimator, stage.values)
+        check_labels(predictor, trained.estimator, trained.values)
 
 
 @pytest.mark.parametrize('classifier', ['knn', 'svm_linear', 'svm_rbf'])
@@ -131,7 +130,7 @@ def test_a_label_that_rounding_decides_may_differ(classifier, labels):
     values = rng.normal(size=(60, 3)) + 4.0 * np.eye(4, 3)[np.arange(60) % 4]
     names = np.array(list(labels))[np.arange(60) % len(labels)]
     estimator = build_estimator(classifier, 'none').fit(values, names)
-    part = make_predictor(FittedStage(0, estimator, values, None, None)).classifier
+    part = make_predictor(Trained(estimator, values, None, None, None)).classifier
     low, high = first, second = values[0], values[1]
     assert (part.compute(first).argmax(), part.compute(second).argmax()) == (0, 1)
     for _ in range(60):
@@ -271,11 +270,11 @@ def test_arrays_under_the_manifest_of_another_model_are_refused(model_path):
     for changes, message in (
         ({'labels': ('a', 'b', 'c', 'd')}, 'values of its array "intercept" do not fit'),
         ({'spec': half}, r'it must be \(3, 46\)'),
-        ({'stages': (FULL_WINDOW,)}, 'calibration does not go with its kind of scores'),
+        ({'confidence': Confidence()}, 'calibration does not go with its kind of scores'),
         ({'scaling': 'standard'}, 'has no array "scaling.mean"'),
         ({'classifier': 'tree'}, 'has no array "classifier.feature"'),
         (
-            {'stages': (dataclasses.replace(manifest.stages[0], metric=''),)},
+            {'confidence': dataclasses.replace(manifest.confidence, metric='')},
             'threshold of novelty does not go with its kind of novelty',
         ),
     ):

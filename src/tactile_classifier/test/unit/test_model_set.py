@@ -19,11 +19,12 @@ from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
 from tactile_features.model_contract import read_contracts
 from tactile_features.records import Outcome as FeatureOutcome
-from tactile_features.spec import FeatureSpecifications, spec_for, WantedFeatures
+from tactile_features.spec import FeatureSpecifications, spec_for
 
 FULL = spec_for('texture', FeatureConfig())
 SHORT = spec_for('texture', FeatureConfig(texture_samples=90))
 LATER = spec_for('texture', FeatureConfig(texture_crop_start_s=0.9))
+EARLY = spec_for('texture', FeatureConfig(texture_samples=60, early_windows=True))
 GAPS = spec_for('texture', FeatureConfig(max_gap_samples=3))
 
 
@@ -35,13 +36,13 @@ def table_of(table, spec, contact='flexion'):
 
 
 @pytest.fixture(scope='module')
-def folder(small_table, stiffness_table, model_path, partial_path, tmp_path_factory):
+def folder(small_table, stiffness_table, model_path, early_path, tmp_path_factory):
     """Return a folder of models; the names of the files say nothing."""
     folder = tmp_path_factory.mktemp('models')
     shutil.copy(model_path, folder / 'a.npz')
     write_model(folder / 'b.npz', train(table_of(small_table, SHORT), 'knn'))
     write_model(folder / 'c.npz', train(stiffness_table, 'tree'))
-    shutil.copy(partial_path, folder / 'd.npz')
+    shutil.copy(early_path, folder / 'd.npz')
     write_model(folder / 'e.npz', train(table_of(small_table, LATER, 'abduction'), 'tree'))
     (folder / 'x.txt').write_text('no model')
     return folder
@@ -67,7 +68,7 @@ def test_a_folder_is_read_whatever_its_files_are_called(folder):
     models = ModelSet.load(folder)
     alone = [load_model(folder / f'{name}.npz') for name in 'abcde']
     assert [m.model_id for m in models.models] == [model.model_id for model in alone]
-    assert (models.refused, models.partial_samples) == ((), (60, 120))
+    assert models.refused == ()
     assert [info.path for info in models.infos] == [model.path for model in alone]
     first = models.infos[0]
     assert (first.task, first.contact, first.simulated) == ('texture', 'flexion', True)
@@ -76,21 +77,19 @@ def test_a_folder_is_read_whatever_its_files_are_called(folder):
     assert first.specification_digest == FULL.digest
     contracts, refused = read_contracts(folder, 'flexion')
     assert refused == []
-    assert [
-        (str(c.path), c.task, c.contact, c.wanted.spec, c.wanted.partial_samples)
-        for c in contracts
-    ] == [(m.path, m.task, m.contact, m.spec, m.partial_samples) for m in alone[:4]]
+    assert [(str(c.path), c.task, c.contact, c.spec) for c in contracts] == [
+        (m.path, m.task, m.contact, m.spec) for m in alone[:4]
+    ]
 
 
 def test_each_model_answers_its_windows_as_if_alone(folder, window_of):
     models = ModelSet.load(folder, 'flexion')
     alone = {name: load_model(folder / f'{name}.npz') for name in 'abcd'}
-    models.set_specifications([FULL, SHORT, LATER])
+    models.set_specifications([FULL, SHORT, LATER, EARLY])
     for window, names in (
-        *((window_of(FULL, trial), 'ad') for trial in range(3)),
+        *((window_of(FULL, trial), 'a') for trial in range(3)),
         *((window_of(SHORT, trial), 'b') for trial in range(3)),
-        (window_of(FULL, partial=True, sample_count=60), 'd'),
-        (window_of(FULL, partial=True, sample_count=90), ''),
+        *((window_of(EARLY, trial), 'd') for trial in range(3)),
         (window_of(LATER), ''),  # of a model for another contact
     ):
         expected = [alone[name].classify_window(window) for name in names]
@@ -155,28 +154,25 @@ def test_without_a_usable_model_the_sentence_names_the_folder(tmp_path, read):
         read('/nowhere/m')
 
 
-def test_counts_and_news_of_answers(folder, window_of):
+def test_counts_of_answers(folder, window_of):
     answering = Answering(ModelSet.load(folder, 'flexion'))
-    wanted = FeatureSpecifications((WantedFeatures(FULL), WantedFeatures(SHORT)))
-    (missing,) = answering.announce(wanted)
-    assert 'stiffness' in missing
-    assert len(answering.answer(window_of(FULL))) == 2
+    wanted = FeatureSpecifications((FULL, SHORT))
+    missing = answering.announce(wanted)
+    assert len(missing) == 2  # of the hold, and of the early window
+    assert 'stiffness' in missing[0]
+    assert len(answering.answer(window_of(FULL))) == 1
     answering.answer(window_of(LATER))
     answering.answer(window_of(FULL, feature_set='smell'))
-    part = window_of(FULL, partial=True, sample_count=60)
-    (early,) = answering.answer(part)
-    answering.answer(part)
+    (early,) = answering.answer(window_of(EARLY))
+    assert early.model_id == load_model(folder / 'd.npz').model_id
     assert answering.values() == {
-        'windows': 3,
-        'answers': 2,
-        'windows for others': 2,
-        'windows of another specification': 0,
-        'answers on partial windows': 2,
+        'windows': 4,
+        'answers': 3,
+        'windows for others': 1,
+        'windows of another specification': 1,
         'models': 4,
         'refused model files': 0,
     }
-    assert len(answering.take_news()) == early.decided
-    assert answering.take_news() == []
 
 
 def test_public_names_exist():

@@ -58,7 +58,7 @@ def test_contact_is_empty_when_mixed_or_unknown(small_table, stiffness_table):
     assert (manifest.contact, manifest.simulated) == ('', False)
 
 
-def test_what_cannot_be_trained_is_refused(small_table, partial_tables):
+def test_what_cannot_be_trained_is_refused(small_table):
     score = evaluate(small_table, ['knn'], ['standard'], repetitions=1).scores[0]
     with pytest.raises(ValueError, match='the score is of knn with scaling standard'):
         train(small_table, 'knn', 'none', score=score)
@@ -66,14 +66,8 @@ def test_what_cannot_be_trained_is_refused(small_table, partial_tables):
         train(small_table.take(np.arange(5)), 'knn')
     with pytest.raises(DatasetError, match='three trials'):
         train(small_table.take([0, 20]), 'tree')
-    with pytest.raises(ValueError, match='a rate is 0'):
+    with pytest.raises(ValueError, match='the rate is 0'):
         train(small_table, 'tree', false_alarm_rate=0.0)
-    table, partial = partial_tables
-    with pytest.raises(DatasetError, match='table of 60 samples is not of the same trials'):
-        train(table, 'tree', partial={60: partial[60].take(np.arange(239))})
-    few = np.r_[0:4, 60:64, 120:124]
-    with pytest.raises(DatasetError, match='early predictions need calibrated ones: 12 trials'):
-        train(table.take(few), 'tree', partial={60: partial[60].take(few)})
 
 
 def test_only_too_few_trials_are_a_reason_for_no_probabilities(small_table, monkeypatch):
@@ -84,7 +78,7 @@ def test_only_too_few_trials_are_a_reason_for_no_probabilities(small_table, monk
     def fail(*_):
         raise ValueError('a fault')
 
-    monkeypatch.setattr(trainer, 'calibrate_stage', fail)
+    monkeypatch.setattr(trainer, 'calibrate_held_out', fail)
     with pytest.raises(ValueError, match='a fault'):
         train(small_table, 'knn')
 
@@ -102,11 +96,11 @@ def draw_sessions(noises):
 @pytest.mark.parametrize('sessions', [1, 2])
 def test_votes_without_a_mistake_are_calibrated(classifier, sessions):
     trained = train(draw_sessions((0.2,) * sessions), classifier)
-    part = trained.manifest.stages[0]
+    part = trained.manifest.confidence
     assert (part.accuracy, part.calibration_error_before) == (1.0, 0.0)
     assert part.calibration_error_after > 0.0  # a naive rule would keep certainty 1
     assert trained.manifest.score_kind == 'probability'
-    assert trained.stages[0].calibration.compute(np.eye(3))[0, 0] < 0.999
+    assert trained.calibration.compute(np.eye(3))[0, 0] < 0.999
 
 
 @pytest.mark.parametrize('noises', [(0.2, 4.0), (0.2, 4.0, 0.2, 4.0)])
@@ -115,7 +109,7 @@ def test_unlike_sessions_are_calibrated_by_all(noises):
     trained = train(table, 'svm_linear')
     assert trained.manifest.score_kind == 'probability'
     scores, true = hold_out_scores(table, 'svm_linear', 'standard', make_group_folds(table).fold)
-    assert trained.stages[0].calibration == fit_calibration(scores, true)
+    assert trained.calibration == fit_calibration(scores, true)
 
 
 def test_a_model_for_new_groups_is_calibrated_on_held_out_groups():
@@ -132,8 +126,8 @@ def test_a_model_for_new_groups_is_calibrated_on_held_out_groups():
     )
     scores, true = hold_out_scores(table, 'knn', 'none', make_group_folds(table, ('speed',)).fold)
     known = float(np.mean(scores.argmax(axis=1) == true))
-    assert by_speed.stages[0].accuracy == pytest.approx(known)
-    assert known <= 0.5 < 0.9 < by_session.stages[0].accuracy
+    assert by_speed.confidence.accuracy == pytest.approx(known)
+    assert known <= 0.5 < 0.9 < by_session.confidence.accuracy
     assert by_speed.calibration['held_out'] == ['speed']
     assert any('4 groups by speed were held out' in line for line in list_limits(by_speed))
     assert any('4 sessions were held out' in line for line in list_limits(by_session))

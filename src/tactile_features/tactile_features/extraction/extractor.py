@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 import dataclasses
-import heapq
 import time
 
 import numpy as np
@@ -19,12 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError, UndefinedFeatureError
-from tactile_features.extraction.phase_window import (
-    EarlyWindow,
-    format_clock_step,
-    PartialWindow,
-    PhaseWindow,
-)
+from tactile_features.extraction.phase_window import EarlyWindow, format_clock_step, PhaseWindow
 from tactile_features.feature_sets.feature_set import FeatureSet, WindowSamples
 from tactile_features.feature_sets.registry import find_feature_set
 from tactile_features.phases import SignalPhases
@@ -44,7 +38,6 @@ from tactile_features.spec import (
     set_for,
     shared_rate_hz,
     spec_of,
-    WantedFeatures,
 )
 from tactile_features.windows import SampleBuffer
 from tactile_ros.strain import StrainBlock
@@ -64,24 +57,12 @@ class _Lane:
         self.phase = phase
         self.spec = spec_of(config.feature_set(phase))
         self.buffer = buffer
-        self.filling: deque[PartialWindow] = deque()
         self.early: deque[EarlyWindow] = deque()
-
-    @property
-    def partial_samples(self) -> tuple[int, ...]:
-        if self.phase != PHASE_GLIDE or self.spec.is_early:
-            return ()
-        return self.config.partial_samples
 
     def begin(self, event: TrialEvent, *, is_past: bool) -> None:
         """Take in the start of a phase."""
         if event.phase == self.phase and self.spec.is_early:
             self.early.append(EarlyWindow(event, self.config, self.buffer, is_past=is_past))
-        elif event.phase == self.phase:
-            self.filling.extend(
-                PartialWindow(event, count, self.config, self.buffer)
-                for count in self.partial_samples
-            )
 
     def end(self, begun: TrialEvent, end: TrialEvent | None) -> None:
         """Take in the event that ended a phase; None: another trial began instead."""
@@ -162,8 +143,8 @@ class TrialFeatureExtractor:
     windows of one specification are the same, in the same order and bit for bit, whatever else
     is wanted; of one phase they come in the order of the specifications.
 
-    With partial samples the first parts of a texture window come as soon as their
-    samples are there, marked as partial, and before the window itself.
+    Early windows are given out as soon as their samples are there, whatever the phase does later;
+    a refusal of the same specification follows where it ended inside the window.
 
     With ``phases`` other than ``stated`` the events are found in the tension, and those
     that are added are passed over.
@@ -184,21 +165,19 @@ class TrialFeatureExtractor:
     ----------
     config : FeatureConfig
         What all windows share, and what the wanted specifications do not state.
-    wanted : sequence of WantedFeatures
+    wanted : sequence of FeatureSpec
         The features to compute; none: by ``config`` alone.
 
     Attributes
     ----------
     config : FeatureConfig
         Its ``rate_hz`` is that of the wanted specifications, where these have one in common.
-    wanted : tuple of WantedFeatures
-        All specifications that are computed, distinct and complete, with their partial windows.
     specifications : tuple of FeatureSpec
-        The same without partial windows.
+        All specifications that are computed, distinct and complete.
     block_count, sample_count, event_count : int
         What has come in.
     window_counts : dict of Outcome to int
-        What has come out, without the partial windows.
+        What has come out.
 
     Raises
     ------
@@ -206,8 +185,8 @@ class TrialFeatureExtractor:
         When wanted features cannot be computed.
     """
 
-    def __init__(self, config: FeatureConfig, wanted: Sequence[WantedFeatures] = ()) -> None:
-        if rate_hz := shared_rate_hz(each.spec for each in wanted):
+    def __init__(self, config: FeatureConfig, wanted: Sequence[FeatureSpec] = ()) -> None:
+        if rate_hz := shared_rate_hz(wanted):
             config = dataclasses.replace(config, rate_hz=rate_hz)
         self.config = config
         self.block_count = 0
@@ -217,7 +196,6 @@ class TrialFeatureExtractor:
         self._buffer_ns = round(config.buffer_s * 1e9)
         self._buffers: dict[tuple[int, int], SampleBuffer] = {}
         self._lanes = self._make_lanes(wanted)
-        self._has_parts = any(lane.partial_samples for lane in self._lanes)
         # Phases in the signal do not depend on what is wanted.
         is_stated = config.phases == PHASES_STATED
         self._buffer = self._lanes[0].buffer if is_stated else self._buffer_for(config)
@@ -226,25 +204,17 @@ class TrialFeatureExtractor:
         self._signal = None if is_stated else SignalPhases(config)
         self._detected: list[TrialEvent] = []
 
-    def _make_lanes(self, wanted: Sequence[WantedFeatures]) -> tuple[_Lane, ...]:
+    def _make_lanes(self, wanted: Sequence[FeatureSpec]) -> tuple[_Lane, ...]:
         """Return a lane for each distinct specification, and one for a phase without any."""
         bound: dict[str, tuple[str, FeatureConfig]] = {}
 
         def add(phase: str, config: FeatureConfig) -> None:
-            digest = spec_of(config.feature_set(phase)).digest
-            known = bound[digest][1].partial_samples if digest in bound else ()
-            counts = tuple(sorted({*known, *config.partial_samples}))
-            bound[digest] = phase, dataclasses.replace(config, partial_samples=counts)
+            bound.setdefault(spec_of(config.feature_set(phase)).digest, (phase, config))
 
-        for each in wanted:
-            found = find_feature_set(each.spec.feature_set)
-            if found is None:
-                continue
-            add(found.phase, each.bind(self.config))
-            # Own partial windows count at any rate: which one is shared depends on the others.
-            own = dataclasses.replace(self.config, rate_hz=each.spec.rate_hz)
-            if spec_of(own.feature_set(found.phase)).digest == each.spec.digest:
-                add(found.phase, own)
+        for spec in wanted:
+            found = find_feature_set(spec.feature_set)
+            if found is not None:
+                add(found.phase, spec.bind(self.config))
         for phase in (PHASE_GLIDE, PHASE_HOLD):
             if phase not in {of_phase for of_phase, _ in bound.values()}:
                 add(phase, self.config)
@@ -267,11 +237,6 @@ class TrialFeatureExtractor:
         return tuple(lane.spec for lane in self._lanes)
 
     @property
-    def wanted(self) -> tuple[WantedFeatures, ...]:
-        """Specifications that are computed, with their partial windows."""
-        return tuple(WantedFeatures(lane.spec, lane.partial_samples) for lane in self._lanes)
-
-    @property
     def late_sample_count(self) -> int:
         """Samples that came again or too late."""
         return self._buffer.late_sample_count
@@ -288,8 +253,6 @@ class TrialFeatureExtractor:
         for buffer in self._buffers.values():
             is_set_back = buffer.add(block)  # by stamps and numbers: all say the same
         windows = self._find_phases(is_set_back) if self._signal or is_set_back else []
-        if self._has_parts:
-            windows += self._take_partial()
         windows += self._take_early()
         if self._waiting:
             windows += self._take_complete()
@@ -344,7 +307,7 @@ class TrialFeatureExtractor:
         if begun != event:
             for lane in self._lanes:
                 lane.begin(event, is_past=is_past)
-        return self._take_partial() + self._take_early() + self._take_complete()
+        return self._take_early() + self._take_complete()
 
     @property
     def waits_since_ns(self) -> int | None:
@@ -401,13 +364,6 @@ class TrialFeatureExtractor:
         """Return windows for the finished phases that still wait: no more samples will come."""
         return self._give_up(Outcome.GAP, 'the stream ended before all samples had come')
 
-    def _take_partial(self) -> list[FeatureWindow]:
-        lanes = [self._take_filled(lane) for lane in self._lanes if lane.filling]
-        if len(lanes) < 2:
-            return lanes[0] if lanes else []
-        # In the order in which the last samples came, however they are grouped.
-        return list(heapq.merge(*lanes, key=lambda window: window.window_end_ns))
-
     def _take_early(self) -> list[FeatureWindow]:
         windows: list[FeatureWindow] = []
         for lane in self._lanes:
@@ -422,17 +378,6 @@ class TrialFeatureExtractor:
     def _count_early(self, windows: list[FeatureWindow]) -> list[FeatureWindow]:
         for window in windows:
             self.window_counts[window.outcome] += 1
-        return windows
-
-    def _take_filled(self, lane: _Lane) -> list[FeatureWindow]:
-        windows: list[FeatureWindow] = []
-        while lane.filling:
-            window = lane.filling[0].take()
-            if window is not None:
-                windows.append(window)
-            elif not self._is_overdue(lane.filling[0].end.stamp_ns):
-                break
-            lane.filling.popleft()
         return windows
 
     def _take_complete(self) -> list[FeatureWindow]:
@@ -481,8 +426,6 @@ class TrialFeatureExtractor:
         return windows
 
     def _give_up(self, outcome: Outcome, reason: str) -> list[FeatureWindow]:
-        for lane in self._lanes:
-            lane.filling.clear()
         windows: list[FeatureWindow] = []
         for lane in self._lanes:
             windows += self._count_early(lane.give_up_early(outcome, reason))
@@ -507,7 +450,6 @@ def features_from_trials(
     x: ArrayLike,
     rate_hz: float,
     *,
-    first_samples: int | None = None,
     config: FeatureConfig | None = None,
     speeds_m_s: ArrayLike | None = None,
 ) -> tuple[NDArray[np.float64], FeatureSpec]:
@@ -522,8 +464,6 @@ def features_from_trials(
         speed takes the middle of each row.
     rate_hz : float
         Sample rate [Hz].
-    first_samples : int, optional
-        Of a window, take only so many samples: the features of a partial window.
     config : FeatureConfig, optional
         Names the feature set and its options; the defaults where not given. How windows are
         cut does not count.
@@ -539,8 +479,8 @@ def features_from_trials(
     Raises
     ------
     FeatureError
-        When the shape, the rate, the speeds or ``first_samples`` do not fit, a value is not
-        finite or a feature is undefined; the message names the trial.
+        When the shape, the rate or the speeds do not fit, a value is not finite or a feature is
+        undefined; the message names the trial.
     """
     tension = np.asarray(x, dtype=np.float64)
     if tension.ndim != 2 or tension.shape[1] < 2:
@@ -554,20 +494,10 @@ def features_from_trials(
     bad = np.flatnonzero(~np.isfinite(tension).all(axis=1))
     if len(bad):
         raise FeatureError(f'the tension of trial {bad[0]} holds values that are not finite')
-    if first_samples is not None:
-        if not feature_set.has_parts:
-            raise FeatureError(f'{feature_set.name} ({task}) has no partial windows')
-        if not 2 <= first_samples <= count:
-            raise FeatureError(
-                f'first_samples is {first_samples}; the windows have {count} samples'
-            )
-        tension = tension[:, :first_samples]
     if feature_set.needs_speed:
         return _compute_each(feature_set, tension, rate_hz, speeds_m_s, len(spec.names)), spec
     samples = WindowSamples(_times_ns(tension.shape[1], rate_hz), tension, rate_hz)
     try:
-        if first_samples is not None:
-            return feature_set.compute_part(samples, count), spec
         return feature_set.compute(samples), spec
     except UndefinedFeatureError as error:
         where = f'trial {error.windows[0]}: ' if error.windows else ''

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The window of one phase: its samples, their fitness, its features; whole, or its first part."""
+"""The window of one phase: its samples, their fitness, its features; full or early."""
 
 from __future__ import annotations
 
@@ -201,13 +201,10 @@ class PhaseWindow:
         config = self._config
         of_set = WindowSamples(samples['stamp_ns'], tension_n, config.rate_hz, self._speed_m_s)
         try:
-            values = self._compute(of_set)
+            values = self._set.compute(of_set)
         except FeatureError as error:
             return self.refuse(Outcome.UNDEFINED, str(error), samples)
         return self._window(Outcome.OK, '', samples, values)
-
-    def _compute(self, samples: WindowSamples) -> NDArray[np.float64]:
-        return self._set.compute(samples)
 
     def _format_step(self, cut: _Cut) -> str:
         after_ns = [] if cut.after is None else [cut.after['step_ns']]
@@ -443,31 +440,3 @@ class EarlyWindow(PhaseWindow):
         else:
             return []
         return [dataclasses.replace(given, outcome=outcome, reason=reason, values=np.empty(0))]
-
-
-class PartialWindow(PhaseWindow):
-    """The first ``count`` samples of the texture window of a glide that has begun.
-
-    It supposes that the glide lasts, because nobody knows its end yet: so it is the same
-    whether the event of the end comes before or after the samples. Whether the glide
-    lasted, the window of the finished phase says.
-    """
-
-    def __init__(
-        self, start: TrialEvent, count: int, config: FeatureConfig, buffer: SampleBuffer
-    ) -> None:
-        super().__init__(start, start, config, buffer)
-        self._whole, self._wanted = self._set.sample_count, count
-
-    def take(self) -> FeatureWindow | None:
-        """Return the window, or None while its samples have not all come."""
-        if self._no_window:
-            return self.refuse(Outcome.UNDEFINED, self._no_window)
-        cut = self._first_samples()
-        return cut and (self._refuse_evicted() or self._assess(cut))
-
-    def _compute(self, samples: WindowSamples) -> NDArray[np.float64]:
-        return self._set.compute_part(samples, self._whole)
-
-    def _window(self, *args: Any) -> FeatureWindow:
-        return dataclasses.replace(super()._window(*args), partial=True)

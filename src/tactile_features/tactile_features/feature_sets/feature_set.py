@@ -12,7 +12,6 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_features.errors import FeatureError
 from tactile_features.records import PHASE_GLIDE
 from tactile_ros.configs import parameter
 
@@ -181,8 +180,6 @@ class FeatureSet(ABC):
     can_be_early : bool
         Whether the first samples of a phase may be a window that is given out as soon as they are
         there: ``count_field`` is set, and the features need no more of the phase.
-    has_parts : bool
-        Whether `compute_part` gives features of a window that still fills.
     cut : tuple of str
         Fields of `FeatureConfig` which say what part of the phase the window is. Ready-cut
         windows do not state them.
@@ -199,7 +196,6 @@ class FeatureSet(ABC):
     needs_speed: ClassVar[bool] = False
     is_waveform: ClassVar[bool] = False
     can_be_early: ClassVar[bool] = False
-    has_parts: ClassVar[bool] = False
     cut: ClassVar[tuple[str, ...]] = ()
     options: ClassVar[tuple[str, ...]] = ()
     count_field: ClassVar[str] = ''
@@ -259,23 +255,6 @@ class FeatureSet(ABC):
         FeatureError
             When the samples do not fit.
         """
-
-    def compute_part(self, samples: WindowSamples, sample_count: int) -> FloatArray:
-        """Return the features of the first part of windows, under the names of the whole ones.
-
-        Parameters
-        ----------
-        samples : WindowSamples
-            The first samples of each window.
-        sample_count : int
-            Samples in the full window.
-
-        Raises
-        ------
-        FeatureError
-            When the set has none, or the samples do not fit.
-        """
-        raise FeatureError(f'{self.name} has no partial windows; leave partial_samples empty')
 
     @property
     def is_early(self) -> bool:

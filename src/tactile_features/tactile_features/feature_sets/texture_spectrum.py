@@ -33,7 +33,6 @@ class TextureSpectrum(FeatureSet):
     version = 2
     phase = PHASE_GLIDE
     can_be_early = True
-    has_parts = True
     cut = ('texture_crop_start_s', 'max_gap_samples')
     options = ('spectrum_detrend', 'spectrum_window')
     count_field = 'texture_samples'
@@ -48,16 +47,9 @@ class TextureSpectrum(FeatureSet):
         config = self.config
         return compute_spectrum(samples.tension_n, config.spectrum_detrend, config.spectrum_window)
 
-    def compute_part(self, samples: WindowSamples, sample_count: int) -> FloatArray:
-        options = self.config.spectrum_detrend, self.config.spectrum_window
-        return compute_spectrum(samples.tension_n, *options, sample_count)
-
 
 def compute_spectrum(
-    tension_n: ArrayLike,
-    detrend: str = 'mean',
-    window: str = 'none',
-    sample_count: int | None = None,
+    tension_n: ArrayLike, detrend: str = 'mean', window: str = 'none'
 ) -> FloatArray:
     """Return the single-sided amplitudes of the Fourier components.
 
@@ -66,44 +58,35 @@ def compute_spectrum(
     window, its sum takes the place of ``n``. The component at 0 Hz is set to 0: it holds the
     offset of the sensor, or rounding errors only.
 
-    Part of a window is detrended and weighted by itself, and the rest filled with zeros: component
-    ``k`` means the frequency that it has in the full window. Amplitudes are scaled by the ``n``
-    samples that are there. A sine of amplitude A whose periods fill them gives A at its own
-    frequency, and leaks to frequencies in between, the more the shorter the part is.
-
     A window of samples gives the same bits alone and in a batch.
 
     Parameters
     ----------
     tension_n : array_like of shape (..., n)
-        Windows of tension, or the first part of each [N]; ``2 <= n <= sample_count``.
+        Windows of tension [N]; ``n >= 2``.
     detrend : str
         ``none``, ``mean``, or ``linear``: what is subtracted before the transform, the mean or
         the least-squares line, as `scipy.signal.detrend` does. ``none`` differs from ``mean``
         with a window only, because the component at 0 Hz is set to 0.
     window : str
         ``none``, or ``hann``: the periodic Hann window of `scipy.signal.get_window`.
-    sample_count : int, optional
-        Samples in the full window; ``n`` where not given.
 
     Returns
     -------
-    ndarray of shape (..., sample_count // 2 + 1)
+    ndarray of shape (..., n // 2 + 1)
         Amplitudes [N].
 
     Raises
     ------
     FeatureError
-        When the samples are too few or too many, a value is not finite, or an amplitude is too
+        When the samples are too few, a value is not finite, or an amplitude is too
         large to be represented.
     """
     tension = np.asarray(tension_n, dtype=np.float64)
     n = tension.shape[-1] if tension.ndim else 0
-    sample_count = n if sample_count is None else sample_count
-    if not 2 <= n <= sample_count:
+    if n < 2:
         raise FeatureError(
-            'a spectrum needs windows of at least 2 samples, and no more than the full window '
-            f'has, {sample_count}; the shape is {tension.shape}'
+            f'a spectrum needs windows of at least 2 samples; the shape is {tension.shape}'
         )
     if detrend not in DETRENDS or window not in WINDOWS:
         raise FeatureError(
@@ -111,13 +94,13 @@ def compute_spectrum(
             f'{", ".join(DETRENDS)} and of {", ".join(WINDOWS)}'
         )
     rows = np.ascontiguousarray(tension).reshape(-1, n)
-    amplitude = np.empty((len(rows), sample_count // 2 + 1))
+    amplitude = np.empty((len(rows), n // 2 + 1))
     # About the middle, an index is exact, and so is the sum of squares while doubles hold it.
     index = np.arange(n) - (n - 1) / 2.0
     square = n * (n * n - 1) / 12.0
     weight = np.sin(np.pi * np.arange(n) / n) ** 2 if window == 'hann' else None
-    # The mean of a full window without weights is in the component at 0 Hz alone.
-    is_raw = detrend == 'none' and (weight is not None or n < sample_count)
+    # The mean of a window without weights is in the component at 0 Hz alone.
+    is_raw = detrend == 'none' and weight is not None
     with np.errstate(over='ignore', invalid='ignore'):
         for at in range(0, len(rows), _BLOCK_WINDOWS):
             some = rows[at : at + _BLOCK_WINDOWS]
@@ -135,13 +118,13 @@ def compute_spectrum(
                     change -= change.mean(axis=1, keepdims=True)
             if weight is not None:
                 change *= weight
-            np.abs(np.fft.rfft(change, sample_count), out=amplitude[at : at + _BLOCK_WINDOWS])
+            np.abs(np.fft.rfft(change), out=amplitude[at : at + _BLOCK_WINDOWS])
         amplitude *= 2.0 / (n if weight is None else weight.sum())
     amplitude[:, 0] = 0.0
-    if sample_count % 2 == 0:
+    if n % 2 == 0:
         amplitude[:, -1] /= 2.0
     if not np.isfinite(amplitude).all():
         if np.isfinite(rows).all():
             raise FeatureError('the tension is too large for its spectrum to be represented')
         raise FeatureError('the tension holds values that are not finite')
-    return amplitude.reshape(*tension.shape[:-1], sample_count // 2 + 1)
+    return amplitude.reshape(*tension.shape[:-1], n // 2 + 1)

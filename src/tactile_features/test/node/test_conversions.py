@@ -120,7 +120,7 @@ def test_constants_are_those_of_the_messages(message, prefix, ours):
     assert {name: value for name, value in ours.items() if name.startswith(prefix)} == theirs
 
 
-CONFIG = FeatureConfig(texture_crop_start_s=1 / 3, partial_samples=(60, 120), max_gap_samples=2)
+CONFIG = FeatureConfig(texture_crop_start_s=1 / 3, early_windows=True, max_gap_samples=2)
 
 
 # -- messages that anybody may send --------------------------------------------------------
@@ -161,8 +161,8 @@ def test_a_message_is_refused_or_converted_and_can_be_sent_on(make, convert, con
 @given(changes=mutations(FeatureSpecification), values=st.lists(words, max_size=4))
 @settings(deadline=None)
 def test_a_specification_is_refused_or_that_of_its_digest(changes, values):
-    wanted = TrialFeatureExtractor(FeatureConfig()).wanted
-    message = specifications_to_msg(FeatureSpecifications(wanted))
+    specs = TrialFeatureExtractor(FeatureConfig()).specifications
+    message = specifications_to_msg(FeatureSpecifications(specs))
     changes.pop('stamp', None)  # it has no header
     mutate(message.specifications[0], changes)
     message.specifications[1].parameter_values[: len(values)] = values
@@ -170,7 +170,7 @@ def test_a_specification_is_refused_or_that_of_its_digest(changes, values):
         found = specifications_from_msg(message)
     except MessageError:
         return
-    assert found.specs == tuple(each.spec for each in wanted)
+    assert found.specs == specs
     serialize_message(specifications_to_msg(found))
 
 
@@ -185,7 +185,7 @@ def test_a_refusal_says_nothing_that_a_terminal_obeys():
 @pytest.mark.parametrize(
     'config',
     [
-        FeatureConfig(partial_samples=(90,)),
+        FeatureConfig(texture_samples=90, early_windows=True),
         FeatureConfig(texture_features='texture_spatial'),
         FeatureConfig(phases='texture'),
         FeatureConfig(phases='stiffness'),
@@ -223,7 +223,9 @@ def test_the_extractor_takes_all_that_is_not_refused(config, blocks, events):
     ],
 )
 def test_what_is_wrong_with_specifications_is_said(change, fault):
-    message = specifications_to_msg(FeatureSpecifications(TrialFeatureExtractor(CONFIG).wanted))
+    message = specifications_to_msg(
+        FeatureSpecifications(TrialFeatureExtractor(CONFIG).specifications)
+    )
     change(message)
     with pytest.raises(MessageError, match=fault):
         specifications_from_msg(message)

@@ -25,7 +25,6 @@ from tactile_features import (
     Outcome,
     spec_for,
     TrialFeatureExtractor,
-    WantedFeatures,
 )
 from tactile_features.conversions import (
     event_from_msg,
@@ -67,8 +66,8 @@ def event(time_s, phase, trial_id='t1'):
     )
 
 
-FULL = WantedFeatures(spec_for('texture', FeatureConfig()), (60, 120))
-SHORT = WantedFeatures(spec_for('texture', FeatureConfig(texture_samples=90)))
+FULL = spec_for('texture', FeatureConfig())
+SHORT = spec_for('texture', FeatureConfig(texture_samples=90))
 TRIAL = [event(1.0, 'approach'), event(2.0, 'glide'), event(7.0, 'hold'), event(11.0, 'done')]
 
 
@@ -180,19 +179,16 @@ def compute_expected(**parameters):
     return windows
 
 
-def test_publishes_the_bits_of_the_core_and_what_still_fills_on_a_topic_of_its_own(make_bench):
-    bench = make_bench(partial_samples=[60, 120])
-    partial = bench.hear(TactileFeatures, '~/partial_features', feature_window_from_msg)
+@pytest.mark.parametrize('early', [False, True])
+def test_publishes_the_bits_of_the_core(make_bench, early):
+    bench = make_bench(early_windows=early)
     bench.bring_up()
     for i, msg in enumerate(TRIAL):
         bench.send_blocks(200 * i, 200)
         bench.events.publish(msg)
     bench.spin_until(lambda: len(bench.windows) == 2)
-    expected = compute_expected(partial_samples=(60, 120))
-    assert bench.windows == [window for window in expected if not window.partial]
+    assert bench.windows == compute_expected(early_windows=early)
     assert [w.outcome for w in bench.windows] == [Outcome.OK, Outcome.OK]
-    bench.spin_until(lambda: len(partial) == 2)
-    assert partial == [window for window in expected if window.partial]
     extractor = bench.node.extractor
     assert (extractor.block_count, extractor.sample_count, extractor.event_count) == (800, 800, 4)
     assert extractor.window_counts[Outcome.OK] == 2
@@ -305,14 +301,14 @@ def test_the_models_decide_and_an_inactive_node_says_so_to_who_comes_late(
     health = bench.hear(DiagnosticArray, '/diagnostics', lambda msg: msg.status[0], 10)
     bench.spin_until(lambda: announced and health)
     (announced,) = announced
-    hold = WantedFeatures(spec_for('stiffness', FeatureConfig()))
-    assert announced.wanted == (FULL, SHORT, hold)
+    hold = spec_for('stiffness', FeatureConfig())
+    assert announced.specs == (FULL, SHORT, hold)
     assert announced.stamp_ns > 0
     # A replay takes what was announced, and nothing else.
     config = FeatureConfig(**json.loads(json.dumps(announced.config)))
     assert config == FeatureConfig(texture_samples=240, samples_timeout_s=2.0)
-    again = TrialFeatureExtractor(config, announced.wanted)
-    assert (again.config, again.wanted) == (bench.node.extractor.config, announced.wanted)
+    again = TrialFeatureExtractor(config, announced.specs)
+    assert (again.config, again.specifications) == (bench.node.extractor.config, announced.specs)
     log = capfd.readouterr().err
     assert f'model {broken} is refused' in log
     assert 'the models decide: texture_samples 180 and 90 (not 240)' in log

@@ -20,7 +20,6 @@ from tactile_features import (
     spec_for,
     TrialEvent,
     TrialFeatureExtractor,
-    WantedFeatures,
 )
 from tactile_features.feature_sets.registry import PHASE_OF_TASK
 from tactile_ros.strain import StrainBlock, StrainStatus
@@ -45,7 +44,6 @@ def configs(draw):
     return FeatureConfig(
         rate_hz=20.0,
         texture_samples=texture_samples,
-        partial_samples=(30, 40) if texture_samples == 45 else (),
         texture_crop_start_s=draw(st.sampled_from([0.0, 0.2])),
         texture_crop_end_s=draw(st.sampled_from([0.0, 0.1])),
         stiffness_settle_s=draw(st.sampled_from([0.0, 0.2])),
@@ -179,10 +177,7 @@ def wanted_features(draw):
             early_windows=draw(st.booleans()),
         )
         task = draw(st.sampled_from(['texture', 'texture', 'stiffness']))
-        is_full = not config.early_windows
-        has_parts = task == 'texture' and glide == 'texture_spectrum' and is_full
-        counts = [30, 40][: (texture_samples > 30) * draw(st.integers(0, 2))] if has_parts else []
-        wanted.append(WantedFeatures(spec_for(task, config), tuple(counts)))
+        wanted.append(spec_for(task, config))
     return wanted
 
 
@@ -190,7 +185,7 @@ def of_digests(windows, digests):
     return [w for w in windows if w.specification_digest in digests]
 
 
-outcomes: Counter[tuple[bool, Outcome]] = Counter()
+full_outcomes: Counter[Outcome] = Counter()
 early_outcomes: Counter[Outcome] = Counter()
 
 
@@ -203,13 +198,11 @@ def check_arrival(config, wanted, seed):
     chance = random.choice([0.0, 0.1, 0.5])
     single, blocks = group(samples, lambda: True), group(samples, lambda: random.random() < chance)
     expected = extract(config, *events, *single, wanted=wanted)
-    computed = TrialFeatureExtractor(config, wanted).wanted
-    digests = [each.spec.digest for each in computed]
+    computed = TrialFeatureExtractor(config, wanted).specifications
+    digests = [spec.digest for spec in computed]
 
     def assert_same(windows, some):
-        assert [of_digests(each, some) for each in windows] == [
-            of_digests(each, some) for each in expected
-        ]
+        assert of_digests(windows, some) == of_digests(expected, some)
 
     for inputs in ([*blocks, *events], mix(random, blocks, events)):
         windows = extract(config, *inputs, wanted=wanted)
@@ -217,62 +210,45 @@ def check_arrival(config, wanted, seed):
             assert_same(windows, {digest})
 
     if not wanted:  # one specification a phase, whether wanted by name or not
-        full = {
-            each.spec.digest: PHASE_OF_TASK[each.task]
-            for each in computed
-            if not each.spec.is_early
-        }
+        full = {s.digest: PHASE_OF_TASK[s.task] for s in computed if not s.is_early}
         finished = [
             begun.trial_id
             for begun, end in pairwise(events)
             if begun.trial_id == end.trial_id and begun != end and begun.phase in full.values()
         ]
-        assert [w.trial_id for w in of_digests(expected[0], full)] == finished
+        assert [w.trial_id for w in of_digests(expected, full)] == finished
         for digest in digests:
             assert_same(extract(config, *inputs, wanted=computed), {digest})
-    asked = {each.spec.digest for each in wanted}
+    asked = {spec.digest for spec in wanted}
     assert asked <= set(digests)
-    for each in computed:
-        if each.spec.digest in asked:
-            alone = extract(config, *mix(random, blocks, events), wanted=[each])
-            assert_same(alone, {each.spec.digest})
-    early = {each.spec.digest for each in computed if each.spec.is_early}
-    early_outcomes.update(w.outcome for w in of_digests(expected[0], early))
-    outcomes.update((w.partial, w.outcome) for windows in expected for w in windows)
+    for spec in computed:
+        if spec.digest in asked:
+            alone = extract(config, *mix(random, blocks, events), wanted=[spec])
+            assert_same(alone, {spec.digest})
+    early = {spec.digest for spec in computed if spec.is_early}
+    for window in expected:
+        counts = early_outcomes if window.specification_digest in early else full_outcomes
+        counts[window.outcome] += 1
 
 
 def test_any_arrival_gives_the_same_bits_and_each_specification_those_it_gives_alone():
-    outcomes.clear()
+    full_outcomes.clear()
     early_outcomes.clear()
     check_arrival()
-    assert {outcome for partial, outcome in outcomes if not partial} == set(Outcome), outcomes
-    expected_partial = {Outcome.OK, Outcome.GAP, Outcome.BAD_SIGNAL, Outcome.BAD_TIME}
-    assert {outcome for partial, outcome in outcomes if partial} == expected_partial, outcomes
-    assert {*expected_partial, Outcome.TOO_SHORT} <= set(early_outcomes), early_outcomes
+    assert set(full_outcomes) == set(Outcome), full_outcomes
+    expected = {Outcome.OK, Outcome.GAP, Outcome.BAD_SIGNAL, Outcome.BAD_TIME, Outcome.TOO_SHORT}
+    assert expected <= set(early_outcomes), early_outcomes
 
 
-def test_own_partial_windows_do_not_depend_on_the_rates_of_the_others():
-    config = FeatureConfig(rate_hz=20.0, texture_samples=45, partial_samples=(30,))
+def test_early_windows_come_in_the_order_of_their_last_samples():
+    config = FeatureConfig(rate_hz=20.0, texture_crop_start_s=0.0, early_windows=True)
     wanted = [
-        WantedFeatures(spec_for('texture', FeatureConfig(rate_hz=rate_hz, texture_samples=count)))
-        for rate_hz, count in ((25.0, 45), (20.0, 10))
-    ]
-    for others in ([], wanted[1:]):
-        computed = TrialFeatureExtractor(config, [wanted[0], *others]).wanted
-        assert dataclasses.replace(wanted[0], partial_samples=(30,)) in computed
-
-
-def test_partial_windows_come_in_the_order_of_their_last_samples():
-    config = FeatureConfig(rate_hz=20.0, texture_crop_start_s=0.0)
-    wanted = [
-        WantedFeatures(
-            spec_for('texture', dataclasses.replace(config, texture_samples=count)), parts
-        )
-        for count, parts in ((60, (30, 40, 50)), (45, (35, 40)))
+        spec_for('texture', dataclasses.replace(config, texture_samples=count))
+        for count in (50, 30, 40, 35)
     ]
     samples = make_block(np.arange(60.0), 0, PERIOD_NS)
-    _, partial = extract(config, event(0.0, 'glide'), samples, wanted=wanted)
-    assert [w.sample_count for w in partial] == [30, 35, 40, 40, 50]
+    windows = extract(config, event(0.0, 'glide'), samples, wanted=wanted)
+    assert [w.sample_count for w in windows] == [30, 35, 40, 50]
 
 
 def test_a_short_phase_is_called_short_although_another_still_waits_at_the_end():
@@ -285,8 +261,8 @@ def test_a_short_phase_is_called_short_although_another_still_waits_at_the_end()
         for time_s, phase in zip(span, ('glide', 'done'), strict=True)
     ]
     samples = make_block(np.ones(5), 1, PERIOD_NS, stamp_error_s=0.0)
-    wanted = [WantedFeatures(spec_for('texture', each)) for each in (config, short)]
-    windows, _ = extract(config, samples, *events, wanted=wanted)
-    first, second = (of_digests(windows, {each.spec.digest}) for each in wanted)
+    wanted = [spec_for('texture', each) for each in (config, short)]
+    windows = extract(config, samples, *events, wanted=wanted)
+    first, second = (of_digests(windows, {spec.digest}) for spec in wanted)
     assert [w.outcome for w in first] == [Outcome.TOO_SHORT] * 2
     assert [w.outcome for w in second] == [Outcome.GAP, Outcome.TOO_SHORT]

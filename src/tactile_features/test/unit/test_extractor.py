@@ -17,7 +17,6 @@ from tactile_features import (
     Outcome,
     spec_for,
     TrialFeatureExtractor,
-    WantedFeatures,
 )
 from tactile_features.extraction.extractor import GRACE_S, LONGEST_STEP_S, SampleTimeout
 from tactile_ros.strain import StrainStatus
@@ -34,7 +33,7 @@ CONFIG = FeatureConfig(
     buffer_s=20.0,
     frame_id='cell_link',
 )
-LONG = dataclasses.replace(CONFIG, texture_samples=60, partial_samples=(30, 45))
+EARLY = dataclasses.replace(CONFIG, early_windows=True)
 FILLING = dataclasses.replace(CONFIG, max_gap_samples=2)
 TENSION_N = np.random.default_rng(0).normal(5.0, 1.0, 1000)
 OK, GAP, BAD_TIME = Outcome.OK, Outcome.GAP, Outcome.BAD_TIME
@@ -47,7 +46,7 @@ def block(sequence, count=1, *, tension_n=TENSION_N, period_ns=PERIOD_NS, **fiel
 def run(*inputs, config=CONFIG):
     extractor = TrialFeatureExtractor(config)
     windows = feed(extractor, *inputs)
-    assert sum(extractor.window_counts.values()) == sum(not w.partial for w in windows)
+    assert sum(extractor.window_counts.values()) == len(windows)
     return windows
 
 
@@ -111,12 +110,12 @@ def test_one_simulated_sample_makes_a_window_simulated_and_refuses_nothing(first
 
 
 @pytest.mark.parametrize('status', [0, StrainStatus.SIMULATED])
-def test_a_window_without_samples_and_a_partial_one_are_simulated_where_the_stream_is(status):
+def test_a_window_without_samples_and_an_early_one_are_simulated_where_the_stream_is(status):
     (window,) = run(block(0, 25, status=status), event(2.0, 'glide'), event(2.2, 'aborted'))
     assert (window.outcome, window.sample_count) == (Outcome.ABORTED, 0)
     assert window.simulated is bool(status)
-    windows = run(event(2.0, 'glide'), block(0, 55, status=status), config=LONG)
-    assert [(w.partial, w.simulated) for w in windows] == [(True, bool(status))]
+    (window,) = run(event(2.0, 'glide'), block(0, 55, status=status), config=EARLY)
+    assert window.simulated is bool(status)
 
 
 def test_the_ends_of_a_window_belong_to_it_to_the_nanosecond():
@@ -255,45 +254,7 @@ def test_a_recording_played_again_gives_the_same_windows_again():
     assert run(*begin, *begin, *rest) == once
 
 
-# -- windows that still fill ---------------------------------------------------------------
-
-
-def test_a_partial_window_comes_with_its_last_sample_before_the_glide_has_ended():
-    extractor = TrialFeatureExtractor(LONG)
-    extractor.add_event(event(2.0, 'glide'))
-    came = {n: w for n in range(100) for w in extractor.add_block(block(n))}
-    assert list(came) == [23 + 30 - 1, 23 + 45 - 1]
-    assert [w.sample_count for w in came.values()] == [30, 45]
-    assert all(w.partial and w.outcome == OK for w in came.values())
-    assert {w.first_sequence for w in came.values()} == {23}
-    (window,) = extractor.add_event(event(8.5, 'release'))
-    assert (window.partial, window.first_sequence, window.sample_count) == (False, 23, 60)
-    assert extractor.window_counts[OK] == 1
-
-
-def test_a_gap_within_a_partial_window_is_said_and_one_behind_does_not_matter():
-    early, late = run(event(2.0, 'glide'), *around([60], 30), config=LONG)
-    assert (early.outcome, late.outcome, late.partial) == (OK, GAP, True)
-    assert 'sequence number 59' in late.reason
-
-
-def test_a_partial_window_that_never_filled_is_no_longer_waited_for():
-    far = block(300, 100)
-    glides = event(1.0, 'glide', 'a'), event(30.0, 'glide', 'b')
-    assert [w.trial_id for w in run(*glides, far, config=LONG)] == ['b', 'b']
-
-
-@pytest.mark.parametrize('counts', [(29,), (60,), (40, 40), (50, 40)])
-def test_partial_counts_that_do_not_rise_within_the_window_are_refused(counts):
-    with pytest.raises(FeatureError, match='partial_samples'):
-        dataclasses.replace(LONG, partial_samples=counts)
-    # A parameter file gives a list.
-    assert dataclasses.replace(LONG, partial_samples=[30, 45]) == LONG
-
-
 # -- early windows: the first samples of a phase -------------------------------------------
-
-EARLY = dataclasses.replace(CONFIG, early_windows=True)
 
 
 def test_an_early_window_comes_with_its_last_sample_and_ignores_what_the_phase_does_later():
@@ -340,7 +301,7 @@ def test_a_refusal_follows_an_early_window_in_which_its_phase_ended(end_s, phase
 def test_early_windows_of_several_lengths_and_the_full_one_come_each_in_its_time():
     lengths = {n: dataclasses.replace(EARLY, texture_samples=n) for n in (6, 12)}
     full = dataclasses.replace(CONFIG, texture_samples=60)
-    wanted = [WantedFeatures(spec_for('texture', each)) for each in (full, *lengths.values())]
+    wanted = [spec_for('texture', each) for each in (full, *lengths.values())]
     extractor = TrialFeatureExtractor(CONFIG, wanted)
     extractor.add_event(event(2.0, 'glide'))
     came = {n: w for n in range(84) for w in extractor.add_block(block(n))}
@@ -363,7 +324,7 @@ def test_sets_without_a_first_part_have_full_windows_alone():
     wanted = spec_for('stiffness', CONFIG)
     forged = dataclasses.replace(wanted, parameters={**wanted.parameters, 'early_windows': 1.0})
     with pytest.raises(FeatureError, match='early_windows'):
-        WantedFeatures(forged).bind(CONFIG)
+        forged.bind(CONFIG)
 
 
 def test_an_early_window_of_a_hold_is_the_waveform_of_its_first_samples():
@@ -404,12 +365,6 @@ def test_a_window_allows_a_hundredth_of_its_length(make, most_s):
 def test_a_short_crop_allows_less(crop_s, outcome):
     config = dataclasses.replace(CONFIG, texture_crop_start_s=crop_s)
     assert glide(block(0, 50, stamp_error_s=0.008), config=config).outcome == outcome
-
-
-@pytest.mark.parametrize(('error_s', 'outcome'), [(0.03, OK), (0.06, BAD_TIME)])
-def test_the_partial_windows_of_a_glide_allow_what_the_whole_one_does(error_s, outcome):
-    windows = run(event(2.0, 'glide'), block(0, 60, stamp_error_s=error_s), config=LONG)
-    assert [(w.partial, w.outcome) for w in windows] == [(True, outcome)]
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,6 @@
 """The features that model files ask for, read without the model."""
 
 import dataclasses
-import subprocess
-import sys
 
 import pytest
 
@@ -15,16 +13,15 @@ from tactile_features import (
     read_contracts,
     spec_for,
     TrialFeatureExtractor,
-    WantedFeatures,
 )
 from tactile_features.errors import ModelFileError
 from tactile_features.model_container import MAX_MODEL_BYTES
 from tactile_features.model_contract import plan_features
 from tactile_features.spec import array_spec
 
-FULL = WantedFeatures(spec_for('texture', FeatureConfig()), (60, 120))
-SHORT = WantedFeatures(spec_for('texture', FeatureConfig(texture_samples=90, max_gap_samples=2)))
-HOLD = WantedFeatures(spec_for('stiffness', FeatureConfig()))
+FULL = spec_for('texture', FeatureConfig())
+SHORT = spec_for('texture', FeatureConfig(texture_samples=90, max_gap_samples=2))
+HOLD = spec_for('stiffness', FeatureConfig())
 
 
 @pytest.fixture
@@ -38,7 +35,7 @@ def folder(tmp_path, make_model_file):
 def test_a_folder_gives_what_each_file_states(folder):
     contracts, refused = read_contracts(folder)
     assert refused == []
-    assert [(c.path.name, c.task, c.contact, c.wanted) for c in contracts] == [
+    assert [(c.path.name, c.task, c.contact, c.spec) for c in contracts] == [
         ('one.npz', 'texture', 'flexion', FULL),
         ('other.npz', 'texture', 'abduction', SHORT),
         ('third.npz', 'stiffness', '', HOLD),
@@ -62,11 +59,6 @@ def test_a_contact_leaves_out_the_models_of_another(folder):
         ({'task': 'stiffness'}, 'task "stiffness" does not go with its feature set'),
         ({'contact': 'thumb'}, 'contact is "thumb"; it must be flexion or abduction, or empty'),
         ({'specification_digest': '0' * 16}, 'one of them was changed'),
-        ({'stages': [{'sample_count': 60}]}, 'they must be 0, for the full window'),
-        ({'stages': [{'sample_count': n} for n in (0, 120, 60)]}, 'and then rise to fewer'),
-        ({'stages': [3]}, 'no valid entry "stages"'),
-        ({'stages': [{'sample_count': '0'}]}, 'no valid entry "sample_count"'),
-        ({'stages': [{'sample_count': 0}, {'sample_count': 20}]}, 'must rise from 30 or more'),
     ],
     ids=str,
 )
@@ -88,7 +80,7 @@ def test_a_file_that_is_refused_is_named_and_the_others_count(
     [
         ({'version': 1}, 'version of the feature set differs: 1 here, 2 there'),
         ({'feature_set': 'smell'}, 'feature set "smell" is not installed here'),
-        ({'names': FULL.spec.names[:-1]}, 'names or units of the features differ'),
+        ({'names': FULL.names[:-1]}, 'names or units of the features differ'),
         ({'rate_hz': 0.5}, 'rate_hz is 0.5; it must be between'),
         ({'sample_count': 10**7}, 'texture_samples is 10000000; it must be between'),
         ({'texture_crop_start_s': 'late'}, 'texture_crop_start_s'),
@@ -100,11 +92,11 @@ def test_a_file_that_is_refused_is_named_and_the_others_count(
 def test_features_that_cannot_be_computed_here_refuse_the_file(
     tmp_path, make_model_file, changes, sentence
 ):
-    fields = {name: value for name, value in changes.items() if hasattr(FULL.spec, name)}
+    fields = {name: value for name, value in changes.items() if hasattr(FULL, name)}
     parameters = {name: value for name, value in changes.items() if name not in fields}
-    fields['parameters'] = {**FULL.spec.parameters, **parameters}
-    spec = dataclasses.replace(FULL.spec, **fields)
-    path = make_model_file(tmp_path / 'm.npz', WantedFeatures(spec), task='texture')
+    fields['parameters'] = {**FULL.parameters, **parameters}
+    spec = dataclasses.replace(FULL, **fields)
+    path = make_model_file(tmp_path / 'm.npz', spec, task='texture')
     with pytest.raises(ModelFileError, match=f'm.npz is refused: .*{sentence}'):
         read_contracts(path)
 
@@ -127,64 +119,47 @@ def test_what_is_no_model_is_refused(tmp_path):
 
 
 def test_a_plan_names_what_the_models_decide_otherwise_than_the_parameters(folder):
-    assert plan_features(FeatureConfig(), '').wanted == ()
+    assert plan_features(FeatureConfig(), '').specs == ()
     plan = plan_features(FeatureConfig(), folder)
-    assert (plan.wanted, plan.refused, plan.overruled) == ((FULL, SHORT, HOLD), (), ())
-    config = FeatureConfig(
-        texture_samples=240, partial_samples=(50, 60), stiffness_settle_s=1.0, samples_timeout_s=9
-    )
+    assert (plan.specs, plan.refused, plan.overruled) == ((FULL, SHORT, HOLD), (), ())
+    config = FeatureConfig(texture_samples=240, stiffness_settle_s=1.0, samples_timeout_s=9)
     assert plan_features(config, folder).overruled == (
         'texture_samples 180 and 90 (not 240)',
         'stiffness_settle_s 0.5 (not 1.0)',
-        'partial_samples [60, 120] (not [50, 60])',
     )
-    # The specification of its own parameters is one that a model wants: both kinds of parts.
-    assert plan_features(FeatureConfig(partial_samples=(50,)), folder).overruled == ()
-    extractor = TrialFeatureExtractor(FeatureConfig(partial_samples=(50,)), [FULL])
-    assert extractor.wanted[0].partial_samples == (50, 60, 120)
 
 
 def test_a_model_beyond_the_limits_of_the_node_is_refused(folder, make_model_file):
     long = FeatureConfig(texture_samples=900, buffer_s=60.0)
-    make_model_file(folder / 'long.npz', WantedFeatures(spec_for('texture', long)))
-    assert len(plan_features(FeatureConfig(), folder).wanted) == 4
+    make_model_file(folder / 'long.npz', spec_for('texture', long))
+    assert len(plan_features(FeatureConfig(), folder).specs) == 4
     plan = plan_features(FeatureConfig(buffer_s=10.0), folder)
-    assert len(plan.wanted) == 3
+    assert len(plan.specs) == 3
     assert 'long.npz is refused: buffer_s is 10' in plan.refused[0]
 
 
 def test_ready_cut_windows_are_cut_by_the_parameters_of_the_node():
-    wanted = WantedFeatures(array_spec('texture', 120, 60.0))
+    wanted = array_spec('texture', 120, 60.0)
     config = FeatureConfig(texture_crop_start_s=0.9, max_gap_samples=1)
     (glide, _) = TrialFeatureExtractor(config, [wanted]).specifications
     assert glide == spec_for('texture', dataclasses.replace(config, texture_samples=120))
     # Two that come out alike are one.
-    both = [WantedFeatures(glide, (60,)), WantedFeatures(wanted.spec, (30,))]
-    found = TrialFeatureExtractor(config, both).wanted
-    assert found[0] == WantedFeatures(glide, (30, 60))
+    found = TrialFeatureExtractor(config, [glide, wanted]).specifications
+    assert found[0] == glide
     assert len(found) == 2
 
 
 def test_a_phase_that_no_model_wants_has_the_window_of_the_parameters_at_the_common_rate():
-    fast = WantedFeatures(spec_for('texture', FeatureConfig(rate_hz=100.0)))
+    fast = spec_for('texture', FeatureConfig(rate_hz=100.0))
     config = FeatureConfig(stiffness_settle_s=1.0)
     extractor = TrialFeatureExtractor(config, [fast])
     own = dataclasses.replace(config, rate_hz=100.0)
     assert extractor.config == own
-    assert extractor.specifications == (fast.spec, spec_for('stiffness', own))
+    assert extractor.specifications == (fast, spec_for('stiffness', own))
     assert TrialFeatureExtractor(config, [fast, FULL]).config == config
 
 
-def test_partial_windows_of_a_hold_are_refused():
-    with pytest.raises(FeatureError, match='stiffness_regression has no partial windows'):
-        TrialFeatureExtractor(FeatureConfig(), [dataclasses.replace(HOLD, partial_samples=(60,))])
-
-
-def test_contracts_are_read_without_the_libraries_of_models(folder):
-    program = (
-        'import sys; from tactile_features import read_contracts, TrialFeatureExtractor\n'
-        f'assert len(read_contracts({str(folder)!r})[0]) == 3\n'
-        'loaded = {name.partition(".")[0] for name in sys.modules}\n'
-        'assert not loaded & {"sklearn", "scipy", "tactile_classifier"}'
-    )
-    subprocess.run([sys.executable, '-c', program], check=True)
+def test_early_windows_of_a_set_without_a_first_part_are_refused():
+    forged = dataclasses.replace(HOLD, parameters={**HOLD.parameters, 'early_windows': 1.0})
+    with pytest.raises(FeatureError, match='early_windows'):
+        TrialFeatureExtractor(FeatureConfig(), [forged])

@@ -19,7 +19,6 @@ from tactile_features import (
     Outcome,
     spec_for,
     TrialFeatureExtractor,
-    WantedFeatures,
 )
 from tactile_features.phases import estimate_noise_n, locate_step, measure_step, SignalPhases
 from tactile_features.windows import SAMPLE
@@ -27,7 +26,8 @@ from tactile_ros.strain import StrainStatus
 
 RATE_HZ = 60.0
 STIFFNESS = FeatureConfig(phases='stiffness', detected_contact='flexion')
-TEXTURE = FeatureConfig(phases='texture', partial_samples=(60, 120))
+TEXTURE = FeatureConfig(phases='texture')
+EARLY = FeatureConfig(phases='texture', texture_samples=60, early_windows=True)
 BENDS = {'contact': 1.0, 'hold': 1.5, 'glide': 2.0, 'release': 6.5, 'done': 6.9}
 """When the made-up pull begins, is held, glides, is released and is over [s]."""
 
@@ -124,7 +124,7 @@ def test_a_known_sliding_speed_serves_the_features_that_need_one():
         texture_features='texture_spatial',
         detected_glide_speed_m_s=0.015,
     )
-    (window,), _, events = run(config, blocks_of(pull(), Random(0)))
+    (window,), events = run(config, blocks_of(pull(), Random(0)))
     assert events[1].glide_speed_m_s == window.speed_m_s == 0.015
     assert window.outcome == Outcome.OK
 
@@ -204,7 +204,7 @@ def run(config, blocks, wanted=()):
     for block in blocks:
         windows += extractor.add_block(block)
         events += extractor.take_detected_events()
-    return [w for w in windows if not w.partial], [w for w in windows if w.partial], events
+    return windows, events
 
 
 @settings(max_examples=8, deadline=None)
@@ -231,44 +231,46 @@ def test_phases_do_not_depend_on_grouping_nor_on_the_features_that_are_wanted(
     ]
     task = config.phases
     wanted = [
-        WantedFeatures(spec_for(task, FeatureConfig(**changes)), counts)
-        for changes, counts in (
-            ({'max_gap_samples': 2}, ()),
-            ({'texture_samples': 90, 'stiffness_settle_s': 0.2, 'max_gap_samples': 1}, ()),
-            ({}, (60,) if task == 'texture' else ()),
+        spec_for(task, FeatureConfig(**changes))
+        for changes in (
+            {'max_gap_samples': 2},
+            {'texture_samples': 90, 'stiffness_settle_s': 0.2, 'max_gap_samples': 1},
+            {'texture_samples': 60, 'early_windows': True},
         )
     ]
-    windows, partial, events = run(config, whole, wanted)
-    assert run(config, pieces, wanted) == (windows, partial, events)
+    windows, events = run(config, whole, wanted)
+    again, same_events = run(config, pieces, wanted)
+    assert same_events == events
     found = sum(event.phase == ('glide' if task == 'texture' else 'hold') for event in events)
     assert found == 2 or is_lossy
     for each in wanted:
-        alone = run(config, whole, [each])
-        assert alone[2] == events
-        assert sum(w.specification_digest == each.spec.digest for w in windows) == found
-        for mine, of_alone in zip((windows, partial), alone, strict=False):
-            of_digest = [w for w in mine if w.specification_digest == each.spec.digest]
-            assert of_digest == [w for w in of_alone if w.specification_digest == each.spec.digest]
+        alone, events_alone = run(config, whole, [each])
+        assert events_alone == events
+        of_digest = [w for w in windows if w.specification_digest == each.digest]
+        assert len(of_digest) == found
+        for others in (again, alone):
+            assert [w for w in others if w.specification_digest == each.digest] == of_digest
 
 
-def test_features_are_those_of_the_same_events_stated():
+@pytest.mark.parametrize('config', [TEXTURE, EARLY])
+def test_features_are_those_of_the_same_events_stated(config):
     blocks = blocks_of(pull(), Random(3))
-    windows, partial, events = run(TEXTURE, blocks)
-    stated = dataclasses.replace(TEXTURE, phases='stated')
-    assert extract(stated, *events, *blocks) == (windows, partial)
-    assert [w.outcome for w in windows + partial] == [Outcome.OK] * 3
+    windows, events = run(config, blocks)
+    stated = dataclasses.replace(config, phases='stated')
+    assert extract(stated, *events, *blocks) == windows
+    assert [w.outcome for w in windows] == [Outcome.OK]
 
 
 def test_stated_events_are_passed_over_where_phases_are_found():
     stated = event(1.0, 'hold'), event(5.0, 'release')
-    windows, _ = extract(STIFFNESS, *stated, make_block(pull(step_n=0.0), 0, 16_666_667))
+    windows = extract(STIFFNESS, *stated, make_block(pull(step_n=0.0), 0, 16_666_667))
     assert [w.trial_id[:8] for w in windows] == ['detected']
 
 
 def test_a_clock_set_back_within_a_trial_aborts_it():
     tension_n, period_ns = pull(step_n=0.0), 16_666_667
     before = make_block(tension_n[:200], 0, period_ns, shift_ns=10**12)
-    _, _, events = run(STIFFNESS, [before, make_block(tension_n, 0, period_ns)])
+    _, events = run(STIFFNESS, [before, make_block(tension_n, 0, period_ns)])
     assert [e.phase for e in events] == ['contact', 'hold', 'aborted', *IN_STIFFNESS]
     assert events[3].stamp_ns < 2 * 10**9 < events[2].stamp_ns
 
@@ -295,7 +297,7 @@ def test_phases_in_simulated_samples_say_so(size):
             some = tension_n[n : n + size]
             blocks.append(make_block(some, first, 16_666_667, status=status))
             first += len(some)
-    windows, _, events = run(STIFFNESS, blocks)
+    windows, events = run(STIFFNESS, blocks)
     assert [each.simulated for each in events] == [*[False] * 4, *[True] * 4, *[False] * 4]
     assert [window.simulated for window in windows] == [False, True, False]
 

@@ -136,7 +136,7 @@ TENSION_N = np.random.default_rng(1).normal(5.0, 1.0, 1200)
 def run(speed_m_s, end_ns):
     begin = event(1.0, 'glide', glide_speed_m_s=speed_m_s)
     end = dataclasses.replace(begin, phase='release', stamp_ns=end_ns)
-    (window,), _ = extract(CONFIG, begin, end, make_block(TENSION_N, 0, PERIOD_NS))
+    (window,) = extract(CONFIG, begin, end, make_block(TENSION_N, 0, PERIOD_NS))
     return window
 
 

@@ -149,7 +149,6 @@ def test_a_specification_sets_what_windows_depend_on_and_nothing_else():
 @pytest.mark.parametrize(
     ('fields', 'message'),
     [
-        ({**SPATIAL, 'partial_samples': (60,)}, 'partial'),
         ({**SPATIAL, 'spatial_length_m': 0.001}, 'finest scale'),
         ({'rate_hz': 0.0}, 'rate_hz is 0.0'),
         ({'rate_hz': float('nan')}, 'rate_hz is nan'),

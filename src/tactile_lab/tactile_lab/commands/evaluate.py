@@ -66,7 +66,7 @@ def evaluate(
         typer.Option(
             '--answers',
             help='Also rejection of unknown objects, with each label left out in turn, and '
-            'calibration of probabilities; from bags also early predictions. Takes about '
+            'calibration of probabilities. Takes about '
             'half a minute more for each set of texture trials.',
         ),
     ] = False,

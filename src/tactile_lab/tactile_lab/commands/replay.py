@@ -221,7 +221,7 @@ def _replay_finger(
     features = recorded_features(bag, namespace)
     if is_chosen and models is not None:
         contracts, _ = read_contracts(models)
-        features = RecordedFeatures(features.config, tuple(each.wanted for each in contracts))
+        features = RecordedFeatures(features.config, tuple(each.spec for each in contracts))
     recorded = recorded_results(bag, namespace)
     _check_has_features(bag, recorded)
     infos = recorded_models(bag, namespace)

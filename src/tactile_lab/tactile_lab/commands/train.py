@@ -4,8 +4,9 @@
 """`tactile train`: recordings in, table of accuracies and model files out."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 import functools
+import math
 from pathlib import Path
 from typing import Annotated, Any, Optional, TYPE_CHECKING
 
@@ -17,24 +18,36 @@ from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
     from tactile_classifier.datasets.dataset import FeatureTable
-    from tactile_classifier.evaluation.cross_validation import Evaluation
+    from tactile_classifier.evaluation.cross_validation import Evaluation, Score
     from tactile_classifier.model_file.manifest import Manifest
     from tactile_classifier.training.feature_choice import FeatureChoice
     from tactile_lab.datasets.feature_tables import FeatureTables, RecordingFeatures
 
+
+FULL = 'full'
+"""In ``--window``: full windows, which are given out after their phase."""
 
 CLASSIFIERS = ('knn', 'svm_linear', 'svm_rbf', 'tree', 'rocket')
 
 
 @dataclass(frozen=True)
 class TrainedModel:
-    """One model file, the accuracies beside it, and the table that it came from."""
+    """One model file, the accuracies beside it, and the table that it came from.
+
+    ``window_s`` is the length of its early windows [s]; None: full windows.
+    """
 
     path: Path
     model_id: str
     table: 'FeatureTable'
     evaluation: 'Evaluation'
     manifest: 'Manifest'
+    window_s: Optional[float] = None
+
+    @property
+    def score(self) -> 'Score':
+        """The cross-validated score of classifier and scaling of the model."""
+        return self.evaluation.score(self.manifest.classifier, self.manifest.scaling)
 
     def to_dict(self) -> dict[str, Any]:
         """Return what JSON can hold."""
@@ -43,10 +56,9 @@ class TrainedModel:
             'model_id': self.model_id,
             'evaluation': self.evaluation.to_dict(),
             'choice': self.manifest.cross_validation.get('choice'),
-            'parts': [asdict(part) for part in self.manifest.stages],
+            'window_s': self.window_s,
             'calibration': dict(self.manifest.calibration),
             'false_alarm_rate': self.manifest.false_alarm_rate,
-            'stop_error_rate': self.manifest.stop_error_rate,
         }
 
 
@@ -84,23 +96,14 @@ def train(
             'classify as unknown. The threshold comes from held-out trials.',
         ),
     ] = 0.05,
-    partial: Annotated[
-        Optional[str],
+    window: Annotated[
+        str,
         typer.Option(
-            help='Texture: early predictions after these seconds of the window, as in '
-            '--partial 0.5,1,1.5,2,2.5.'
+            metavar='SECONDS',
+            help='Lengths of the windows, as in 0.5,1,full: a model file for each. The model of '
+            'the first seconds of a glide or hold answers as soon as they have passed.',
         ),
-    ] = None,
-    stop_error_rate: Annotated[
-        float,
-        typer.Option(
-            '--stop-error',
-            metavar='SHARE',
-            min=0.001,
-            max=0.5,
-            help='Share of wrong labels among trials that are decided before the window is full.',
-        ),
-    ] = 0.05,
+    ] = FULL,
     over: options.OverOption = None,
     detrend: options.DetrendOption = None,
     features: Annotated[
@@ -108,7 +111,7 @@ def train(
         typer.Option(
             help='Sets of features, with commas. The classifier rocket needs glide_waveform or '
             'hold_waveform. Default, and with auto: chosen by the folds; the '
-            'recorded ones with --classifier, --over, --detrend or --partial.'
+            'recorded ones with --classifier, --over or --detrend.'
         ),
     ] = None,
     group: Annotated[
@@ -133,8 +136,8 @@ def train(
     """Choose features and classifier by the folds, write a model file.
 
     Also prints the accuracy of six-fold cross-validation, repeated ten times, for the paper's
-    four classifiers with and without scaling. One model file (.npz) is written for each task and
-    kind of contact in the recordings. Its scores are calibrated probabilities. It
+    four classifiers with and without scaling. One model file (.npz) is written for each task, kind
+    of contact and length of window in the recordings. Its scores are calibrated probabilities. It
     classifies windows that differ from all training trials as *unknown*. Existing model files
     are only replaced with --force.
     """
@@ -149,73 +152,70 @@ def train(
         raise TactileError('--features auto chooses the classifier: leave --classifier out')
     if group and classifier:
         raise TactileError('--group is for the choice of a classifier: leave --classifier out')
-    seconds = parse_seconds(partial)
-    if seconds and (over or features == AUTO):
-        raise TactileError(
-            'features over distance have no early predictions, and so --features auto has none: '
-            'leave --partial out'
-        )
-    stated = bool(classifier or over or detrend or seconds)
+    lengths = parse_lengths(window)
+    if over and lengths != [None]:
+        raise TactileError('features over distance have no early windows: leave --window out')
+    stated = bool(classifier or over or detrend)
     automatic = features == AUTO or not (features or stated)
     if features and not automatic:
         _check_sets(features)
-    reading = Reading(
-        task=task,
-        over=over,
-        detrend=detrend,
-        features=None if automatic else features,
-        **vars(archives),
-    )
-    reading.choose_fields()  # refuses options that do not go together, before the work
-    with (
-        on_cluster(cluster),
-        open_features(
-            recordings, reading, SourceOptions(**vars(statements)), folds=folds
-        ) as source,
-    ):
-        write = functools.partial(
-            train_models,
-            source,
-            folder=folder,
-            output=output,
-            false_alarm_rate=false_alarm_rate,
-            partial_seconds=seconds,
-            stop_error_rate=stop_error_rate,
-            folds=folds,
-            repetitions=repetitions,
-            seed=seed,
-            force=force,
-        )
-        if classifier:
-            found = read_with_progress(source, output)
-            trained = write(found.tables, classifier=classifier, scaling=scaling)
-        else:
-            if not automatic:
-                read_with_progress(source, output)
-            said: list[str] = []
-            with output.progress('choosing features and classifier') as show:
-                chosen = choose_automatically(
+    trained: list[TrainedModel] = []
+    with on_cluster(cluster):
+        for window_s in lengths:
+            reading = Reading(
+                task=task,
+                over=over,
+                detrend=detrend,
+                features=None if automatic else features,
+                window_s=window_s,
+                **vars(archives),
+            )
+            reading.choose_fields()  # refuses options that do not go together, before the work
+            with open_features(
+                recordings, reading, SourceOptions(**vars(statements)), folds=folds
+            ) as source:
+                write = functools.partial(
+                    train_models,
                     source,
-                    folds,
-                    seed,
-                    said.append,
-                    options.split(group) or ('session_id',),
-                    any_set=automatic,
-                    must_hold_out=bool(group),
-                    scaling=scaling or '',
-                    progress=show,
+                    folder=folder,
+                    output=output,
+                    false_alarm_rate=false_alarm_rate,
+                    folds=folds,
+                    repetitions=repetitions,
+                    seed=seed,
+                    force=force,
                 )
-            output.say(*said)
-            trained = []
-            for key, each in chosen.items():
-                _, named, scaled = each.candidate
-                trained += write(
-                    {key: each.table},
-                    classifier=named,
-                    scaling=scaled,
-                    choice=each.choice,
-                    hold_out=options.split(group) or ('session_id',),
-                )
+                if classifier:
+                    found = read_with_progress(source, output)
+                    trained += write(found.tables, classifier=classifier, scaling=scaling)
+                    continue
+                if not automatic:
+                    read_with_progress(source, output)
+                said: list[str] = []
+                with output.progress('choosing features and classifier') as show:
+                    chosen = choose_automatically(
+                        source,
+                        folds,
+                        seed,
+                        said.append,
+                        options.split(group) or ('session_id',),
+                        any_set=automatic,
+                        must_hold_out=bool(group),
+                        scaling=scaling or '',
+                        progress=show,
+                    )
+                output.say(*said)
+                for key, each in chosen.items():
+                    _, named, scaled = each.candidate
+                    trained += write(
+                        {key: each.table},
+                        classifier=named,
+                        scaling=scaled,
+                        choice=each.choice,
+                        hold_out=options.split(group) or ('session_id',),
+                    )
+    if len(lengths) > 1:
+        say_lengths(trained, folder / 'accuracy_by_length.png', output)
     output.result({'models': [model.to_dict() for model in trained]})
 
 
@@ -232,15 +232,45 @@ def _check_sets(features: str) -> None:
         )
 
 
-def parse_seconds(text: Optional[str]) -> list[float]:
-    """Return the numbers of ``--partial`` [s]."""
+def parse_lengths(text: str) -> list[Optional[float]]:
+    """Return the lengths in ``--window`` [s]; None: full windows."""
     try:
-        return list(map(float, options.split(text)))
+        lengths = [None if each == FULL else float(each) for each in options.split(text)]
     except ValueError:
+        lengths = []
+    is_positive = all(each is None or 0.0 < each < math.inf for each in lengths)
+    if not lengths or not is_positive or len(set(lengths)) < len(lengths):
         raise TactileError(
-            f'--partial is "{text}"; it must be seconds with commas between them, '
-            'such as 0.5,1,1.5'
-        ) from None
+            f'--window is "{text}"; it must be different lengths in seconds with commas between '
+            f'them, or {FULL}, such as 0.5,1,{FULL}'
+        )
+    return lengths
+
+
+def say_lengths(trained: Sequence[TrainedModel], picture: Path, output: Output) -> None:
+    """Print the accuracy by length of the window, and draw it."""
+    from tactile_lab.console import Table
+    from tactile_lab.plots import plot_accuracy_by_length
+
+    table = Table(
+        'model', 'window [s]', 'accuracy [%]', 'trials', title='accuracy by length', right_from=1
+    )
+    curves: dict[str, list[tuple[float, float]]] = {}
+    for model in trained:
+        spec, score = model.table.spec, model.score
+        name = ', '.join(filter(None, (model.manifest.task, model.manifest.contact)))
+        cell = f'{100 * score.mean:.1f}'
+        if score.fold_accuracies.size > 1:
+            cell += f' ± {100 * score.spread:.1f}'
+        seconds = spec.sample_count / spec.rate_hz
+        length = f'{seconds:g}' if spec.sample_count else FULL
+        table.add_row(name, length, cell, str(len(model.table)))
+        if spec.sample_count:
+            curves.setdefault(name, []).append((seconds, score.mean))
+    output.say(table)
+    simulated = any(model.manifest.simulated for model in trained)
+    plot_accuracy_by_length(picture, curves, simulated=simulated)
+    output.say(f'{picture}: the same as a picture')
 
 
 def read_with_progress(source: 'RecordingFeatures', output: Output) -> 'FeatureTables':
@@ -254,9 +284,10 @@ def read_with_progress(source: 'RecordingFeatures', output: Output) -> 'FeatureT
     return found
 
 
-def model_path(folder: Path, task: str, contact: str, digest: str = '') -> Path:
+def model_path(folder: Path, key: tuple[str, ...], window_s: Optional[float] = None) -> Path:
     """Return the path of a new model. Its name is for people: the file says what it is for."""
-    return folder / f'{"_".join(filter(None, (task, contact, digest)))}.npz'
+    length = '' if window_s is None else f'{window_s:g}s'
+    return folder / f'{"_".join(filter(None, (*key, length)))}.npz'
 
 
 def train_models(
@@ -270,8 +301,6 @@ def train_models(
     choice: 'Optional[FeatureChoice]' = None,
     hold_out: Sequence[str] = ('session_id',),
     false_alarm_rate: float = 0.05,
-    partial_seconds: Sequence[float] = (),
-    stop_error_rate: float = 0.05,
     folds: int = 6,
     repetitions: Optional[int] = None,
     seed: int = 0,
@@ -279,8 +308,8 @@ def train_models(
 ) -> list[TrainedModel]:
     """Cross-validate the four classifiers on each table and write the chosen one's model.
 
-    ``source`` gives the features of the first parts of windows. The tables are by task and
-    contact. For the other parameters see ``tactile train --help``.
+    The tables are those of ``source``, by task and contact. For the other parameters see
+    ``tactile train --help``.
     """
     import numpy as np
 
@@ -292,7 +321,6 @@ def train_models(
     from tactile_classifier.training.model_writer import write_model
     from tactile_classifier.training.trainer import check_size
     from tactile_classifier.training.trainer import train as train_model
-    from tactile_features.records import PROTOCOL_TEXTURE
     from tactile_lab.datasets.tables import (
         accuracy_caption,
         accuracy_table,
@@ -302,7 +330,8 @@ def train_models(
 
     for table in tables.values():
         check_size(table)
-    paths = {key: model_path(folder, *key) for key in tables}
+    window_s = source.reading.window_s
+    paths = {key: model_path(folder, key, window_s) for key in tables}
     refuse_to_replace(paths.values(), force=force)
     make_output_folder(folder)
     models = []
@@ -322,14 +351,11 @@ def train_models(
             *format_warnings([evaluation]),
         )
         chosen = scaling or default_scaling(key[0], classifier)
-        seconds = partial_seconds if key[0] == PROTOCOL_TEXTURE else ()
         trained = train_model(
             table,
             classifier,
             chosen,
-            partial=source.partial_tables(table, seconds) if seconds else None,
             false_alarm_rate=false_alarm_rate,
-            stop_error_rate=stop_error_rate,
             score=evaluation.score(classifier, chosen),
             choice=choice,
             hold_out=hold_out,
@@ -341,6 +367,6 @@ def train_models(
             f'{model.model_id}\n',
         )
         models.append(
-            TrainedModel(paths[key], model.model_id, table, evaluation, trained.manifest)
+            TrainedModel(paths[key], model.model_id, table, evaluation, trained.manifest, window_s)
         )
     return models

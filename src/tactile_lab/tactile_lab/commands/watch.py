@@ -30,7 +30,7 @@ def watch(
     costs less than a process of its own.
 
     For each finger the page shows tension with the phases of the trial, the spectrum of the
-    partial window, the label with its probabilities or *unknown*, and the health of each
+    window, the label with its probabilities or *unknown*, and the health of each
     device with its remedy. Its buttons tare the sensor, home the guide and run a trial. They need
     the token in the printed address. Without the token a page can only show and **stop**. Stop
     does not replace the emergency stop of your rig.

@@ -20,7 +20,7 @@ from tactile_bags.recording import Recording
 from tactile_bags.replay import replay_phases
 from tactile_bags.trial import Trial
 from tactile_classifier.datasets.dataset import FeatureTable
-from tactile_features.config import FeatureConfig
+from tactile_classifier.errors import DatasetError
 from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.registry import task_of
 from tactile_features.records import (
@@ -32,7 +32,6 @@ from tactile_features.records import (
 )
 from tactile_features.spec import FeatureSpec
 from tactile_lab.datasets.feature_tables import (
-    count_samples,
     FeatureTables,
     Fields,
     Key,
@@ -70,7 +69,7 @@ class BagFeatures(RecordingFeatures):
         paths = list(self._bags)
         for path, bag in self._bags.items():
             for namespace in bag.namespaces:
-                features = _choose(path, recorded_features(bag, namespace), chosen)
+                features = _choose(path, recorded_features(bag, namespace), chosen, self.reading)
                 first = first or features
                 if _compared(features) != _compared(first):
                     finger = f'{namespace} of ' if namespace else ''
@@ -84,6 +83,13 @@ class BagFeatures(RecordingFeatures):
                 f'no labelled trial with features in {", ".join(paths) or "no bag"}'
                 + (f'; the first reason: {left_out[0]}' if left_out else '')
             )
+        if self.reading.window_s is not None:
+            without = {d for d, spec in specs.items() if not spec.is_early}
+            names = ', '.join(sorted(specs[digest].feature_set for digest in without))
+            for unwanted in [key for key in found if key[2] in without]:
+                del found[unwanted]
+            if not found:
+                raise DatasetError(f'{names} has no early windows')
         tables: dict[Key, FeatureTable] = {}
         places = {digest: place for place, digest in enumerate(specs)}
         for task, contact, digest in sorted(found, key=lambda key: (*key[:2], places[key[2]])):
@@ -91,31 +97,6 @@ class BagFeatures(RecordingFeatures):
             key = (*key, digest) if key in tables else key
             tables[key] = _table(found[task, contact, digest], specs[digest])
         return FeatureTables(tables, tuple(dict.fromkeys(left_out)))
-
-    def partial_tables(
-        self, table: FeatureTable, seconds: Sequence[float]
-    ) -> dict[int, FeatureTable]:
-        fields = table.spec.config_values()
-        counts = count_samples(seconds, FeatureConfig(**fields, buffer_s=600.0))
-        found: dict[tuple[str, str, int, int], NDArray[np.float64]] = {}
-        for path, namespace in sorted(set(_list_rows(table, 'bag', 'namespace'))):
-            bag = self._bags[path]
-            recorded = recorded_features(bag, namespace)
-            features = RecordedFeatures(replace(recorded.config, **fields, partial_samples=counts))
-            for window in replay_phases(bag, features, namespace, finish=True).windows:
-                if window.partial and window.outcome == Outcome.OK:
-                    key = path, namespace, window.window_start_ns, window.sample_count
-                    found[key] = window.values
-        trials = _list_rows(table, 'bag', 'namespace', 'window_start_ns')
-        try:
-            return {
-                count: replace(
-                    table, values=np.array([found[(*trial, count)] for trial in trials])
-                )
-                for count in counts
-            }
-        except KeyError as error:
-            raise BagError(f'a window has no features of its first part: {error}') from error
 
     def windows(self, table: FeatureTable, rows: Sequence[int]) -> list[Samples]:
         trials = _list_rows(table, 'bag', 'namespace', 'window_start_ns', 'window_end_ns')
@@ -141,14 +122,21 @@ def _list_rows(table: FeatureTable, *names: str) -> list[tuple[Any, ...]]:
     return list(zip(*(table.column(name).tolist() for name in names), strict=True))
 
 
-def _choose(path: str, recorded: RecordedFeatures, chosen: Fields) -> RecordedFeatures:
-    if not chosen:
-        return recorded.without_parts()
+def _choose(
+    path: str, recorded: RecordedFeatures, chosen: Fields, reading: Reading
+) -> RecordedFeatures:
+    """Return the features to compute: full windows, or early ones of the length that is asked."""
+    full = RecordedFeatures(
+        replace(recorded.config, early_windows=False),
+        tuple(spec for spec in recorded.wanted if not spec.is_early),
+    )
+    if not chosen and reading.window_s is None:
+        return full
     try:
-        config = replace(recorded.bound(), partial_samples=(), **chosen)
+        config = replace(full.bound(), **chosen)
+        return RecordedFeatures(replace(config, **reading.early_fields(config.rate_hz)))
     except FeatureError as error:
         raise BagError(f'{path}: {error}') from error
-    return RecordedFeatures(config)
 
 
 def _compared(features: RecordedFeatures) -> tuple[object, ...]:

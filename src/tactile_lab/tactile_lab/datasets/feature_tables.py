@@ -20,16 +20,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_bags.errors import BagError
 from tactile_bags.recording import Recording
 from tactile_bags.sources.files import SourceOptions
 from tactile_bags.trial import Trial
 from tactile_classifier.datasets.archive import LabelledTrials, Skipped
 from tactile_classifier.datasets.dataset import ALL, Channel, FeatureTable, usable_table
+from tactile_classifier.errors import DatasetError
 from tactile_features.config import FeatureConfig
-from tactile_features.errors import FeatureError
-from tactile_features.extraction.extractor import features_from_trials
 from tactile_features.records import PHASE_GLIDE, PROTOCOL_TEXTURE
+from tactile_features.spec import set_for
 from tactile_lab.datasets.reading import parse_span, Reading, select_trials
 from tactile_ros.errors import TactileError
 
@@ -101,18 +100,6 @@ class RecordingFeatures(ABC):
         """Return what the trials of a table are, in words."""
 
     @abstractmethod
-    def partial_tables(
-        self, table: FeatureTable, seconds: Sequence[float]
-    ) -> dict[int, FeatureTable]:
-        """Return features of the first parts of each window, trial by trial, by samples.
-
-        ``table``: of texture, of this recording. ``seconds``: how much of the window has been seen
-        [s].
-
-        Raises `TactileError` when ``seconds`` do not fit into the window.
-        """
-
-    @abstractmethod
     def windows(self, table: FeatureTable, rows: Sequence[int]) -> list[Samples]:
         """Return the samples in the windows of some trials."""
 
@@ -175,18 +162,6 @@ def read_tables(paths: Sequence[Path], fields: Fields = NONE) -> FeatureTables:
         return features.tables(fields)
 
 
-def count_samples(seconds: Sequence[float], config: FeatureConfig) -> tuple[int, ...]:
-    """Return the ``partial_samples`` of windows that have filled for so long.
-
-    Raises `BagError` when they do not rise, or do not fit into the window.
-    """
-    counts = tuple(round(second * config.rate_hz) for second in seconds)
-    try:
-        return replace(config, partial_samples=counts).partial_samples
-    except FeatureError as error:
-        raise BagError(f'no early predictions after {list(seconds)} s: {error}') from error
-
-
 _STATED_BY_TRIALS = ('rate_hz', 'texture_samples', 'stiffness_samples')
 """Fields of `FeatureConfig` that the trials state: rate and length."""
 
@@ -202,7 +177,9 @@ class TrialFeatures(RecordingFeatures):
             )
         self._task = reading.task
         self._channel = reading.parse_channel()
-        self._config = FeatureConfig(**reading.choose_fields())
+        self._config = FeatureConfig(
+            **reading.choose_fields(), early_windows=reading.window_s is not None
+        )
         trials = recording.to_arrays(folds=folds, skip_bad=reading.skip_bad)
         if reading.where is not None:
             trials = trials.take(select_trials(trials.columns, reading.where, 'where'))
@@ -211,6 +188,8 @@ class TrialFeatures(RecordingFeatures):
             trials = trials.resample(reading.resample_hz)
         if reading.crop is not None:
             trials = trials.between(*parse_span(reading.crop))
+        if reading.window_s is not None:
+            trials = trials.between(0.0, reading.window_s)
         is_texture = self._task == PROTOCOL_TEXTURE
         self._needs_speed = bool(
             reading.over
@@ -246,6 +225,9 @@ class TrialFeatures(RecordingFeatures):
         self, trials: LabelledTrials, config: FeatureConfig
     ) -> tuple[FeatureTable, LabelledTrials]:
         """Return the features and the trials that give them; the table names each trial."""
+        feature_set = set_for(self._task, config)
+        if self.reading.window_s is not None and not feature_set.is_early:
+            raise DatasetError(f'{feature_set.name} has no early windows')
         speeds_m_s = self._speeds_m_s(trials) if self._needs_speed else None
         table, trials = usable_table(
             self._task, trials, self._channel, config=config, speeds_m_s=speeds_m_s
@@ -275,33 +257,6 @@ class TrialFeatures(RecordingFeatures):
         raise TactileError(
             f'--speed-column: the name "{name}" must end in its unit, _mm_s or _m_s'
         )
-
-    def partial_tables(
-        self, table: FeatureTable, seconds: Sequence[float]
-    ) -> dict[int, FeatureTable]:
-        trials = self._trials
-        samples = trials.x.shape[2]
-        longest_s = max(self._config.buffer_s, 1.0 + samples / trials.rate_hz)
-        config = replace(
-            self._config, rate_hz=trials.rate_hz, texture_samples=samples, buffer_s=longest_s
-        )
-        channels = range(trials.x.shape[1]) if self._channel == ALL else [self._channel]
-
-        def compute(count: int) -> NDArray[np.float64]:
-            parts = [
-                features_from_trials(
-                    self._task,
-                    trials.signal(channel),
-                    trials.rate_hz,
-                    first_samples=count,
-                    config=self._config,
-                )[0]
-                for channel in channels
-            ]
-            return np.hstack(parts)
-
-        counts = count_samples(seconds, config)
-        return {count: replace(table, values=compute(count)) for count in counts}
 
     def windows(self, table: FeatureTable, rows: Sequence[int]) -> list[Samples]:
         signals = self._trials.signal(None if self._channel == ALL else self._channel)

@@ -31,6 +31,7 @@ class Reading:
     """Trials of a recording that count, and their features, as the options of a command say.
 
     The fields are those options: see `tactile_lab.options` and ``tactile evaluate --help``.
+    ``window_s`` is the length of early windows [s]; None: full windows.
 
     Raises `TactileError` when only one of ``train_where`` and ``test_where`` is given.
     """
@@ -45,6 +46,7 @@ class Reading:
     over: str | None = None
     detrend: str | None = None
     features: str | None = None
+    window_s: float | None = None
     train_where: str | None = None
     test_where: str | None = None
 
@@ -69,6 +71,13 @@ class Reading:
                 raise TactileError(f'--over is for sets over the surface, and {name} is none')
             fields[CHOOSER[found.phase]] = name
         return fields
+
+    def early_fields(self, rate_hz: float) -> dict[str, Any]:
+        """Return the fields of `FeatureConfig` that ``window_s`` says; none for full windows."""
+        if self.window_s is None:
+            return {}
+        count = round(self.window_s * rate_hz)
+        return {'early_windows': True, 'texture_samples': count, 'stiffness_samples': count}
 
     def check_for_bags(self) -> None:
         """Refuse options on how to cut trials, which bags with trial events say.

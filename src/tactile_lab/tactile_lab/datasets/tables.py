@@ -96,12 +96,12 @@ def format_warnings(evaluations: Sequence[Evaluation]) -> list[str]:
 
 
 def describe_answers(manifest: Manifest) -> list[str]:
-    """Return what held-out trials say of probabilities, threshold and early predictions."""
+    """Return what held-out trials say of probabilities and threshold."""
     from tactile_classifier.model_file.manifest import format_groups, format_scores
 
     if 'reason' in manifest.calibration:
         return [f'no probabilities and no "unknown": {manifest.calibration["reason"]}']
-    whole, *partial = manifest.stages
+    whole = manifest.confidence
     sentences = [
         f'probabilities: expected calibration error {100 * whole.calibration_error_before:.1f} % '
         f'before, {100 * whole.calibration_error_after:.1f} % after; unknown: above novelty '
@@ -118,19 +118,4 @@ def describe_answers(manifest: Manifest) -> list[str]:
         else 'thresholds hold for trials like these; no group was held out, and a new session may '
         'differ'
     )
-    if partial:
-        shares = ', '.join(
-            f'{part.sample_count / manifest.spec.rate_hz:g} s {100 * part.accuracy:.1f} %'
-            for part in partial
-        )
-        threshold = partial[0].stop_threshold
-        rule = (
-            f'decided early from a probability of {threshold:g}'
-            if threshold >= 0.0
-            else 'never decided early: these trials prove no threshold'
-        )
-        sentences.append(
-            f'early predictions, accuracy held out: {shares}; {rule}, '
-            f'at {100 * manifest.stop_error_rate:g} % wrong answers'
-        )
     return sentences

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rclpy.context import Context
 from rclpy.node import Node
 
-from tactile_bags import FEATURES_TOPIC, STRAIN_TOPIC
+from tactile_bags import FEATURES_TOPIC, SPECIFICATIONS_TOPIC, STRAIN_TOPIC
 from tactile_bags.audit import Audit
 from tactile_bringup.launch_config.graph import ModelChoice, Ports, recorder_node, rig_graph
 from tactile_bringup.nodes.graph_runner import ros_context, running_graph
@@ -28,8 +28,13 @@ from tactile_bringup.nodes.operator_node import OperatorNode, StoppedError
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_classifier.records import ClassificationResult, ModelInfo
 from tactile_classifier.records import Outcome as AnswerOutcome
-from tactile_features.conversions import feature_window_from_msg, strain_block_from_msg
+from tactile_features.conversions import (
+    feature_window_from_msg,
+    specifications_from_msg,
+    strain_block_from_msg,
+)
 from tactile_features.records import FeatureWindow, Outcome
+from tactile_features.spec import FeatureSpec
 from tactile_lab.experiment.journal import Notes, Progress
 from tactile_lab.experiment.loop import (
     Operator,
@@ -44,11 +49,11 @@ from tactile_lab.output import Output
 from tactile_lab.running import open_ports, read_rig_parameters, say_address
 from tactile_lab.watch.access import WatchOptions
 from tactile_lab.watch.watching import watching
+from tactile_msgs.msg import FeatureSpecifications, TactileFeatures
 from tactile_msgs.msg import StrainBlock as StrainBlockMsg
-from tactile_msgs.msg import TactileFeatures
 from tactile_ros.errors import TactileError
 from tactile_ros.lifecycle import MessageGuard
-from tactile_ros.qos import RESULTS, STREAM
+from tactile_ros.qos import LATEST, RESULTS, STREAM
 from tactile_ros.strain import StrainBlock
 from tactile_sim.rig_process import SimulatedRig
 
@@ -240,12 +245,14 @@ class ObserverNode(Node):  # type: ignore[misc]
         self._arrived = threading.Condition()
         self._blocks: list[StrainBlock] = []
         self._windows: dict[str, FeatureWindow] = {}
+        self._judged: dict[str, FeatureSpec] = {}  # by task: whose windows judge a trial
         self._devices: dict[str, str] = {}
         self._is_on = False
         guard = MessageGuard(self)
         for topic, kind, take, qos in (
             (STRAIN_TOPIC.name, StrainBlockMsg, self._on_block, STREAM),
             (FEATURES_TOPIC.name, TactileFeatures, self._on_window, RESULTS),
+            (SPECIFICATIONS_TOPIC.name, FeatureSpecifications, self._on_specifications, LATEST),
             ('/diagnostics', DiagnosticArray, self._on_diagnostics, 10),
         ):
             self.create_subscription(kind, topic, guard.wrap(topic, take), qos)
@@ -258,10 +265,18 @@ class ObserverNode(Node):  # type: ignore[misc]
     def _on_window(self, message: TactileFeatures) -> None:
         window = feature_window_from_msg(message)
         with self._arrived:
-            if self._is_on and not window.partial:
-                # The windows of one phase come in the order of their specifications.
-                self._windows.setdefault(window.trial_id, window)
+            judged = {spec.digest for spec in self._judged.values()}
+            if self._is_on and window.specification_digest in judged:
+                self._windows[window.trial_id] = window
                 self._arrived.notify_all()
+
+    def _on_specifications(self, message: FeatureSpecifications) -> None:
+        """Choose the first full window of each task, or where there are none an early one."""
+        specs = specifications_from_msg(message).specs
+        with self._arrived:
+            self._judged = {}
+            for spec in sorted(specs, key=lambda spec: spec.is_early):
+                self._judged.setdefault(spec.task, spec)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         with self._arrived:

@@ -159,9 +159,9 @@ def _plan_set(
         plans['published'] = [
             AccuracyPlan(recordings.published, evaluated[0], random_state=random_state)
         ]
-    if recordings.partial is not None:
+    if recordings.answers:
         hold_out = next(iter(recordings.hold_out), ())
-        plans['answers'] = [AnswersPlan(table, hold_out, recordings.partial)]
+        plans['answers'] = [AnswersPlan(table, hold_out)]
     return plans, not_done
 
 

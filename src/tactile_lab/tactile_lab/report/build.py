@@ -11,7 +11,6 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from tactile_classifier.evaluation.early_answers import StoppingEvaluation
 from tactile_classifier.evaluation.open_set import OpenSetEvaluation
 from tactile_classifier.model_file.manifest import format_features
 from tactile_classifier.records import CLASSIFIER_TITLES, short_scaling
@@ -82,7 +81,7 @@ def build_page(
     )
 
 
-def format_split(result: SetResult, each: OpenSetEvaluation | StoppingEvaluation) -> str:
+def format_split(result: SetResult, each: OpenSetEvaluation) -> str:
     """Return task, model and split of an evaluation of answers."""
     return f'{result.recordings.table.task}: {format_classifier(each)}, {each.split}'
 
@@ -97,7 +96,6 @@ _FUNCTIONS: Sequence[Callable[..., Any]] = (
     drawings.draw_signals,
     drawings.draw_significance,
     drawings.draw_split_accuracies,
-    drawings.draw_stopping,
     find_components,
     format_accuracy,
     format_alike_pairs,

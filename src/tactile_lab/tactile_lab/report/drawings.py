@@ -27,7 +27,6 @@ from tactile_lab.plots import (
     draw_spectrum,
     draw_strain,
     label_axis,
-    legend_outside,
     MARK_COLOUR,
     TRACE_COLOUR,
     UNKNOWN_UNITS,
@@ -541,57 +540,6 @@ def draw_open_set(result: SetResult, found: OpenSetEvaluation) -> Drawing:
         f'Labels left out of the training. {of_labels}. False rejection by fold: '
         f'{min(rejected):.0f} to {max(rejected):.0f} %, {rate:g} % asked for.',
         simulated=result.recordings.simulated,
-    )
-
-
-def draw_stopping(results: Sequence[SetResult]) -> Drawing:
-    """Draw accuracy against seconds seen, and where the stopping rules stand."""
-    answered = [(result, result.answers) for result in results if result.answers is not None]
-    found = [(r, each.stopping) for r, each in answered if each.stopping is not None]
-
-    def draw(figure: Figure) -> None:
-        axes = figure.subplots()
-        for i, (result, stopping) in enumerate(found):
-            axes.plot(
-                stopping.seconds,
-                [100 * accuracy for accuracy in stopping.accuracies],
-                'o-',
-                ms=3,
-                lw=1.2,
-                color=f'C{i}',
-                label=result.name,
-            )
-            for rule, mark in zip(stopping.rules, 'sD^v', strict=False):
-                axes.plot(
-                    rule.mean_s,
-                    100 * rule.accuracy,
-                    mark,
-                    ms=6,
-                    ls='none',
-                    mec=f'C{i}',
-                    mfc='none',
-                    mew=1.4,
-                    label=f'rule for {100 * rule.error_rate:g} %',
-                )
-        axes.set(ylim=(0, 104), xlim=(0, None), xlabel='signal seen [s]', ylabel='accuracy [%]')
-        axes.grid(alpha=0.2, lw=0.5)
-        legend_outside(figure, 'upper right', fontsize=8)
-
-    splits = ', '.join(dict.fromkeys(stopping.split for _, stopping in found))
-    curves = '; '.join(
-        f'{result.recordings.title}: {_percent(stopping.accuracies[0])} after '
-        f'{stopping.seconds[0]:.3g} s, {_percent(stopping.accuracies[-1])} after '
-        f'{stopping.seconds[-1]:.3g} s'
-        for result, stopping in found
-    )
-    return render(
-        draw,
-        (6.2, 2.8),
-        f'Accuracy after so much of the window has been seen (lines), {splits}; hollow marks: '
-        'mean signal behind an answer, and accuracy of all answers, where a rule stops at the '
-        'stated share of wrong early answers.',
-        f'Accuracy by seconds seen, {splits}. {curves}.',
-        simulated=any(result.recordings.simulated for result, _ in found),
     )
 
 

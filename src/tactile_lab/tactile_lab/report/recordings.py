@@ -22,7 +22,6 @@ from tactile_features.feature_sets.texture_spectrum import TextureSpectrum
 from tactile_features.records import PROTOCOL_STIFFNESS
 from tactile_lab.datasets.feature_tables import Key, RecordingFeatures
 from tactile_lab.datasets.reading import select_features
-from tactile_lab.report.answers import PartialTables, read_partial
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
@@ -105,7 +104,7 @@ class RecordingSet:
     steps: tuple[str, ...] = ()
     choice: tuple[Candidate, FeatureChoice] | None = None
     not_done: tuple[str, ...] = ()
-    partial: PartialTables | None = None
+    answers: bool = False
 
     def format_preparation(self, most: int | None = None) -> list[str]:
         """Return what was done to the signals and which trials were skipped, ``most`` of them."""
@@ -131,7 +130,7 @@ def make_sets(
     ``hold_out`` are the columns of the grouped splits. Empty: one session is held out where there
     are several that have all labels, one block of trials where not, and one mounting. ``chosen``
     is the choice of ``--features auto``. ``report``: also the features that the paper computes,
-    and signals. ``answers``: also features of parts of the windows.
+    and signals. ``answers``: unknown objects are evaluated, too.
     """
     reading, recording = features.reading, features.recording
     whole = features.tables().tables if chosen is None else {k: c.table for k, c in chosen.items()}
@@ -159,7 +158,7 @@ def make_sets(
             steps=features.steps,
             choice=(chosen[key].candidate, chosen[key].choice) if chosen else None,
             not_done=tuple(not_done),
-            partial=read_partial(features, table) if answers else None,
+            answers=answers,
         )
         if report:
             rows = _first_rows(table)

@@ -26,7 +26,6 @@ from tactile_bags.recording import Recording
 from tactile_classifier.datasets.dataset import plain_name
 from tactile_classifier.estimators.classifiers import default_scaling
 from tactile_classifier.evaluation.cross_validation import Evaluation, Score
-from tactile_classifier.evaluation.early_answers import StoppingEvaluation
 from tactile_classifier.evaluation.open_set import OpenSetEvaluation
 from tactile_classifier.records import CLASSIFIER_TITLES, short_scaling
 from tactile_lab.datasets.tables import format_interval, format_nested, name_candidate
@@ -125,7 +124,7 @@ def hardest_evaluation(result: SetResult) -> Evaluation:
     )
 
 
-def format_classifier(each: Score | OpenSetEvaluation | StoppingEvaluation) -> str:
+def format_classifier(each: Score | OpenSetEvaluation) -> str:
     """Return classifier and scaling in words."""
     return f'{CLASSIFIER_TITLES[each.classifier]}, {short_scaling(each.scaling)}'
 
@@ -221,7 +220,7 @@ def format_confusion(score: Score) -> str:
 
 
 def answer_rows(answers: Answers) -> list[tuple[str, str]]:
-    """Return what became of unknown labels, probabilities and early answers, in rows."""
+    """Return what became of unknown labels and probabilities, in rows."""
     rows = []
     if (unknown := answers.open_set) is not None:
         rows += [
@@ -235,14 +234,4 @@ def answer_rows(answers: Answers) -> list[tuple[str, str]]:
             ('calibration error before', f'{100 * unknown.calibration_error_before:.1f} %'),
             ('calibration error after', f'{100 * unknown.calibration_error_after:.1f} %'),
         ]
-    for rule in answers.stopping.rules if answers.stopping is not None else ():
-        rows.append(
-            (
-                f'decided early, {100 * rule.error_rate:g} % wrong asked for',
-                f'{100 * rule.early_share:.1f} % of answers, {100 * rule.early_error:.1f} % of '
-                f'these wrong, {rule.mean_s:.2f} of {rule.full_s:.3g} s on average'
-                if rule.early_share
-                else 'none: no threshold is proven',
-            )
-        )
     return rows

@@ -93,10 +93,8 @@ class WatchState:
                 return
             true_label = finger.take_answer(answer)
             line = format_answer(name, answer, true_label, names_model=finger.names_model(answer))
-            if not answer.partial:
-                self.say(line, finger=name)
-        if not answer.partial:
-            self.on_answer(line)
+            self.say(line, finger=name)
+        self.on_answer(line)
 
     def take_health(
         self, device: str, level: int, message: str, values: Mapping[str, str]

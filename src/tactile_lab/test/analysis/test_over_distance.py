@@ -55,8 +55,8 @@ def test_a_model_over_distance_fits_nodes_with_the_same_parameters_alone(bags, t
     assert 'feature set' in model.spec.mismatch(spec_for('texture', FeatureConfig()))
     finer = dataclasses.replace(config, spatial_finest_m=0.00025)
     assert 'spatial_finest_m' in model.spec.mismatch(spec_for('texture', finer))
-    said = hear_tactile(*arguments, '--partial', 1, '--force', code=2)
-    assert 'no early predictions' in said
+    said = hear_tactile(*arguments, '--window', '1', '--force', code=2)
+    assert 'no early windows' in said
 
 
 def test_windows_that_are_none_and_speeds_of_others_are_refused(tmp_path):

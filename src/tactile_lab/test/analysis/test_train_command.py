@@ -13,10 +13,10 @@ from tactile_bags import TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
 from tactile_bags.replay import replay_phases
-from tactile_classifier.errors import ModelFileError
+from tactile_classifier.errors import DatasetError, ModelFileError
 from tactile_classifier.model_file.model import load_model
 from tactile_features.spec import spec_for
-from tactile_lab.commands.train import parse_seconds, train_models
+from tactile_lab.commands.train import parse_lengths, train_models
 from tactile_lab.datasets.feature_tables import open_features
 from tactile_lab.datasets.reading import Reading
 from tactile_lab.datasets.tables import describe_answers
@@ -24,54 +24,76 @@ from tactile_lab.output import Output
 from tactile_ros.errors import TactileError
 
 
-def train_on(bag, folder, **training):
+def train_on(bag, folder, window_s=None, **training):
     """Train on a bag as the command does; return the models."""
     given = {'folds': 2, 'repetitions': 1, 'output': Output(as_json=True), **training}
-    with open_features([bag]) as features:
+    with open_features([bag], Reading(window_s=window_s)) as features:
         return train_models(features, features.tables().tables, folder=folder, **given)
 
 
 def test_options_that_do_not_fit_are_refused(texture_bag, tmp_path):
-    with pytest.raises(TactileError, match='--partial is "1;2"'):
-        parse_seconds('1;2')
+    for text in ('1;2', '', '0', '-1', 'inf', '1,1', 'full,full'):
+        with pytest.raises(TactileError, match=f'--window is "{text}"'):
+            parse_lengths(text)
+    assert parse_lengths('0.5, full') == [0.5, None]
     over = ('--over', '45:0.5', '--detrend', 'linear')
     said = hear_tactile('train', texture_bag, '-o', tmp_path, *over, code=2)
     assert '--detrend is for the spectrum over time' in said
-    with open_features([texture_bag]) as features:
-        (table,) = features.tables().tables.values()
-        for seconds in ([0.1], [1.0, 0.5], [3.0]):
-            with pytest.raises(BagError, match='no early predictions after'):
-                features.partial_tables(table, seconds)
+    for window_s, reason in ((0.01, 'texture_samples is 1'), (9.0, 'no labelled trial')):
+        with (
+            pytest.raises(BagError, match=reason),
+            open_features([texture_bag], Reading(window_s=window_s)) as features,
+        ):
+            features.tables()
+    with (
+        pytest.raises(DatasetError, match='texture_spatial has no early windows'),
+        open_features(
+            [texture_bag], Reading(window_s=0.5, features='texture_spatial')
+        ) as features,
+    ):
+        features.tables()
 
 
-def test_model_answers_partial_windows_and_no_file_is_replaced_unasked(texture_bag, tmp_path):
-    training = {'false_alarm_rate': 0.1, 'partial_seconds': [0.5, 1.5], 'stop_error_rate': 0.2}
-    (trained,) = train_on(texture_bag, tmp_path / 'models', **training)
-    model = load_model(trained.path)
-    assert model.partial_samples == (30, 90)
-    assert model.manifest.false_alarm_rate == 0.1
-    assert model.manifest.stop_error_rate == 0.2
-    sentences = describe_answers(model.manifest)
-    assert 'at 10 % false rejection' in sentences[0]
-    assert sentences[-1].startswith('early predictions, accuracy held out: 0.5 s')
-    assert trained.to_dict()['parts'][2]['sample_count'] == 90
-    before = trained.path.read_bytes()
-    with pytest.raises(TactileError, match='would be replaced'):
-        train_on(texture_bag, tmp_path / 'models', **training)
-    assert trained.path.read_bytes() == before
+def test_each_length_has_a_model_file_and_none_is_replaced_unasked(texture_bag, tmp_path):
+    command = ('train', texture_bag, '-o', tmp_path, '--window', '0.5,1.5,full')
+    quick = ('--folds', 2, '--repetitions', 1, '--classifier', 'knn', '--false-alarms', 0.1)
+    said = hear_tactile(*command, *quick)
+    names = ['texture_flexion.npz', 'texture_flexion_0.5s.npz', 'texture_flexion_1.5s.npz']
+    models = [load_model(tmp_path / name) for name in names]
+    specs = [model.spec for model in models]
+    assert [(s.sample_count, s.is_early) for s in specs] == [(180, 0), (30, 1), (90, 1)]
+    assert len({spec.digest for spec in specs}) == 3
+    assert all(model.manifest.false_alarm_rate == 0.1 for model in models)
+    assert 'at 10 % false rejection' in describe_answers(models[1].manifest)[0]
+    lengths = said[said.index('accuracy by length') :].split('texture, flexion ')[1:4]
+    assert [each.split()[0] for each in lengths] == ['0.5', '1.5', '3'], said
+    assert (tmp_path / 'accuracy_by_length.png').stat().st_size > 1000
+    before = [path.read_bytes() for path in sorted(tmp_path.glob('*.npz'))]
+    assert 'would be replaced' in hear_tactile(*command, *quick, code=2)
+    assert [path.read_bytes() for path in sorted(tmp_path.glob('*.npz'))] == before
+
+
+def test_a_trial_that_ended_inside_its_early_window_is_dropped(texture_bag):
+    with open_features([texture_bag], Reading(window_s=0.5)) as features:
+        (short,) = features.tables().tables.values()
+    with open_features([texture_bag], Reading(window_s=3.4)) as features:
+        found = features.tables()
+    (long,) = found.tables.values()
+    assert 0 < len(long) < len(short) or not found.left_out
+    assert len(long) + len(found.left_out) >= len(short)
 
 
 @pytest.mark.parametrize('detrend', ['none', 'mean', 'linear'])
 def test_a_model_states_how_its_spectra_were_detrended(texture_bag, tmp_path, detrend):
-    quick = ('--folds', 2, '--repetitions', 1, '--partial', 1, '--classifier', 'knn')
+    quick = ('--folds', 2, '--repetitions', 1, '--classifier', 'knn')
     said = hear_tactile('train', texture_bag, '-o', tmp_path, '--detrend', detrend, *quick)
     assert f'spectrum_detrend {detrend}' in said
     model = load_model(tmp_path / 'texture_flexion.npz')
     with TactileBag(texture_bag) as opened:
-        config = dataclasses.replace(
-            recorded_features(opened).config, spectrum_detrend=detrend, partial_samples=(30, 60)
-        )
-        windows = replay_phases(opened, RecordedFeatures(config)).windows
+        config = dataclasses.replace(recorded_features(opened).config, spectrum_detrend=detrend)
+        early = dataclasses.replace(config, texture_samples=30, early_windows=True)
+        both = spec_for('texture', config), spec_for('texture', early)
+        windows = replay_phases(opened, RecordedFeatures(config, both)).windows
     assert model.spec == spec_for('texture', config)
     assert model.spec.parameters['spectrum_detrend'] == detrend
     others = {'none', 'mean', 'linear'} - {detrend}
@@ -79,16 +101,17 @@ def test_a_model_states_how_its_spectra_were_detrended(texture_bag, tmp_path, de
         changed = dataclasses.replace(config, spectrum_detrend=other)
         with pytest.raises(ModelFileError, match='spectrum_detrend'):
             model.check_fits(spec_for('texture', changed))
-    # Tables of whole and partial windows are what the live extractor gives.
-    with open_features([texture_bag], Reading(detrend=detrend)) as features:
-        (table,) = features.tables().tables.values()
-        tables = {**features.partial_tables(table, [0.5, 1.0]), table.spec.sample_count: table}
-    assert list(tables) == [30, 60, 180]
-    assert len(windows) == 3 * len(table)
+    # Tables of full and early windows are what the live extractor gives.
+    tables = {}
+    for spec, window_s in zip(both, (None, 0.5), strict=True):
+        with open_features([texture_bag], Reading(detrend=detrend, window_s=window_s)) as features:
+            (tables[spec.digest],) = features.tables().tables.values()
+    assert len(windows) == sum(map(len, tables.values()))
     for window in windows:
+        table = tables[window.specification_digest]
         (row,) = (table.column('window_start_ns') == window.window_start_ns).nonzero()[0]
-        assert window.sample_count == 30 or not model.format_mismatch(window)
-        assert tables[window.sample_count].values[row].tobytes() == window.values.tobytes()
+        assert table.values[row].tobytes() == window.values.tobytes()
+        assert bool(model.format_mismatch(window)) == (window.sample_count == 30)
 
 
 def test_what_would_give_too_large_a_file_is_refused_before_the_folds(tmp_path):

@@ -33,7 +33,7 @@ from tactile_bags.nodes.bag_recorder_node import _Arrival
 from tactile_bags.recorded_setup import recorded_features, WRITTEN_IN
 from tactile_bringup.launch_config.graph import recorder_node
 from tactile_bringup.nodes.graph_runner import create_node, running_graph
-from tactile_features import FeatureConfig, spec_for, WantedFeatures
+from tactile_features import FeatureConfig, spec_for
 from tactile_features import FeatureSpecifications as Announced
 from tactile_features.conversions import specifications_to_msg, strain_block_from_msg
 from tactile_lab.experiment.live_rig import check_recording
@@ -122,7 +122,7 @@ def test_what_came_before_the_end_is_in_the_bag(context, tmp_path):
 
 
 def specifications(rate_hz):
-    wanted = WantedFeatures(spec_for('stiffness', FeatureConfig(rate_hz=rate_hz)))
+    wanted = spec_for('stiffness', FeatureConfig(rate_hz=rate_hz))
     return specifications_to_msg(Announced((wanted,)))
 
 
@@ -181,7 +181,7 @@ def test_what_features_were_computed_is_recorded_once_however_often_it_is_active
             50.0,
         ]
         features = recorded_features(bag)
-    assert [each.spec.rate_hz for each in features.wanted] == [100.0, 50.0]
+    assert [spec.rate_hz for spec in features.wanted] == [100.0, 50.0]
 
 
 def test_messages_keep_their_order_when_the_clock_is_set_back(context, tmp_path, monkeypatch):
@@ -217,7 +217,6 @@ def test_a_recording_says_which_topic_it_lacks_and_waits_for_none_of_a_rig_on_a_
         wait_until(lambda: received)
     assert '/tendon_sensor/strain' in missing
     assert not any('linear_guide' in name or 'trial_runner' in name for name in missing)
-    assert '/tactile_features/partial_features' not in missing
     assert not any('tactile_classifier' in name for name in missing)
     (status,) = received[0].status
     assert status.level == DiagnosticStatus.ERROR

@@ -38,6 +38,7 @@ from tactile_features.conversions import (
 from tactile_features.model_contract import plan_features
 from tactile_features.records import PHASES_STATED
 from tactile_lab.datasets.feature_tables import open_features
+from tactile_lab.datasets.reading import Reading
 from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
@@ -53,10 +54,8 @@ BLOCKS_WITH_DETECTION = 10
 
 OUTPUTS = {
     'tactile_features/features': TactileFeatures,
-    'tactile_features/partial_features': TactileFeatures,
     'tactile_features/detected_events': TrialEvent,
     'tactile_classifier/classification': Classification,
-    'tactile_classifier/partial_classification': Classification,
 }
 READERS = {
     TactileFeatures: feature_window_from_msg,
@@ -86,13 +85,13 @@ class Case(NamedTuple):
 
 @pytest.fixture(scope='module')
 def texture(simulate_bag, tmp_path_factory):
-    """Return a case with partial windows."""
+    """Return a case with full and early windows."""
     source = simulate_bag('texture', 'flexion', 4, seed=5, sessions=2)
     models = tmp_path_factory.mktemp('texture_models')
-    with open_features([source]) as features:
-        (table,) = features.tables().tables.values()
-        partial = features.partial_tables(table, [0.5, 1.5])
-    write_model(models / 'model.npz', train(table, 'knn', partial=partial))
+    for window_s in (0.5, 1.5, None):
+        with open_features([source], Reading(window_s=window_s)) as features:
+            (table,) = features.tables().tables.values()
+        write_model(models / f'{window_s}.npz', train(table, 'knn'))
     bag = simulate_bag('texture', 'flexion', 1, seed=6)
     with TactileBag(bag) as recording:
         config = recorded_features(recording).config
@@ -112,7 +111,7 @@ def outputs_of_core(case):
     found = {topic: [] for topic in OUTPUTS}
     plan = plan_features(case.config, case.models)
     with TactileBag(case.bag) as bag:
-        features = RecordedFeatures(case.config, plan.wanted)
+        features = RecordedFeatures(case.config, plan.specs)
         models = ModelSet.load(case.models)
         results = replay_through_core(bag, models, features)
         extractor = TrialFeatureExtractor(case.config)
@@ -120,12 +119,8 @@ def outputs_of_core(case):
             if message.type_name == STRAIN:
                 extractor.add_block(strain_block_from_msg(message.decode()))
                 found['tactile_features/detected_events'] += extractor.take_detected_events()
-    for window in results.windows:
-        name = 'partial_features' if window.partial else 'features'
-        found[f'tactile_features/{name}'].append(window)
-    for answer in results.classifications:
-        name = 'partial_classification' if answer.partial else 'classification'
-        found[f'tactile_classifier/{name}'].append(answer)
+    found['tactile_features/features'] += results.windows
+    found['tactile_classifier/classification'] += results.classifications
     return found
 
 
@@ -315,8 +310,7 @@ def test_every_way_of_running_gives_the_same_messages(request, name, context, tm
     counts = Counter({topic: len(outputs) for topic, outputs in expected.items()})
     answers = expected['tactile_classifier/classification']
     if name == 'texture':
-        assert counts['tactile_features/partial_features'] == 16
-        assert len(answers) == 8
+        assert counts['tactile_features/features'] == len(answers) == 24
     else:
         assert counts['tactile_features/detected_events'] > 30
         assert len(answers) == 15

@@ -26,7 +26,6 @@ from tactile_features import (
     spec_for,
     TrialEvent,
     TrialFeatureExtractor,
-    WantedFeatures,
 )
 from tactile_features.feature_sets.registry import find_feature_set, GROUP, list_feature_sets
 from tactile_ros.strain import StrainBlock
@@ -87,7 +86,7 @@ def test_stream_and_arrays_give_the_same_bits(roughness):
     # Its specification says how a feature node computes it.
     spec = spec_for('texture', roughness)
     assert spec_for('texture', FeatureConfig(**spec.config_values())) == spec
-    extractor = TrialFeatureExtractor(FeatureConfig(), [WantedFeatures(spec)])
+    extractor = TrialFeatureExtractor(FeatureConfig(), [spec])
     assert spec in extractor.specifications
     assert 'feature set' in spec.mismatch(spec_for('texture', FeatureConfig(rate_hz=RATE_HZ)))
 

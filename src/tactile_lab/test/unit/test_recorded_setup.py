@@ -33,15 +33,15 @@ from tactile_bags.recorded_setup import (
 )
 from tactile_classifier import ModelInfos, ModelSet
 from tactile_classifier.conversions import model_infos_to_msg
-from tactile_features import FeatureConfig, FeatureSpecifications, spec_for, WantedFeatures
+from tactile_features import FeatureConfig, FeatureSpecifications, spec_for
 from tactile_features.conversions import specifications_to_msg
 from tactile_lab.datasets.feature_tables import name_table, read_tables
 from tactile_ros.errors import TactileError
 from tactile_ros.topics import RecordedTopic, SPECIFICATIONS
 
-USUAL = WantedFeatures(spec_for('stiffness', FeatureConfig()))
-SETTLED = WantedFeatures(spec_for('stiffness', FeatureConfig(stiffness_settle_s=1.0)))
-GLIDE = WantedFeatures(spec_for('texture', FeatureConfig()), (30, 90))
+USUAL = spec_for('stiffness', FeatureConfig())
+SETTLED = spec_for('stiffness', FeatureConfig(stiffness_settle_s=1.0))
+GLIDE = spec_for('texture', FeatureConfig())
 
 
 @pytest.fixture
@@ -78,16 +78,14 @@ def test_features_are_those_that_the_node_announced(record):
 
 
 def test_a_restart_of_the_node_adds_what_is_new(record):
-    more = dataclasses.replace(GLIDE, partial_samples=(60,))
-    path = record(announce(GLIDE, USUAL), announce(more, SETTLED), announce(USUAL))
+    path = record(announce(GLIDE, USUAL), announce(GLIDE, SETTLED), announce(USUAL))
     with TactileBag(path) as bag:
         wanted = recorded_features(bag).wanted
-    both = dataclasses.replace(GLIDE, partial_samples=(30, 60, 90))
-    assert wanted == (both, USUAL, SETTLED)
+    assert wanted == (GLIDE, USUAL, SETTLED)
 
 
 def test_rates_that_differ_are_no_rate_to_compare_with(record):
-    fast = WantedFeatures(spec_for('stiffness', FeatureConfig(rate_hz=100.0)))
+    fast = spec_for('stiffness', FeatureConfig(rate_hz=100.0))
     with TactileBag(record(announce(USUAL, fast))) as bag:
         assert nominal_rate_hz(bag) == 0.0
 
@@ -148,9 +146,9 @@ def test_each_specification_of_a_phase_has_a_table(record):
     tables = read_tables([record(announce(USUAL, SETTLED))]).tables
     first, second = tables
     assert first == ('stiffness', 'flexion')
-    assert second == ('stiffness', 'flexion', SETTLED.spec.digest)
-    assert tables[first].spec == USUAL.spec
-    assert tables[second].spec == SETTLED.spec
+    assert second == ('stiffness', 'flexion', SETTLED.digest)
+    assert tables[first].spec == USUAL
+    assert tables[second].spec == SETTLED
     assert name_table(first, tables[first]) == 'stiffness, flexion'
     assert name_table(second, tables[second]) == 'stiffness, flexion, stiffness_regression'
     alone = read_tables([record(announce(SETTLED), name='alone')]).tables[first]

@@ -81,7 +81,7 @@ def test_model_has_a_card_with_its_limits(tmp_path, sessions):
     assert facts['answers'] == 'stiffness, any contact: pla, sponge'
     plural = 's' * (sessions > 1)
     assert facts['trained on'].startswith(f'72 measured trials, {sessions} session{plural},')
-    error = f'{100 * manifest.stages[0].calibration_error_after:.1f} % after'
+    error = f'{100 * manifest.confidence.calibration_error_after:.1f} % after'
     assert error in facts['calibration error']
     assert any('No session was held out' in limit for limit in found['limits']) == (sessions == 1)
     # One text: what is printed is the card inside the file.

@@ -146,7 +146,6 @@ def test_a_trial_is_followed_from_contact_to_label(state):
         (answer(outcome=Answered.UNKNOWN), None, 'unknown: unlike all'),
         (answer(outcome=Answered.NO_FEATURES), None, 'no answer: '),
         (answer(trial='another'), None, 'R1            (0.90 probability)'),
-        (answer(partial=True), None, None),
     ],
 )
 def test_an_answer_is_judged_only_where_the_trial_states_a_label(state, result, right, line):
@@ -199,7 +198,7 @@ def test_the_spectrum_is_that_of_the_last_seconds_then_of_the_phase_then_of_the_
     assert len(spectrum['values']) == 59 // 2 + 1
     finger.take_window(window(np.arange(91) / 100.0))
     spectrum = finger.spectrum()
-    assert spectrum['part'] == 'window of the trial'
+    assert spectrum['part'] == 'window of 1.0 s'
     assert spectrum['step_hz'] == pytest.approx(1 / 3)
     assert spectrum['values'][-1] == 0.9
     finger.take_window(window(np.ones(91), 'texture_spatial', specification_digest='2'))

@@ -80,7 +80,7 @@
       }
       const old = Boolean(trial && trial.runs && trial.id !== answer.trial);
       panel.classList.toggle('old', old);
-      const words = [answer.task, answer.contact, answer.partial ? 'early answer' : ''];
+      const words = [answer.task, answer.contact, `from ${answer.seconds} s of tension`];
       set(this.find('.task'), (old ? 'Before: ' : '') + words.filter(Boolean).join(', '));
       label.classList.toggle('unknown', answer.outcome !== 'label');
       set(label, { label: answer.label, unknown: 'unknown', no_features: 'no answer' }[answer.outcome]);
@@ -92,7 +92,7 @@
       const notes = [`model ${answer.model}${answer.simulated ? ', SIMULATED' : ''}`];
       for (const other of finger.answers.slice(0, -1)) {
         if (other.trial !== answer.trial || other.task !== answer.task) continue;
-        notes.push(`model ${other.model}: ${other.outcome === 'label' ? other.label : other.reason}`);
+        notes.push(`model ${other.model}, ${other.seconds} s: ${other.outcome === 'label' ? other.label : other.reason}`);
       }
       set(this.find('.note'), notes.join(' \u00b7 '));
     }
