@@ -7,7 +7,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from tactile_command import hear_tactile
+from tactile_command import ask_tactile, hear_tactile
 
 from tactile_bags import TactileBag
 from tactile_bags.errors import BagError
@@ -15,6 +15,7 @@ from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
 from tactile_bags.replay import replay_phases
 from tactile_classifier.errors import DatasetError, ModelFileError
 from tactile_classifier.model_file.model import load_model
+from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 from tactile_lab.commands.train import parse_lengths, train_models
 from tactile_lab.datasets.feature_tables import open_features
@@ -112,6 +113,29 @@ def test_a_model_states_how_its_spectra_were_detrended(texture_bag, tmp_path, de
         (row,) = (table.column('window_start_ns') == window.window_start_ns).nonzero()[0]
         assert table.values[row].tobytes() == window.values.tobytes()
         assert bool(model.format_mismatch(window)) == (window.sample_count == 30)
+
+
+def test_three_seconds_at_1_khz_train_by_default(tmp_path):
+    """Train by default on windows of 3 s at 1 kHz; 90 s, because every candidate is fitted."""
+    # Steps upwards or downwards: the shape says which, and the spectrum does not.
+    rng = np.random.default_rng(5)
+    rows = 3.0 + 0.2 * rng.normal(size=(10, 3_000))
+    labels = np.repeat(['down', 'up'], 5)
+    for row, label in zip(rows, labels, strict=True):
+        for at in rng.integers(100, 2_900, size=12):
+            row[at : at + 25] += np.linspace(1.0, 0.0, 25) * (1 if label == 'up' else -1)
+    np.savez(tmp_path / 'fast.npz', x=rows, label=labels, rate_hz=1_000.0)
+    options = ('--task', 'texture', '--folds', 3, '--repetitions', 1)
+    (trained,) = ask_tactile('train', tmp_path / 'fast.npz', '-o', tmp_path / 'm', *options)[
+        'models'
+    ]
+    model = load_model(trained['path'])
+    assert len(model.spec.names) <= 600
+    assert set(model.predict(np.zeros((1, len(model.spec.names))))) <= {'down', 'up', 'unknown'}
+    config = FeatureConfig(
+        texture_features='glide_waveform', texture_samples=3_000, rate_hz=1_000.0
+    )
+    assert len(spec_for('texture', config).names) == 600
 
 
 def test_what_would_give_too_large_a_file_is_refused_before_the_folds(tmp_path):
