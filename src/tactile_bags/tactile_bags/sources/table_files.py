@@ -188,6 +188,7 @@ def _read_text(path: Path, options: SourceOptions) -> pyarrow.Table:
     separator, decimal = _read_form(path, options)
     count = 1 if options.header_rows is None else options.header_rows
     names = _read_names(path, lines, separator, decimal, count)
+    _check_quotes(path, lines[count:], separator)
     try:
         found = pyarrow.csv.read_csv(
             pyarrow.BufferReader(''.join(lines[count:]).encode()),
@@ -203,6 +204,18 @@ def _read_text(path: Path, options: SourceOptions) -> pyarrow.Table:
     for name in found.column_names:
         _check_cells(path, name, found[name])
     return found
+
+
+def _check_quotes(path: Path, lines: Sequence[str], separator: str) -> None:
+    """Refuse text behind a closing quotation mark, which pyarrow would join: ``"1"5`` as 15."""
+    if not any('"' in line for line in lines):
+        return
+    reader = csv.reader(lines, delimiter=separator, strict=True)
+    try:
+        for _ in reader:
+            pass
+    except csv.Error as error:
+        raise SourceError(f'{path}: line {reader.line_num} of its data: {error}') from error
 
 
 def _check_cells(path: Path, name: str, column: Any) -> None:

@@ -5,7 +5,7 @@
 
 import re
 
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
@@ -132,7 +132,14 @@ def test_a_text_in_a_column_of_numbers_names_file_column_and_row(tmp_path):
         Recording.load(folder)
 
 
+def test_text_behind_a_closing_quotation_mark_is_refused(tmp_path):
+    write(tmp_path / 'a.csv', ['time_s,force_n', '0.00,"1"', '0.01,"1"5', '0.02,2'])
+    with pytest.raises(SourceError, match=r'a\.csv: line 2 of its data: .* expected after'):
+        Recording.load(tmp_path / 'a.csv', SourceOptions(label='pla'))
+
+
 @given(st.lists(st.sampled_from(list('0123456789.,; eE+-\tN"')), max_size=12).map(''.join))
+@example('"0"0')
 def test_a_cell_of_any_form_is_its_number_or_refused(tmp_path_factory, cell):
     path = tmp_path_factory.getbasetemp() / 'cell' / 'a.csv'
     write(path, ['time_s,force_n', '0.00,1.5', f'0.01,{cell}', '0.02,2.5'])
