@@ -114,7 +114,8 @@ def test_a_motion_that_nobody_reports_fails(bench):
 def test_the_log_says_once_what_is_missing_and_once_that_all_is_ready(bench):
     runner, said = bench.runner, []
     # Not from the standard error: a line that comes while pytest empties it is lost.
-    runner.get_logger = lambda: SimpleNamespace(info=said.append, warning=said.append)
+    logger = SimpleNamespace(info=said.append, warning=said.append, set_level=lambda _: None)
+    runner.get_logger = lambda: logger
     runner._telling.cancel()  # it was ready from its start
     bench.guide.say_ready('The guide has not been homed; home the guide.')
     wait_until(lambda: 'home the guide' in ' '.join(runner._ready.missing or ()))
