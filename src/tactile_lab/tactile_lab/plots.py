@@ -128,7 +128,7 @@ def plot_accuracy_by_length(
 
     ``curves``: by model, pairs of seconds and accuracy [1].
     """
-    figure = Figure(figsize=(6.2, 3.2), layout='constrained')
+    figure = Figure(figsize=(6.2, 3.6), layout='constrained')
     axes = figure.subplots()
     for name, points in curves.items():
         seconds, accuracies = zip(*sorted(points), strict=True)
@@ -138,7 +138,7 @@ def plot_accuracy_by_length(
     axes.set_title('SIMULATED' if simulated else '', fontsize=9)
     axes.grid(alpha=0.2, lw=0.5)
     if curves:
-        legend_outside(figure, 'upper right', fontsize=8)
+        legend_outside(figure, 'lower center', fontsize=8)
     figure.savefig(path, dpi=130)
 
 

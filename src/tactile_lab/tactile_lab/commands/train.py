@@ -49,13 +49,28 @@ class TrainedModel:
         """The cross-validated score of classifier and scaling of the model."""
         return self.evaluation.score(self.manifest.classifier, self.manifest.scaling)
 
+    @property
+    def accuracy(self) -> float:
+        """Nested accuracy if the folds chose the classifier, else the cross-validated one [1]."""
+        choice = self._choice
+        return self.score.mean if choice is None else float(choice['accuracy'])
+
+    @property
+    def split(self) -> str:
+        """The folds of `accuracy`."""
+        return str((self._choice or self.manifest.cross_validation)['split'])
+
+    @property
+    def _choice(self) -> Optional[Mapping[str, Any]]:
+        return self.manifest.cross_validation.get('choice')
+
     def to_dict(self) -> dict[str, Any]:
         """Return what JSON can hold."""
         return {
             'path': str(self.path),
             'model_id': self.model_id,
             'evaluation': self.evaluation.to_dict(),
-            'choice': self.manifest.cross_validation.get('choice'),
+            'choice': self._choice,
             'window_s': self.window_s,
             'calibration': dict(self.manifest.calibration),
             'false_alarm_rate': self.manifest.false_alarm_rate,
@@ -252,21 +267,18 @@ def say_lengths(trained: Sequence[TrainedModel], picture: Path, output: Output) 
     from tactile_lab.console import Table
     from tactile_lab.plots import plot_accuracy_by_length
 
-    table = Table(
-        'model', 'window [s]', 'accuracy [%]', 'trials', title='accuracy by length', right_from=1
-    )
+    columns = ('model', 'window [s]', 'accuracy [%]', 'trials', 'tested by')
+    table = Table(*columns, title='accuracy by length', right_from=1)
     curves: dict[str, list[tuple[float, float]]] = {}
     for model in trained:
-        spec, score = model.table.spec, model.score
+        spec = model.table.spec
         name = ', '.join(filter(None, (model.manifest.task, model.manifest.contact)))
-        cell = f'{100 * score.mean:.1f}'
-        if score.fold_accuracies.size > 1:
-            cell += f' ± {100 * score.spread:.1f}'
         seconds = spec.sample_count / spec.rate_hz
         length = f'{seconds:g}' if spec.sample_count else FULL
-        table.add_row(name, length, cell, str(len(model.table)))
+        accuracy = f'{100 * model.accuracy:.1f}'
+        table.add_row(name, length, accuracy, str(len(model.table)), model.split)
         if spec.sample_count:
-            curves.setdefault(name, []).append((seconds, score.mean))
+            curves.setdefault(f'{name} ({model.split})', []).append((seconds, model.accuracy))
     output.say(table)
     simulated = any(model.manifest.simulated for model in trained)
     plot_accuracy_by_length(picture, curves, simulated=simulated)

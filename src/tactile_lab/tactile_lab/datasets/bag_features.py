@@ -84,12 +84,12 @@ class BagFeatures(RecordingFeatures):
                 + (f'; the first reason: {left_out[0]}' if left_out else '')
             )
         if self.reading.window_s is not None:
-            without = {d for d, spec in specs.items() if not spec.is_early}
-            names = ', '.join(sorted(specs[digest].feature_set for digest in without))
-            for unwanted in [key for key in found if key[2] in without]:
+            full = {key for key in found if not specs[key[2]].is_early}
+            for unwanted in full:
                 del found[unwanted]
             if not found:
-                raise DatasetError(f'{names} has no early windows')
+                names = ', '.join(sorted({specs[digest].feature_set for *_, digest in full}))
+                raise DatasetError(f'{names}: early windows are not possible')
         tables: dict[Key, FeatureTable] = {}
         places = {digest: place for place, digest in enumerate(specs)}
         for task, contact, digest in sorted(found, key=lambda key: (*key[:2], places[key[2]])):

@@ -227,7 +227,7 @@ class TrialFeatures(RecordingFeatures):
         """Return the features and the trials that give them; the table names each trial."""
         feature_set = set_for(self._task, config)
         if self.reading.window_s is not None and not feature_set.is_early:
-            raise DatasetError(f'{feature_set.name} has no early windows')
+            raise DatasetError(f'{feature_set.name}: early windows are not possible')
         speeds_m_s = self._speeds_m_s(trials) if self._needs_speed else None
         table, trials = usable_table(
             self._task, trials, self._channel, config=config, speeds_m_s=speeds_m_s

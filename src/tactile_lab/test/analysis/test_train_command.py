@@ -16,8 +16,10 @@ from tactile_bags.replay import replay_phases
 from tactile_classifier.errors import DatasetError, ModelFileError
 from tactile_classifier.model_file.model import load_model
 from tactile_features.config import FeatureConfig
+from tactile_features.records import Outcome
 from tactile_features.spec import spec_for
 from tactile_lab.commands.train import parse_lengths, train_models
+from tactile_lab.datasets import bag_features
 from tactile_lab.datasets.feature_tables import open_features
 from tactile_lab.datasets.reading import Reading
 from tactile_lab.datasets.tables import describe_answers
@@ -47,7 +49,7 @@ def test_options_that_do_not_fit_are_refused(texture_bag, tmp_path):
         ):
             features.tables()
     with (
-        pytest.raises(DatasetError, match='texture_spatial has no early windows'),
+        pytest.raises(DatasetError, match='texture_spatial: early windows are not possible'),
         open_features(
             [texture_bag], Reading(window_s=0.5, features='texture_spatial')
         ) as features,
@@ -68,20 +70,54 @@ def test_each_length_has_a_model_file_and_none_is_replaced_unasked(texture_bag, 
     assert 'at 10 % false rejection' in describe_answers(models[1].manifest)[0]
     lengths = said[said.index('accuracy by length') :].split('texture, flexion ')[1:4]
     assert [each.split()[0] for each in lengths] == ['0.5', '1.5', '3'], said
+    assert all('stratified 2-fold' in each for each in lengths)  # not chosen by the folds
     assert (tmp_path / 'accuracy_by_length.png').stat().st_size > 1000
     before = [path.read_bytes() for path in sorted(tmp_path.glob('*.npz'))]
     assert 'would be replaced' in hear_tactile(*command, *quick, code=2)
     assert [path.read_bytes() for path in sorted(tmp_path.glob('*.npz'))] == before
 
 
-def test_a_trial_that_ended_inside_its_early_window_is_dropped(texture_bag):
+def test_accuracy_by_length_is_that_of_the_held_out_sessions(texture_bag, tmp_path):
+    options = ('--window', '0.2,full', '--folds', 2, '--repetitions', 1)
+    said = hear_tactile('train', texture_bag, '-o', tmp_path, *options)
+    lengths = said[said.index('accuracy by length') :].split('texture, flexion ')[1:3]
+    for name, line in zip(('texture_flexion_0.2s', 'texture_flexion'), lengths, strict=True):
+        choice = load_model(tmp_path / f'{name}.npz').manifest.cross_validation['choice']
+        assert line.split()[1] == f'{100 * choice["accuracy"]:.1f}', said
+        assert choice['split'] == 'one session held out'
+        assert choice['split'] in line
+
+
+def test_glides_that_are_shorter_than_the_early_window_give_no_trial(texture_bag):
+    with open_features([texture_bag], Reading(window_s=3.6)) as features:
+        (table,) = features.tables().tables.values()
+    assert len(table) == 32
+    with (
+        open_features([texture_bag], Reading(window_s=3.7)) as features,
+        pytest.raises(BagError, match=r'the glide ended after .*, inside the window'),
+    ):
+        features.tables()
+
+
+def test_a_trial_whose_early_window_is_refused_later_is_left_out(texture_bag, monkeypatch):
+    refused = []
+
+    def replay_and_refuse_one(*arguments, **options):
+        replayed = replay_phases(*arguments, **options)
+        window = replayed.windows[0]
+        refused.append(window.trial_id)
+        reason = 'the glide ended inside the window'
+        late = dataclasses.replace(window, values=(), outcome=Outcome.TOO_SHORT, reason=reason)
+        replayed.windows.append(late)
+        return replayed
+
+    monkeypatch.setattr(bag_features, 'replay_phases', replay_and_refuse_one)
     with open_features([texture_bag], Reading(window_s=0.5)) as features:
-        (short,) = features.tables().tables.values()
-    with open_features([texture_bag], Reading(window_s=3.4)) as features:
         found = features.tables()
-    (long,) = found.tables.values()
-    assert 0 < len(long) < len(short) or not found.left_out
-    assert len(long) + len(found.left_out) >= len(short)
+    (table,) = found.tables.values()
+    assert len(table) == 31
+    assert refused[0] not in table.columns['trial_id']
+    assert found.left_out == (f'{refused[0]}: the glide ended inside the window',)
 
 
 @pytest.mark.parametrize('detrend', ['none', 'mean', 'linear'])
