@@ -162,9 +162,7 @@ def _read_arrays(data: bytes) -> dict[str, npt.NDArray[Any]]:
                 if name in arrays:
                     raise ModelFileError(f'it has the array "{name}" twice')
                 arrays[name] = _parse_array(name, file.read(member))
-    except (zipfile.BadZipFile, EOFError, NotImplementedError, OSError, RuntimeError) as error:
-        raise ModelFileError(f'{_DAMAGED}: {error}') from error
-    except (ValueError, struct.error) as error:
+    except (zipfile.BadZipFile, struct.error, EOFError, OSError, RuntimeError, ValueError) as error:
         raise ModelFileError(f'{_DAMAGED}: {error}') from error
     return arrays
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Answers of a model on windows of features, whole and partial: a label, unknown, or why not."""
+"""Answers of a model on windows of features: a label, unknown, or why not."""
 
 import dataclasses
 
