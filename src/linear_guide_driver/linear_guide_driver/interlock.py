@@ -31,7 +31,7 @@ BY_HAND = 'or look at the finger and send the goal with allow_taut: true'
 
 
 class Slack(Enum):
-    """Whether the tendon is slack; the values are those of ``tactile_msgs/TendonSlack``."""
+    """Slackness of the tendon; values as in ``tactile_msgs/TendonSlack``."""
 
     UNKNOWN = 0
     SLACK = 1

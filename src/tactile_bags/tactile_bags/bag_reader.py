@@ -81,7 +81,7 @@ class BagMessage:
 
     @property
     def is_of_another_release(self) -> bool:
-        """Whether the bag has another definition of its type than the installed one."""
+        """True if the definition of its type in the bag differs from the installed one."""
         return self.store is not message_store()
 
 

@@ -162,8 +162,8 @@ def _read_arrays(data: bytes) -> dict[str, npt.NDArray[Any]]:
                 if name in arrays:
                     raise ModelFileError(f'it has the array "{name}" twice')
                 arrays[name] = _parse_array(name, file.read(member))
-    except (zipfile.BadZipFile, struct.error, EOFError, OSError, RuntimeError, ValueError) as error:
-        raise ModelFileError(f'{_DAMAGED}: {error}') from error
+    except (zipfile.BadZipFile, struct.error, EOFError, OSError, RuntimeError, ValueError) as e:
+        raise ModelFileError(f'{_DAMAGED}: {e}') from e
     return arrays
 
 

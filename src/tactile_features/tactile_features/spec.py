@@ -78,7 +78,7 @@ class FeatureSpec:
 
     @property
     def is_early(self) -> bool:
-        """Whether windows are given out when their samples are there, before the phase ends."""
+        """True if a window is given out with its last sample, before the phase ends."""
         return bool(self.parameters.get(EARLY))
 
     @property

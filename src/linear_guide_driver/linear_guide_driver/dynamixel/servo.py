@@ -93,14 +93,14 @@ class Found(Enum):
 
 
 class ServoLimits(NamedTuple):
-    """What the servo itself allows: velocity in its own units, temperature [C]."""
+    """Limits stored in the servo: velocity in its own units, temperature [C]."""
 
     velocity: int
     temperature_c: int
 
 
 class _Identity(NamedTuple):
-    """What tells one servo from another, and is kept without power."""
+    """Values that identify a servo; kept without power."""
 
     model: int
     firmware: int

@@ -113,7 +113,7 @@ class ServoMonitor:
 
     @property
     def fault(self) -> Refusal | None:
-        """What the servo reports while its torque is on, so that it must not tighten, or None."""
+        """Fault reported with the torque on, or None. The servo must not tighten then."""
         return None if self._fault is None else Refusal(self._fault, RESTART)
 
     @property

@@ -245,7 +245,7 @@ def _number_groups(table: Table, names: Sequence[str]) -> NDArray[np.intp]:
 
 
 def assign_roles(table: Table, options: SourceOptions, notes: Notes) -> Roles:
-    """Return what each column is, by what is stated, or by its exact name.
+    """Return the role of each column: as stated, or by its exact name.
 
     A column whose meaning neither says is a `SourceError`.
     """

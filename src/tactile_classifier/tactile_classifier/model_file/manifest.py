@@ -208,7 +208,7 @@ MAX_LABELS = 40
 """Labels that are listed; the others are counted."""
 
 
-KNN_TIES = 'of trials at the same distance the earlier one is nearer'
+KNN_TIES = 'broken in favour of the earlier trial'
 
 
 def format_card(manifest: Manifest) -> str:

@@ -128,7 +128,7 @@ class TactileModel:
     model_id : str
         Task, contact, classifier and the first 12 digits of ``sha256``.
     predictor : Predictor
-        What predicts.
+        Scaling, classifier, calibration and novelty measure.
     """
 
     def __init__(self, data: bytes, path: str = '') -> None:

@@ -92,10 +92,10 @@ class Scaling:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Predictor:
-    """All that predicts on windows of one length.
+    """Scaling, classifier, calibration and novelty measure of one model.
 
-    Without a scaling features are taken as they are, without a calibration the raw scores are
-    given.
+    Without a scaling, the classifier takes the features themselves. Without a calibration, the
+    scores are the raw ones.
     """
 
     classifier: Classifier
@@ -130,7 +130,7 @@ class Predictor:
 class Neighbours:
     """The three nearest training trials vote; Euclidean distance.
 
-    Of trials at the same distance the earlier one is nearer. ``votes`` has 1 for the label of each
+    Ties are broken in favour of the earlier trial. ``votes`` has 1 for the label of each
     trial and 0 for the others.
     """
 

@@ -53,7 +53,7 @@ _Part = TypeVar('_Part', Classifier, Scaling, NoveltyMeasure)
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ModelContents:
-    """Manifest, card, and what predicts."""
+    """Manifest, card and predictor of a model."""
 
     manifest: Manifest
     card: str
@@ -98,7 +98,7 @@ def _take_arrays(part: Any, prefix: str) -> Arrays:
 
 
 def _read_predictor(manifest: Manifest, arrays: Arrays) -> Predictor:
-    """Return what predicts; take its arrays away."""
+    """Return the predictor; its arrays are removed from ``arrays``."""
     stated = manifest.confidence
     if (manifest.score_kind == PROBABILITY) != (stated.slope > 0.0):
         raise ModelFileError('its calibration does not go with its kind of scores')

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writing of what was trained as one model file, checked against scikit-learn."""
+"""Writes a trained classifier as a model file; its labels are compared with scikit-learn's."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ BISECTIONS = 4
 """Halvings of the way between two trials: a point is within 1/16 of it from the border."""
 
 ROUNDING = 1e-9
-"""Relative difference of deciding distances or decision values up to which a label may be another
-than scikit-learn's: the order of additions decides there."""
+"""Largest relative difference of the deciding distances or decision values at which a label may
+differ from scikit-learn's: rounding decides such ties."""
 
 Matrix = npt.NDArray[np.float64]
 

@@ -321,7 +321,7 @@ class TrialFeatureExtractor:
 
     @property
     def remaining_s(self) -> float:
-        """How long the oldest windows that wait still need, at the time of the last sample [s]."""
+        """Time until the oldest waiting windows are complete, from the last sample [s]."""
         oldest, last_ns = self._find_oldest(), self._buffer.watermark_ns
         if oldest is None:
             return 0.0

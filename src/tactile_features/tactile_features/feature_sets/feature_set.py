@@ -258,7 +258,7 @@ class FeatureSet(ABC):
 
     @property
     def is_early(self) -> bool:
-        """Whether a window is given out when its samples are there, before its phase ends."""
+        """True if a window is given out with its last sample, before the phase ends."""
         return self.can_be_early and self.config.early_windows
 
     @property

@@ -33,7 +33,7 @@ QUICK = {
     'trial_runner': {'approach_speed_m_s': 0.1, **PATIENT},
     'tendon_actuator': GUARD,
 }
-"""Shortens what no test here looks at."""
+"""Parameters that shorten phases without influence on this test."""
 
 
 HALF_SECOND = 30  # samples

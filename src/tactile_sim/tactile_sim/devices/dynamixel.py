@@ -155,7 +155,7 @@ _BY_ADDRESS = {field.register.address: field for field in FIELDS}
 
 
 class Foreseen(NamedTuple):
-    """What the servo will do at later times if the tension does not interfere.
+    """Future motion of the servo if the tension does not interfere.
 
     All of shape (times,): times [s], position [counts], velocity [counts/s], displacement [m].
     """
