@@ -90,6 +90,11 @@ class ClassificationResult:
     frame_id: str
     false_alarm_rate: float = -1.0
 
+    @property
+    def window_s(self) -> float:
+        """Time from the first to the last sample of the window [s]."""
+        return (self.window_end_ns - self.window_start_ns) / 1e9
+
 
 @dataclasses.dataclass(frozen=True)
 class ModelInfo:

@@ -122,6 +122,11 @@ class FeatureWindow:
     specification_digest: str = ''
     stamp_error_s: float = -1.0
 
+    @property
+    def window_s(self) -> float:
+        """Time from the first to the last sample of the window [s]."""
+        return (self.window_end_ns - self.window_start_ns) / 1e9
+
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, FeatureWindow):
             return NotImplemented

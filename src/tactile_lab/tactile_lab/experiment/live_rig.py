@@ -99,7 +99,8 @@ class LiveTrial:
         """Return a line for each model: its label with the score, or why it has none."""
         lines = []
         for answer in self.answers:
-            name = f' ({answer.model_id})' if len(self.answers) > 1 else ''
+            several = len(self.answers) > 1
+            name = f' ({answer.model_id}, {answer.window_s:.1f} s)' if several else ''
             if answer.outcome != AnswerOutcome.LABEL:
                 lines.append(f'no label: {answer.reason}{name}')
                 continue

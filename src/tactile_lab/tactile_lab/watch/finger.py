@@ -328,7 +328,7 @@ class Finger:
             if window.feature_set == SET_TEXTURE_SPECTRUM and window.outcome == Outcome.OK
         )
         if window := next(spectra, None):
-            part = f'window of {_seconds_of(window):.1f} s'
+            part = f'window of {window.window_s:.1f} s'
             step_hz = window.rate_hz / (2 * (len(window.values) - 1))
             return _describe_spectrum(window.values, step_hz, part)
         if not self.rate_hz:
@@ -369,11 +369,6 @@ def rounded(value: float) -> float:
     return float(f'{value:.4g}')
 
 
-def _seconds_of(result: FeatureWindow | ClassificationResult) -> float:
-    """Return how much of the tension a window or an answer is based on [s]."""
-    return (result.window_end_ns - result.window_start_ns) / 1e9
-
-
 def describe_answer(answer: ClassificationResult, true_label: str) -> dict[str, Any]:
     """Return an answer as what JSON can hold, with the likeliest labels first."""
     scores = sorted(zip(answer.labels, answer.scores, strict=False), key=lambda x: -x[1])
@@ -391,7 +386,7 @@ def describe_answer(answer: ClassificationResult, true_label: str) -> dict[str, 
         'reason': answer.reason,
         'scores': [[label, rounded(score)] for label, score in scores],
         'kind': answer.score_kind,
-        'seconds': round(_seconds_of(answer), 1),
+        'seconds': round(answer.window_s, 1),
         'model': answer.model_id,
         'simulated': answer.simulated,
     }
@@ -403,7 +398,7 @@ def format_answer(
     """Return one line about an answer: finger, task, label with its score or *unknown*."""
     parts = [finger] if finger else []
     parts.append(f'{answer.task:9} {answer.contact or "any contact":9}')
-    parts.append(f'{_seconds_of(answer):.1f} s')
+    parts.append(f'{answer.window_s:.1f} s')
     if answer.outcome == Answered.LABEL:
         score = f'({max(answer.scores):.2f} {answer.score_kind})' if answer.scores else ''
         parts.append(f'{answer.label:13} {score}')
