@@ -45,7 +45,7 @@ channels are added."""
 
 MANY_SIGNALS = 16
 """From this number of signals on, the compiled loops are worth loading numba, which takes 0.5 s
-and 70 MB: training and evaluation use them, a node with one window at a time does not."""
+and 178 MB: training and evaluation use them, a node with one window at a time does not."""
 
 _ORDER = np.array(ADDED)
 _PAIRS, _pair_of = np.unique(KERNELS[:, :2], axis=0, return_inverse=True)
