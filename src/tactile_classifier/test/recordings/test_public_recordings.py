@@ -69,8 +69,10 @@ def test_model_files_keep_every_label(request, tmp_path, table):
             trained = train(table, classifier, scaling)
             estimator = trained.estimator
             model = write_model(tmp_path / 'm.npz', trained)
-            # Unseen, and between the trials: where labels change first.
-            mixed = (table.values + table.values[::-1]) / 2
+            # Unseen, and between the trials, where labels change first. Not halfway: a point
+            # that is as far from one trial as from another has no nearest neighbour but by
+            # rounding, which differs between processors.
+            mixed = 0.6 * table.values + 0.4 * table.values[::-1]
             changed = np.sum(
                 np.array(model.labels)[model.compute(mixed).answer] != estimator.predict(mixed)
             )
