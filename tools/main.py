@@ -13,7 +13,7 @@ from testing import build_site, run_tests
 from workspace import ROOT, SetupError, Workspace
 
 DEFAULT_DISTRO = 'jazzy'
-OURS = ('build', 'clean', 'docs', 'run', 'test')
+OURS = ('build', 'clean', 'docs', 'run', 'shell', 'test')
 
 USAGE = """\
 usage: ./tactile COMMAND [ARGUMENT ...]
@@ -24,6 +24,7 @@ usage: ./tactile COMMAND [ARGUMENT ...]
   run PROGRAM [ARGUMENT ...]
                   any program in the workspace's environment, as in
                   ./tactile run python -m pytest src/tactile_features/test -k spectrum
+  shell           a shell in the workspace's environment, in which `tactile` is on the path
   docs            build the documentation as a site, the API reference included
   build           set up and build, and nothing else
   clean           remove everything that this command has set up
@@ -63,7 +64,7 @@ def main(arguments: list[str]) -> int:
         if command in OURS and command != 'test' and rest[:1] in (['-h'], ['--help']):
             print(USAGE)
             return 0
-        if command in ('build', 'clean', 'docs') and rest:
+        if command in ('build', 'clean', 'docs', 'shell') and rest:
             raise SetupError(f'{command} takes no arguments.')
         if command == 'clean':
             shutil.rmtree(ROOT / '.tactile', ignore_errors=True)
@@ -77,6 +78,9 @@ def main(arguments: list[str]) -> int:
             if not rest:
                 raise SetupError('run wants a program, as in: ./tactile run python')
             workspace.execute(rest)
+        if command == 'shell':
+            print('`tactile` is on the path. `exit` leaves this shell.', file=sys.stderr)
+            workspace.execute([os.environ.get('SHELL') or 'sh'])
         if command == 'test':
             return run_tests(workspace, rest)
         workspace.execute([str(workspace.command), *arguments])

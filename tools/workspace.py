@@ -285,7 +285,13 @@ class Workspace:
         env = {k: v for k, v in os.environ.items() if not k.startswith(foreign)}
         env.update(
             VIRTUAL_ENV=str(self.venv),
-            PATH=f'{self.venv / "bin"}{os.pathsep}{os.environ.get("PATH", os.defpath)}',
+            PATH=os.pathsep.join(
+                [
+                    str(self.install / 'bin'),  # the command tactile
+                    str(self.venv / 'bin'),
+                    os.environ.get('PATH', os.defpath),
+                ]
+            ),
             AMENT_PREFIX_PATH=str(self.venv),
             CMAKE_PREFIX_PATH=str(self.venv),
             LD_LIBRARY_PATH=os.pathsep.join(map(str, self.library_folders())),
