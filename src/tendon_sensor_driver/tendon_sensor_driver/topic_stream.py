@@ -43,7 +43,15 @@ def read_wrench_stamped(message: Any, config: TendonSensorConfig) -> TopicReadin
 
 
 def read_wrench(message: Any, config: TendonSensorConfig) -> TopicReading:
-    """Return the reading of a ``geometry_msgs/Wrench``."""
+    """Return the reading of a ``geometry_msgs/Wrench``.
+
+    ReadingError: the configuration names a joint, as ``TOPIC:AXIS`` with an unknown axis does.
+    """
+    if config.joint:
+        axes = ', '.join([*AXES, NORM])
+        raise ReadingError(
+            f'a wrench has no axis and no joint "{config.joint}"; its axes are {axes}'
+        )
     force, torque = message.force, message.torque
     wrench = [force.x, force.y, force.z, torque.x, torque.y, torque.z]
     if config.axis == NORM:
@@ -52,7 +60,14 @@ def read_wrench(message: Any, config: TendonSensorConfig) -> TopicReading:
 
 
 def read_value(message: Any, config: TendonSensorConfig) -> TopicReading:
-    """Return the reading of a ``std_msgs/Float64`` or ``std_msgs/Float32``."""
+    """Return the reading of a ``std_msgs/Float64`` or ``std_msgs/Float32``.
+
+    ReadingError: the configuration names a joint.
+    """
+    if config.joint:
+        raise ReadingError(
+            f'the message is one number and has no joint "{config.joint}"; leave out "joint"'
+        )
     return TopicReading(None, config.scale * float(message.data))
 
 

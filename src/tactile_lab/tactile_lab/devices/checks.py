@@ -162,6 +162,11 @@ def judge_blocks(
     problems = [Problem(*text) for bit, text in _STATUS_REMEDIES.items() if status & bit]
     problems += _list_problems(
         (
+            tension_n.size > 1 and not tension_n.any(),
+            f'all {tension_n.size} samples are exactly 0 N',
+            'pull the tendon and look again; check the axis, and that the sensor has power',
+        ),
+        (
             abs(rate_hz - config.rate_hz) > RATE_TOLERANCE * config.rate_hz,
             f'the rate is {rate_hz:.2f} Hz and rate_hz is {config.rate_hz:g}',
             f'set rate_hz to {rate_hz:.4g}, or the sensor to {config.rate_hz:g}',

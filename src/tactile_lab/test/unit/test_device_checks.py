@@ -80,6 +80,12 @@ def test_each_fault_in_the_blocks_is_told(changes, what):
     assert all(problem.remedy for problem in problems)
 
 
+def test_a_constant_zero_is_no_tension():
+    _, problems = judge_blocks([block(i, 0.0) for i in range(33)], CONFIG)
+    assert texts(problems) == 'all 33 samples are exactly 0 N'
+    assert judge_blocks([block(i, 0.1 * (i == 7)) for i in range(33)], CONFIG)[1] == []
+
+
 def test_another_rate_than_the_configured_one_is_told():
     config = TendonSensorConfig(rate_hz=80.0)
     _, problems = judge_blocks([block(i, i % 7) for i in range(60)], config)

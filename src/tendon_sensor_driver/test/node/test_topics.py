@@ -93,6 +93,16 @@ def test_joint_states_without_the_effort_say_what_is_missing(names, efforts, joi
         READERS[JOINTS](joints(names, efforts), configure(joint=joint))
 
 
+@pytest.mark.parametrize('axis', ['x', 'FX', 'force.x'])
+def test_an_unknown_axis_is_refused_with_the_known_ones(axis):
+    # TOPIC:NAME configures a joint when NAME is no axis.
+    stamped = SimpleNamespace(header=header(3, 5), wrench=None)
+    with pytest.raises(ReadingError, match='its axes are fx, fy, fz, tx, ty, tz, norm'):
+        READERS[WRENCH](stamped, configure(joint=axis))
+    with pytest.raises(ReadingError, match='has no joint'):
+        READERS[FLOAT](SimpleNamespace(data=0.5), configure(joint=axis))
+
+
 @given(
     st.lists(st.sampled_from(['', 'a', 'b', 'ä']), max_size=4),
     st.lists(st.floats(), max_size=4),
