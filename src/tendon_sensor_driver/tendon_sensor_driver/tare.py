@@ -26,7 +26,17 @@ _ANY_BREAK = sum(int(bit) for bit in _BREAKS)
 
 
 class TareError(TendonSensorError):
-    """The last samples cannot be a zero."""
+    """The last samples cannot be a zero.
+
+    Attributes
+    ----------
+    code : str
+        ``few``, ``old``, ``marked``, ``loaded``, ``moving`` or ``noisy``.
+    """
+
+    def __init__(self, code: str, message: str) -> None:
+        super().__init__(message)
+        self.code = code
 
 
 @dataclass(frozen=True)
@@ -152,16 +162,19 @@ class Tare:
         if self._samples < config.tare_samples:
             since = f' since {self._break}' if self._break else ''
             raise TareError(
+                'few',
                 f'only {self._samples} of {config.tare_samples} samples have come{since}; leave '
-                'the sensor unloaded and try again'
+                'the sensor unloaded and try again',
             )
         silence_s = (now_ns - self._end_ns) / 1e9
         if silence_s > config.silence_s:
-            raise TareError(f'no sample for {silence_s:.1f} s; see the diagnostics of the sensor')
+            raise TareError(
+                'old', f'no sample for {silence_s:.1f} s; see the diagnostics of the sensor'
+            )
         for block in blocks:
             if bad := block.status & NO_MEASUREMENT:
                 raise TareError(
-                    f'the last samples are marked {bad.describe()}; see the diagnostics'
+                    'marked', f'the last samples are marked {bad.describe()}; see the diagnostics'
                 )
         return blocks
 
@@ -174,17 +187,20 @@ class Tare:
         change_n = float(places @ (tension_n - mean_n) / (places @ places))
         if abs(mean_n) > config.tare_limit_n:
             raise TareError(
+                'loaded',
                 f'loaded: the mean is {mean_n:.2f} N without any tare, beyond tare_limit_n '
-                f'({config.tare_limit_n:g} N); release the tendon'
+                f'({config.tare_limit_n:g} N); release the tendon',
             )
         if abs(change_n) > config.tare_change_n:
             raise TareError(
+                'moving',
                 f'moving: the tension changed by {change_n:.2f} N over {len(tension_n)} samples, '
-                f'more than tare_change_n ({config.tare_change_n:g} N); hold still'
+                f'more than tare_change_n ({config.tare_change_n:g} N); hold still',
             )
         if spread_n > config.tare_spread_n:
             raise TareError(
+                'noisy',
                 f'noisy: the standard deviation is {spread_n:.3f} N, more than tare_spread_n '
-                f'({config.tare_spread_n:g} N); look for loose contacts and vibration'
+                f'({config.tare_spread_n:g} N); look for loose contacts and vibration',
             )
         return Bias(now_ns, mean_n, spread_n, len(tension_n))

@@ -138,7 +138,7 @@ def test_a_server_that_goes_away_ends_the_wait(rig, monkeypatch):
     goal = client.send(MoveGuide.Goal())
     wait_until(lambda: server.count)
     server.executor.create_task(server.runner.close)
-    with pytest.raises(GoalLostError, match='went away'):
+    with pytest.raises(GoalLostError):
         goal.end.result(DEADLINE_S)
 
 
@@ -149,7 +149,7 @@ def test_a_server_that_was_started_again_does_not_know_the_goal(rig, monkeypatch
     wait_until(lambda: server.count)
     server.executor.create_task(server.runner.close)
     spun(Server(until_ended, context=context))
-    with pytest.raises(GoalLostError, match='does not know the goal'):
+    with pytest.raises(GoalLostError):
         goal.end.result(DEADLINE_S)
 
 
@@ -159,7 +159,7 @@ def test_a_goal_that_nobody_takes_is_given_up(rig, losses, monkeypatch):
     _, client = rig()
     goal = client.send(MoveGuide.Goal())
     assert goal.taken.result(DEADLINE_S) is False
-    with pytest.raises(GoalLostError, match=r'not taken within 0\.5 s'):
+    with pytest.raises(GoalLostError, match=r'0\.5 s'):
         goal.end.result(0)
 
 
@@ -168,7 +168,7 @@ def test_closing_a_client_ends_its_waits(rig):
     goal = client.send(MoveGuide.Goal())
     assert goal.taken.result(DEADLINE_S)
     client._node.executor.create_task(client.close)
-    with pytest.raises(GoalLostError, match='closed'):
+    with pytest.raises(GoalLostError):
         goal.end.result(DEADLINE_S)
 
 
@@ -207,5 +207,5 @@ def test_a_call_is_repeated_until_it_is_answered(stop, lost):
 
 def test_a_call_without_answer_ends(stop):
     _, call = stop
-    with pytest.raises(TimeoutError, match='server/stop does not answer'):
+    with pytest.raises(TimeoutError, match='server/stop'):
         call(1000, 0.5)

@@ -123,9 +123,7 @@ def test_a_heart_beats_while_its_node_is_well_and_until_it_is_closed(node, conte
 @pytest.mark.parametrize('fault', [signal.SIGKILL, signal.SIGSTOP])
 def test_a_peer_that_dies_or_freezes_is_lost_and_its_return_is_noticed(node, start_peer, fault):
     watch = HeartbeatWatch(node, 'peer/heartbeat')
-    assert (
-        str(watch.find_loss()) == 'Nothing has been heard on peer/heartbeat yet; start its node.'
-    )
+    assert 'peer/heartbeat' in watch.find_loss().reason
     assert not watch.was_heard
     peer = start_peer()
     wait_until(lambda: not watch.find_loss(), timeout_s=START_S)
@@ -133,7 +131,7 @@ def test_a_peer_that_dies_or_freezes_is_lost_and_its_return_is_noticed(node, sta
     wait_until(lambda: not late.find_loss())
     peer.send_signal(fault)
     for each in (watch, late):
-        wait_until(has(each, 'Nothing was heard on peer/heartbeat for 0.15 s'))
+        wait_until(has(each, 'peer/heartbeat for 0.15 s'))
         assert each.was_heard
     if fault == signal.SIGSTOP:
         peer.send_signal(signal.SIGCONT)
@@ -151,12 +149,12 @@ def test_a_peer_that_dies_or_freezes_is_lost_and_its_return_is_noticed(node, sta
 def test_two_living_peers_of_one_name_are_named_and_one_killed_is_none(node, start_peer):
     watch = HeartbeatWatch(node, 'peer/heartbeat')
     peers = [start_peer(), start_peer()]
-    wait_until(has(watch, '2 nodes are alive on peer/heartbeat'), timeout_s=START_S)
-    wait_until(has(watch, '(/peer, /peer): two rigs share this ROS domain; end one'))
+    wait_until(has(watch, '2 nodes'), timeout_s=START_S)
+    wait_until(has(watch, '(/peer, /peer)'))
     peers[0].kill()
     wait_until(lambda: not watch.find_loss())
     peers[1].kill()
-    wait_until(has(watch, 'Nothing was heard'))
+    wait_until(has(watch, 'for 0.15 s'))
     watch.close()
 
 
@@ -170,7 +168,7 @@ def test_the_own_heartbeat_may_be_silent_but_must_be_the_only_one(node, start_pe
         wait_until(lambda: watch._count_alive() == 1)
         assert watch.find_loss() is None
         with beating(its_heart):
-            wait_until(has(watch, 'alive on listener/heartbeat (/listener, /listener)'))
+            wait_until(has(watch, 'listener/heartbeat (/listener, /listener)'))
         wait_until(lambda: not watch.find_loss())
     wait_until(lambda: watch._count_alive() == 0)
     assert watch.find_loss() is None
@@ -183,7 +181,7 @@ def test_a_middleware_that_tells_nothing_of_liveliness_is_named(node, monkeypatc
         raise UnsupportedEventTypeError('event type is not supported')
 
     monkeypatch.setattr(health, 'SubscriptionStatus', refuse)
-    with pytest.raises(TactileError, match=r'rmw_.* alive; set RMW_IMPLEMENTATION'):
+    with pytest.raises(TactileError, match=r'rmw_.*RMW_IMPLEMENTATION'):
         HeartbeatWatch(node, 'peer/heartbeat')
     assert node.count_subscribers('/peer/heartbeat') == 0
 
@@ -192,6 +190,6 @@ def test_a_publisher_without_a_lease_is_told_what_it_lacks(node, context):
     watch = HeartbeatWatch(node, 'plain/heartbeat', 0.5)
     plain = Node('plain', context=context)
     plain.create_publisher(Empty, '~/heartbeat', qos_profile_sensor_data)
-    wait_until(has(watch, 'the liveliness MANUAL_BY_TOPIC with a lease of 0.5 s or less'))
+    wait_until(has(watch, 'MANUAL_BY_TOPIC'))
     watch.close()
     plain.destroy_node()

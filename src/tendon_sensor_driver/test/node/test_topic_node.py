@@ -6,6 +6,7 @@
 import itertools
 import math
 import random
+import re
 import threading
 import time
 
@@ -170,9 +171,8 @@ def test_numbers_that_are_none_are_marked_and_told(topic_graph, make_source):
     values = [1.0, math.nan, 3e9]
     send_all(graph, source, [(now_ns + i * SECOND_NS // 60, v) for i, v in enumerate(values)])
     graph.spin_until(lambda: len(graph.strain) == 3)
-    graph.await_sentence('the value is not a finite number')
+    graph.await_health(DiagnosticStatus.ERROR)
     assert [m.status for m in graph.strain] == [0, *[StrainStatus.DEVICE_ERROR] * 2]
-    assert graph.diagnostics[-1].status[0].level == DiagnosticStatus.ERROR
     source.send(1.0, now_ns + 3 * SECOND_NS // 60)
     graph.spin_until(lambda: len(graph.strain) == 4)
     assert graph.strain[-1].status == StrainStatus.OK
@@ -180,11 +180,9 @@ def test_numbers_that_are_none_are_marked_and_told(topic_graph, make_source):
 
 def test_a_publisher_that_is_missing_silent_gone_and_back_is_told(topic_graph, make_source):
     graph = topic_graph()
-    graph.await_sentence('nobody publishes /force; start its publisher')
-    assert graph.diagnostics[-1].status[0].level == DiagnosticStatus.ERROR
+    graph.await_health(DiagnosticStatus.ERROR, '/force')
     source = make_source(WrenchStamped)
-    graph.await_sentence('/broadcaster has the publisher of /force and sends nothing')
-    assert graph.diagnostics[-1].status[0].level == DiagnosticStatus.WARN
+    graph.await_health(DiagnosticStatus.WARN, '/broadcaster')
     due_ns = time.time_ns()
 
     def send_what_is_due():  # all of it: a busy computer does not change the rate of the stamps
@@ -198,12 +196,12 @@ def test_a_publisher_that_is_missing_silent_gone_and_back_is_told(topic_graph, m
     theirs.add_node(source)
     at_their_rate = threading.Thread(target=theirs.spin)
     at_their_rate.start()
-    graph.await_sentence('samples arrive')
+    graph.await_health(DiagnosticStatus.OK)
     theirs.shutdown()
     at_their_rate.join()
     source.destroy_publisher(source.force)
     heard = len(graph.strain)
-    graph.await_sentence('no samples: nobody publishes /force')
+    graph.await_health(DiagnosticStatus.ERROR, '/force')
     # It may come back with another type.
     other = make_source(Float64, name='other')
     meet(graph, other)
@@ -216,14 +214,14 @@ def test_a_publisher_that_is_missing_silent_gone_and_back_is_told(topic_graph, m
 def test_a_wrong_type_and_joint_states_without_effort_are_told(topic_graph, make_source):
     camera = make_source(Image, name='camera')
     graph = topic_graph(joint='thumb')
-    graph.await_sentence('is sensor_msgs/msg/Image, which holds no tension')
+    graph.await_health(DiagnosticStatus.ERROR, 'sensor_msgs/msg/Image')
     camera.destroy_publisher(camera.force)
     source = make_source(JointState)
     meet(graph, source)
 
     def is_told():
         source.send(1.0)
-        return 'there is no joint thumb, only other, tendon' in graph.sentence()
+        return re.search('joint thumb.* other, tendon', graph.sentence())
 
     graph.spin_until(is_told)
     assert graph.diagnostics[-1].status[0].level == DiagnosticStatus.WARN
@@ -233,7 +231,7 @@ def test_a_type_that_this_process_cannot_have_is_told(topic_graph, make_source):
     graph = topic_graph()
     graph.listener.create_subscription(Image, '/force', print, 10)
     make_source(WrenchStamped)
-    graph.await_sentence('cannot subscribe to /force as geometry_msgs')
+    graph.await_health(DiagnosticStatus.ERROR, '/force as geometry_msgs')
 
 
 def test_a_quality_of_service_that_does_not_fit_is_told(topic_graph, make_source):
@@ -241,8 +239,8 @@ def test_a_quality_of_service_that_does_not_fit_is_told(topic_graph, make_source
     graph = topic_graph(
         **{'qos_overrides./force.subscription.reliability': 'reliable'},
     )
-    graph.await_sentence('/broadcaster publishes /force with another quality of service')
-    assert 'qos_overrides' in graph.sentence()
+    graph.await_health(DiagnosticStatus.ERROR, 'qos_overrides')
+    assert '/broadcaster' in graph.sentence()
 
 
 def test_two_publishers_and_stamps_that_stand_still_are_told(topic_graph, make_source):
@@ -251,13 +249,13 @@ def test_two_publishers_and_stamps_that_stand_still_are_told(topic_graph, make_s
     meet(graph, source)
     stood_ns = time.time_ns()
 
-    def is_told(sentence):
+    def is_told(named):
         source.send(1.0, stood_ns)
-        return sentence in graph.sentence()
+        return named in graph.sentence()
 
-    graph.spin_until(lambda: is_told('set topic_stamps to arrival'))
+    graph.spin_until(lambda: is_told('topic_stamps'))
     make_source(WrenchStamped, name='second')
-    graph.spin_until(lambda: is_told('2 publishers (/broadcaster, /second)'))
+    graph.spin_until(lambda: is_told('(/broadcaster, /second)'))
 
 
 def test_the_rate_is_measured_and_said(topic_graph, make_source, capfd):
@@ -268,7 +266,7 @@ def test_the_rate_is_measured_and_said(topic_graph, make_source, capfd):
     send_all(graph, source, [(start_ns + i * SECOND_NS // 250, float(i)) for i in range(750)])
     graph.spin_until(lambda: graph.strain and graph.strain[-1].tension_n[-1] == 749.0)
     assert graph.strain[0].period_ns == SECOND_NS // 250
-    assert '/force comes at 250.000 Hz, which is taken as rate_hz' in capfd.readouterr().err
+    assert '250.000 Hz' in capfd.readouterr().err
     graph.spin_until(lambda: graph.values()['rate_hz'] == '250.0')
 
 

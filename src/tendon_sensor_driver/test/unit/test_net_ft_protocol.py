@@ -128,25 +128,25 @@ def test_what_is_told_otherwise_or_not_at_all_is_read_or_marked_so():
 
 
 @pytest.mark.parametrize(
-    ('changes', 'reason'),
+    ('changes', 'named'),
     [
-        ({'cfgcpf': '0'}, 'has a calibration'),
+        ({'cfgcpf': '0'}, 'calibration'),
         ({'cfgcpf': 'many'}, 'cfgcpf = "many"'),
         ({'cfgcpt': None}, 'cfgcpt = "None"'),
         ({'cfgcpf': 'nan'}, 'cfgcpf = "nan"'),
-        ({'scfgfu': 'stone'}, 'its force in "stone"'),
-        ({'scfgfu': None, 'cfgfu': '7'}, 'force unit 7; known are 1 to 6'),
-        ({'runstat': 'fine'}, 'its status as "fine"'),
+        ({'scfgfu': 'stone'}, '"stone"'),
+        ({'scfgfu': None, 'cfgfu': '7'}, 'force unit 7'),
+        ({'runstat': 'fine'}, '"fine"'),
     ],
 )
-def test_a_page_without_a_usable_calibration_is_refused(changes, reason):
-    with pytest.raises(LinkError, match=reason):
+def test_a_page_without_a_usable_calibration_is_refused(changes, named):
+    with pytest.raises(LinkError, match=named):
         parse_configuration(page(**changes))
 
 
 def test_entities_are_not_expanded():
     bomb = b'<!DOCTYPE a [<!ENTITY b "cc">]><netft><cfgcpf>&b;</cfgcpf></netft>'
-    with pytest.raises(LinkError, match='no plain XML'):
+    with pytest.raises(LinkError, match='XML'):
         parse_configuration(bomb)
 
 
