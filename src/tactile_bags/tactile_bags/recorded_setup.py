@@ -21,12 +21,13 @@ from tactile_bags.bag_reader import TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.message_records import read_records
 from tactile_classifier.records import ModelInfo
-from tactile_features.config import FeatureConfig
+from tactile_features.config import FeatureConfig, round_rate
 from tactile_features.errors import FeatureError
+from tactile_features.feature_sets.feature_set import RATE_TOLERANCE
 from tactile_features.feature_sets.registry import PHASE_OF_TASK
 from tactile_features.spec import FeatureSpec, shared_rate_hz, spec_for
 from tactile_ros.errors import TactileError
-from tactile_ros.topics import MODELS, SPECIFICATIONS
+from tactile_ros.topics import MODELS, SPECIFICATIONS, STRAIN
 
 _logger = logging.getLogger(__name__)
 
@@ -90,6 +91,35 @@ def recorded_features(bag: TactileBag, namespace: str = '') -> RecordedFeatures:
         return RecordedFeatures(_read_config(config), tuple(wanted.values()))
     except (TypeError, FeatureError) as error:
         raise BagError(f'{bag.path}: its feature parameters are unusable: {error}') from error
+
+
+def computable_features(bag: TactileBag, namespace: str = '') -> RecordedFeatures:
+    """Return the features of a finger at the rate of its samples.
+
+    They are those of `recorded_features`, unless these are for another rate: a node that was set
+    to 60 Hz computes nothing of samples that come at 100 Hz. Windows keep their duration.
+    """
+    recorded = recorded_features(bag, namespace)
+    first = next(iter(read_records(bag.messages(STRAIN, namespace=namespace))), None)
+    needed_hz = shared_rate_hz(recorded.specifications)
+    if first is None or first[1].period_ns <= 0 or not needed_hz:
+        return recorded
+    rate_hz = round_rate(1e9 / first[1].period_ns)
+    if abs(rate_hz / needed_hz - 1.0) <= RATE_TOLERANCE:
+        return recorded
+    try:
+        config = recorded.bound().at_rate(rate_hz)
+    except FeatureError as error:
+        raise BagError(f'{bag.path}: no features at {rate_hz:g} Hz: {error}') from error
+    _logger.warning(
+        '%s: its features were set for %g Hz and its samples come at %g Hz; features are computed '
+        'for %g Hz',
+        bag.path,
+        needed_hz,
+        rate_hz,
+        rate_hz,
+    )
+    return RecordedFeatures(config)
 
 
 def _read_json(text: str) -> Any:

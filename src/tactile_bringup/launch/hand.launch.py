@@ -123,7 +123,7 @@ def launch_setup(context):
         if simulated and not (port or topic or is_stated):
             links.append(arguments.scratch / f'rig_{finger or "finger"}')
             port = Ports.in_folder(links[-1]).sensor
-        sensor = sensor_parameters(stated, models, port=port, topic=topic, simulated=simulated)
+        sensor = sensor_parameters(stated, port=port, topic=topic, simulated=simulated)
 
         # -- the nodes -------------------------------------------------------------------------
         if sensor is not None:

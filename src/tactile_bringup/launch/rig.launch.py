@@ -140,7 +140,6 @@ def launch_setup(context):
     nodes = []
     sensor = sensor_parameters(
         stated,
-        models,
         port=ports['sensor'],
         topic=arguments['sensor_topic'],
         simulated=simulated,

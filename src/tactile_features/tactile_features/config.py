@@ -125,6 +125,19 @@ class FeatureConfig(WindowParameters):
                 f'{max(texture_s, stiffness_s):g} s after its phase began; raise buffer_s'
             )
 
+    def at_rate(self, rate_hz: float) -> FeatureConfig:
+        """Return these parameters for another sample rate [Hz]; windows keep their duration.
+
+        FeatureError: the rate is out of its range.
+        """
+        scale = rate_hz / self.rate_hz
+        return dataclasses.replace(
+            self,
+            rate_hz=rate_hz,
+            texture_samples=max(2, round(scale * self.texture_samples)),
+            stiffness_samples=max(9, round(scale * self.stiffness_samples)),
+        )
+
     def without_detection(self) -> FeatureConfig:
         """Return these parameters as if phases were stated: what windows can share."""
         found: dict[str, Any] = {
@@ -164,6 +177,12 @@ class FeaturesNodeConfig(FeatureConfig):
         """Return the parameters that windows depend on: all but ``models`` and ``contact``."""
         names = (item.name for item in dataclasses.fields(FeatureConfig))
         return FeatureConfig(**{name: getattr(self, name) for name in names})
+
+
+def round_rate(rate_hz: float) -> float:
+    """Return a measured rate [Hz] with three digits, unless that changes it by 0.1 % or more."""
+    short = float(f'{rate_hz:.3g}')
+    return short if abs(short / rate_hz - 1.0) < 1e-3 else float(f'{rate_hz:.6g}')
 
 
 @lru_cache(maxsize=64)

@@ -5,12 +5,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 import dataclasses
 import time
 from typing import Any
 
-from tactile_features.config import FeaturesNodeConfig
+from tactile_features.config import FeatureConfig, FeaturesNodeConfig, round_rate
 from tactile_features.conversions import (
     check_record,
     event_from_msg,
@@ -19,7 +19,9 @@ from tactile_features.conversions import (
     specifications_to_msg,
     strain_block_from_msg,
 )
+from tactile_features.errors import FeatureError
 from tactile_features.extraction.extractor import SampleTimeout, TrialFeatureExtractor
+from tactile_features.feature_sets.feature_set import RATE_TOLERANCE
 from tactile_features.model_contract import plan_features
 from tactile_features.records import FeatureWindow, Outcome, PHASE_ABORTED, TrialEvent
 from tactile_features.spec import FeatureSpecifications
@@ -60,6 +62,9 @@ class FeaturesStage(Stage):
         plan = plan_features(shared, config.models, config.contact)
         self.extractor = TrialFeatureExtractor(shared, plan.specs)
         self._refused = plan.refused
+        # What came before the first samples; None once the rate of the sensor is known.
+        self._early_events: list[tuple[TrialEvent, bool]] | None = []
+        self._follows_sensor = not plan.specs and shared.rate_hz == FeatureConfig.rate_hz
         for sentence in plan.refused:
             node.get_logger().warning(sentence)
         if plan.overruled:
@@ -76,12 +81,8 @@ class FeaturesStage(Stage):
         self._specifications = node.create_publisher(
             FeatureSpecificationsMsg, '~/specifications', LATEST
         )
-        announced = FeatureSpecifications(
-            self.extractor.specifications,
-            dataclasses.asdict(self.extractor.config),
-            node.get_clock().now().nanoseconds,
-        )
-        self._specifications.publish(specifications_to_msg(announced))
+        if not self._follows_sensor:
+            self._announce()
         self._timeout = SampleTimeout(self.extractor)
         self._watching = node.call_every(WATCH_PERIOD_S, self._watch)
         self._diagnostics = Diagnostics(node, lambda: '', self._assess)
@@ -116,6 +117,8 @@ class FeaturesStage(Stage):
 
     def add_block(self, block: StrainRecord) -> None:
         """Take in samples."""
+        if self._early_events is not None and block.period_ns > 0:
+            self._meet_sensor(round_rate(1e9 / block.period_ns), self._early_events)
         windows = self.extractor.add_block(block)
         for event in self.extractor.take_detected_events():
             if event.phase == PHASE_ABORTED:
@@ -124,10 +127,49 @@ class FeaturesStage(Stage):
         if windows:
             self._publish(windows)
 
+    def _meet_sensor(self, sensor_hz: float, events: Sequence[tuple[TrialEvent, bool]]) -> None:
+        """Follow the rate of the sensor [Hz], or say that it does not fit the models."""
+        self._early_events = None
+        logger = self._node.get_logger()
+        rates = sorted({spec.rate_hz for spec in self.extractor.specifications})
+        others = [hz for hz in rates if abs(sensor_hz / hz - 1.0) > RATE_TOLERANCE]
+        if others and self._follows_sensor:
+            try:
+                config = self.extractor.config.at_rate(sensor_hz)
+                self.extractor = TrialFeatureExtractor(config)
+            except FeatureError as error:
+                logger.warning(f'no features at the {sensor_hz:g} Hz of the sensor: {error}')
+            else:
+                logger.info(f'features at {sensor_hz:g} Hz, the rate of the sensor')
+                self._timeout = SampleTimeout(self.extractor)
+                for event, is_past in events:
+                    self._publish(self.extractor.add_event(event, is_past=is_past))
+        elif others:
+            needed = ' and '.join(f'{hz:g}' for hz in others)
+            self._refused = (
+                *self._refused,
+                f'the models or rate_hz need {needed} Hz, and the sensor delivers {sensor_hz:g} '
+                f'Hz: have it publish at {needed} Hz, or train on your own recordings',
+            )
+            logger.warning(self._refused[-1])
+        if self._follows_sensor:
+            self._announce()
+
+    def _announce(self) -> None:
+        """Publish the specification of each kind of window."""
+        announced = FeatureSpecifications(
+            self.extractor.specifications,
+            dataclasses.asdict(self.extractor.config),
+            self._node.get_clock().now().nanoseconds,
+        )
+        self._specifications.publish(specifications_to_msg(announced))
+
     def _on_event(self, event: TrialEvent, published_ns: int) -> None:
         """Take in an event. After a start the latched ones of earlier trials come first."""
         is_first = time.monotonic() - self._begun_s < HISTORY_S
         is_past = is_first and published_ns < self._begun_ns
+        if self._early_events is not None:
+            self._early_events.append((event, is_past))
         self._publish(self.extractor.add_event(event, is_past=is_past))
 
     def _watch(self) -> None:

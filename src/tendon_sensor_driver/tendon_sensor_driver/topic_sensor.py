@@ -120,8 +120,8 @@ def format_stream(
     rate_hz, measured_hz = stream.rate_hz, stream.meter.rate_hz
     if rate_hz and measured_hz and abs(measured_hz - rate_hz) > RATE_TOLERANCE * rate_hz:
         return (
-            f'{topic} comes at {measured_hz:.2f} Hz and rate_hz is {rate_hz:g}; set rate_hz to '
-            f'{measured_hz:.4g}, here and in tactile_features'
+            f'{topic} comes at {measured_hz:.2f} Hz and rate_hz is {rate_hz:g}; set rate_hz of '
+            f'this node to {measured_hz:.4g}, or to 0 to have it measured'
         )
     return ''
 

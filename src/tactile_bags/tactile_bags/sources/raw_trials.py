@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tactile_bags.sources.files import LAYOUT, Notes, SourceError
 from tactile_classifier.datasets.archive import LARGEST_N, NEWTONS
+from tactile_features.config import round_rate
 
 GAP_PERIODS = 3.5
 """Longest pause between samples that is filled by a straight line, in periods: two are lost."""
@@ -80,7 +81,7 @@ class RawTrial:
         if self.stated_rate_hz is not None:
             return self.stated_rate_hz
         period_s = _period_s(self.time_s)
-        return _round_rate(1.0 / period_s) if period_s > 0.0 else None
+        return round_rate(1.0 / period_s) if period_s > 0.0 else None
 
 
 def _check_forces(values_n: Floats, where: str) -> None:
@@ -214,7 +215,7 @@ def _group_by_rate(rates: Floats) -> list[tuple[float, NDArray[np.intp]]]:
     while len(left):
         usual = np.sort(rates[left])[len(left) // 2]  # that of a trial, not a mean of two
         is_same = np.abs(rates[left] / usual - 1.0) <= RATE_TOLERANCE
-        groups.append((_round_rate(float(np.median(rates[left[is_same]]))), left[is_same]))
+        groups.append((round_rate(float(np.median(rates[left[is_same]]))), left[is_same]))
         left = left[~is_same]
     return sorted(groups, key=lambda group: -len(group[1]))
 
@@ -240,12 +241,6 @@ def _period_s(time_s: Floats | None) -> float:
     if not len(steps):
         return 0.0
     return float(steps[steps <= 1.5 * np.median(steps)].mean())
-
-
-def _round_rate(rate_hz: float) -> float:
-    """Return the rate with three digits where that is no change, as stamps cannot tell."""
-    short = float(f'{rate_hz:.3g}')
-    return short if abs(short / rate_hz - 1.0) < 1e-3 else float(f'{rate_hz:.6g}')
 
 
 def _make_even(trial: RawTrial, rate_hz: float) -> tuple[Floats, bool]:

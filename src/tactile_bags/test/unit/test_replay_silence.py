@@ -10,10 +10,11 @@ import pytest
 from rclpy.serialization import serialize_message
 
 from tactile_bags import BagWriter, EVENT_TOPIC, FEATURES_TOPIC, STRAIN_TOPIC, TactileBag
-from tactile_bags.recorded_setup import recorded_features
+from tactile_bags.recorded_setup import computable_features, recorded_features
 from tactile_bags.replay import (
     compare,
     recorded_results,
+    replay_phases,
     replay_through_core,
     ROUNDING,
     TactileResults,
@@ -132,3 +133,19 @@ def test_rounding_of_another_processor_is_no_difference_but_not_exact(tmp_path, 
     found = compare(one, two, NAMES, rounding=ROUNDING)
     assert (found.is_equal, found.is_exact) == (is_equal, False)
     assert compare(one, one, NAMES, rounding=ROUNDING).is_exact
+
+
+@pytest.mark.parametrize('rate_hz', [60, 100, 1000])
+def test_features_are_computed_at_the_rate_of_the_samples(tmp_path, rate_hz):
+    """The node was set to 60 Hz and refused every window of another rate."""
+    period_ns = round(S / rate_hz)
+    tension_n = np.random.default_rng(1).normal(5.0, 0.1, 8 * rate_hz)
+    samples = StrainBlock(START_NS, 0, period_ns, tension_n, stamp_error_s=0.001)
+    write_bag(tmp_path / 'bag', [samples, *HOLD], GIVEN_UP_S, 60.0)
+    with TactileBag(tmp_path / 'bag') as bag:
+        (recorded,) = replay_phases(bag, recorded_features(bag), finish=True).windows
+        assert recorded.outcome == (Outcome.OK if rate_hz == 60 else Outcome.BAD_SIGNAL)
+        features = computable_features(bag)
+        (window,) = replay_phases(bag, features, finish=True).windows
+    assert window.outcome == Outcome.OK
+    assert {spec.rate_hz for spec in features.specifications} == {float(rate_hz)}

@@ -93,7 +93,6 @@ class ModelChoice:
 
     path: Path  # folder of model files, or one file
     contact: str = ''  # models of another contact are passed over; empty: none is
-    rate_hz: float = 0.0  # sample rate that they were trained at [Hz]; 0: they differ
 
     @classmethod
     def read(cls, path: Path | None, task: str = '', contact: str = '') -> ModelChoice | None:
@@ -101,7 +100,6 @@ class ModelChoice:
         if path is None:
             return None
         from tactile_features import read_contracts  # slow to import
-        from tactile_features.spec import shared_rate_hz
 
         contracts, _ = read_contracts(path, contact)
         found = sorted({each.task for each in contracts})
@@ -110,8 +108,7 @@ class ModelChoice:
             raise TactileError(
                 f'{path} has no model for {task} {contact}'.rstrip() + f', only for {only}'
             )
-        rate_hz = shared_rate_hz(each.spec for each in contracts)
-        return cls(path.resolve(), contact, rate_hz)
+        return cls(path.resolve(), contact)
 
     @classmethod
     def of_finger(
@@ -169,7 +166,7 @@ def sensing_graph(
     The first arguments win over further ``parameters`` by node name; see `sensor_parameters`.
     """
     of_sensor = sensor_parameters(
-        parameters, models, port=sensor_port, topic=sensor_topic, simulated=simulated
+        parameters, port=sensor_port, topic=sensor_topic, simulated=simulated
     )
     told = models.parameters if models else {}
     nodes = [] if of_sensor is None else [NodeDescription(SENSOR_NODE, of_sensor)]
@@ -181,7 +178,6 @@ def sensing_graph(
 
 def sensor_parameters(
     stated: NodeParameters,
-    models: ModelChoice | None = None,
     *,
     port: str = '',
     topic: str = '',
@@ -189,10 +185,10 @@ def sensor_parameters(
 ) -> dict[str, Any] | None:
     """Return what arguments set of a sensor node; None: there is no such node.
 
-    ``stated`` has the other parameters of the finger's nodes, by name. A sensor on a topic has the
-    rate of the models, without models that of the feature node. Where neither says one, the sensor
-    measures it. A simulated sensor marks its samples, and nobody else needs to know. Raises
-    `TactileError` when there are a port and a topic.
+    ``stated`` has the other parameters of the finger's nodes, by name. The rate of a
+    sensor on a topic is the one that is stated for it or for the feature node; without any, the
+    sensor measures its rate. A simulated sensor marks its samples. Raises `TactileError` when
+    there are a port and a topic.
 
     Parameters
     ----------
@@ -219,8 +215,7 @@ def sensor_parameters(
     if port == NO_PORT and kind not in PORTLESS_SENSORS:
         return None
     if kind == 'topic' and 'rate_hz' not in of_file:
-        of_features = float(stated.get(FEATURES_NODE, {}).get('rate_hz', 0.0))
-        given['rate_hz'] = models.rate_hz if models else of_features
+        given['rate_hz'] = float(stated.get(FEATURES_NODE, {}).get('rate_hz', 0.0))
     return given
 
 

@@ -264,9 +264,11 @@ class PhaseWindow:
         nominal_ns = (len(samples) - 1) * self._period_ns
         # Either end may be off by a period where stamps are times of arrival.
         if abs(span_ns - nominal_ns) > RATE_TOLERANCE * nominal_ns + 2 * self._period_ns:
+            rate_hz = (len(samples) - 1) / span_ns * 1e9 if span_ns > 0 else 0.0
             return (
                 f'the window of {len(samples)} samples lasts {span_ns / 1e9:.3f} s instead of '
-                f'{nominal_ns / 1e9:.3f} s; rate_hz must be the rate of the sensor'
+                f'{nominal_ns / 1e9:.3f} s: the samples come at {rate_hz:.4g} Hz, and these '
+                f'features need {1e9 / self._period_ns:.4g} Hz'
             )
         return ''
 

@@ -32,7 +32,11 @@ class WindowParameters:
     """The part of a `FeatureConfig` that feature sets see; `FeatureConfig` checks it."""
 
     rate_hz: float = parameter(
-        60.0, 'nominal sample rate of the tension', unit='Hz', range=(1.0, 20000.0)
+        60.0,
+        'nominal sample rate of the tension. The node takes the rate of the sensor instead, with '
+        'windows of the same duration, unless models or another value than the default decide',
+        unit='Hz',
+        range=(1.0, 20000.0),
     )
     texture_samples: int = parameter(
         180, 'samples in a texture window', unit='1', range=(2, 1000000)

@@ -46,11 +46,11 @@ def header(stamp_ns):
     return Header(stamp=Time(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9))
 
 
-def block(sequence, count=1):
+def block(sequence, count=1, period_ns=PERIOD_NS):
     return StrainBlock(
-        header=header(START_NS + sequence * PERIOD_NS),
+        header=header(START_NS + sequence * period_ns),
         sequence=sequence,
-        period_ns=PERIOD_NS,
+        period_ns=period_ns,
         tension_n=TENSION_N[sequence : sequence + count].tolist(),
     )
 
@@ -316,6 +316,50 @@ def test_the_models_decide_and_an_inactive_node_says_so_to_who_comes_late(
     assert str(broken) in health[-1].message
     values = {pair.key: pair.value for pair in health[-1].values}
     assert (values['refused model files'], values['specifications']) == ('1', '3')
+
+
+@pytest.mark.parametrize('is_late', [False, True], ids=['events after', 'events before'])
+def test_without_models_the_features_have_the_rate_of_the_sensor(make_bench, is_late):
+    """The sensor may start after the first events of a trial."""
+    bench = make_bench()
+    announced = bench.hear(
+        FeatureSpecifications, '~/specifications', specifications_from_msg, LATEST
+    )
+    bench.bring_up()
+    glide = [event(1.0, 'glide'), event(6.0, 'done')]
+    if is_late:
+        for msg in glide:
+            bench.events.publish(msg)
+        bench.spin_until(lambda: bench.node.extractor.event_count == 2)
+    assert not announced
+    bench.strain.publish(block(0, 800, period_ns=10_000_000))
+    if not is_late:
+        for msg in glide:
+            bench.events.publish(msg)
+    bench.spin_until(lambda: bench.windows and announced)
+    (window,) = bench.windows
+    assert window.outcome == Outcome.OK
+    (announced,) = announced
+    assert [spec.rate_hz for spec in announced.specs] == [100.0, 100.0]
+    texture = announced.specs[0]
+    assert (window.specification_digest, texture.sample_count) == (texture.digest, 300)
+    again = TrialFeatureExtractor(FeatureConfig(**announced.config))
+    assert again.specifications == announced.specs
+
+
+def test_models_of_another_rate_than_the_sensor_are_told_once(
+    make_bench, make_model_file, tmp_path, capfd
+):
+    make_model_file(tmp_path / 'a.npz', FULL)
+    bench = make_bench(models=str(tmp_path))
+    health = bench.hear(DiagnosticArray, '/diagnostics', lambda msg: msg.status[0], 10)
+    bench.bring_up()
+    for first in (0, 100):
+        bench.strain.publish(block(first, 100, period_ns=10_000_000))
+    sentence = 'need 60 Hz, and the sensor delivers 100 Hz: have it publish at 60 Hz'
+    bench.spin_until(lambda: health and sentence in health[-1].message)
+    assert health[-1].level == DiagnosticStatus.WARN
+    assert capfd.readouterr().err.count(sentence) == 1
 
 
 def test_without_a_usable_model_it_is_not_configured_and_says_why(make_bench, tmp_path, capfd):

@@ -178,14 +178,14 @@ def replaced(value, at=slice(None)):
         (hold, replaced(np.inf, 30), Outcome.BAD_SIGNAL, 'not finite'),
         (hold, replaced(3.0), Outcome.UNDEFINED, 'constant'),
         *(
-            (make, [block(0, 100, period_ns=S // rate_hz)], Outcome.BAD_SIGNAL, 'rate_hz')
+            (make, [block(0, 100, period_ns=S // rate_hz)], Outcome.BAD_SIGNAL, 'features need')
             for make in (glide, hold)
             for rate_hz in (8, 15)
         ),
     ],
 )
 def test_a_window_that_is_not_sound_has_no_features_and_says_why(make, blocks, outcome, word):
-    window = make(*blocks, end_s=6.0 if word == 'rate_hz' else 4.0 if make is hold else 3.5)
+    window = make(*blocks, end_s=6.0 if word == 'features need' else 4.0 if make is hold else 3.5)
     assert (window.outcome, len(window.values)) == (outcome, 0)
     assert word in window.reason
 

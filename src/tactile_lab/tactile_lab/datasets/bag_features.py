@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tactile_bags.errors import BagError
 from tactile_bags.recorded_bag import RecordedBag
-from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
+from tactile_bags.recorded_setup import computable_features, RecordedFeatures
 from tactile_bags.recording import Recording
 from tactile_bags.replay import replay_phases
 from tactile_bags.trial import Trial
@@ -69,7 +69,7 @@ class BagFeatures(RecordingFeatures):
         paths = list(self._bags)
         for path, bag in self._bags.items():
             for namespace in bag.namespaces:
-                features = _choose(path, recorded_features(bag, namespace), chosen, self.reading)
+                features = _choose(path, computable_features(bag, namespace), chosen, self.reading)
                 first = first or features
                 if _compared(features) != _compared(first):
                     finger = f'{namespace} of ' if namespace else ''

@@ -37,6 +37,8 @@ class Hand(Node):
         self.events = self.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
         self.answers = []
         self.create_subscription(Classification, ANSWERS, self.answers.append, RESULTS)
+        self.strain = []
+        self.create_subscription(StrainBlock, 'tendon_sensor/strain', self.strain.append, STREAM)
         self.waiting = sorted(
             [(at_ns, self.send_force, value) for at_ns, value in samples]
             + [(at_ns, self.send_event, event) for at_ns, event in events],
@@ -47,6 +49,13 @@ class Hand(Node):
     def start(self):
         self.offset_ns = time.time_ns() - self.waiting[0][0]
         self.create_timer(0.001, self.send_due)
+
+    def rest(self):
+        """Send the first force again and again, as a hand that touches nothing does."""
+        _, _, value = self.waiting[0]
+        return self.create_timer(
+            1 / 60, lambda: self.send_force(self.get_clock().now().to_msg(), value)
+        )
 
     def send_due(self):
         while self.waiting and self.waiting[0][0] + self.offset_ns <= time.time_ns():
@@ -125,6 +134,9 @@ def test_somebody_elses_wrenches_become_a_label_and_replay_equal(
         spin_until(hand.force.get_subscription_count)
         spin_until(lambda: hand.events.get_subscription_count() >= 2)  # features, recorder
         spin_until(lambda: hand.count_publishers(ANSWERS))
+        resting = hand.rest()
+        spin_until(lambda: hand.strain)  # the rate of the topic is measured first
+        resting.cancel()
         hand.start()
         spin_until(lambda: hand.answers)
     (answer,) = hand.answers

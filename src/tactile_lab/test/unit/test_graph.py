@@ -81,16 +81,15 @@ def test_a_sensor_on_a_topic_needs_no_port(topic, expected):
         sensor_parameters({}, port='/dev/a', topic=topic)
 
 
-def test_a_sensor_on_a_topic_has_the_rate_of_models_or_features_unless_stated(models):
-    def rate_hz(chosen=None, **stated):
-        return sensor_parameters(stated, chosen, topic='/f').get('rate_hz')
+def test_the_rate_of_a_sensor_on_a_topic_is_measured_unless_it_is_stated():
+    def rate_hz(**stated):
+        return sensor_parameters(stated, topic='/f').get('rate_hz')
 
-    assert rate_hz() == 0.0, 'it is measured'
+    assert rate_hz() == 0.0
     assert rate_hz(tactile_features={'rate_hz': 100.0}) == 100.0
-    assert rate_hz(models) == 60.0
-    assert rate_hz(models, tendon_sensor={'rate_hz': 50.0}) is None, 'that of the file stays'
+    assert rate_hz(tendon_sensor={'rate_hz': 50.0}) is None, 'that of the file stays'
     on_topic = {'tendon_sensor': {'sensor': 'topic', 'topic': '/f'}}
-    assert sensor_parameters(on_topic, models) == {'rate_hz': 60.0}
+    assert sensor_parameters(on_topic) == {'rate_hz': 0.0}
 
 
 def test_without_a_sensor_port_another_node_publishes_the_strain():
