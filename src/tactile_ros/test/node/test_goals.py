@@ -1,8 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+import concurrent.futures
 from dataclasses import make_dataclass
 import threading
+import time
 
 from action_msgs.msg import GoalStatus
 import pytest
@@ -63,8 +65,18 @@ class Client:
         return handle
 
     def result(self, handle):
-        reply = self.ask(handle.get_result_async)
-        return reply.status, reply.result
+        """Request the result again each second: a lost answer is not what is tested here.
+
+        `GoalClient` does the same; see tactile_ros.goal_client.
+        """
+        deadline_s = time.monotonic() + DEADLINE_S
+        while True:
+            try:
+                reply = send(self.node, handle.get_result_async).result(1.0)
+            except concurrent.futures.TimeoutError:
+                assert time.monotonic() < deadline_s, 'no answer to ten requests for the result'
+            else:
+                return reply.status, reply.result
 
 
 @pytest.fixture
