@@ -4,7 +4,6 @@
 import concurrent.futures
 from dataclasses import make_dataclass
 import threading
-import time
 
 from action_msgs.msg import GoalStatus
 import pytest
@@ -69,14 +68,11 @@ class Client:
 
         `GoalClient` does the same; see tactile_ros.goal_client.
         """
-        deadline_s = time.monotonic() + DEADLINE_S
-        while True:
-            try:
-                reply = send(self.node, handle.get_result_async).result(1.0)
-            except concurrent.futures.TimeoutError:
-                assert time.monotonic() < deadline_s, 'no answer to ten requests for the result'
-            else:
-                return reply.status, reply.result
+        for _ in range(round(DEADLINE_S)):
+            answer = send(self.node, handle.get_result_async)
+            if concurrent.futures.wait([answer], 1.0).done:
+                return answer.result().status, answer.result().result
+        raise AssertionError('no answer to any request for the result')
 
 
 @pytest.fixture
