@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Cuts the tension stream into windows and computes texture and stiffness features."""
+"""Windows of the tension stream, and texture and stiffness features of these windows."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ __all__ = sorted(_HOMES)
 
 
 def __getattr__(name: str) -> Any:
-    # On first use: SciPy takes long to import, and records alone do not need it.
+    # Imported on first use, so that a program pays only for the parts that it needs.
     if name in _HOMES:
         return getattr(importlib.import_module(_HOMES[name], __name__), name)
     raise AttributeError(f'module {__name__} has no attribute {name}')

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters of the feature node: the cut of windows and their features, free of ROS."""
+"""Parameters of the feature node: windows and feature sets, without ROS."""
 
 from __future__ import annotations
 
@@ -27,83 +27,83 @@ from tactile_features.records import (
 from tactile_ros.configs import check_parameters, parameter
 
 MIN_DETECTION_HZ = 20.0
-"""Slowest sensor in whose tension phases are found."""
+"""Lowest sample rate at which phases can be detected in the tension [Hz]."""
 
 
 @dataclass(frozen=True)
 class FeatureConfig(WindowParameters):
-    """Cut of windows from the phases of a trial, and their features.
+    """Parameters of the windows that are cut from the phases of a trial, and of their features.
 
     Raises
     ------
     FeatureError
-        When a value is out of its range or the buffer cannot hold a window.
+        When a value is out of range, or a window does not fit into the buffer.
     """
 
     texture_features: str = parameter(
         SET_TEXTURE_SPECTRUM,
         'features of a glide: texture_spectrum, amplitudes over a fixed time; texture_spatial, '
-        'over a stretch of surface at any sliding speed, which trial events must then state; '
-        'glide_waveform and spatial_waveform, the tension itself over time and over the surface; '
-        'or a set of another package',
+        'features over a distance at any sliding speed that the trial events state; '
+        'glide_waveform and spatial_waveform, the tension itself over time or over distance; '
+        'or a feature set of another package',
     )
     stiffness_features: str = parameter(
         SET_STIFFNESS_REGRESSION,
-        'features of a hold: stiffness_regression, the line through the tension; '
-        'stiffness_relaxation, the line and its slope over its intercept; hold_waveform, '
-        'the tension itself; or a set of another package',
+        'features of a hold: stiffness_regression, a line fitted to the tension; '
+        'stiffness_relaxation, the fitted line and the ratio of slope to intercept; '
+        'hold_waveform, the tension itself; or a feature set of another package',
     )
     samples_timeout_s: float = parameter(
         5.0,
-        'a window is refused when no samples come for so long after its phase has ended',
+        'a window is refused when its samples are missing this long after the end of its phase',
         unit='s',
         range=(0.5, 600.0),
     )
     max_stamp_error_share: float = parameter(
         0.01,
-        'largest error of stamps, as a share of the window, or of ten times the crop at its start '
-        'where that is shorter; a larger one refuses the window',
+        'largest permitted stamp error, as a fraction of the window length or, if shorter, '
+        'of ten times the crop at its start; a window with a larger error is refused',
         unit='1',
         range=(0.0001, 1.0),
     )
     accept_unknown_stamp_error: bool = parameter(
         True,
-        'accept windows of samples whose stamp error is not known, as of a device without a clock',
+        'accept windows whose stamp error is unknown, for example of a device without a clock',
     )
     buffer_s: float = parameter(
         120.0,
-        'how long samples wait for the events of their trial, and events for samples',
+        'how long samples are kept for the events of their trial, and events for their samples',
         unit='s',
         range=(1.0, 600.0),
     )
     phases: str = parameter(
         PHASES_STATED,
-        'where the phases of a trial come from: stated by trial events, or found in the tension '
+        'source of the phases of a trial: stated by trial events, or detected in the tension '
         'of a finger that follows the texture or the stiffness protocol',
         choices=(PHASES_STATED, PROTOCOL_TEXTURE, PROTOCOL_STIFFNESS),
     )
     detected_rise_n: float = parameter(
         0.2,
-        'with phases found in the tension: what it must rise above rest to begin a trial',
+        'detected phases: a trial begins when the tension rises this far above its rest level',
         unit='N',
         range=(0.0001, 1e6),
     )
     detected_object_label: str = parameter(
         '',
-        'with phases found in the tension: what lies under the finger, in recordings to train on',
+        'detected phases: label of the object under the finger, for recordings to train on',
     )
     detected_session_id: str = parameter(
-        '', 'with phases found in the tension: the session, in recordings to train on'
+        '', 'detected phases: identifier of the session, for recordings to train on'
     )
     detected_glide_speed_m_s: float = parameter(
         0.0,
-        'with phases found in the tension: sliding speed of their glides; 0: not known',
+        'detected phases: sliding speed of the glides; 0 if unknown',
         unit='m/s',
         range=(0.0, 1.0),
     )
     detected_contact: str = parameter(
         '',
-        'with phases found in the tension: how the finger touches; empty: not known',
+        'detected phases: contact of the finger; empty if unknown',
         choices=('', CONTACT_FLEXION, CONTACT_ABDUCTION),
     )
     frame_id: str = parameter('tendon_sensor_link', 'frame of the sensor')
@@ -112,7 +112,7 @@ class FeatureConfig(WindowParameters):
         check_parameters(self, FeatureError)
         if self.phases != PHASES_STATED and self.rate_hz < MIN_DETECTION_HZ:
             raise FeatureError(
-                f'rate_hz is {self.rate_hz:g}; phases are found in a tension of at least '
+                f'rate_hz is {self.rate_hz:g}; detecting phases in the tension needs at least '
                 f'{MIN_DETECTION_HZ:g} Hz'
             )
         self.feature_set(PHASE_GLIDE)
@@ -121,8 +121,8 @@ class FeatureConfig(WindowParameters):
         stiffness_s = self.stiffness_settle_s + self.stiffness_min_s
         if max(texture_s, stiffness_s) > self.buffer_s:
             raise FeatureError(
-                f'buffer_s is {self.buffer_s}, which cannot hold a window that ends '
-                f'{max(texture_s, stiffness_s):g} s after its phase began; raise buffer_s'
+                f'buffer_s is {self.buffer_s}, but a window ends '
+                f'{max(texture_s, stiffness_s):g} s after the start of its phase; raise buffer_s'
             )
 
     def at_rate(self, rate_hz: float) -> FeatureConfig:
@@ -139,7 +139,7 @@ class FeatureConfig(WindowParameters):
         )
 
     def without_detection(self) -> FeatureConfig:
-        """Return these parameters as if phases were stated: what windows can share."""
+        """Return these parameters with stated phases and the defaults for detected ones."""
         found: dict[str, Any] = {
             item.name: item.default
             for item in dataclasses.fields(self)
@@ -153,28 +153,28 @@ class FeatureConfig(WindowParameters):
         Raises
         ------
         FeatureError
-            When there is none of that name, or its parameters do not fit.
+                When the feature set does not exist, or its parameters are invalid.
         """
         return _bind(self, phase)
 
 
 @dataclass(frozen=True)
 class FeaturesNodeConfig(FeatureConfig):
-    """Parameters of the feature node: the model files that decide, and `FeatureConfig`."""
+    """Parameters of the feature node: model files that choose features, and `FeatureConfig`."""
 
     models: str = parameter(
         '',
-        'folder with model files (*.npz), or one file, whose features are computed; empty: the '
-        'parameters of this node decide',
+        'folder with model files (*.npz), or one file, that choose the features to compute; '
+        'if empty, the parameters of this node choose them',
     )
     contact: str = parameter(
         '',
-        'take no models of another contact than this; empty: take those of any',
+        'ignore models of another contact than this one; if empty, use models of any contact',
         choices=('', CONTACT_FLEXION, CONTACT_ABDUCTION),
     )
 
     def shared(self) -> FeatureConfig:
-        """Return the parameters that windows depend on: all but ``models`` and ``contact``."""
+        """Return the parameters that affect windows: all except ``models`` and ``contact``."""
         names = (item.name for item in dataclasses.fields(FeatureConfig))
         return FeatureConfig(**{name: getattr(self, name) for name in names})
 

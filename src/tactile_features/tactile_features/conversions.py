@@ -1,11 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages to records and back.
+"""Conversion of ROS messages to records and back.
 
-``*_from_msg`` read fields by name alone, so that they take rclpy's messages and
-those that the rosbags library has deserialised. They raise `MessageError` for what must not be
-in such a message, or is not known here.
+The functions ``*_from_msg`` read fields by name only. They accept messages of rclpy and
+messages that the rosbags library has deserialised. They raise `MessageError` for a message with
+invalid or unknown values.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from tactile_ros.message_classes import time_to_msg
 from tactile_ros.strain import StrainBlock, StrainStatus
 
 LARGEST_TENSION_N = 1e9
-"""A larger value is no tension of anything. Values that are not finite are the core's part."""
+"""Larger tensions in a message are rejected [N]. Non-finite values are left to the extractor."""
 
 END_OF_TIME_NS = 2**31 * 10**9
-"""Times in messages lie before this [ns]."""
+"""Times in messages must lie before this [ns]."""
 
 _KNOWN = {
     name: tuple(value for key, value in vars(records).items() if key.startswith(name))
@@ -39,32 +39,32 @@ _STATUS = int(sum(StrainStatus))
 
 
 def check_stamp(stamp_ns: int) -> int:
-    """Return a time; raise `MessageError` when it is no ROS time."""
+    """Return the time [ns]; raise `MessageError` if it is not a valid ROS time."""
     if not 0 <= stamp_ns < END_OF_TIME_NS:
         sec, nanosec = divmod(stamp_ns, 1_000_000_000)
-        raise MessageError(f'a stamp is {sec} s and {nanosec} ns; it is no ROS time')
+        raise MessageError(f'a stamp is {sec} s and {nanosec} ns, which is not a valid ROS time')
     return stamp_ns
 
 
 def check_block(block: StrainBlock) -> StrainBlock:
-    """Return a block; raise `MessageError` when something in it is wrong."""
+    """Return the block; raise `MessageError` if one of its values is invalid."""
     check_stamp(block.stamp_ns)
     count = len(block.tension_n)
     if not count:
-        raise MessageError('tension_n is empty; a block holds one sample or more')
+        raise MessageError('tension_n is empty; a block must hold at least one sample')
     period_ns = block.period_ns
     if period_ns < 0 or (period_ns == 0 and count > 1):
         raise MessageError(f'period_ns is {period_ns}; it must be positive')
     if block.stamp_ns + (count - 1) * period_ns >= END_OF_TIME_NS:
         raise MessageError(
-            f'period_ns is {period_ns}; the last sample lies beyond the end of ROS time'
+            f'period_ns is {period_ns}; the stamp of the last sample exceeds the range of ROS time'
         )
     if block.sequence + count > 2**64:
         raise MessageError(
             f'sequence is {block.sequence}; its {count} samples do not fit into 64 bits'
         )
     largest_n = abs(block.tension_n[0]) if count == 1 else np.abs(block.tension_n).max()
-    if not largest_n <= LARGEST_TENSION_N:  # or one is not a number
+    if not largest_n <= LARGEST_TENSION_N:  # also if a value is NaN
         finite = block.tension_n[np.isfinite(block.tension_n)]
         beyond = finite[np.abs(finite) > LARGEST_TENSION_N]
         if len(beyond):
@@ -79,9 +79,9 @@ def check_block(block: StrainBlock) -> StrainBlock:
 
 
 def check_window(window: FeatureWindow) -> FeatureWindow:
-    """Return a window; raise `MessageError` when something in it is wrong.
+    """Return the window; raise `MessageError` if one of its values is invalid.
 
-    A feature set that is not known here is no fault: it is one for other nodes.
+    An unknown feature set is not an error, because the window may be meant for another node.
     """
     _check_name('contact', window.contact, ('', *_KNOWN['CONTACT_']))
     _check_status(window.status)
@@ -97,7 +97,7 @@ def _check_name(field: str, value: str, known: tuple[str, ...]) -> None:
 
 def _check_status(status: int) -> None:
     if unknown := int(status) & ~_STATUS:
-        raise MessageError(f'status is {status}; its bits {unknown} are not known here')
+        raise MessageError(f'status is {status}; its bits {unknown} are unknown')
 
 
 def _check_floats(record: object) -> None:
@@ -122,10 +122,10 @@ def strain_block_from_msg(msg: Any) -> StrainBlock:
 
 
 def check_record(block: StrainBlock) -> StrainBlock:
-    """Return a driver's block as its message would come: checked, read-only, without wrench."""
+    """Return a driver's block as if it came in a message: checked, read-only, without wrench."""
     if block.wrench is not None or block.tension_n.flags.writeable:
         tension_n = block.tension_n.view()
-        tension_n.flags.writeable = False  # others look at it, too
+        tension_n.flags.writeable = False  # other stages share the array
         block = dataclasses.replace(block, tension_n=tension_n, wrench=None)
     return check_block(block)
 
@@ -141,7 +141,7 @@ def event_from_msg(msg: Any) -> TrialEvent:
 
 
 def feature_window_from_record(window: FeatureWindow) -> FeatureWindow:
-    """Return a window of this process as its message would come: checked, and not to change."""
+    """Return a window of this process as if it came in a message: checked and read-only."""
     window.values.flags.writeable = False
     return check_window(window)
 
@@ -170,7 +170,7 @@ def feature_window_from_msg(msg: Any) -> FeatureWindow:
 
 
 def _copy(msg: Any, record: Any, **converted: Any) -> Any:
-    """Return a record of a message's fields of the same names, but for those given."""
+    """Return a record with the message's fields of the same names and the converted ones."""
     names = [field.name for field in dataclasses.fields(record) if field.name not in converted]
     return record(**{name: getattr(msg, name) for name in names}, **converted)
 
@@ -220,11 +220,11 @@ def specifications_to_msg(announced: FeatureSpecifications) -> Any:
 def specifications_from_msg(msg: Any) -> FeatureSpecifications:
     """Return the record of a ``tactile_msgs/FeatureSpecifications``.
 
-    The digest of each specification must be that of its content.
+    The digest of each specification must match its content.
     """
     config = _from_json('config', msg.config)
     if not isinstance(config, dict):
-        raise MessageError('config is no JSON object of parameters by name')
+        raise MessageError('config is not a JSON object of parameters by name')
     specs = tuple(_spec_from_msg(entry) for entry in msg.specifications)
     return FeatureSpecifications(specs, config, _stamp_from_msg(msg.header.stamp))
 
@@ -234,7 +234,7 @@ def _spec_from_msg(msg: Any) -> FeatureSpec:
     if len(names) != len(values):
         raise MessageError(
             f'parameter_values has {len(values)} entries and parameter_names {len(names)}; '
-            'they must be as many'
+            'both must have the same length'
         )
     fields = {
         field.name: getattr(msg, field.name, None) for field in dataclasses.fields(FeatureSpec)
@@ -248,7 +248,7 @@ def _spec_from_msg(msg: Any) -> FeatureSpec:
         raise MessageError(str(error)) from error
     if spec.digest != msg.digest:
         raise MessageError(
-            f'digest is {msg.digest}; that of the specification of {spec.feature_set} is '
+            f'digest is {msg.digest}, but the specification of {spec.feature_set} has the digest '
             f'{spec.digest}: one of them was changed'
         )
     return spec

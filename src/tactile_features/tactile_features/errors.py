@@ -5,20 +5,21 @@
 
 
 class FeatureError(Exception):
-    """Root of this package's exceptions."""
+    """Base class of this package's exceptions."""
 
 
 class ModelFileError(FeatureError):
-    """A model file cannot be written, is not one, or does not fit."""
+    """A model file cannot be written or read, is invalid, or does not fit the configuration."""
 
 
 class UndefinedFeatureError(FeatureError):
-    """A feature has no value on this window, such as the correlation of a constant.
+    """A feature is undefined for a window, for example the correlation of a constant tension.
 
     Attributes
     ----------
     windows : tuple of int
-        Of a batch, the places of all windows without a value; otherwise empty or (0,).
+            Indices of all windows of a batch for which the feature is undefined; otherwise empty
+            or (0,).
     """
 
     def __init__(self, message: str, windows: tuple[int, ...] = ()) -> None:

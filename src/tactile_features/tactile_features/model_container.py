@@ -1,16 +1,16 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The model file as a container: arrays and a JSON manifest in one ``.npz``.
+"""Container of a model file: arrays and a JSON manifest in one ``.npz`` file.
 
 NumPy reads the file without pickle: ``np.load('texture.npz')``. The array ``manifest`` holds the
 manifest as JSON, and ``sha256`` the digest over all other arrays. The digest detects damage; it is
-no signature.
+not a signature.
 
-A file is untrusted input. It is read by `open_container` alone, which accepts a subset of the
-format: arrays that are not compressed, of four types, with headers as `numpy.savez` writes them.
-Sizes are compared with the number of bytes in the file before an array is read. Nothing in a file
-is evaluated, and no entry can name a file or a class.
+A model file is untrusted input. Only `open_container` reads it. The function accepts a subset of
+the format: uncompressed arrays of four types, with headers as `numpy.savez` writes them. Sizes are
+compared with the number of bytes in the file before an array is read. Nothing in a file is
+evaluated, and no entry can name a file or a class.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ from tactile_features.errors import ModelFileError
 MANIFEST, DIGEST = 'manifest', 'sha256'
 
 MAX_MODEL_BYTES = 64 * 2**20
-"""Larger files are not read [byte]."""
+"""Larger files are refused [byte]."""
 
 MAX_MANIFEST_BYTES = 4 * 2**20
-"""A larger manifest is refused [byte]; the largest of our own has about 300 kB."""
+"""A larger manifest is refused [byte]; typical ones have up to 300 kB."""
 
 MAX_INDEX_BYTES = 64 * 2**10
-"""A file with a larger list of its arrays is refused [byte]: enough for 500 of them."""
+"""A file with a larger index of its arrays is refused [byte]; 500 arrays fit."""
 
 Arrays = Mapping[str, npt.NDArray[Any]]
 
@@ -51,7 +51,7 @@ _HEADER = re.compile(
     rb"'shape': \(((?:\d{1,9},)?|\d{1,9}(?:, \d{1,9}){1,3})\), \} *\n",
     re.DOTALL,
 )
-_DAMAGED = 'it is damaged, or only a part of a model file'
+_DAMAGED = 'the file is damaged or incomplete'
 
 
 class Container(NamedTuple):
@@ -64,13 +64,13 @@ class Container(NamedTuple):
 def pack_container(manifest: Mapping[str, Any], arrays: Arrays) -> bytes:
     """Return the bytes of a model file; equal contents give equal bytes.
 
-    Names of arrays are of small letters, digits, ``_`` and ``.``; their types are doubles, floats
-    and 64-bit integers, with up to four dimensions. Raises ModelFileError when the file would be
-    larger than `MAX_MODEL_BYTES`.
+    Names of arrays consist of lower-case letters, digits, ``_`` and ``.``. Arrays are doubles,
+    floats or 64-bit integers, with up to four dimensions. Raises ModelFileError when the file
+    would be larger than `MAX_MODEL_BYTES`.
     """
     text = json.dumps(manifest, sort_keys=True).encode()
     contents = {name: np.ascontiguousarray(arrays[name]) for name in sorted(arrays)}
-    # ascontiguousarray turns a single number into an array of one.
+    # ascontiguousarray turns a scalar into an array of shape (1,).
     contents = {name: each.reshape(np.shape(arrays[name])) for name, each in contents.items()}
     size = sum(each.nbytes for each in contents.values())
     if size > MAX_MODEL_BYTES - MAX_MANIFEST_BYTES or len(text) > MAX_MANIFEST_BYTES:
@@ -89,12 +89,12 @@ def pack_container(manifest: Mapping[str, Any], arrays: Arrays) -> bytes:
 
 
 def read_container(path: Path) -> Container:
-    """Return the contents of a model file; errors as in `open_container`, and OSError."""
+    """Return the contents of a model file; raise OSError and the errors of `open_container`."""
     return open_container(read_limited(path))
 
 
 def read_limited(path: Path) -> bytes:
-    """Return the bytes of a model file; raise ModelFileError when it cannot be one."""
+    """Return the bytes of a model file; raise ModelFileError for ONNX and for large files."""
     if path.suffix == '.onnx':
         raise ModelFileError(
             'it is an ONNX file, which this version does not read: train the model again with '
@@ -109,7 +109,7 @@ def read_limited(path: Path) -> bytes:
 
 
 def is_model_file(path: Path) -> bool:
-    """Return whether a file is a ``.npz`` with a manifest, and so no archive of trials."""
+    """Return True for a ``.npz`` file with a manifest; archives of trials have none."""
     try:
         with zipfile.ZipFile(path) as file:
             return f'{MANIFEST}.npy' in file.namelist()
@@ -118,10 +118,10 @@ def is_model_file(path: Path) -> bool:
 
 
 def open_container(data: bytes) -> Container:
-    """Return the contents of a model file that is whole.
+    """Return the contents of a model file after checking it completely.
 
-    Raises ModelFileError when the file is no ``.npz``, lacks the manifest or the digest, was
-    changed after it was written, or holds something else than plain arrays.
+    Raises ModelFileError when the data are not a ``.npz`` file, lack the manifest or the digest,
+    were changed after they were written, or contain anything but plain arrays.
     """
     arrays = _read_arrays(data)
     missing = {MANIFEST, DIGEST} - arrays.keys()
@@ -137,7 +137,7 @@ def open_container(data: bytes) -> Container:
     except (ValueError, RecursionError) as error:
         raise ModelFileError(f'its manifest is not JSON: {error}') from error
     if not isinstance(manifest, dict):
-        raise ModelFileError('its manifest is no JSON object')
+        raise ModelFileError('its manifest is not a JSON object')
     return Container(manifest, arrays)
 
 
@@ -168,32 +168,32 @@ def _read_arrays(data: bytes) -> dict[str, npt.NDArray[Any]]:
 
 
 def _check_index(data: bytes) -> None:
-    """Refuse what is no ZIP file, or has a list of members that takes long to read."""
+    """Refuse data that are not a ZIP file, or whose index takes long to read."""
     if not data.startswith(b'PK\x03\x04'):
-        raise ModelFileError('it is no .npz file')
+        raise ModelFileError('it is not an .npz file')
     signature, *_, size, _, _ = _END.unpack(data[-_END.size :].rjust(_END.size, b'\0'))
     if signature != b'PK\x05\x06' or b'PK\x06\x07' in data[-_END.size - 20 : -_END.size]:
         raise ModelFileError(_DAMAGED)
     if size > MAX_INDEX_BYTES:
-        raise ModelFileError(f'the list of its arrays has more than {MAX_INDEX_BYTES >> 10} KiB')
+        raise ModelFileError(f'the index of its arrays has more than {MAX_INDEX_BYTES >> 10} KiB')
 
 
 def _check_member(member: zipfile.ZipInfo) -> str:
-    """Return the name of the array in a member of the file."""
+    """Return the name of the array that a member of the ZIP file contains."""
     match = _NAME.fullmatch(member.filename)
     if match is None:
-        raise ModelFileError(f'it holds {member.filename!r:.80}, which is no array of a model')
+        raise ModelFileError(f'it contains {member.filename!r:.80}, which is not a model array')
     if member.compress_type != zipfile.ZIP_STORED or member.flag_bits & 0x1:
         raise ModelFileError(f'its array "{match[1]}" is compressed or encrypted')
     return match[1]
 
 
 def _parse_array(name: str, data: bytes) -> npt.NDArray[Any]:
-    """Return the array in the bytes of a ``.npy`` file; read-only."""
+    """Return the array in the bytes of a ``.npy`` file, read-only."""
     header = _HEADER.match(data)
     if header is None or header.end() != 10 + int.from_bytes(data[8:10], 'little'):
         raise ModelFileError(
-            f'its array "{name}" is none of doubles, floats, 64-bit integers or bytes'
+            f'its array "{name}" is not of doubles, floats, 64-bit integers or bytes'
         )
     dtype = np.dtype(header[1].decode())
     shape = tuple(int(size) for size in header[2].replace(b' ', b'').split(b',') if size)

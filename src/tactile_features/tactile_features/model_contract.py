@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The part of a model file that features need: task, contact, specification.
+"""The part of a model file that the feature node reads: task, contact and specification.
 
-`tactile_classifier` reads the rest.
+`tactile_classifier` reads the other entries.
 """
 
 from __future__ import annotations
@@ -22,27 +22,27 @@ from tactile_features.records import CONTACT_ABDUCTION, CONTACT_FLEXION, contact
 from tactile_features.spec import FeatureSpec
 
 FORMAT_VERSION = 8
-"""Of the manifest in a model file."""
+"""Version of the manifest of a model file."""
 
 DIGEST = 'specification_digest'
-"""Entry of a manifest: the digest of its specification."""
+"""Manifest entry with the digest of the feature specification."""
 
 LONGEST_BUFFER_S = 600.0
-"""A buffer in which every window fits that a feature node can compute [s]."""
+"""Largest buffer; every window that a feature node can compute fits into it [s]."""
 
 MOST_NAMED = 5
-"""Refused files that one error names; the others are counted."""
+"""Number of refused files that one error names; further files are counted."""
 
 
 @dataclass(frozen=True)
 class ModelContract:
-    """The features that a model file asks for.
+    """The features that a model file needs.
 
     Attributes
     ----------
     path : Path
     task, contact : str
-        ``contact`` is empty for a model of any.
+        ``contact`` is empty for a model of any contact.
     spec : FeatureSpec
     """
 
@@ -56,8 +56,13 @@ class ModelContract:
 class FeaturePlan:
     """The features that a node computes for model files.
 
-    ``refused`` has one sentence for each file that cannot be used, ``overruled`` the parameters
-    that the models decide otherwise than the node's, as ``name 90 (not 180)``.
+    Attributes
+    ----------
+    specs : tuple of FeatureSpec
+    refused : tuple of str
+        One sentence for each model file that cannot be used.
+    overruled : tuple of str
+        The node's parameters that the models override, as ``name 90 (not 180)``.
     """
 
     specs: tuple[FeatureSpec, ...] = ()
@@ -66,9 +71,9 @@ class FeaturePlan:
 
 
 def plan_features(config: FeatureConfig, models: str | Path, contact: str = '') -> FeaturePlan:
-    """Return the features that model files need of a node; none are needed without ``models``.
+    """Return the features that model files need; without ``models``, the plan is empty.
 
-    When no file is usable, it is a `ModelFileError`.
+    Raises `ModelFileError` when no file is usable.
     """
     if not str(models):
         return FeaturePlan()
@@ -85,14 +90,14 @@ def plan_features(config: FeatureConfig, models: str | Path, contact: str = '') 
 
 
 def read_contracts(models: str | Path, contact: str = '') -> tuple[list[ModelContract], list[str]]:
-    """Return the contracts of model files, and one sentence for each file that is not usable.
+    """Return the contracts of model files, and one sentence for each unusable file.
 
     Parameters
     ----------
     models : str or Path
         A folder with ``*.npz`` files, or one file.
     contact : str
-        Leave out models of another contact; empty: of none.
+        Ignore models of another contact; if empty, models of any contact are used.
 
     Raises
     ------
@@ -103,7 +108,7 @@ def read_contracts(models: str | Path, contact: str = '') -> tuple[list[ModelCon
 
 
 def read_contract(path: Path) -> ModelContract:
-    """Return the contract of a model file; `ModelFileError` when it cannot be used here."""
+    """Return the contract of a model file; raise `ModelFileError` if the file is unusable."""
     with refusals_of(path):
         fields = check_version(read_container(path).manifest)
         spec = parse_spec(fields)
@@ -112,7 +117,7 @@ def read_contract(path: Path) -> ModelContract:
 
 
 def check_version(manifest: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the entries of a manifest of this format version, not yet checked."""
+    """Return the entries of a manifest after checking only its format version."""
     fields = dict(manifest)
     version = fields.pop('format_version', None)
     if version != FORMAT_VERSION:
@@ -124,7 +129,7 @@ def check_version(manifest: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def parse_spec(fields: Mapping[str, Any]) -> FeatureSpec:
-    """Return the features that the entries of a manifest ask for; check task and contact."""
+    """Return the feature specification of a manifest; check its task and contact, too."""
     types = {'task': str, 'contact': str, 'spec': dict, DIGEST: str}
     for name, expected in types.items():
         if type(fields.get(name)) is not expected:
@@ -135,7 +140,7 @@ def parse_spec(fields: Mapping[str, Any]) -> FeatureSpec:
         raise ModelFileError(f'its manifest is damaged: {error}') from error
     if fields[DIGEST] != spec.digest:
         raise ModelFileError(
-            f'its {DIGEST} is not that of its feature specification: one of them was changed'
+            f'its {DIGEST} does not match its feature specification: one of them was changed'
         )
     _check_contract(fields['task'], fields['contact'], spec)
     return spec
@@ -145,12 +150,12 @@ def _check_contract(task: str, contact: str, spec: FeatureSpec) -> None:
     of_set = task_of(spec.feature_set)
     if not of_set:
         raise ModelFileError(
-            f'its feature set "{spec.feature_set}" is not installed here: install the '
-            'package that it was trained with'
+            f'its feature set "{spec.feature_set}" is not installed: install the '
+            'package that the model was trained with'
         )
     if of_set != task:
         raise ModelFileError(
-            f'its task "{task}" does not go with its feature set "{spec.feature_set}"'
+            f'its task "{task}" does not fit its feature set "{spec.feature_set}"'
         )
     contacts = ('', CONTACT_FLEXION, CONTACT_ABDUCTION)
     if contact not in contacts:
@@ -170,10 +175,10 @@ _Loaded = TypeVar('_Loaded', bound=_OfContact)
 def load_usable(
     models: str | Path, contact: str, load: Callable[[Path], _Loaded]
 ) -> tuple[list[_Loaded], list[str]]:
-    """Return what ``load`` makes of each model file, and one sentence for each that it refuses.
+    """Return the result of ``load`` for each model file, and one sentence for each refused file.
 
-    Parameters are those of `read_contracts`. ``load`` raises `ModelFileError` for a file that it
-    refuses; so does this when no file is usable.
+    The other parameters are as in `read_contracts`. ``load`` raises `ModelFileError` to refuse a
+    file. This function raises it when no file is usable.
     """
     loaded: list[_Loaded] = []
     refused: list[str] = []
@@ -191,7 +196,7 @@ def load_usable(
     if not loaded and others:
         refused.insert(
             0,
-            f'the models in {models} are for {" and ".join(sorted(others))}, the parameter '
+            f'the models in {models} are for {" and ".join(sorted(others))}, but the parameter '
             f'contact is {contact}: change it, or train a model for {contact}',
         )
     if not loaded:
@@ -208,7 +213,7 @@ def _list_files(models: str | Path) -> list[Path]:
     path = Path(models).absolute()
     if not path.is_dir():
         return [path]
-    # ONNX files of an earlier version are refused by name.
+    # ONNX files of an earlier version are listed, so that they are refused with a reason.
     files = sorted(f for f in path.iterdir() if f.suffix in ('.npz', '.onnx') and f.is_file())
     if not files:
         raise ModelFileError(
@@ -219,7 +224,7 @@ def _list_files(models: str | Path) -> list[Path]:
 
 @contextmanager
 def refusals_of(path: str | Path) -> Iterator[None]:
-    """Name the file in errors about it."""
+    """Add the name of the file to errors about it."""
     try:
         yield
     except OSError as error:
@@ -229,7 +234,7 @@ def refusals_of(path: str | Path) -> Iterator[None]:
 
 
 def _find_overruled(config: FeatureConfig, specs: Sequence[FeatureSpec]) -> tuple[str, ...]:
-    """Return the parameters that are stated otherwise than the models need them."""
+    """Return the parameters whose values differ from those in the specifications of the models."""
     default, found = FeatureConfig(), []
     needed: dict[str, list[Any]] = {}
     for spec in specs:

@@ -1,13 +1,13 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The phases of a trial found in the tension itself, where nobody states them.
+"""Detection of the phases of a trial in the tension, for trials without stated events.
 
     rest ── rise ──▶ held ──────────────▶ fall ── flat ──▶ rest
      contact │  hold │    glide │  release │    done │
 
-A finger is pulled, holds or glides, and is released; each of these bends the tension. How
-often and how exactly they are found: docs/phases.md.
+A finger is pulled, holds or glides, and is released; each of these bends the tension. How often
+and how exactly they are detected is in docs/phases.md.
 """
 
 from __future__ import annotations
@@ -39,51 +39,51 @@ from tactile_ros.strain import StrainStatus
 FloatArray = NDArray[np.float64]
 
 _MAD_TO_SIGMA = 1.4826
-"""Standard deviation of a normal distribution over its median absolute deviation."""
+"""Ratio of the standard deviation of a normal distribution to its median absolute deviation."""
 
 _JUMPED_SHARE = 0.3
-"""A sample that has gone this share of a jump is no longer before it."""
+"""A sample past this fraction of a jump counts as after the jump."""
 
 REDUCED_HZ = 60.0
-"""Faster streams are averaged down to about this rate."""
+"""Streams with a higher rate are averaged down to about this rate [Hz]."""
 
 MEMORY = 900
-"""Fewest of the last samples that are kept."""
+"""Smallest number of latest samples that are kept."""
 
 SLOPE_STEPS = 5
-"""Number of steps over which a slope is computed."""
+"""Number of sample steps over which a slope is computed."""
 
-_BEND_BEFORE = 6  # samples before a place in which the bend near it is looked for
-_BEND_AFTER = 6  # and samples behind it
+_BEND_BEFORE = 6  # samples before the estimated place in which a bend is searched
+_BEND_AFTER = 6  # samples after it
 
 # Chosen on training sessions of the simulator, see docs/phases.md.
-_REST_LEARN = 9  # samples of rest before anything can begin
-_REST_MEMORY = 60  # samples that say what rest is
-_REST_RENEW = 15  # they are asked anew where the number of a sample can be divided by this
-_CONFIRM = 3  # samples in a row that begin a rise, or a fall
-_RISE_SIGMAS = 6.0  # how far a rise stands out from the noise
-_ONSET_SIGMAS = 3.0  # and where it began
-_ONSET_SHARE = 0.05  # but not below this share of what counts as a rise
-_FLAT_SHARE = 0.1  # a rise or fall is over where its slope is this share of its steepest
-_FLAT_SAMPLES = 6  # for so many samples
-_BEND_SHARE = 0.5  # near the bend, the slope is this share of the steepest
-_AGAIN_SHARE = 0.25  # of the level: so much more tension is a new pull
-_FALLEN_SHARE = 0.25  # of the level: with so little left, the tendon has been released
-_RELEASE_NS = 1_000_000_000  # before half the tension is gone, in which a release began
-_GUARD_S = 0.15  # the transient of the contact
-_GLIDE_BEFORE = 18  # most samples before the start of a glide from which it is told,
-_GLIDE_LEAST = 8  # fewest of them
-_GLIDE_AFTER = (6, 12, 24, 48)  # and samples after it, in turn
-_GLIDE_SIGMAS = 5.0  # how far the tension jumps there
-_GLIDE_SHARE = 0.015  # of the level: and at least this
-_GLIDE_CONFIRM_S = 0.3  # after which a jump is known not to be a release
+_REST_LEARN = 9  # rest samples needed before a trial can begin
+_REST_MEMORY = 60  # latest rest samples used to estimate the rest level and the noise
+_REST_RENEW = 15  # re-estimate the rest level every 15 samples, counted by sample number
+_CONFIRM = 3  # consecutive samples that confirm a rise or a fall
+_RISE_SIGMAS = 6.0  # threshold of a rise, in standard deviations of the noise
+_ONSET_SIGMAS = 3.0  # threshold of its onset, in standard deviations of the noise
+_ONSET_SHARE = 0.05  # lowest threshold of the onset, as a fraction of the threshold of a rise
+_FLAT_SHARE = 0.1  # a rise or fall ends where its slope is below this fraction of its maximum
+_FLAT_SAMPLES = 6  # for this number of consecutive samples
+_BEND_SHARE = 0.5  # slope near the bend, as a fraction of the maximum slope
+_AGAIN_SHARE = 0.25  # an increase by this fraction of the level is a new pull
+_FALLEN_SHARE = 0.25  # below this fraction of the level, the tendon has been released
+_RELEASE_NS = 1_000_000_000  # a release begins at most this long before half the tension is gone
+_GUARD_S = 0.15  # duration of the transient after the contact
+_GLIDE_BEFORE = 18  # largest number of samples before a glide used to detect it
+_GLIDE_LEAST = 8  # smallest number of them
+_GLIDE_AFTER = (6, 12, 24, 48)  # numbers of samples after it, tried in this order
+_GLIDE_SIGMAS = 5.0  # threshold of the jump at the start of a glide, in standard deviations
+_GLIDE_SHARE = 0.015  # lowest threshold of that jump, as a fraction of the level
+_GLIDE_CONFIRM_S = 0.3  # after this time, a jump cannot be the start of a release
 
 
 def estimate_noise_n(tension_n: FloatArray) -> float:
-    """Return the standard deviation of the noise, from differences of neighbours [N].
+    """Return the standard deviation of the noise, from differences of consecutive samples [N].
 
-    Their median absolute value knows neither the level nor a drift, and does not see the few
-    samples where something happens. A converter's step, if coarser than the noise, can make it 0.
+    The median absolute difference is independent of the level and of drift, and is not affected by
+    a few samples of a contact. It can be 0 if the converter's step is coarser than the noise.
     """
     if len(tension_n) < 2:
         return 0.0
@@ -91,10 +91,10 @@ def estimate_noise_n(tension_n: FloatArray) -> float:
 
 
 def locate_bend(time_s: FloatArray, tension_n: FloatArray, least: int = 3) -> int:
-    """Return the index of the sample where two straight lines meet best.
+    """Return the index of the sample at which two straight lines fit best.
 
-    Each line is fitted by itself, to ``least`` samples or more of the ``n >= 2 * least - 1`` that
-    lie around one bend; the sample that is returned belongs to both.
+    Each line is fitted independently to at least ``least`` of the ``n >= 2 * least - 1`` samples
+    around one bend. The returned sample belongs to both lines.
     """
     errors = [
         _line_error(time_s[: i + 1], tension_n[: i + 1]) + _line_error(time_s[i:], tension_n[i:])
@@ -104,18 +104,25 @@ def locate_bend(time_s: FloatArray, tension_n: FloatArray, least: int = 3) -> in
 
 
 def _line_error(time_s: FloatArray, tension_n: FloatArray) -> float:
-    """Return the squares that a straight line leaves."""
+    """Return the sum of squared residuals of a straight line."""
     t, x = time_s - time_s.mean(), tension_n - tension_n.mean()
     s_tx = float(t @ x)
     return float(x @ x) - s_tx * s_tx / float(t @ t)
 
 
 class Step(NamedTuple):
-    """Jump of a line between one sample and the next.
+    """A jump between two samples of a straight line.
 
-    ``spread`` is the standard deviation of the jump over that of one sample [1]; ``before_n`` is
-    that of the samples before it about a line of their own [N];
-    ``slope_n_s``: slope of the line on both sides [N/s].
+    Attributes
+    ----------
+    height_n : float
+        Height of the jump [N].
+    spread : float
+        Standard deviation of the height over the standard deviation of one sample [1].
+    before_n : float
+        Standard deviation of the samples before the jump about a line fitted to them [N].
+    slope_n_s : float
+        Common slope of the line on both sides [N/s].
     """
 
     height_n: float
@@ -125,9 +132,10 @@ class Step(NamedTuple):
 
 
 def measure_step(time_s: FloatArray, tension_n: FloatArray, first_after: int) -> Step:
-    """Return the jump of a straight line that is as steep before as behind.
+    """Return the jump of a straight line with a common slope on both sides.
 
-    Ordinary least squares. The index of the first sample behind the jump is 3 to ``n - 1``.
+    Ordinary least squares. ``first_after``, the index of the first sample after the jump, must be
+    between 3 and ``n - 1``.
     """
     time, tension = np.split(time_s, [first_after]), np.split(tension_n, [first_after])
     centres = [(float(t.mean()), float(x.mean())) for t, x in zip(time, tension, strict=True)]
@@ -146,8 +154,9 @@ def measure_step(time_s: FloatArray, tension_n: FloatArray, first_after: int) ->
 def locate_step(time_s: FloatArray, tension_n: FloatArray, least: int) -> int:
     """Return the index of the last sample before a jump.
 
-    Where a straight line with a jump fits best; from there back over the samples of a jump
-    that took more than one. ``least``: fewest samples before it, at least 3.
+    First the jump of the best-fitting line is located. A jump may take several samples, so the
+    index then moves back to the sample where the jump began. ``least`` is the smallest number of
+    samples before the jump, at least 3.
     """
     steps = {i: measure_step(time_s, tension_n, i) for i in range(least, len(time_s) - 1)}
     first_after = max(steps, key=lambda i: abs(steps[i].height_n) / steps[i].spread)
@@ -161,10 +170,16 @@ def locate_step(time_s: FloatArray, tension_n: FloatArray, least: int) -> int:
 
 
 class ReducedSignal:
-    """Samples in, means of groups of them kept; the answer does not depend on the blocks.
+    """Samples averaged in groups; the result does not depend on their division into blocks.
 
-    ``stamp_ns``, rising, and ``tension_n`` are those of the means. ``group`` is the number of the
-    present group, counted from sequence number 0; negative: none yet.
+    Attributes
+    ----------
+    stamp_ns : list of int
+        Stamps of the means, increasing [ns].
+    tension_n : list of float
+        Mean tensions [N].
+    group : int
+        Number of the current group, counted from sequence number 0; negative if there is none yet.
     """
 
     def __init__(self, rate_hz: float) -> None:
@@ -172,18 +187,18 @@ class ReducedSignal:
         self.clear()
 
     def clear(self) -> None:
-        """Forget everything: the next samples have nothing to do with the last ones."""
+        """Discard all samples: the next samples are unrelated to the last ones."""
         self._pending: list[tuple[int, float]] = []
         self.group = -1
         self.forget()
 
     def forget(self) -> None:
-        """Forget the means, but not the group that fills."""
+        """Discard the means, but keep the incomplete group."""
         self.stamp_ns: list[int] = []
         self.tension_n: list[float] = []
 
     def add(self, samples: Samples) -> Iterator[None]:
-        """Take in samples in the order of time; yield after each new mean."""
+        """Add samples in the order of time; yield after each new mean."""
         groups = samples['sequence'] // np.uint64(self._group_size)
         usable = np.isfinite(samples['tension_n'])
         columns = (samples['stamp_ns'], samples['tension_n'], groups, usable)
@@ -200,7 +215,7 @@ class ReducedSignal:
                     yield
 
     def _close_group(self) -> bool:
-        """Keep the mean of a group as one sample; return whether there is a new one."""
+        """Append the mean of the group; return False if its stamp does not increase."""
         count = len(self._pending)
         if not count:
             return False
@@ -208,7 +223,7 @@ class ReducedSignal:
         tension_n = sum(tension for _, tension in self._pending) / count
         self._pending.clear()
         if self.stamp_ns and stamp_ns <= self.stamp_ns[-1]:
-            return False  # times of arrival can stand still or step back
+            return False  # arrival times can repeat or step back
         self.stamp_ns.append(stamp_ns)
         self.tension_n.append(tension_n)
         if len(self.stamp_ns) > 2 * MEMORY:
@@ -222,7 +237,7 @@ class ReducedSignal:
         return (self.tension_n[-1] - self.tension_n[first]) / elapsed_s
 
     def slopes(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Return where each slope in memory begins [ns], and the slope [N/s]."""
+        """Return the start of each slope in memory [ns], and the slope [N/s]."""
         stamp_ns = np.array(self.stamp_ns)
         tension_n = np.array(self.tension_n)
         first, last = slice(None, -SLOPE_STEPS), slice(SLOPE_STEPS, None)
@@ -230,12 +245,12 @@ class ReducedSignal:
         return stamp_ns[first], slopes
 
     def recent(self, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the last samples: time before the last one, negative [s], and tension [N]."""
+        """Return the latest samples: times relative to the last one [s], and tensions [N]."""
         stamp_ns = np.array(self.stamp_ns[-count:])
         return (stamp_ns - stamp_ns[-1]) / 1e9, np.array(self.tension_n[-count:])
 
     def locate_bend(self, near: int) -> int:
-        """Return the place of the bend near a place."""
+        """Return the index of the bend close to the index ``near``."""
         first, last = max(0, near - _BEND_BEFORE), near + _BEND_AFTER + 1
         stamp_ns = np.array(self.stamp_ns[first:last])
         elapsed_s = (stamp_ns - stamp_ns[0]) / 1e9
@@ -243,33 +258,34 @@ class ReducedSignal:
 
 
 class SignalPhases:
-    """Samples in, the phases that begin in them out.
+    """Detection of phases in a stream of samples.
 
-    The answer depends on the samples alone, not on how they are grouped. An event comes
-    when it is certain, some tenths of a second after its stamp; a release when three
-    quarters of the tension are gone. A trial whose glide leaves no trace in the tension
-    ends as aborted.
+    The result depends only on the samples, not on their grouping into blocks. An event is returned
+    when it is certain, some tenths of a second after its stamp; a release is returned when three
+    quarters of the tension are gone. A trial whose glide leaves no trace in the tension ends as
+    aborted.
 
-    Nor does the answer depend on when one joins a stream. Who joins late finds no trial
-    before the state is that of those who were there: after `_REST_MEMORY` samples of rest, or
-    when a trial has ended. A stream with sequence number 0 is there from its beginning.
+    The result does not depend on when the detection joins a stream, either. A detection that joins
+    late reports no trial until its state equals the state of a detection from the beginning: after
+    `_REST_MEMORY` samples of rest, or at the end of a trial. A stream whose first sequence
+    number is 0 is observed from its beginning.
     """
 
     def __init__(self, config: FeatureConfig) -> None:
         if config.phases == PHASES_STATED:
             raise FeatureError(
-                f'phases is "{config.phases}"; to find them in the signal it must be '
+                f'phases is "{config.phases}"; to detect them in the tension it must be '
                 f'{PROTOCOL_TEXTURE} or {PROTOCOL_STIFFNESS}'
             )
         self._config = config
         self._is_simulated = False
         self._signal = ReducedSignal(config.rate_hz)
-        self._state: Callable[[], list[TrialEvent]]  # takes in one more mean
+        self._state: Callable[[], list[TrialEvent]]  # processes the next mean
         self.reset()
         self._is_settled = False
 
     def abort(self, message: str) -> list[TrialEvent]:
-        """Forget everything; return the end of the trial that was under way, if any."""
+        """Discard all samples; return the end of the trial that was under way, if any."""
         is_silent = self._is_at_rest or not self._is_settled
         events = (
             [] if is_silent else [self._event(PHASE_ABORTED, self._signal.stamp_ns[-1], message)]
@@ -278,13 +294,13 @@ class SignalPhases:
         return events
 
     def reset(self) -> None:
-        """Forget everything: the next samples have nothing to do with the last ones."""
+        """Discard all samples: the next samples are unrelated to the last ones."""
         self._signal.clear()
-        self._is_settled = True  # whoever is there sees the stream begin anew
+        self._is_settled = True  # after a reset, the stream is observed from its beginning
         self._start_learning()
 
     def add(self, samples: Samples) -> list[TrialEvent]:
-        """Take in samples in the order of time; return the phases now known to begin."""
+        """Add samples in the order of time; return the phases whose start is now certain."""
         if not len(samples):
             return []
         marks = samples['status'] & StrainStatus.SIMULATED
@@ -405,7 +421,7 @@ class SignalPhases:
         if self._glide_ns is None:
             self._glide_ns = self._find_glide()
         elif self._signal.stamp_ns[-1] - self._glide_ns > _GLIDE_CONFIRM_S * 1e9:
-            # The start of a release looks the same, but not for long.
+            # The start of a release looks the same for a short time.
             self._has_glide = True
             return [self._event(PHASE_GLIDE, self._glide_ns)]
         return []
@@ -443,9 +459,10 @@ class SignalPhases:
         return [self._event(PHASE_RELEASE, self._signal.stamp_ns[at])]
 
     def _earliest_release_ns(self) -> int:
-        """Return when the release began at the earliest: some time before half was gone.
+        """Return the earliest possible start of the release [ns].
 
-        A soft object can give way faster at the start of a hold than a slow hand releases it.
+        It lies some time before half of the tension was gone. The limit is needed because a soft
+        object can relax faster at the start of a hold than a slow hand releases it.
         """
         shares = (np.array(self._signal.tension_n) - self._rest_n) / self._level_n
         half = np.flatnonzero(shares >= 0.5)
@@ -483,14 +500,14 @@ class SignalPhases:
 def find_phases(
     time_ns: ArrayLike, tension_n: ArrayLike, config: FeatureConfig
 ) -> tuple[TrialEvent, ...]:
-    """Return the phases that `SignalPhases` finds in an array, in the order of time.
+    """Return the phases that `SignalPhases` detects in an array, in the order of time.
 
     Parameters
     ----------
     time_ns : array_like of int, shape (n,)
-        Times of the samples, rising [ns].
+            Times of the samples, increasing [ns].
     tension_n : array_like of shape (n,)
-        Tension [N]; values that are not finite are passed over.
+            Tension [N]; values that are not finite are ignored.
     config : FeatureConfig
         ``phases`` names the protocol.
 

@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Records that go into the extractor and come out of it, free of ROS.
+"""Input and output records of the extractor, without ROS.
 
-The constants repeat those of the messages in ``tactile_msgs``; a test keeps them equal.
+The constants repeat those in the messages of ``tactile_msgs``; a test compares them.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ SET_STIFFNESS_REGRESSION = 'stiffness_regression'
 
 
 def contacts_agree(first: str, second: str) -> bool:
-    """Return whether two contacts are the same, or one of the two is not stated."""
+    """Return True if two contacts are equal or at least one of them is not stated."""
     return len({first, second} - {''}) < 2
 
 
 class Outcome(IntEnum):
-    """Result of the cutting of one window."""
+    """Result of cutting one window."""
 
     OK = 0
     GAP = 1
@@ -58,7 +58,7 @@ class Outcome(IntEnum):
 
 @dataclass(frozen=True)
 class TrialEvent:
-    """The start of one phase of a trial, at ``stamp_ns`` on the samples' clock."""
+    """Start of one phase of a trial; ``stamp_ns`` is on the clock of the samples [ns]."""
 
     stamp_ns: int
     trial_id: str
@@ -78,28 +78,28 @@ class TrialEvent:
 
 @dataclass(frozen=True, eq=False)
 class FeatureWindow:
-    """The features of one window of tension, or the reason why there are none.
+    """The features of one window of tension, or the reason why the window has no features.
 
-    Two windows are equal when every field is, ``values`` bit for bit.
+    Two windows are equal if all fields are equal; ``values`` are compared bit by bit.
 
     Attributes
     ----------
     values : ndarray of shape (k,)
-        The features in the order and units of the set's `FeatureSpec`; empty when
-        ``outcome`` is not ``Outcome.OK``.
+        The features in the order and units of the `FeatureSpec`; empty if ``outcome`` is not
+        ``Outcome.OK``.
     reason : str
-        One sentence when ``outcome`` is not ``Outcome.OK``; empty otherwise.
+        One sentence if ``outcome`` is not ``Outcome.OK``, else an empty string.
     window_start_ns, window_end_ns : int
-        Times of the first and the last sample; start and end of the phase when no
-        sample belongs to the window [ns].
+        Times of the first and the last sample [ns]; start and end of the phase if the window
+        has no samples.
     first_sequence, sample_count, interpolated_count : int
-        0 when no sample belongs to the window.
+        0 if the window has no samples.
     speed_m_s : float
-        Sliding speed that the features were computed with; 0: they need none [m/s].
+        Sliding speed used to compute the features [m/s]; 0 if they do not depend on it.
     specification_digest : str
-        `FeatureSpec.digest` of the specification that made the values; empty: not known.
+        `FeatureSpec.digest` of the specification of the values; empty if unknown.
     stamp_error_s : float
-        Largest bound on the error of its samples' stamps [s]; negative: not known.
+        Largest bound on the stamp error of its samples [s]; negative if unknown.
     """
 
     feature_set: str

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The features as a ROS node: `TrialFeatureExtractor` between topics."""
+"""ROS node that computes features with `TrialFeatureExtractor`."""
 
 from __future__ import annotations
 
@@ -39,15 +39,15 @@ STRAIN_TOPIC = 'tendon_sensor/strain'
 WATCH_PERIOD_S = 0.5
 
 HISTORY_S = 5.0
-"""Latched events come within this time, or are taken for new ones."""
+"""Latched events arrive within this time after the start [s]; later ones count as new."""
 
 
 class FeaturesStage(Stage):
-    """Samples and events in, windows of features out.
+    """Stage that turns samples and events into windows of features.
 
-    It listens from its beginning, so that a trial under way when the node is activated is whole.
-    ``emit`` is given each window while the node is active. Parameters that do not fit, or no
-    usable model file, are a `FeatureError`.
+    The stage subscribes when it is created, so that a trial that is under way when the node is
+    activated is complete. ``emit`` is called with each window while the node is active. Invalid
+    parameters, and models of which none is usable, raise `FeatureError`.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class FeaturesStage(Stage):
         for sentence in plan.refused:
             node.get_logger().warning(sentence)
         if plan.overruled:
-            node.get_logger().info(f'the models decide: {", ".join(plan.overruled)}')
+            node.get_logger().info(f'parameters from the models: {", ".join(plan.overruled)}')
         self._begun_ns, self._begun_s = time.time_ns(), time.monotonic()
         self._assessed_blocks = 0
         self._features = RecordPublisher(
@@ -77,7 +77,7 @@ class FeaturesStage(Stage):
         self._detected = node.create_lifecycle_publisher(
             TrialEventMsg, '~/detected_events', EVENTS
         )
-        # A state: a recorder and a classifier want it from the start.
+        # Latched, because recorders and classifiers need it from the start.
         self._specifications = node.create_publisher(
             FeatureSpecificationsMsg, '~/specifications', LATEST
         )
@@ -100,23 +100,23 @@ class FeaturesStage(Stage):
         )
 
     def stop(self) -> None:
-        """Give out the windows that still wait."""
-        if self._node.context.ok():  # after an interrupt there is no one left to publish to
+        """Publish the windows that still wait for samples."""
+        if self._node.context.ok():  # after an interrupt, nothing can be published
             self._publish(self.extractor.finish())
 
     def close(self) -> None:
-        """Give the topics back."""
+        """Destroy the subscriptions, publishers and timers."""
         node = self._node
         self._watching.cancel()
         self._diagnostics.close()
         node.destroy_subscription(self._events)
-        del self._events, self._timeout  # circles would keep the samples
+        del self._events, self._timeout  # reference cycles would keep the samples alive
         self._features.close()
         node.destroy_lifecycle_publisher(self._detected)
         node.destroy_publisher(self._specifications)
 
     def add_block(self, block: StrainRecord) -> None:
-        """Take in samples."""
+        """Process a block of samples."""
         if self._early_events is not None and block.period_ns > 0:
             self._meet_sensor(round_rate(1e9 / block.period_ns), self._early_events)
         windows = self.extractor.add_block(block)
@@ -165,7 +165,7 @@ class FeaturesStage(Stage):
         self._specifications.publish(specifications_to_msg(announced))
 
     def _on_event(self, event: TrialEvent, published_ns: int) -> None:
-        """Take in an event. After a start the latched ones of earlier trials come first."""
+        """Process an event. After a start, latched events of earlier trials arrive first."""
         is_first = time.monotonic() - self._begun_s < HISTORY_S
         is_past = is_first and published_ns < self._begun_ns
         if self._early_events is not None:
@@ -191,7 +191,7 @@ class FeaturesStage(Stage):
         blocks = self.extractor.block_count
         is_fed, self._assessed_blocks = blocks > self._assessed_blocks, blocks
         windows = self.extractor.window_counts
-        sentence = 'samples come in' if is_fed else f'no samples on {STRAIN_TOPIC}'
+        sentence = 'receiving samples' if is_fed else f'no samples on {STRAIN_TOPIC}'
         return Health(
             WARN if self._refused or not is_fed else OK,
             '; '.join([sentence, *self._refused]),
@@ -208,22 +208,22 @@ class FeaturesStage(Stage):
 
 
 class TactileFeaturesNode(StageNode):
-    """Publishes ``~/features`` for the trials seen on the strain and event topics.
+    """Node that publishes ``~/features`` for the trials on the strain and event topics.
 
-    Phases found in the signal go to ``~/detected_events``. The specification of each kind of
-    window is latched on ``~/specifications``. With the parameter ``models`` the model files
-    decide what is computed: full windows, early ones of several lengths, or both.
+    Phases detected in the tension are published on ``~/detected_events``. The specification of
+    each kind of window is latched on ``~/specifications``. With the parameter ``models``, the
+    model files determine the features: full windows, early windows of several lengths, or both.
 
-    A window whose samples do not come is refused after ``samples_timeout_s``, also while
-    nothing at all comes any more.
+    A window whose samples do not arrive is refused after ``samples_timeout_s``, even if no other
+    data arrive.
 
     Attributes
     ----------
     emit : callable
-        Given each window while the node is active. Set before the node is configured.
+        Called with each window while the node is active. Set it before the node is configured.
     """
 
-    poll_s = 0.01  # a window lasts seconds; each wake-up costs more than a sample
+    poll_s = 0.01  # sufficient for windows of seconds, and fewer wake-ups cost less
 
     def __init__(self, node_name: str = 'tactile_features', **node_options: Any) -> None:
         self.emit: Callable[[FeatureWindow], object] = ignore
@@ -234,11 +234,11 @@ class TactileFeaturesNode(StageNode):
 
     @property
     def extractor(self) -> TrialFeatureExtractor | None:
-        """The core; None while the node is not configured."""
+        """The extractor, or None while the node is not configured."""
         stage: FeaturesStage | None = self.stage
         return stage.extractor if stage is not None else None
 
     @property
     def add_block(self) -> Callable[[StrainRecord], None]:
-        """The input for blocks of the sensor of this process."""
+        """Function that accepts blocks of a sensor in the same process."""
         return self.input(STRAIN_TOPIC, lambda stage, block: stage.add_block(check_record(block)))

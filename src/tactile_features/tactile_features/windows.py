@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The samples of the last while, in order of sequence number, with their gaps known."""
+"""Buffer of the latest samples in the order of their sequence numbers, with known gaps."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ SAMPLE = np.dtype(
         ('interpolated', np.bool_),
     ]
 )
-"""One sample. ``latest_ns``: latest stamp so far, never falls, so it can be searched.
-``stamp_error_s``: bound on the error of the stamp; negative: not known. ``step_ns``: by how much
-the host's clock was stepped between the sample before and this one. ``hole``: something is
-missing between them, the samples paused, or the clock was stepped."""
+"""One sample. ``latest_ns``: running maximum of the stamps, for binary search. ``stamp_error_s``:
+bound on the error of the stamp; negative if unknown. ``step_ns``: step of the host's clock between
+the previous sample and this one. ``hole``: samples are missing between them, the samples paused,
+or the clock was stepped."""
 
 _LARGEST_STEP_NS = 1 << 62
 
@@ -37,39 +37,39 @@ _CLOCK_STEP = int(StrainStatus.CLOCK_STEP)
 _SIMULATED = int(StrainStatus.SIMULATED)
 _RESYNCHRONISED = int(StrainStatus.RESYNCHRONISED)
 _BREAKS = _CLOCK_STEP | int(StrainStatus.RECONNECTED)
-"""Where one of these begins, a block does not continue the one before."""
+"""A block with one of these bits does not continue the previous block."""
 _EVENTS = _BREAKS | _RESYNCHRONISED
 
 SET_BACK_NS = 1_000_000_000
-"""A block whose stamps lie further back than this is not late: the clock was set back."""
+"""Stamps that lie further back than this mean that the clock was set back [ns]."""
 
 PAUSE_NS = 500_000_000
-"""Longest leap of the stamps at a block that was resynchronised, beyond its numbers [ns]."""
+"""Largest jump of the stamps at a resynchronised block, beyond its sequence numbers [ns]."""
 
 Samples = NDArray[Any]
 """An array of `SAMPLE`."""
 
 
 class SampleBuffer:
-    """Strain blocks in, samples out, whatever the blocks' sizes.
+    """Buffer of samples; the result does not depend on the sizes of the blocks.
 
-    - A block that repeats sequence numbers is late or a duplicate; what it repeats
-      is dropped. If its stamps are new, the driver was restarted instead.
-    - A run of at most ``max_gap_samples`` lost samples is filled by linear
-      interpolation between its neighbours; a longer one is a hole, and so is a
-      restart or a reconnection, where nobody knows how much was lost, and a step of
-      the host's clock.
-    - The memory is bounded: samples are kept for ``buffer_ns`` by their stamps, ``capacity`` of
-      them at most.
+    - A block that repeats sequence numbers is late or a duplicate. Its repeated samples are
+      dropped. If its stamps are new, the driver was restarted instead.
+    - A run of at most ``max_gap_samples`` lost samples is interpolated linearly between the
+    samples
+      next to it. A longer run is a hole. A restart, a reconnection, after which the number of
+      lost samples is unknown, and a step of the host's clock are holes, too.
+    - The memory is bounded: samples are kept for ``buffer_ns`` by their stamps, and at most
+      ``capacity`` of them.
 
     Attributes
     ----------
     late_sample_count, restart_count : int
-        Samples dropped as repeated; restarts of the stream, or of its clock.
+        Number of samples dropped as repeated; number of restarts of the stream or its clock.
     new_count : int
-        Samples that the last `add` appended, interpolated ones included.
+        Number of samples that the last `add` appended, including interpolated ones.
     evicted_ns : int or None
-        Latest stamp that is no longer in the buffer [ns].
+        Latest stamp that has been removed from the buffer [ns].
     watermark_ns : int or None
         Latest stamp seen [ns]; None before the first sample.
     """
@@ -93,39 +93,39 @@ class SampleBuffer:
 
     @property
     def samples(self) -> Samples:
-        """The samples as an array of `SAMPLE`; valid until the next `add`."""
+        """All samples as an array of `SAMPLE`; valid until the next `add`."""
         return self._data[self._start : self._end]
 
     @property
     def new_samples(self) -> Samples:
-        """Samples that the last `add` appended, as an array of `SAMPLE`; valid until the next."""
+        """Samples appended by the last `add`, an array of `SAMPLE`; valid until the next one."""
         return self._data[self._end - self.new_count : self._end]
 
     @property
     def new_step_ns(self) -> int:
-        """By how much the host's clock was stepped before what the last `add` appended [ns]."""
+        """Step of the host's clock before the samples that the last `add` appended [ns]."""
         return int(self._columns['step_ns'][self._end - self.new_count]) if self.new_count else 0
 
     @property
     def is_simulated(self) -> bool:
-        """True when the newest sample is from a simulated sensor."""
+        """True if the newest sample is from a simulated sensor."""
         return bool(self._last_status & _SIMULATED)
 
     def first_at(self, stamp_ns: int) -> int:
-        """Return the index of the first sample with this stamp or a later one."""
+        """Return the index of the first sample whose stamp is not earlier than ``stamp_ns``."""
         return (
             bisect_left(self._columns['latest_ns'], stamp_ns, self._start, self._end) - self._start
         )
 
     def first_beyond(self, stamp_ns: int) -> int:
-        """Return the index of the first sample with a later stamp than this."""
+        """Return the index of the first sample whose stamp is later than ``stamp_ns``."""
         return (
             bisect_right(self._columns['latest_ns'], stamp_ns, self._start, self._end)
             - self._start
         )
 
     def add(self, block: StrainBlock) -> bool:
-        """Append a block; return whether the clock was set back and the past is gone."""
+        """Append a block; return True if earlier samples were removed: the clock was set back."""
         self.new_count = 0
         count = len(block.tension_n)
         if count == 0:
@@ -165,14 +165,14 @@ class SampleBuffer:
         return False
 
     def _append_next(self, block: StrainBlock, count: int) -> None:
-        """Append a block that continues: as `_unpack` and `_append`, but straight into place."""
+        """Append a continuing block in place: `_unpack` and `_append` in one, but faster."""
         if self._end + count > len(self._data):
             self._make_room(count)
         self.new_count += count
         self.watermark_ns = block.stamp_ns + (count - 1) * block.period_ns
         self._next_sequence = block.sequence + count
         self._last_status = int(block.status)
-        if count == 1:  # one store instead of nine
+        if count == 1:  # one assignment instead of nine
             self._data[self._end] = (
                 block.stamp_ns,
                 block.stamp_ns,
@@ -200,7 +200,7 @@ class SampleBuffer:
         self._end += count
 
     def _join(self, last: Any, new: Samples, lost_before: int, period_ns: int) -> None:
-        """Fill or mark what is missing between the last sample and the next ones."""
+        """Interpolate or mark the gap between the last sample and the next ones."""
         lost = int(new['sequence'][0]) - int(last['sequence']) - 1
         if lost < 0:
             self.restart_count += 1
@@ -212,7 +212,7 @@ class SampleBuffer:
             self._append(_interpolate(last, new[0], lost))
 
     def evict(self) -> None:
-        """Forget samples that are too old or too many."""
+        """Remove samples that are too old, or exceed the capacity."""
         watermark_ns = self.watermark_ns
         if watermark_ns is None:
             return
@@ -262,12 +262,12 @@ def _unpack(block: StrainBlock) -> Samples:
 
 
 def _known_error(block: StrainBlock) -> float:
-    """Return the bound on the error of a block's stamps [s], -1 when it is not known."""
+    """Return the bound on the stamp error of a block [s], or -1 if it is unknown."""
     return block.stamp_error_s if block.stamp_error_s >= 0.0 else -1.0
 
 
 def _measure_step(last: Any, first: Any, period_ns: int) -> int:
-    """Return by how much the host's clock was stepped between two samples [ns], 0: not at all."""
+    """Return the step of the host's clock between two samples [ns], or 0 if there is none."""
     if not first['status'] & ~last['status'] & _CLOCK_STEP:
         return 0
     periods = max(1, int(first['sequence']) - int(last['sequence']))
@@ -277,7 +277,7 @@ def _measure_step(last: Any, first: Any, period_ns: int) -> int:
 
 
 def _has_paused(last: Any, first: Any, period_ns: int) -> bool:
-    """Return whether stamps leap after a sample although the host's clock was not set."""
+    """Return True if stamps jump after a sample although the host's clock was not set."""
     if not first['status'] & ~last['status'] & _RESYNCHRONISED:
         return False
     periods = int(first['sequence']) - int(last['sequence'])
@@ -286,7 +286,7 @@ def _has_paused(last: Any, first: Any, period_ns: int) -> bool:
 
 
 def _interpolate(before: Any, after: Any, count: int) -> Samples:
-    """Return ``count`` samples evenly between two."""
+    """Return ``count`` evenly spaced samples between two samples."""
     step = np.arange(1, count + 1)
     stamp_ns = int(before['stamp_ns'])
     span_ns = int(after['stamp_ns']) - stamp_ns

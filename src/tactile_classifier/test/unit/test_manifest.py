@@ -71,7 +71,7 @@ def changed(**changes):
     ('changes', 'message'),
     [
         ({'format_version': 5}, 'format version 5, this software reads 8: train'),
-        ({'specification_digest': 'ab' * 8}, 'not that of its feature specification'),
+        ({'specification_digest': 'ab' * 8}, 'does not match its feature specification'),
         ({'specification_digest': 7}, 'no valid entry "specification_digest"'),
         ({'format_version': None}, 'format version None'),
         ({'labels': 'pla'}, 'no valid entry "labels"'),
@@ -80,7 +80,7 @@ def changed(**changes):
         ({'labels': ['pla', 'pla']}, 'not two or more different names'),
         ({'simulated': 1}, 'no valid entry "simulated"'),
         ({'trials': None}, 'no valid entry "trials"'),
-        ({'task': 'texture'}, 'task "texture" does not go with its feature set'),
+        ({'task': 'texture'}, 'task "texture" does not fit its feature set'),
         ({'contact': 'palm'}, 'contact is "palm"'),
         ({'score_kind': 'odds'}, 'score_kind is "odds"; it must be one of votes'),
         ({'classifier': 'forest'}, 'classifier is "forest"'),

@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Samples and trial events in, windows of features out.
+"""Extraction of feature windows from samples and trial events.
 
-The one implementation behind the live node, the replay of bags and training.
+The live node, the replay of bags and training all use this implementation.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ from tactile_features.windows import SampleBuffer
 from tactile_ros.strain import StrainBlock
 
 GRACE_S = 0.5
-"""Longest time that a sample takes to arrive; only after it does a sample count as missing."""
+"""Longest time that a sample takes to arrive [s]; later it counts as missing."""
 
 _SET_BACK = 'the clock of the samples was set back'
 LONGEST_STEP_S = 0.5
 
 
 class _Lane:
-    """One specification that is computed: where its samples are, and what still fills."""
+    """One specification that is computed: its buffer and its early windows that are incomplete."""
 
     def __init__(self, config: FeatureConfig, phase: str, buffer: SampleBuffer) -> None:
         self.config = config
@@ -60,17 +60,17 @@ class _Lane:
         self.early: deque[EarlyWindow] = deque()
 
     def begin(self, event: TrialEvent, *, is_past: bool) -> None:
-        """Take in the start of a phase."""
+        """Process the start of a phase."""
         if event.phase == self.phase and self.spec.is_early:
             self.early.append(EarlyWindow(event, self.config, self.buffer, is_past=is_past))
 
     def end(self, begun: TrialEvent, end: TrialEvent | None) -> None:
-        """Take in the event that ended a phase; None: another trial began instead."""
+        """Process the end of a phase; ``end`` is None if another trial began instead."""
         if self.early and self.early[-1].start == begun:
             self.early[-1].end_phase(end)
 
     def take_early(self) -> list[FeatureWindow]:
-        """Return the early windows that are complete, and the refusals that follow them."""
+        """Return the complete early windows, and the refusals that follow them."""
         windows: list[FeatureWindow] = []
         while self.early:
             windows += self.early[0].take_new()
@@ -80,7 +80,7 @@ class _Lane:
         return windows
 
     def give_up_early(self, outcome: Outcome, reason: str) -> list[FeatureWindow]:
-        """Refuse the early windows that still fill; those of a phase that goes on are dropped."""
+        """Refuse incomplete early windows; drop those whose phase has not ended yet."""
         windows: list[FeatureWindow] = []
         for window in self.early:
             if not window.is_given and (window.is_ended or outcome == Outcome.BAD_TIME):
@@ -90,10 +90,10 @@ class _Lane:
 
 
 class _FinishedPhase:
-    """The windows of one finished phase, one a specification.
+    """The windows of one finished phase, one per specification.
 
-    Each is taken as soon as its samples allow, as if it were alone, and given out in the order
-    of the specifications.
+    Each window is computed as soon as its samples have arrived, independently of the others. The
+    windows are returned in the order of the specifications.
     """
 
     def __init__(
@@ -115,11 +115,11 @@ class _FinishedPhase:
 
     @property
     def is_over(self) -> bool:
-        """True when all of its windows were given out."""
+        """True when all windows of the phase have been returned."""
         return not self._waiting
 
     def take(self) -> list[FeatureWindow]:
-        """Return the next windows that are complete."""
+        """Return the next complete windows."""
         for window in self._waiting:
             if window not in self._taken and (found := window.take()) is not None:
                 self._taken[window] = found
@@ -129,60 +129,59 @@ class _FinishedPhase:
         return given
 
     def end_with(self, refuse: Callable[[PhaseWindow], FeatureWindow]) -> list[FeatureWindow]:
-        """Return all windows that were not given out; what still waits for samples is refused."""
+        """Return all remaining windows; incomplete ones are refused by ``refuse``."""
         given = [self._taken.get(window) or refuse(window) for window in self._waiting]
         self._waiting.clear()
         return given
 
 
 class TrialFeatureExtractor:
-    """Cuts windows out of every finished glide and hold phase, one a specification.
+    """Cut one window per specification out of every finished glide and hold phase.
 
-    With ``wanted``, the windows of a phase are those of the specifications wanted for it. A phase
-    that none is wanted for has one window, by the parameters in ``config``. The
-    windows of one specification are the same, in the same order and bit for bit, whatever else
-    is wanted; of one phase they come in the order of the specifications.
+    With ``wanted``, a phase has the windows of the wanted specifications of that phase. A phase
+    without a wanted specification has one window, computed with the parameters in ``config``. The
+    windows of one specification have the same bits and the same order whatever else is wanted.
+    The windows of one phase are returned in the order of the specifications.
 
-    Early windows are given out as soon as their samples are there, whatever the phase does later;
-    a refusal of the same specification follows where it ended inside the window.
+    Early windows are returned as soon as their samples have arrived, whatever the phase does
+    later. If the phase ended inside the window, a refusal of the same specification follows.
 
-    With ``phases`` other than ``stated`` the events are found in the tension, and those
-    that are added are passed over.
+    With ``phases`` other than ``stated``, the events are detected in the tension, and added events
+    are ignored.
 
-    The windows depend on stamps and sequence numbers alone: in whatever way events
-    and blocks interleave, and however samples are grouped into blocks, the same
-    windows come out in the same order, bit for bit, as long as neither topic runs
-    ahead of the other by more than ``buffer_s``, and the clock of the samples is not set
-    back by a second or more: then nothing that is still to come can belong to what was.
+    The windows depend only on stamps and sequence numbers. The same windows with the same bits are
+    returned in the same order, however events and blocks interleave and however samples are
+    grouped into blocks. This requires that neither topic runs ahead of the other by more than
+    ``buffer_s`` and that the clock of the samples is not set back by a second or more.
 
-    A window whose samples do not come is refused `GRACE_S` after ``samples_timeout_s`` by
+    A window whose samples do not arrive is refused `GRACE_S` after ``samples_timeout_s`` by
     `time_out`, which a node calls by a monotonic clock, and by `pass_time`, which a replay
-    calls at the end of its data. Samples that come later refuse it by their stamps, with
-    the same bits. So a replay equals what was live, unless a sample with a stamp within
-    ``samples_timeout_s`` took longer than `GRACE_S` to arrive.
+    calls at the end of its data. If later samples arrive, the window is refused because of their
+    stamps, with the same bits. A replay therefore equals the live windows, unless a sample with a
+    stamp within ``samples_timeout_s`` took longer than `GRACE_S` to arrive.
 
     Parameters
     ----------
     config : FeatureConfig
-        What all windows share, and what the wanted specifications do not state.
+        Parameters that all windows share, and parameters that the specifications do not state.
     wanted : sequence of FeatureSpec
-        The features to compute; none: by ``config`` alone.
+        The specifications to compute; if empty, ``config`` determines them.
 
     Attributes
     ----------
     config : FeatureConfig
-        Its ``rate_hz`` is that of the wanted specifications, where these have one in common.
+        Its ``rate_hz`` is the rate of the wanted specifications if they have a common one.
     specifications : tuple of FeatureSpec
         All specifications that are computed, distinct and complete.
     block_count, sample_count, event_count : int
-        What has come in.
+        Numbers of blocks, samples and events that were added.
     window_counts : dict of Outcome to int
-        What has come out.
+        Number of windows returned, by outcome.
 
     Raises
     ------
     FeatureError
-        When wanted features cannot be computed.
+        When a wanted specification cannot be computed.
     """
 
     def __init__(self, config: FeatureConfig, wanted: Sequence[FeatureSpec] = ()) -> None:
@@ -196,7 +195,7 @@ class TrialFeatureExtractor:
         self._buffer_ns = round(config.buffer_s * 1e9)
         self._buffers: dict[tuple[int, int], SampleBuffer] = {}
         self._lanes = self._make_lanes(wanted)
-        # Phases in the signal do not depend on what is wanted.
+        # The detection of phases does not depend on the wanted specifications.
         is_stated = config.phases == PHASES_STATED
         self._buffer = self._lanes[0].buffer if is_stated else self._buffer_for(config)
         self._event: TrialEvent | None = None
@@ -205,7 +204,7 @@ class TrialFeatureExtractor:
         self._detected: list[TrialEvent] = []
 
     def _make_lanes(self, wanted: Sequence[FeatureSpec]) -> tuple[_Lane, ...]:
-        """Return a lane for each distinct specification, and one for a phase without any."""
+        """Return one lane per distinct specification or phase without a specification."""
         bound: dict[str, tuple[str, FeatureConfig]] = {}
 
         def add(phase: str, config: FeatureConfig) -> None:
@@ -223,8 +222,8 @@ class TrialFeatureExtractor:
         )
 
     def _buffer_for(self, config: FeatureConfig) -> SampleBuffer:
-        """Return the buffer of all who fill gaps alike."""
-        # Twice the nominal rate: a stream that is too fast is told so, not cut off.
+        """Return the buffer shared by all specifications with the same gap policy."""
+        # Twice the nominal rate: a stream that is too fast shall be reported, not cut off.
         capacity = round(2 * config.buffer_s * config.rate_hz)
         key = capacity, config.max_gap_samples
         if key not in self._buffers:
@@ -238,20 +237,20 @@ class TrialFeatureExtractor:
 
     @property
     def late_sample_count(self) -> int:
-        """Samples that came again or too late."""
+        """Number of samples that were duplicates or arrived too late."""
         return self._buffer.late_sample_count
 
     @property
     def restart_count(self) -> int:
-        """Restarts of the stream of samples."""
+        """Number of restarts of the sample stream."""
         return self._buffer.restart_count
 
     def add_block(self, block: StrainBlock) -> list[FeatureWindow]:
-        """Take in samples; return the windows that are now complete, in order of phases."""
+        """Add samples; return the windows that are now complete, in the order of their phases."""
         self.block_count += 1
         self.sample_count += len(block.tension_n)
         for buffer in self._buffers.values():
-            is_set_back = buffer.add(block)  # by stamps and numbers: all say the same
+            is_set_back = buffer.add(block)  # the same for all buffers
         windows = self._find_phases(is_set_back) if self._signal or is_set_back else []
         windows += self._take_early()
         if self._waiting:
@@ -277,22 +276,22 @@ class TrialFeatureExtractor:
         return windows
 
     def add_event(self, event: TrialEvent, *, is_past: bool = False) -> list[FeatureWindow]:
-        """Take in the start of a phase; return the windows that are now complete.
+        """Add the start of a phase; return the windows that are now complete.
 
-        Events are passed over where ``phases`` says that they are found in the signal.
+        Events are ignored if the parameter ``phases`` says that they are detected in the tension.
 
         Parameters
         ----------
         event : TrialEvent
         is_past : bool
-            It was published before anybody listened to the samples. The phase that it ends is
-            not refused when they do not come.
+            True for an event that was published before this process subscribed to the samples. The
+            phase that it ends is then not refused when its samples do not arrive.
         """
         self.event_count += 1
         return [] if self._signal else self._take_event(event, is_past=is_past)
 
     def take_detected_events(self) -> list[TrialEvent]:
-        """Return the phases found in the signal since the last call."""
+        """Return the phases detected in the tension since the last call."""
         detected, self._detected = self._detected, []
         return detected
 
@@ -311,17 +310,17 @@ class TrialFeatureExtractor:
 
     @property
     def waits_since_ns(self) -> int | None:
-        """When the oldest windows that wait should have had all samples [ns]; None: none wait.
+        """Time at which the oldest waiting window should have had all its samples [ns], or None.
 
-        On the clock of the samples: the end of their phase, or of an early window, which may still
-        be to come.
+        The time is on the clock of the samples: the end of the phase or of the early window. The
+        end of an early window may lie in the future.
         """
         oldest = self._find_oldest()
         return oldest[0] if oldest else None
 
     @property
     def remaining_s(self) -> float:
-        """Time until the oldest waiting windows are complete, from the last sample [s]."""
+        """Time from the last sample until the oldest waiting window is complete [s]."""
         oldest, last_ns = self._find_oldest(), self._buffer.watermark_ns
         if oldest is None:
             return 0.0
@@ -329,18 +328,18 @@ class TrialFeatureExtractor:
         return max(0, due_ns - max(begun_ns, last_ns or begun_ns)) / 1e9
 
     def _find_oldest(self) -> tuple[int, int] | None:
-        """Return when the oldest windows that wait are due, and when they began [ns]."""
+        """Return the due time and the start of the oldest waiting window [ns], or None."""
         waiting = [(w.due_ns, w.start.stamp_ns) for w in self._filling_windows()]
         if self._waiting:
             waiting.append((self._waiting[0].end.stamp_ns,) * 2)
         return min(waiting, default=None)
 
     def _filling_windows(self) -> list[EarlyWindow]:
-        """Return the oldest early window of each specification that has not all its samples."""
+        """Return the oldest incomplete early window of each specification."""
         return [lane.early[0] for lane in self._lanes if lane.early and not lane.early[0].is_given]
 
     def time_out(self) -> list[FeatureWindow]:
-        """Refuse the oldest windows that wait: their samples have not come in time."""
+        """Refuse the oldest waiting window, because its samples have not arrived in time."""
         due_ns = self.waits_since_ns
         for window in self._filling_windows():
             if window.due_ns == due_ns:
@@ -350,9 +349,12 @@ class TrialFeatureExtractor:
         return self._end_oldest(lambda window: window.refuse_by_events() or window.time_out())
 
     def pass_time(self, now_ns: int) -> list[FeatureWindow]:
-        """Refuse the windows whose samples have not come in time.
+        """Refuse the windows whose samples have not arrived in time.
 
-        ``now_ns`` is the time of arrival of the last data of any kind (ROS time) [ns].
+        Parameters
+        ----------
+        now_ns : int
+            Arrival time of the latest data of any kind, ROS time [ns].
         """
         most_ns = (self.config.samples_timeout_s + GRACE_S) * 1e9
         windows: list[FeatureWindow] = []
@@ -361,8 +363,8 @@ class TrialFeatureExtractor:
         return windows
 
     def finish(self) -> list[FeatureWindow]:
-        """Return windows for the finished phases that still wait: no more samples will come."""
-        return self._give_up(Outcome.GAP, 'the stream ended before all samples had come')
+        """Return windows for the finished phases that still wait: the stream has ended."""
+        return self._give_up(Outcome.GAP, 'the stream ended before all samples had arrived')
 
     def _take_early(self) -> list[FeatureWindow]:
         windows: list[FeatureWindow] = []
@@ -371,7 +373,7 @@ class TrialFeatureExtractor:
             while lane.early and self._is_overdue(lane.early[0].due_ns):
                 window = lane.early[0]
                 windows += [*window.give(window.time_out()), *lane.take_early()]
-        # In the order in which the last samples came, however they are grouped.
+        # Sorted by the time of their last sample, so that grouping into blocks has no effect.
         windows.sort(key=lambda window: window.window_end_ns)
         return self._count_early(windows)
 
@@ -383,7 +385,7 @@ class TrialFeatureExtractor:
     def _take_complete(self) -> list[FeatureWindow]:
         windows: list[FeatureWindow] = []
         while self._waiting:
-            # Only the oldest phase may go, so that the order does not depend on arrival.
+            # Only the oldest phase is taken, so that the order does not depend on arrival.
             phase = self._waiting[0]
             windows += self._count(phase, phase.take())
             if phase.is_over:
@@ -401,7 +403,7 @@ class TrialFeatureExtractor:
     def _count(
         self, phase: _FinishedPhase, windows: Sequence[FeatureWindow]
     ) -> list[FeatureWindow]:
-        """Return the windows that are given out: nobody is told of a past one without samples."""
+        """Return the windows to publish: refused windows of past phases are skipped."""
         given = [w for w in windows if w.outcome == Outcome.OK or not phase.is_past]
         for window in given:
             self.window_counts[window.outcome] += 1
@@ -412,13 +414,13 @@ class TrialFeatureExtractor:
         return event is not None and event.stamp_ns - due_ns > self._buffer_ns
 
     def _forget_past(self, step_ns: int) -> list[FeatureWindow]:
-        """Refuse what waits when the clock is set back, and the phase that it falls into."""
+        """Refuse waiting windows, and the phase under way, when the clock is set back."""
         if not step_ns:
-            return self._give_up(Outcome.GAP, f'{_SET_BACK} before they came')
+            return self._give_up(Outcome.GAP, f'{_SET_BACK} before its samples arrived')
         windows = self._give_up(Outcome.BAD_TIME, format_clock_step(step_ns, 'trial'))
         event = self._event
         if event is not None and event.phase in (PHASE_GLIDE, PHASE_HOLD):
-            self._event = None  # its end would be on another clock
+            self._event = None  # the end of this phase will be on another clock
             reason = format_clock_step(step_ns, event.phase)
             phase = _FinishedPhase(event, event, self._lanes, is_past=False)
             self._waiting.append(phase)
@@ -437,9 +439,9 @@ class TrialFeatureExtractor:
 
 
 def _begins_again(begun: TrialEvent, event: TrialEvent) -> bool:
-    """Return whether the trial is played again, and the phase did not end with this event.
+    """Return True if the event starts a repetition of the trial instead of ending the phase.
 
-    An event that is stamped earlier but ends the phase comes from a clock that was set back.
+    An event with an earlier stamp that ends the phase comes from a clock that was set back.
     """
     is_earlier = event.stamp_ns < begun.stamp_ns
     return is_earlier and event.phase in (PHASE_APPROACH, PHASE_CONTACT, begun.phase)
@@ -453,22 +455,22 @@ def features_from_trials(
     config: FeatureConfig | None = None,
     speeds_m_s: ArrayLike | None = None,
 ) -> tuple[NDArray[np.float64], FeatureSpec]:
-    """Return the features of ready-cut windows, one row a trial.
+    """Return the features of windows that are already cut, one row per trial.
 
     Parameters
     ----------
     task : str
         ``texture`` or ``stiffness``.
     x : array_like of shape (trials, samples)
-        Tension [N]; all samples of a row are the window. A set whose window depends on the
-        speed takes the middle of each row.
+            Tension [N]; each row is one window. A feature set whose window length depends on the
+            speed uses the middle of each row.
     rate_hz : float
         Sample rate [Hz].
     config : FeatureConfig, optional
-        Names the feature set and its options; the defaults where not given. How windows are
-        cut does not count.
+            Names the feature set and its options; defaults if omitted. Parameters that say how
+            windows are cut have no effect.
     speeds_m_s : array_like of shape (trials,), optional
-        Sliding speed of each trial [m/s]; for sets that need it.
+            Sliding speed of each trial [m/s]; required by feature sets over distance.
 
     Returns
     -------
@@ -479,8 +481,8 @@ def features_from_trials(
     Raises
     ------
     FeatureError
-        When the shape, the rate or the speeds do not fit, a value is not finite or a feature is
-        undefined; the message names the trial.
+            When the shape, the rate or the speeds are invalid, a value is not finite or a feature
+            is undefined; the message names the trial.
     """
     tension = np.asarray(x, dtype=np.float64)
     if tension.ndim != 2 or tension.shape[1] < 2:
@@ -493,7 +495,7 @@ def features_from_trials(
     spec = array_spec(task, count, rate_hz, config)
     bad = np.flatnonzero(~np.isfinite(tension).all(axis=1))
     if len(bad):
-        raise FeatureError(f'the tension of trial {bad[0]} holds values that are not finite')
+        raise FeatureError(f'the tension of trial {bad[0]} has values that are not finite')
     if feature_set.needs_speed:
         return _compute_each(feature_set, tension, rate_hz, speeds_m_s, len(spec.names)), spec
     samples = WindowSamples(_times_ns(tension.shape[1], rate_hz), tension, rate_hz)
@@ -511,7 +513,7 @@ def _compute_each(
     speeds_m_s: ArrayLike | None,
     feature_count: int,
 ) -> NDArray[np.float64]:
-    """Return the features of the middle of each trial, whose length its speed decides."""
+    """Return the features of the middle of each trial; the window length depends on its speed."""
     speeds = np.asarray([] if speeds_m_s is None else speeds_m_s, dtype=np.float64)
     if speeds.shape != tension_n.shape[:1]:
         raise FeatureError(
@@ -524,7 +526,7 @@ def _compute_each(
         for row, speed_m_s in zip(tension_n, speeds.tolist(), strict=True):
             count = feature_set.window(rate_hz, speed_m_s).sample_count or len(row)
             if count > len(row):
-                raise UndefinedFeatureError(f'it has {len(row)} samples, and its window {count}')
+                raise UndefinedFeatureError(f'it has {len(row)} samples; its window needs {count}')
             first = (len(row) - count) // 2
             middle = row[first : first + count]
             samples = WindowSamples(_times_ns(count, rate_hz), middle, rate_hz, speed_m_s)
@@ -543,12 +545,12 @@ def _times_ns(count: int, rate_hz: float) -> NDArray[np.int64]:
 
 
 class SampleTimeout:
-    """Refuses windows whose samples do not come, while nothing else comes that would.
+    """Decide when to refuse a window whose samples do not arrive while no other data arrive.
 
     A window is refused when it has waited `GRACE_S` longer than ``samples_timeout_s`` and no
-    block has come for as long. Where data still come, their stamps decide in the extractor.
-    Time in which nobody asked counts as `LONGEST_STEP_S` at most: in a process that was
-    stopped, samples may have come that it has not looked at.
+    block has arrived during that time. While data arrive, the extractor decides by their stamps.
+    The time between two calls of `is_over` counts as `LONGEST_STEP_S` at most, because a process
+    that was suspended may have unread samples.
     """
 
     def __init__(
@@ -562,7 +564,7 @@ class SampleTimeout:
         self._waited_s = 0.0
 
     def is_over(self) -> bool:
-        """Return whether to refuse the oldest window that waits; ask several times a second."""
+        """Return True if the oldest waiting window must be refused; call it often."""
         now_s = self._monotonic_s()
         self._waited_s += min(now_s - self._asked_s, LONGEST_STEP_S)
         self._asked_s = now_s

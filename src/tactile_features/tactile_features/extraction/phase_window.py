@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The window of one phase: its samples, their fitness, its features; full or early."""
+"""The window of one phase: selection and checks of its samples, and its features."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _BAD_STATUS = {
 }
 
 CROP_MARGIN = 10.0
-"""Where this many crops are shorter than the window, they limit the stamp error in its place."""
+"""This many crops limit the stamp error instead of the window length, if they are shorter."""
 
 _NO_SAMPLES: Samples = np.empty(0, SAMPLE)
 
@@ -39,8 +39,13 @@ _NO_SAMPLES: Samples = np.empty(0, SAMPLE)
 class _Cut(NamedTuple):
     """The samples of a window.
 
-    ``after``: the sample after them, where the phase and not a count ends the window.
-    ``lead``: those from the start of the phase to the window.
+    Attributes
+    ----------
+    samples : Samples
+    after : SAMPLE or None
+        The sample after the window, if the end of the phase and not a count ends the window.
+    lead : Samples
+        The samples between the start of the phase and the window.
     """
 
     samples: Samples
@@ -49,23 +54,29 @@ class _Cut(NamedTuple):
 
 
 class PhaseWindow:
-    """One finished glide or hold phase on its way to a window of features.
+    """The window of one finished glide or hold phase.
 
-    The feature set of the phase says which samples are the window: the first so many after the
-    crop at the start, which must end before the crop at the end, or all between the crops.
+    The feature set of the phase decides which samples form the window. It is either a fixed number
+    of samples after the crop at the start, which must end before the crop at the end, or all
+    samples between the crops.
 
-    Stamps that are wrong by e move the window by e along its phase. For a texture window of
-    length T a share e / T of its samples is then of another part of the surface; its
-    frequencies do not change, because samples are taken by number. The slope of a hold is
-    wrong by a share of 3 e / T at most: the errors that are worst for a regression over
-    evenly spaced times are +e in one half and -e in the other. The length that is compared
-    with the nominal rate is wrong by 2 e. So e must be at most ``max_stamp_error_share``
-    of T; at 1 % the length is known within `RATE_TOLERANCE`. The crop at the start keeps out
-    what happens there only while e is small against it: `CROP_MARGIN` crops count as
-    T where they are shorter. A crop of 0 sets no limit.
+    A stamp error e shifts the window by e along its phase. In a texture window of length T, a
+    fraction e / T of the samples then belongs to another part of the surface. Its frequencies do
+    not change, because samples are counted. The relative error of the slope of a hold is at most
+    3 e / T: the worst errors for a regression over evenly spaced times are +e in one half and -e
+    in the other. The window length, which is compared with the nominal rate, is wrong by up to 2
+    e. Therefore e must not exceed ``max_stamp_error_share`` of T; at 1 % the length is known
+    within `RATE_TOLERANCE`. The crop at the start excludes the transient only while e is small
+    against the crop, so `CROP_MARGIN` crops replace T where they are shorter. A crop of 0 sets no
+    limit.
 
-    ``start`` is the phase's event, ``end`` the trial's next one. The buffer has the samples under
-    the gap policy of ``config``.
+    Parameters
+    ----------
+    start, end : TrialEvent
+        The event of this phase, and the next event of the trial.
+    config : FeatureConfig
+    buffer : SampleBuffer
+        The samples, with the gap policy of ``config``.
     """
 
     def __init__(
@@ -104,7 +115,7 @@ class PhaseWindow:
         self._most_error_s = config.max_stamp_error_share * min(length_s, crops_s)
 
     def take(self) -> FeatureWindow | None:
-        """Return the window, or None while a sample still to come could change it."""
+        """Return the window, or None while a sample that is still to come could change it."""
         if refused := self.refuse_by_events():
             return refused
         cut = self._cut()
@@ -115,7 +126,7 @@ class PhaseWindow:
         return self.time_out() if self._is_too_late(cut.after) else self._assess(cut)
 
     def refuse_by_events(self) -> FeatureWindow | None:
-        """Return the window where the events alone say that it has no features."""
+        """Return the refused window if the events already exclude features, or None."""
         if self.end.phase == PHASE_ABORTED:
             reason = f'the trial was aborted: {self.end.message or "no reason given"}'
             return self.refuse(Outcome.ABORTED, reason)
@@ -134,19 +145,19 @@ class PhaseWindow:
     def refuse(
         self, outcome: Outcome, reason: str, samples: Samples = _NO_SAMPLES
     ) -> FeatureWindow:
-        """Return the window without features."""
+        """Return the window without features, with the outcome and the reason."""
         return self._window(outcome, reason, samples, np.empty(0))
 
     def time_out(self) -> FeatureWindow:
-        """Return the window without features: its samples have not come in time."""
+        """Return the window without features, because its samples have not arrived in time."""
         reason = (
-            f'no samples came within {self._config.samples_timeout_s:g} s of the end of the '
+            f'no samples arrived within {self._config.samples_timeout_s:g} s after the end of the '
             f'{self.start.phase}: the sensor is silent, see its diagnostics'
         )
         return self.refuse(Outcome.GAP, reason)
 
     def _is_too_late(self, after: Any) -> bool:
-        """Return whether the sample after the window came later than anybody waits for it."""
+        """Return True if the sample after the window arrived after ``samples_timeout_s``."""
         if after is None or after['step_ns']:
             return False
         late_ns = int(after['latest_ns']) - self.end.stamp_ns
@@ -163,7 +174,7 @@ class PhaseWindow:
         return self.refuse(Outcome.GAP, reason)
 
     def _first_samples(self) -> _Cut | None:
-        """Return as many samples as are wanted, or None while there are fewer."""
+        """Return the required number of samples, or None while there are fewer."""
         begin = self._buffer.first_at(self._from_ns)
         end = begin + self._wanted
         return self._slice(begin, end, None) if end <= len(self._buffer.samples) else None
@@ -191,7 +202,7 @@ class PhaseWindow:
         if reason := self._format_gap(cut):
             return self.refuse(Outcome.GAP, reason, samples)
         if len(samples) < self._wanted:
-            reason = f'the {self.start.phase} gave {len(samples)} of {self._wanted} samples'
+            reason = f'the {self.start.phase} has {len(samples)} of {self._wanted} samples'
             return self.refuse(Outcome.TOO_SHORT, reason, samples)
         if reason := self._format_stamp_error(samples):
             return self.refuse(Outcome.BAD_TIME, reason, samples)
@@ -217,12 +228,12 @@ class PhaseWindow:
         if known_error_s > self._most_error_s:
             return (
                 f'the stamps may be wrong by {known_error_s:.4f} s; this window allows '
-                f'{self._most_error_s:.4f} s (max_stamp_error_share). See what delays the '
+                f'{self._most_error_s:.4f} s (max_stamp_error_share). Find out what delays the '
                 'samples on their way to the host'
             )
         if _worst_error_s(samples) < 0.0 and not self._config.accept_unknown_stamp_error:
             return (
-                'the error of the stamps is not known; the parameter '
+                'the error of the stamps is unknown, and the parameter '
                 'accept_unknown_stamp_error is false'
             )
         return ''
@@ -241,11 +252,11 @@ class PhaseWindow:
             if second_ns - first_ns > PAUSE_NS:
                 return (
                     f'the samples paused for {(second_ns - first_ns) / 1e9:.3f} s before sequence '
-                    f"number {behind}: the sensor stood still; see the sensor's diagnostics"
+                    f"number {behind}; see the sensor's diagnostics"
                 )
-            return f'the stream broke off and began again at sequence number {behind}'
-        # Lost around the first or the last sample: whether they belonged to the
-        # window, the nominal period tells.
+            return f'the stream was interrupted and restarted at sequence number {behind}'
+        # Samples were lost next to the first or the last sample. The nominal period decides
+        # whether the lost ones belonged to the window.
         first = samples[0] if len(samples) else after
         if first['hole'] and first['stamp_ns'] - self._period_ns >= self._from_ns:
             return 'samples are missing at the start of the window'
@@ -262,7 +273,7 @@ class PhaseWindow:
             return 'samples in the window are not finite'
         span_ns = int(samples['stamp_ns'][-1]) - int(samples['stamp_ns'][0])
         nominal_ns = (len(samples) - 1) * self._period_ns
-        # Either end may be off by a period where stamps are times of arrival.
+        # With arrival times as stamps, either end may be off by one period.
         if abs(span_ns - nominal_ns) > RATE_TOLERANCE * nominal_ns + 2 * self._period_ns:
             rate_hz = (len(samples) - 1) / span_ns * 1e9 if span_ns > 0 else 0.0
             return (
@@ -302,7 +313,7 @@ class PhaseWindow:
 
 
 def format_clock_step(step_ns: int, phase: str) -> str:
-    """Return the sentence that refuses a window across a step of the host's clock."""
+    """Return the reason to refuse a window that contains a step of the host's clock."""
     way = 'forward' if step_ns > 0 else 'back'
     return f"the host's clock was set {way} by {abs(step_ns) / 1e9:.3f} s during the {phase}"
 
@@ -315,37 +326,38 @@ def _format_set_back(start: TrialEvent, end: TrialEvent) -> str:
 
 
 def _worst_error_s(samples: Samples) -> float:
-    """Return the largest bound on the error of the stamps [s], -1 when one is not known."""
+    """Return the largest bound on the stamp errors [s], or -1 if one of them is unknown."""
     errors_s = samples['stamp_error_s']
     return float(errors_s.max()) if len(errors_s) and errors_s.min() >= 0.0 else -1.0
 
 
 class EarlyWindow(PhaseWindow):
-    """The first samples of a phase, given out when they are there, whatever the phase does later.
+    """The first samples of a phase, returned as soon as they have arrived.
 
-    The window supposes that the phase lasts, because its end is not known yet. So it is the same
-    whether the event of the end comes before or after the samples. If the phase ended or was
-    aborted inside the window, a refusal of the same specification follows when both are known.
+    The window assumes that the phase continues, because its end is not known yet. It is therefore
+    the same whether the event that ends the phase arrives before or after the samples. If the
+    phase ended or was aborted inside the window, a refusal of the same specification follows when
+    both are known.
 
     Parameters
     ----------
     start : TrialEvent
         Start of the phase.
     config : FeatureConfig
-        Its set of features for the phase is early.
+        Its feature set for the phase must be early (`FeatureSet.is_early`).
     buffer : SampleBuffer
     is_past : bool
-        The start was published before the samples were listened to: a window without features is
-        then not given out.
+        True if the start was published before this process subscribed to the samples. A window
+        without features is then not returned.
 
     Attributes
     ----------
     due_ns : int
         Nominal time of the last sample [ns].
     is_given : bool
-        The window was given out.
+        True if the window has been returned.
     is_ended : bool
-        The end of the phase is known.
+        True if the end of the phase is known.
     """
 
     def __init__(
@@ -371,32 +383,32 @@ class EarlyWindow(PhaseWindow):
 
     @property
     def is_over(self) -> bool:
-        """True when nothing more will be given out."""
+        """True when the window and a possible refusal have been returned."""
         if self._given is None:
             return False
         return self._given.outcome != Outcome.OK or self._is_followed
 
     def end_phase(self, end: TrialEvent | None) -> None:
-        """Take in the event that ended the phase; None: another trial began instead."""
+        """Store the event that ended the phase; None if another trial began instead."""
         self._is_followed = True
         self._phase_end = end
 
     def take_new(self) -> list[FeatureWindow]:
-        """Return the window, and the refusal that follows it, as soon as they are known."""
+        """Return the window, and the refusal that follows it, as soon as each is known."""
         if self._given is None:
             window = self.take()
             return [] if window is None else self.give(window)
         return self._contradict()
 
     def give(self, window: FeatureWindow) -> list[FeatureWindow]:
-        """Return what is given out where this is the window."""
+        """Mark the window as returned; return it, unless it is to be skipped."""
         self._given = window
         if window.outcome != Outcome.OK and self._is_past:
             return []
         return [window, *self._contradict()]
 
     def take(self) -> FeatureWindow | None:
-        """Return the window, or None while its samples have not all come."""
+        """Return the window, or None while samples are missing."""
         if self._no_window:
             return self.refuse(Outcome.UNDEFINED, self._no_window)
         cut = self._first_samples()
@@ -410,15 +422,15 @@ class EarlyWindow(PhaseWindow):
         return self.time_out() if is_late and not self._format_step(cut) else self._assess(cut)
 
     def time_out(self) -> FeatureWindow:
-        """Return the window without features: its samples have not come in time."""
+        """Return the window without features, because its samples have not arrived in time."""
         reason = (
-            f'the samples did not come within {self._config.samples_timeout_s:g} s of the time '
-            'when the window should have been full: the sensor is silent, see its diagnostics'
+            f'the samples did not arrive within {self._config.samples_timeout_s:g} s after the '
+            'nominal end of the window: the sensor is silent, see its diagnostics'
         )
         return self.refuse(Outcome.GAP, reason)
 
     def _contradict(self) -> list[FeatureWindow]:
-        """Return the refusal where the phase ended inside a window that was given out."""
+        """Return the refusal if the phase ended inside a window that was already returned."""
         given, end = self._given, self._phase_end
         if given is None or given.outcome != Outcome.OK or end is None:
             return []

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sets of features: the interface that training, replay and the live node see."""
+"""Interface of feature sets for training, replay and the live node."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from tactile_features.records import PHASE_GLIDE
 from tactile_ros.configs import parameter
 
 DETRENDS = ('none', 'mean', 'linear')
-"""Trends to subtract before the transform of ``texture_spectrum``."""
+"""Options of ``texture_spectrum``: trend to subtract before the transform."""
 
 WINDOWS = ('none', 'hann')
-"""Weights of the samples before it."""
+"""Options of ``texture_spectrum``: window function applied before the transform."""
 
 FloatArray = NDArray[np.float64]
 RATE_TOLERANCE = 0.02
-"""Largest deviation of the mean rate of a window from its nominal rate [1]: less than two bins
-at the upper end of the spectrum of 180 samples."""
+"""Largest relative deviation of the mean rate of a window from its nominal rate [1]. It shifts
+the upper end of the spectrum of 180 samples by less than two bins."""
 
 
 @dataclass(frozen=True)
 class WindowParameters:
-    """The part of a `FeatureConfig` that feature sets see; `FeatureConfig` checks it."""
+    """The fields of a `FeatureConfig` that feature sets use; `FeatureConfig` checks them."""
 
     rate_hz: float = parameter(
         60.0,
@@ -43,70 +43,70 @@ class WindowParameters:
     )
     texture_crop_start_s: float = parameter(
         0.6,
-        'flat section that is left out at the start of the glide',
+        'crop at the start of the glide',
         unit='s',
         range=(0.0, 60.0),
     )
     texture_crop_end_s: float = parameter(
         0.1,
-        'a texture window must end this long before the glide does',
+        'crop at the end of the glide: a texture window must end this long before it',
         unit='s',
         range=(0.0, 60.0),
     )
     spectrum_detrend: str = parameter(
         'linear',
-        'with texture_spectrum: what is subtracted before the transform, the mean or the '
-        'least-squares line; mean is what the paper does',
+        'texture_spectrum: subtract the mean or the least-squares line before the transform; '
+        'the paper subtracts the mean',
         choices=DETRENDS,
     )
     spectrum_window: str = parameter(
         'none',
-        'with texture_spectrum: window function before the transform',
+        'texture_spectrum: window function before the transform',
         choices=WINDOWS,
     )
     spatial_crop_m: float = parameter(
         0.009,
-        'with features over the surface: path that is left out at the start of the glide',
+        'features over distance: distance that is cropped at the start of the glide',
         unit='m',
         range=(0.0, 2.0),
     )
     spatial_length_m: float = parameter(
         0.045,
-        'with features over the surface: path over the surface that is one window',
+        'features over distance: length of a window along the surface',
         unit='m',
         range=(0.0001, 2.0),
     )
     spatial_finest_m: float = parameter(
         0.0005,
-        'with features over the surface: finest scale; samples must not be further apart on it',
+        'features over distance: finest scale; the distance between samples must not exceed it',
         unit='m',
         range=(0.00001, 0.5),
     )
     stiffness_settle_s: float = parameter(
         0.5,
-        'dynamic deformation that is left out at the start of the hold',
+        'crop at the start of the hold, for the dynamic deformation',
         unit='s',
         range=(0.0, 60.0),
     )
     stiffness_crop_end_s: float = parameter(
-        0.1, 'what is left out at the end of the hold', unit='s', range=(0.0, 60.0)
+        0.1, 'crop at the end of the hold', unit='s', range=(0.0, 60.0)
     )
     stiffness_samples: int = parameter(
-        180, 'with hold_waveform: samples in a window', unit='1', range=(9, 1000000)
+        180, 'hold_waveform: samples in a window', unit='1', range=(9, 1000000)
     )
     stiffness_min_s: float = parameter(
         2.0, 'shortest stiffness window', unit='s', range=(0.05, 60.0)
     )
     max_gap_samples: int = parameter(
         0,
-        'longest run of lost samples that is interpolated linearly; 0 rejects any loss',
+        'longest run of lost samples that is interpolated linearly; 0 refuses any loss',
         unit='1',
         range=(0, 1000),
     )
     early_windows: bool = parameter(
         False,
-        'texture_spectrum, glide_waveform, hold_waveform: publish the window when its last sample '
-        'has come; a refusal follows if its phase ends inside it',
+        'texture_spectrum, glide_waveform, hold_waveform: publish a window as soon as its last '
+        'sample has arrived; a refusal follows if the phase ends inside the window',
     )
 
 
@@ -119,16 +119,16 @@ class Feature(NamedTuple):
 
 @dataclass(frozen=True)
 class WindowSpec:
-    """The samples of a phase that are its window.
+    """Position of a window within its phase.
 
     Attributes
     ----------
     crop_start_s, crop_end_s : float
-        What is left out at the start of the phase and at its end [s].
+            Time that is left out at the start and at the end of the phase [s].
     shortest_s : float
-        The window is refused when the phase leaves less between its crops [s].
+            The window is refused when the phase is shorter than this between its crops [s].
     sample_count : int
-        Length of the window after the crop, in samples; 0: all samples between the crops.
+            Length of the window after the crop, in samples; 0 for all samples between the crops.
     """
 
     crop_start_s: float
@@ -139,18 +139,18 @@ class WindowSpec:
 
 @dataclass(frozen=True, eq=False)
 class WindowSamples:
-    """The samples of one window, or of many windows that share their times.
+    """The samples of one window, or of several windows with common sample times.
 
     Attributes
     ----------
     time_ns : ndarray of int, shape (n,)
         Times of the samples [ns].
     tension_n : ndarray of shape (..., n)
-        Tension [N]; finite.
+            Tension [N]; must be finite.
     rate_hz : float
         Nominal sample rate [Hz].
     speed_m_s : float
-        Sliding speed [m/s]; 0 where the set does not need it.
+            Sliding speed [m/s]; 0 if the feature set does not need it.
     """
 
     time_ns: NDArray[np.int64]
@@ -160,38 +160,39 @@ class WindowSamples:
 
 
 class FeatureSet(ABC):
-    """A set of features, bound to the parameters of one configuration.
+    """A feature set with the parameters of one configuration.
 
-    A set in a package of yours is a subclass that its ``setup.py`` names in the entry point group
-    ``tactile.feature_sets``, under the set's ``name``. See docs/feature_sets.md.
+    To add a feature set in another package, derive a class from this one and register it in that
+    package's ``setup.py``, in the entry point group ``tactile.feature_sets``, under the ``name``
+    of the class. See docs/feature_sets.md.
 
     Parameters
     ----------
     config : FeatureConfig
-        Of it, a set sees the parameters that decide values.
+        A feature set uses only the parameters that affect its values.
 
     Attributes
     ----------
     name : str
     version : int
-        Changes when values of the same name would come out different.
+        Increased when features of the same name would have other values.
     phase : str
-        The phase that holds the window: ``glide`` or ``hold``.
+        The phase that contains the window: ``glide`` or ``hold``.
     needs_speed : bool
-        Whether the features depend on the sliding speed.
+        True if the features depend on the sliding speed.
     is_waveform : bool
-        Whether the features are values of one signal in their order, for classifiers of its shape.
+        True if the features are consecutive values of one signal, for classifiers of its shape.
     can_be_early : bool
-        Whether the first samples of a phase may be a window that is given out as soon as they are
-        there: ``count_field`` is set, and the features need no more of the phase.
+        True if the window may consist of the first samples of a phase and be returned as soon as
+        they have arrived. Requires ``count_field`` and features that need no later samples.
     cut : tuple of str
-        Fields of `FeatureConfig` which say what part of the phase the window is. Ready-cut
-        windows do not state them.
+        Fields of `FeatureConfig` that say which part of the phase the window is. Specifications of
+        windows that are already cut do not state them.
     options : tuple of str
-        Fields of `FeatureConfig` which say what is computed.
+        Fields of `FeatureConfig` that say what is computed.
     count_field : str
-        The field of `FeatureConfig` with the number of samples in a window; empty: there is none,
-        because the phase or the speed decides.
+        The field of `FeatureConfig` with the number of samples in a window; empty if the phase
+        or the speed decides.
     """
 
     name: ClassVar[str]
@@ -208,22 +209,22 @@ class FeatureSet(ABC):
         self.config = config
 
     def window(self, rate_hz: float, speed_m_s: float) -> WindowSpec:
-        """Return which samples of a phase are its window.
+        """Return the position of the window within its phase.
 
-        Unless a set says otherwise: of a glide, ``sample_count`` samples between the crops of a
-        texture window; of a hold, all between those of a stiffness window.
+        By default, a glide has a window of ``sample_count`` samples between the crops of a texture
+        window, and a hold has a window of all samples between the crops of a stiffness window.
 
         Parameters
         ----------
         rate_hz : float
             Nominal sample rate [Hz].
         speed_m_s : float
-            Sliding speed of the phase; 0: not known [m/s].
+            Sliding speed of the phase [m/s]; 0 if unknown.
 
         Raises
         ------
         FeatureError
-            When there is no window at that speed.
+            When the feature set has no window at that speed.
         """
         if self.phase == PHASE_GLIDE:
             return glide_window(self.config, self.sample_count, rate_hz)
@@ -236,12 +237,12 @@ class FeatureSet(ABC):
 
     @abstractmethod
     def describe(self, sample_count: int, rate_hz: float) -> tuple[Feature, ...]:
-        """Return names and units of the features, in their order.
+        """Return names and units of the features, in the order of the values.
 
         Parameters
         ----------
         sample_count : int
-            Samples in a window; 0 where that is not fixed.
+            Samples in a window; 0 if that number is not fixed.
         rate_hz : float
             Nominal sample rate [Hz].
         """
@@ -250,31 +251,32 @@ class FeatureSet(ABC):
     def compute(self, samples: WindowSamples) -> FloatArray:
         """Return the features of windows, of shape (..., k).
 
-        A window must give the same bits alone and in a batch.
+        A single window must give the same bits as the same window in a batch.
 
         Raises
         ------
         UndefinedFeatureError
-            When a window has no value; of a batch, its ``windows`` are their places.
+            When a feature of a window is undefined; ``windows`` has the indices of such windows.
         FeatureError
-            When the samples do not fit.
+            When the samples are invalid.
         """
 
     @property
     def is_early(self) -> bool:
-        """True if a window is given out with its last sample, before the phase ends."""
+        """True if a window is returned with its last sample, before the phase ends."""
         return self.can_be_early and self.config.early_windows
 
     @property
     def sample_count(self) -> int:
-        """Samples in a window of this configuration; 0: the phase or the speed decides."""
+        """Samples in a window of this configuration; 0 if the phase or the speed decides."""
         return int(getattr(self.config, self.count_field)) if self.count_field else 0
 
 
 def glide_window(config: WindowParameters, sample_count: int, rate_hz: float) -> WindowSpec:
-    """Return a window of a glide, between the crops of a texture window.
+    """Return the position of a window between the crops of a texture window.
 
-    Without a number of samples it is all between them, and at least ``texture_samples``.
+    With ``sample_count`` 0, the window has all samples between the crops, which must leave at
+    least ``texture_samples``.
     """
     count = sample_count or config.texture_samples
     shortest_s = (count - 1) / rate_hz * (1 - RATE_TOLERANCE)

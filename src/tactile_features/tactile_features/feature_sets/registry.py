@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The sets of features that are there: those of this package, and those of others.
+"""Registry of the feature sets of this package and of other installed packages.
 
-A new set of this package is one module here and one line in `BUILT_IN`.
+To add a feature set to this package, write one module here and add its class to `BUILT_IN`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from tactile_features.feature_sets.waveforms import GlideWaveform, HoldWaveform,
 from tactile_features.records import PHASE_GLIDE, PHASE_HOLD, PROTOCOL_STIFFNESS, PROTOCOL_TEXTURE
 
 GROUP = 'tactile.feature_sets'
-"""The entry point group in which other packages name their sets."""
+"""Entry point group in which other packages register their feature sets."""
 
 BUILT_IN: tuple[type[FeatureSet], ...] = (
     TextureSpectrum,
@@ -38,17 +38,17 @@ BUILT_IN: tuple[type[FeatureSet], ...] = (
 PHASE_OF_TASK: Mapping[str, str] = MappingProxyType(
     {PROTOCOL_TEXTURE: PHASE_GLIDE, PROTOCOL_STIFFNESS: PHASE_HOLD}
 )
-"""The phase whose window answers a task."""
+"""The phase whose window is classified for a task."""
 
 CHOOSER: Mapping[str, str] = MappingProxyType(
     {PHASE_GLIDE: 'texture_features', PHASE_HOLD: 'stiffness_features'}
 )
-"""The field of `FeatureConfig` that names the set of a phase."""
+"""The field of `FeatureConfig` that names the feature set of a phase."""
 
 
 @lru_cache(maxsize=64)
 def find_feature_set(name: str) -> type[FeatureSet] | None:
-    """Return the set of that name, or None when no installed package has one."""
+    """Return the feature set of that name, or None if no installed package has it."""
     for feature_set in BUILT_IN:
         if feature_set.name == name:
             return feature_set
@@ -72,13 +72,13 @@ def _load(entry: Any) -> type[FeatureSet]:
     if name != entry.name or phase not in CHOOSER:
         raise FeatureError(
             f'{entry.value} of {package} has the name "{name}" and the phase "{phase}"; the name '
-            f'must be that of its entry point, "{entry.name}", and the phase glide or hold'
+            f'must equal its entry point, "{entry.name}", and the phase must be glide or hold'
         )
     return found
 
 
 def list_feature_sets(phase: str) -> tuple[str, ...]:
-    """Return the names of the sets of a phase, those of this package first."""
+    """Return the names of the feature sets of a phase, those in this package first."""
     others = [entry.name for entry in entry_points(group=GROUP)]
     names = dict.fromkeys([*(each.name for each in BUILT_IN), *sorted(others)])
     found = [(name, find_feature_set(name)) for name in names]
@@ -86,18 +86,18 @@ def list_feature_sets(phase: str) -> tuple[str, ...]:
 
 
 def check_choice(parameter: str, name: str, phase: str) -> type[FeatureSet]:
-    """Return the set that a parameter names, if it is one for that phase."""
+    """Return the feature set that a parameter names; raise `FeatureError` if it does not fit."""
     found = find_feature_set(name)
     if found is None or found.phase != phase:
         raise FeatureError(
-            f'{parameter} is "{name}"; it must be {" or ".join(list_feature_sets(phase))}, or a '
-            f'set of the {phase} that an installed package names in {GROUP}'
+            f'{parameter} is "{name}"; it must be {" or ".join(list_feature_sets(phase))}, or the '
+            f'name of a feature set of the {phase} that a package registers in {GROUP}'
         )
     return found
 
 
 def task_of(name: str) -> str:
-    """Return the task of a set, ``texture`` or ``stiffness``; empty: there is no such set."""
+    """Return the task of a feature set, ``texture`` or ``stiffness``; empty if it is unknown."""
     found = find_feature_set(name)
     return next(
         (task for task, phase in PHASE_OF_TASK.items() if found and found.phase == phase), ''

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``stiffness_regression`` and ``stiffness_relaxation``: the straight line through a hold."""
+"""``stiffness_regression`` and ``stiffness_relaxation``: the line fitted to a hold."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ REGRESSION_NAMES = (
 REGRESSION_UNITS = ('N/s', 'N', '1')
 
 
-# Windows at a time, so that their differences stay in the cache.
+# Number of windows that are processed together, so that their data stay in the cache.
 _BLOCK_WINDOWS = 240
-# What is subtracted from a sum of squares may be this many times what remains of it: two bits.
+# Largest ratio of a subtracted term to the remaining sum of squares: two bits are cancelled.
 _MOST_CANCELLED = 3.0
-# Sums of squares beyond these would overflow or vanish on the way.
+# Sums of squares outside this range would overflow or underflow in intermediate results.
 _LEAST, _MOST = 1e-200, 1e200
 
 
 class StiffnessRegression(FeatureSet):
-    """Slope, intercept and correlation of a hold: those of the paper."""
+    """Slope, intercept and correlation of a hold, as in the paper."""
 
     name = SET_STIFFNESS_REGRESSION
     version = 2
@@ -55,10 +55,10 @@ def compute_regression(time_ns: ArrayLike, tension_n: ArrayLike) -> FloatArray:
     """Return slope, intercept and Pearson's correlation coefficient of tension against time.
 
     Closed form about the means: ``slope = S_tx / S_tt``,
-    ``correlation = S_tx / sqrt(S_tt * S_xx)``. Times are differenced as integers and
-    tensions against one of them, so that neither the time since 1970 nor an offset
-    of the sensor costs a digit. Each window takes the same path whether it comes alone or
-    in a batch, so that both give the same bits.
+    ``correlation = S_tx / sqrt(S_tt * S_xx)``. Times are subtracted as integers, and one sample
+    is subtracted from the tensions, so that neither the time since 1970 nor an offset of the
+    sensor costs precision. A single window takes the same path as a window in a batch, so that
+    both give the same bits.
 
     Parameters
     ----------
@@ -70,23 +70,22 @@ def compute_regression(time_ns: ArrayLike, tension_n: ArrayLike) -> FloatArray:
     Returns
     -------
     ndarray of shape (..., 3)
-        Slope [N/s], intercept at the first sample's time [N], correlation
-        coefficient within -1 and 1 [1].
+        Slope [N/s], intercept at the time of the first sample [N], and correlation coefficient
+        between -1 and 1 [1].
 
     Raises
     ------
     UndefinedFeatureError
-        When a window is constant: its correlation is undefined. Of a batch, the error's
-        ``windows`` are the places of all such windows.
+        When a window is constant, so that its correlation is undefined. ``windows`` of the error
+        has the indices of all such windows in the batch.
     FeatureError
-        When shapes do not fit, times are all equal or not integers, or a value is
-        not finite.
+        When shapes do not match, times are all equal or not integers, or a value is not finite.
     """
     time = np.asarray(time_ns)
     tension = np.asarray(tension_n, dtype=np.float64)
     if time.ndim != 1 or len(time) < 2 or tension.ndim == 0 or tension.shape[-1] != len(time):
         raise FeatureError(
-            'a regression needs one time a sample and at least 2 samples; '
+            'a regression needs one time per sample and at least 2 samples; '
             f'the shapes are {time.shape} and {tension.shape}'
         )
     if not np.issubdtype(time.dtype, np.integer):
@@ -102,7 +101,7 @@ def compute_regression(time_ns: ArrayLike, tension_n: ArrayLike) -> FloatArray:
 
 @dataclass(frozen=True)
 class _TimeAxis:
-    """Times about their mean [ns], their mean [ns] and the sum of their squares."""
+    """Times relative to their mean [ns], the mean [ns], and the sum of squares [ns^2]."""
 
     centred: FloatArray
     mean: float
@@ -114,7 +113,7 @@ def _centre_times(time_ns: NDArray[Any]) -> _TimeAxis:
     span = int(time_ns.max()) - int(time_ns.min())
     if span == 0:
         raise FeatureError('a regression needs at least two different times; all are equal')
-    # n times each less the sum of all is exact, as long as integers hold it.
+    # n * time - sum is exact in integers, as long as it fits into 64 bits.
     whole: Any = np.int64 if n * span < 2**62 else object
     elapsed = time_ns.astype(whole) - int(time_ns[0])
     total = elapsed.sum()
@@ -123,13 +122,13 @@ def _centre_times(time_ns: NDArray[Any]) -> _TimeAxis:
 
 
 def _fit(axis: _TimeAxis, tension: FloatArray) -> FloatArray:
-    """Return the lines of windows; not finite where a sum over- or underflows."""
+    """Return the fitted lines of windows; values are not finite after over- or underflow."""
     n = len(axis.centred)
-    # The middle of a press lies nearer to its mean than the beginning.
+    # The middle of a press is closer to the mean than its beginning.
     near = tension[:, n // 2].copy()
     with np.errstate(all='ignore'):
         mean, s_tx, s_xx = _sum(axis, tension, near)
-        # A sample far from the mean: once more about that.
+        # The sample was far from the mean: compute again about a better reference.
         far = np.flatnonzero(n * mean * mean > _MOST_CANCELLED * s_xx)
         if len(far):
             near[far] += mean[far]
@@ -146,10 +145,10 @@ def _fit(axis: _TimeAxis, tension: FloatArray) -> FloatArray:
 def _sum(
     axis: _TimeAxis, tension: FloatArray, near: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return mean, S_tx and S_xx of each row less ``near``.
+    """Return mean, S_tx and S_xx of each row relative to ``near``.
 
-    Each of these sums runs over its own row alone, in an order that its length decides. A
-    row never comes alone: `numpy.einsum` would take another order for it.
+    Each sum runs over one row in an order that depends only on the length of the row.
+    `numpy.einsum` uses another order for a single row, so a second row is added to it.
     """
     count, n = tension.shape
     sums = np.empty((3, count + 1))
@@ -168,12 +167,13 @@ def _sum(
 
 
 def _fit_scaled(axis: _TimeAxis, tension: FloatArray, places: NDArray[np.intp]) -> FloatArray:
-    """Fit windows of extreme magnitude, and say which have no line.
+    """Fit windows of extreme magnitude, and report windows without a line.
 
-    Divided by a power of two, squares neither overflow nor vanish, and no digit is lost.
+    Tensions are divided by a power of two: squares neither overflow nor underflow, without loss of
+    precision.
     """
     if not np.isfinite(tension).all():
-        raise FeatureError('the tension holds values that are not finite')
+        raise FeatureError('the tension has values that are not finite')
     constant = places[(tension == tension[:, :1]).all(axis=1)]
     if len(constant):
         raise UndefinedFeatureError(
@@ -193,10 +193,11 @@ def _fit_scaled(axis: _TimeAxis, tension: FloatArray, places: NDArray[np.intp]) 
 
 
 class StiffnessRelaxation(StiffnessRegression):
-    """Slope, intercept and correlation of a hold, and slope over intercept [1/s].
+    """Slope, intercept and correlation of a hold, and the ratio of slope to intercept [1/s].
 
-    The mounting scales slope and intercept together, as it scales the force of the press. Their
-    quotient is left. It needs a tared sensor: an offset changes it.
+    The mounting scales slope and intercept by the same factor, as it scales the force of the
+    press. Their ratio does not change. The sensor must be tared, because an offset changes the
+    ratio.
     """
 
     name = 'stiffness_relaxation'
@@ -213,7 +214,7 @@ class StiffnessRelaxation(StiffnessRegression):
         bad = np.flatnonzero(~np.isfinite(relative))
         if len(bad):
             raise UndefinedFeatureError(
-                'the intercept is zero, so the slope over it is undefined',
+                'the intercept is zero, so the ratio of slope to intercept is undefined',
                 windows=tuple(bad.tolist()),
             )
         return np.concatenate([line, relative], axis=-1)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``texture_spatial``: features over millimetres, not seconds, so that the speed may change."""
+"""``texture_spatial``: features over distance instead of time, for variable sliding speed."""
 
 from __future__ import annotations
 
@@ -28,32 +28,33 @@ from tactile_features.feature_sets.feature_set import (
 from tactile_features.records import PHASE_GLIDE, SET_TEXTURE_SPATIAL
 
 QUANTILES = 13
-"""Number of quantiles that describe a distribution, from the least to the largest value."""
+"""Number of quantiles that describe a distribution, from minimum to maximum."""
 
 GRID_PER_SCALE = 4
-"""Grid points to the finest scale."""
+"""Grid points per finest scale."""
 
 KERNEL_REACH = 4
-"""Reach of the smoothing to either side, in finest scales."""
+"""Half width of the smoothing kernel, in finest scales."""
 
 MAX_SAMPLES = 100_000
-"""Most samples in a window: 14 s at 7 kHz."""
+"""Largest number of samples in a window: 14 s at 7 kHz."""
 
 LARGEST_SHARE = 4
-"""The largest scale is at most the window's length over this. A second difference spans twice its
-scale: with more, the middle of the window alone would have one, and that knows a position."""
+"""The largest scale is at most the window length divided by this number. A second difference
+spans twice its scale; at larger scales it exists only in the middle of the window and would
+depend on the position."""
 
 
 @dataclasses.dataclass(frozen=True)
 class SpatialWindow:
-    """A stretch of the surface, and the finest structure that is looked at.
+    """A stretch of the surface and its finest scale.
 
     Attributes
     ----------
     length_m : float
         Path of the fingertip over the surface [m].
     finest_m : float
-        Finest scale [m]: no structure with more than a cycle in twice this length counts.
+        Finest scale [m]: structures with a period below twice this length are ignored.
 
     Raises
     ------
@@ -73,51 +74,51 @@ class SpatialWindow:
 
     @property
     def scales(self) -> tuple[int, ...]:
-        """The scales in octaves from the finest one, as multiples of it."""
+        """The scales in octaves from the finest scale, as multiples of the finest scale."""
         octaves = math.floor(math.log2(self.length_m / (LARGEST_SHARE * self.finest_m) + 1e-9))
         return tuple(2**octave for octave in range(octaves + 1))
 
     @property
     def component_count(self) -> int:
-        """Number of spatial frequencies, from one cycle in the window."""
+        """Number of spatial frequencies, starting with one cycle per window."""
         return math.floor(self.length_m / (2.0 * self.finest_m) + 1e-9)
 
     def sample_count(self, speed_m_s: float, rate_hz: float) -> int:
-        """Return how many samples cover the stretch at a sliding speed.
+        """Return the number of samples that cover the stretch at a sliding speed.
 
         Raises
         ------
         FeatureError
-            When the speed is not known, so high that the finest scale falls between samples, or so
-            low that the window has too many of them.
+            When the speed is unknown, so high that the distance between samples exceeds the finest
+            scale, or so low that the window has too many samples.
         """
         if not (math.isfinite(speed_m_s) and speed_m_s > 0.0):
             raise FeatureError(
-                'features over distance need the sliding speed, and it is not stated; '
+                'features over distance need the sliding speed; '
                 'state glide_speed_m_s in the trial event'
             )
         step_m = speed_m_s / rate_hz
         if step_m > self.finest_m * (1 + 1e-9):
             raise FeatureError(
-                f'at {speed_m_s:g} m/s there is a sample every {step_m:.3g} m, and the finest '
+                f'at {speed_m_s:g} m/s samples are {step_m:.3g} m apart, but the finest '
                 f'scale is {self.finest_m:g} m; glide slower, or train with a coarser scale'
             )
-        # In this order: a speed next to zero would make the quotient infinite.
+        # Checked before the division: a speed close to zero would make the quotient infinite.
         if self.length_m > (MAX_SAMPLES - 1) * step_m:
             raise FeatureError(
                 f'at {speed_m_s:g} m/s a window of {self.length_m:g} m has more than '
-                f'{MAX_SAMPLES} samples; glide faster, or make the window shorter'
+                f'{MAX_SAMPLES} samples; glide faster, or shorten the window'
             )
         return math.ceil(self.length_m / step_m - 1e-9) + 1
 
     @property
     def grid_m(self) -> FloatArray:
-        """Places at which the smoothed signal is evaluated [m]."""
+        """Positions at which the smoothed signal is evaluated [m]."""
         step_m = self.finest_m / GRID_PER_SCALE
         return np.asarray(np.arange(0.0, self.length_m * (1 + 1e-9), step_m), dtype=np.float64)
 
     def names(self) -> tuple[str, ...]:
-        """Return the names of the features in their order."""
+        """Return the names of the features in the order of the values."""
         levels = [f'q_{level:.3f}' for level in np.linspace(0.0, 1.0, QUANTILES)]
         lengths_mm = [f'{1e3 * self.finest_m * scale:g}' for scale in self.scales]
         groups = ['value', *(f'{what}__mm_{mm}' for what in _DIFFERENCES for mm in lengths_mm)]
@@ -134,7 +135,7 @@ _DIFFERENCES = ('change', 'bend')
 
 
 class TextureSpatial(FeatureSet):
-    """Texture of a stretch of surface, at any sliding speed that trial events state."""
+    """Texture features over distance, at any sliding speed that trial events state."""
 
     name = SET_TEXTURE_SPATIAL
     version = 1
@@ -164,28 +165,27 @@ class TextureSpatial(FeatureSet):
 def compute_spatial(
     tension_n: ArrayLike, speed_m_s: float, rate_hz: float, window: SpatialWindow
 ) -> FloatArray:
-    """Return what does not depend on where the fingertip was, nor on how fast it slid.
+    """Return features that depend neither on the position of the fingertip nor on its speed.
 
-    Three kinds of features, all in newtons:
+    There are three kinds of features, all in newtons:
 
-    - amplitudes of the spatial frequencies 1, 2, ... cycles in the window, single-sided, with a
-      Hann window: what is periodic;
-    - quantiles of the tension about its mean, smoothed over the finest scale (Gaussian);
-    - at scales in octaves from the finest one, quantiles of the first differences over that
-      distance (*change*: steps) and of the second differences (*bend*: ridges and grooves):
-      what is not periodic. These are structure functions, with the distribution kept instead
-      of a moment.
+    - amplitudes of the spatial frequencies 1, 2, ... cycles per window, single-sided, with a
+      Hann window, for periodic structure;
+    - quantiles of the tension about its mean, smoothed over the finest scale with a Gaussian;
+    - for scales in octaves from the finest scale, quantiles of the first differences over that
+      distance (*change*: steps) and of the second differences (*bend*: ridges and grooves), for
+      structure that is not periodic. These are structure functions, with the distribution
+      instead of a moment.
 
-    None of them holds a position, so a shift of the path changes them by what enters and
-    leaves the window alone. Time enters through the speed alone.
+    No feature depends on a position, so a shift of the path changes the features only by the parts
+    that enter and leave the window. Time enters only through the speed.
 
-    Each window takes the same path whether it comes alone or in a batch, so that both give the
-    same bits.
+    A single window takes the same path as a window in a batch, so that both give the same bits.
 
     Parameters
     ----------
     tension_n : array_like of shape (..., n)
-        Samples from the start of the window on [N]; n is `SpatialWindow.sample_count`.
+        Samples from the start of the window [N]; n is `SpatialWindow.sample_count`.
     speed_m_s : float
         Sliding speed [m/s].
     rate_hz : float
@@ -195,12 +195,12 @@ def compute_spatial(
     Returns
     -------
     ndarray of shape (..., k)
-        In the order of `SpatialWindow.names` [N].
+        Features in the order of `SpatialWindow.names` [N].
 
     Raises
     ------
     FeatureError
-        When the speed does not fit the window, the number of samples is another one, or a value
+        When the speed does not fit the window, the number of samples is wrong, or a value
         is not finite.
     """
     return _compute_each(_compute_one, tension_n, speed_m_s, rate_hz, window)
@@ -209,10 +209,10 @@ def compute_spatial(
 def smooth_over_distance(
     tension_n: ArrayLike, speed_m_s: float, rate_hz: float, window: SpatialWindow
 ) -> FloatArray:
-    """Return the tension over the surface, smoothed over the finest scale (Gaussian).
+    """Return the tension over the surface, smoothed over the finest scale with a Gaussian.
 
-    Parameters and errors are those of `compute_spatial`; returned is the tension at the places
-    ``grid_m`` of the window, of shape (..., k) [N].
+    Parameters and errors are those in `compute_spatial`. The result has shape (..., k) and holds
+    the tension at the positions ``window.grid_m`` [N].
     """
     return _compute_each(_smooth_one, tension_n, speed_m_s, rate_hz, window)
 
@@ -232,7 +232,7 @@ def _compute_each(
             f'the shape is {tension.shape}'
         )
     if not np.isfinite(tension).all():
-        raise FeatureError('the tension holds values that are not finite')
+        raise FeatureError('the tension has values that are not finite')
     maps = _maps(window, speed_m_s / rate_hz, count)
     rows = np.ascontiguousarray(tension.reshape(-1, count))
     out = np.array([compute_one(row, window, maps) for row in rows])
@@ -244,8 +244,9 @@ def _compute_each(
 class _Maps(NamedTuple):
     """Linear maps from samples to amplitudes and to the smoothed grid.
 
-    ``cosine`` and ``sine``: one row a spatial frequency. ``first`` and ``weights``: for each
-    grid point the first sample within reach and the weights of it and those after it.
+    ``cosine`` and ``sine`` have one row per spatial frequency. For each grid point, ``first`` is
+    the index of the first sample within reach, and ``weights`` has the weights of the samples from
+    it on.
     """
 
     cosine: FloatArray
@@ -256,7 +257,7 @@ class _Maps(NamedTuple):
 
 @lru_cache(maxsize=4)
 def _maps(window: SpatialWindow, step_m: float, count: int) -> _Maps:
-    # The samples cover a little more than the window: it lies in their middle.
+    # The samples cover slightly more than the window, which lies in their middle.
     at_m = step_m * np.arange(count)
     at_m -= (at_m[-1] - window.length_m) / 2.0
     inside = (at_m > 0.0) & (at_m < window.length_m)
@@ -264,7 +265,7 @@ def _maps(window: SpatialWindow, step_m: float, count: int) -> _Maps:
     cycles = np.arange(1, window.component_count + 1)[:, None] / window.length_m
     phase = 2.0 * np.pi * cycles * at_m
     weight = 2.0 * hann / hann.sum()
-    # What is left of the mean after weighting would leak into the first component.
+    # Subtracted, because the mean that remains after weighting would leak into component 1.
     level = np.ones(count) / count
     cosine, sine = weight * np.cos(phase), weight * np.sin(phase)
     cosine -= cosine.sum(axis=1, keepdims=True) * level
@@ -281,7 +282,7 @@ def _maps(window: SpatialWindow, step_m: float, count: int) -> _Maps:
 
 def _compute_one(tension_n: FloatArray, window: SpatialWindow, maps: _Maps) -> FloatArray:
     with np.errstate(over='ignore', invalid='ignore'):
-        # Exact under a large offset, as in the spectrum over time.
+        # Differences to the first sample are exact under a large offset, as in texture_spectrum.
         change = tension_n - tension_n[0]
         change -= change.mean()
         amplitude = np.hypot(maps.cosine @ change, maps.sine @ change)

@@ -20,13 +20,13 @@ from tactile_features.feature_sets.feature_set import (
 from tactile_features.records import PHASE_GLIDE, SET_TEXTURE_SPECTRUM
 
 _BLOCK_WINDOWS = 128
-"""Windows at a time, so that they stay in the cache."""
+"""Number of windows that are transformed together, so that they stay in the cache."""
 
 
 class TextureSpectrum(FeatureSet):
     """Amplitudes over a fixed time of the glide.
 
-    The paper's are those with ``mean`` and without a window.
+    ``spectrum_detrend='mean'`` without a window function gives the features in the paper.
     """
 
     name = SET_TEXTURE_SPECTRUM
@@ -55,21 +55,22 @@ def compute_spectrum(
 
     Component ``k`` of ``n`` samples is ``2 / n * |X_k|``, and ``1 / n * |X_k|`` at the Nyquist
     frequency, so that a sine of amplitude A in the middle of bin ``k`` gives A there. With a
-    window, its sum takes the place of ``n``. The component at 0 Hz is set to 0: it holds the
-    offset of the sensor, or rounding errors only.
+    window function, its sum replaces ``n``. The component at 0 Hz is set to 0, because it
+    contains only the offset of the sensor or rounding errors.
 
-    A window of samples gives the same bits alone and in a batch.
+    A single window gives the same bits as the same window in a batch.
 
     Parameters
     ----------
     tension_n : array_like of shape (..., n)
         Windows of tension [N]; ``n >= 2``.
     detrend : str
-        ``none``, ``mean``, or ``linear``: what is subtracted before the transform, the mean or
-        the least-squares line, as `scipy.signal.detrend` does. ``none`` differs from ``mean``
-        with a window only, because the component at 0 Hz is set to 0.
-    window : str
-        ``none``, or ``hann``: the periodic Hann window of `scipy.signal.get_window`.
+            Trend to subtract before the transform, as in `scipy.signal.detrend`: ``none``,
+            ``mean``, or ``linear`` for the least-squares line. ``none`` differs from ``mean``
+            only with a window function, because the component at 0 Hz is set to 0.
+        window : str
+            Window function: ``none``, or ``hann`` for the periodic one of
+            `scipy.signal.get_window`.
 
     Returns
     -------
@@ -79,8 +80,8 @@ def compute_spectrum(
     Raises
     ------
     FeatureError
-        When the samples are too few, a value is not finite, or an amplitude is too
-        large to be represented.
+            When there are too few samples, a value is not finite, or an amplitude is too
+            large to be represented.
     """
     tension = np.asarray(tension_n, dtype=np.float64)
     n = tension.shape[-1] if tension.ndim else 0
@@ -95,11 +96,11 @@ def compute_spectrum(
         )
     rows = np.ascontiguousarray(tension).reshape(-1, n)
     amplitude = np.empty((len(rows), n // 2 + 1))
-    # About the middle, an index is exact, and so is the sum of squares while doubles hold it.
+    # Indices about the middle are exact, and so is their sum of squares while doubles hold it.
     index = np.arange(n) - (n - 1) / 2.0
     square = n * (n * n - 1) / 12.0
     weight = np.sin(np.pi * np.arange(n) / n) ** 2 if window == 'hann' else None
-    # The mean of a window without weights is in the component at 0 Hz alone.
+    # Without a window function, the mean affects only the component at 0 Hz.
     is_raw = detrend == 'none' and weight is not None
     with np.errstate(over='ignore', invalid='ignore'):
         for at in range(0, len(rows), _BLOCK_WINDOWS):
@@ -107,12 +108,12 @@ def compute_spectrum(
             if is_raw:
                 change = some.copy()
             else:
-                # Under a large offset the difference to the first sample is exact.
+                # Differences to the first sample are exact under a large offset.
                 change = some - some[:, :1]
                 change -= change.mean(axis=1, keepdims=True)
-                # The second time takes off what the rounding of a steep line has left.
+                # The second pass removes the rounding error of a steep line.
                 for _ in range(2 if detrend == 'linear' else 0):
-                    # Each row's sum in an order that its length decides, unlike a matrix product.
+                    # The order of this sum depends only on n, unlike a matrix product.
                     slope = np.add.reduce(change * index, axis=1, keepdims=True) / square
                     change -= slope * index
                     change -= change.mean(axis=1, keepdims=True)
@@ -126,5 +127,5 @@ def compute_spectrum(
     if not np.isfinite(amplitude).all():
         if np.isfinite(rows).all():
             raise FeatureError('the tension is too large for its spectrum to be represented')
-        raise FeatureError('the tension holds values that are not finite')
+        raise FeatureError('the tension has values that are not finite')
     return amplitude.reshape(*tension.shape[:-1], n // 2 + 1)

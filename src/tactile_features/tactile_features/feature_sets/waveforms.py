@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Waveforms: the tension itself, with its level, for classifiers that look at its shape."""
+"""Waveforms: the tension itself, including its level, for classifiers of its shape."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from tactile_features.feature_sets.texture_spatial import smooth_over_distance, 
 from tactile_features.records import PHASE_GLIDE, PHASE_HOLD
 
 GLIDE_PARTS = 600
-"""Most values of a glide: with more, a model file would be too large and training too slow. Of
-3 s, parts of 5 ms keep the shape up to 100 Hz."""
+"""Largest number of values of a glide. More values would make model files too large and training
+too slow. For 3 s of samples, averages over 5 ms keep the shape up to 100 Hz."""
 
 HOLD_PARTS = 100
-"""Most values of a hold: relaxation is slow, and means of many samples hold less noise."""
+"""Largest number of values of a hold: relaxation is slow, and averages contain less noise."""
 
 
 class GlideWaveform(FeatureSet):
-    """The samples of a glide over a fixed time, as means of up to 600 equal parts."""
+    """The samples of a glide over a fixed time, averaged to at most 600 equal parts."""
 
     name = 'glide_waveform'
     version = 1
@@ -70,7 +70,7 @@ class SpatialWaveform(TextureSpatial):
 
 
 class HoldWaveform(FeatureSet):
-    """The tension of a hold, as means of up to 100 equal parts of a fixed time."""
+    """The tension of a hold over a fixed time, averaged to at most 100 equal parts."""
 
     name = 'hold_waveform'
     version = 1
@@ -96,15 +96,25 @@ class HoldWaveform(FeatureSet):
 def average_parts(tension_n: FloatArray, parts: int) -> FloatArray:
     """Return the means of equal parts of windows.
 
-    A sample on the border of two parts counts in both, by its share. Windows with no more samples
-    than parts come back as they are. Windows are finite, of shape (..., n); means have shape
-    (..., min(n, parts)) [N].
+    A sample on the border of two parts is divided between them. Windows that have no more
+    samples than parts are returned unchanged.
+
+    Parameters
+    ----------
+    tension_n : ndarray of shape (..., n)
+        Tension [N]; must be finite.
+    parts : int
+
+    Returns
+    -------
+    ndarray of shape (..., min(n, parts))
+        Mean tension of each part [N].
     """
     n = tension_n.shape[-1]
     if n <= parts:
         return tension_n.copy()
     first = tension_n[..., :1]
-    # Under a large offset the difference to the first sample is exact.
+    # Differences to the first sample are exact under a large offset.
     change = tension_n - first
     edges = np.arange(parts + 1) * n / parts
     at = np.minimum(edges.astype(np.intp), n - 1)

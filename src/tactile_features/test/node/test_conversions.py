@@ -214,10 +214,10 @@ def test_the_extractor_takes_all_that_is_not_refused(config, blocks, events):
 @pytest.mark.parametrize(
     ('change', 'fault'),
     [
-        (lambda m: m.specifications[0].parameter_values.pop(), 'they must be as many'),
+        (lambda m: m.specifications[0].parameter_values.pop(), 'both must have the same length'),
         (lambda m: setattr(m.specifications[0], 'rate_hz', 61.0), 'one of them was changed'),
         (lambda m: setattr(m.specifications[0], 'rate_hz', 0.0), 'rate_hz is 0'),
-        (lambda m: setattr(m, 'config', '[1]'), 'config is no JSON object'),
+        (lambda m: setattr(m, 'config', '[1]'), 'config is not a JSON object'),
         (lambda m: setattr(m, 'config', '{'), 'config is not JSON'),
         (lambda m: m.specifications[0].parameter_values.__setitem__(0, '[]'), 'cannot be read'),
     ],
@@ -239,11 +239,11 @@ def test_what_is_wrong_with_specifications_is_said(change, fault):
             ({'tension_n': []}, 'tension_n is empty'),
             ({'period_ns': -1}, 'period_ns is -1'),
             ({'period_ns': 0, 'tension_n': [1.0, 2.0]}, 'period_ns is 0'),
-            ({'period_ns': 2**62, 'tension_n': [1.0, 2.0]}, 'beyond the end of ROS time'),
+            ({'period_ns': 2**62, 'tension_n': [1.0, 2.0]}, 'exceeds the range of ROS time'),
             ({'sequence': 2**64 - 1, 'tension_n': [1.0, 2.0]}, 'do not fit into 64 bits'),
             ({'tension_n': [1.0, 1e300]}, '1e+300'),
-            ({'status': 2**31 + 4}, 'its bits 2147483648 are not known'),
-            ({'stamp': (-1, 0)}, 'no ROS time'),
+            ({'status': 2**31 + 4}, 'its bits 2147483648 are unknown'),
+            ({'stamp': (-1, 0)}, 'not a valid ROS time'),
             ({'stamp_error_s': float('inf')}, 'stamp_error_s is inf'),
         )
     ]
@@ -262,7 +262,7 @@ def test_what_is_wrong_with_specifications_is_said(change, fault):
             ({'outcome': 9}, 'outcome is 9; it must be one of 0 (OK), 1 (GAP)'),
             ({'contact': 'thumb'}, 'contact is "thumb"'),
             ({'rate_hz': float('inf')}, 'rate_hz is inf'),
-            ({'status': 2**31}, 'are not known'),
+            ({'status': 2**31}, 'are unknown'),
         )
     ],
 )

@@ -161,7 +161,7 @@ def test_samples_that_do_not_come_are_told_in_time(make_bench):
     wait_until(lambda: 'no features of trial ?[2Jt1: ' in read_stderr())
     (window,) = bench.windows
     assert window.outcome == Outcome.GAP
-    assert 'no samples came within 0.5 s of the end of the hold' in window.reason
+    assert 'no samples arrived within 0.5 s after the end of the hold' in window.reason
     # The sensor comes back: nothing more of this trial, and the next one is whole.
     bench.send_blocks(700, 300)
     for msg in (event(12.0, 'hold', 't2'), event(16.0, 'done', 't2')):
@@ -311,7 +311,7 @@ def test_the_models_decide_and_an_inactive_node_says_so_to_who_comes_late(
     assert (again.config, again.specifications) == (bench.node.extractor.config, announced.specs)
     log = capfd.readouterr().err
     assert f'model {broken} is refused' in log
-    assert 'the models decide: texture_samples 180 and 90 (not 240)' in log
+    assert 'parameters from the models: texture_samples 180 and 90 (not 240)' in log
     assert health[-1].level == DiagnosticStatus.WARN
     assert str(broken) in health[-1].message
     values = {pair.key: pair.value for pair in health[-1].values}

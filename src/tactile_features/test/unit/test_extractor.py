@@ -168,9 +168,9 @@ def replaced(value, at=slice(None)):
         *((hold, around([lost], 50), GAP, 'missing') for lost in (22, 23, 30, 39)),
         (hold, [block(24, 30)], GAP, 'at the start of the window'),
         (glide, [block(25, 30)], GAP, 'at the start of the window'),
-        (glide, marked(StrainStatus.RECONNECTED, 30), GAP, 'began again'),
-        (glide, [block(0, 30), block(0, 20, shift_ns=3 * S)], GAP, 'began again'),  # a restart
-        (glide, [block(0, 30), block(30, 20, lost_before=4)], GAP, 'began again'),
+        (glide, marked(StrainStatus.RECONNECTED, 30), GAP, 'restarted at'),
+        (glide, [block(0, 30), block(0, 20, shift_ns=3 * S)], GAP, 'restarted at'),  # a restart
+        (glide, [block(0, 30), block(30, 20, lost_before=4)], GAP, 'restarted at'),
         (glide, marked(StrainStatus.SATURATED), Outcome.BAD_SIGNAL, 'saturated'),
         (glide, marked(StrainStatus.STUCK), Outcome.BAD_SIGNAL, 'stuck'),
         (glide, marked(StrainStatus.DEVICE_ERROR), Outcome.BAD_SIGNAL, 'faulty'),
@@ -481,7 +481,7 @@ def test_whatever_tells_that_no_samples_come_the_window_is_the_same():
     assert extractor.waits_since_ns == 4 * S
     (expected,) = extractor.time_out()
     assert expected.outcome == GAP
-    assert 'no samples came within 5 s of the end of the hold' in expected.reason
+    assert 'no samples arrived within 5 s after the end of the hold' in expected.reason
     assert extractor.time_out() == []
     assert extractor.window_counts[GAP] == 1
     # Samples that come later, of the same stream or of another, with or without a loss.
@@ -513,7 +513,7 @@ def test_an_early_window_whose_samples_do_not_come_is_refused_whatever_tells_so(
     assert extractor.waits_since_ns == round(3.4 * S)
     assert extractor.remaining_s == pytest.approx(0.5)
     (expected,) = extractor.time_out()
-    assert (expected.outcome, 'did not come within 5 s' in expected.reason) == (GAP, True)
+    assert (expected.outcome, 'did not arrive within 5 s' in expected.reason) == (GAP, True)
     assert feed(extractor, event(3.0, 'release'), block(30, 20)) == []
     for sequence in (30, 95, 0):
         late = dataclasses.replace(block(sequence, 5), stamp_ns=late_ns + 1)

@@ -127,21 +127,21 @@ class Evil:
 @pytest.mark.parametrize(
     ('data', 'sentence'),
     [
-        (b'', 'it is no .npz file'),
-        (b'\x80\x04\x95', 'it is no .npz file'),
-        (zip_members([]), 'it is no .npz file'),
+        (b'', 'it is not an .npz file'),
+        (b'\x80\x04\x95', 'it is not an .npz file'),
+        (zip_members([]), 'it is not an .npz file'),
         (zip_members([('x.npy', np.zeros(3))]), 'it has no manifest'),
-        (seal({'x': np.array([Evil()], dtype=object)}), 'array "x" is none of doubles, floats'),
-        (seal({'x': np.zeros(2, dtype='f8,i4')}), 'is none of doubles'),
-        (seal({'x': np.zeros(2, dtype='>f8')}), 'is none of doubles'),
-        (seal({'x': np.asfortranarray(np.zeros((2, 2)))}), 'is none of doubles'),
-        (seal({'x': np.zeros((1,) * 5)}), 'is none of doubles'),
-        (seal({}, b'[1]'), 'its manifest is no JSON object'),
+        (seal({'x': np.array([Evil()], dtype=object)}), 'array "x" is not of doubles, floats'),
+        (seal({'x': np.zeros(2, dtype='f8,i4')}), 'is not of doubles'),
+        (seal({'x': np.zeros(2, dtype='>f8')}), 'is not of doubles'),
+        (seal({'x': np.asfortranarray(np.zeros((2, 2)))}), 'is not of doubles'),
+        (seal({'x': np.zeros((1,) * 5)}), 'is not of doubles'),
+        (seal({}, b'[1]'), 'its manifest is not a JSON object'),
         (seal({}, b'{"a":'), 'its manifest is not JSON'),
         (seal({}, b'[' * 50_000), 'its manifest is not JSON'),
         (seal({}, b' ' * (2**22 + 1)), 'its manifest has more than 4 MiB'),
-        (zip_members([('../x.npy', np.zeros(3))]), "'../x.npy', which is no array of a model"),
-        (zip_members([('run.py', b'print()')]), "'run.py', which is no array"),
+        (zip_members([('../x.npy', np.zeros(3))]), "'../x.npy', which is not a model array"),
+        (zip_members([('run.py', b'print()')]), "'run.py', which is not a model array"),
         (zip_members([('x.npy', b'ab')], zipfile.ZIP_DEFLATED), 'compressed or encrypted'),
         (zip_members([('x.npy', b'ab')], zipfile.ZIP_LZMA), 'compressed or encrypted'),
     ],
@@ -174,7 +174,7 @@ def test_a_list_that_announces_more_bytes_than_the_file_has_is_refused():
     with pytest.raises(ModelFileError, match='announces more bytes than it has'):
         open_container(data[: at + 20] + size + data[at + 28 :])
     many = zip_members([(f'a{i}.npy', b'') for i in range(2_000)])
-    with pytest.raises(ModelFileError, match='list of its arrays has more than 64 KiB'):
+    with pytest.raises(ModelFileError, match='index of its arrays has more than 64 KiB'):
         open_container(many)
 
 
@@ -182,7 +182,7 @@ def test_a_header_is_never_evaluated():
     npy = to_npy(np.zeros(1))
     for text in (b'__import__("os")', b'(' * 118):
         header = text.ljust(len(npy) - 18 - 1) + b'\n'
-        with pytest.raises(ModelFileError, match='is none of doubles'):
+        with pytest.raises(ModelFileError, match='is not of doubles'):
             open_container(zip_members([('x.npy', npy[:10] + header + npy[-8:])]))
 
 

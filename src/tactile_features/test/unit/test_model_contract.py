@@ -47,7 +47,7 @@ def test_a_contact_leaves_out_the_models_of_another(folder):
     contracts, refused = read_contracts(str(folder), 'flexion')
     assert ([c.path.name for c in contracts], refused) == (['one.npz', 'third.npz'], [])
     assert read_contracts(folder / 'one.npz', 'flexion')[0] == contracts[:1]
-    with pytest.raises(ModelFileError, match=r'are for abduction, the parameter contact is flex'):
+    with pytest.raises(ModelFileError, match=r'are for abduction, but the parameter contact is flex'):
         read_contracts(folder / 'other.npz', 'flexion')
 
 
@@ -56,7 +56,7 @@ def test_a_contact_leaves_out_the_models_of_another(folder):
     [
         ({'format_version': 5}, 'format version 5, this software reads 8: train'),
         ({'task': 3}, 'no valid entry "task"'),
-        ({'task': 'stiffness'}, 'task "stiffness" does not go with its feature set'),
+        ({'task': 'stiffness'}, 'task "stiffness" does not fit its feature set'),
         ({'contact': 'thumb'}, 'contact is "thumb"; it must be flexion or abduction, or empty'),
         ({'specification_digest': '0' * 16}, 'one of them was changed'),
     ],
@@ -79,7 +79,7 @@ def test_a_file_that_is_refused_is_named_and_the_others_count(
     ('changes', 'sentence'),
     [
         ({'version': 1}, 'version of the feature set differs: 1 here, 2 there'),
-        ({'feature_set': 'smell'}, 'feature set "smell" is not installed here'),
+        ({'feature_set': 'smell'}, 'feature set "smell" is not installed'),
         ({'names': FULL.names[:-1]}, 'names or units of the features differ'),
         ({'rate_hz': 0.5}, 'rate_hz is 0.5; it must be between'),
         ({'sample_count': 10**7}, 'texture_samples is 10000000; it must be between'),

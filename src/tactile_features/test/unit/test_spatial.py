@@ -86,7 +86,7 @@ def test_ready_cut_glides_give_their_middle_each_at_its_own_speed():
         first = (400 - count) // 2
         want = compute_spatial(row[first : first + count], speed, RATE_HZ, WINDOW)
         assert got.tobytes() == want.tobytes()
-    with pytest.raises(FeatureError, match='trial 1: it has 400 samples, and its window 601'):
+    with pytest.raises(FeatureError, match='trial 1: it has 400 samples; its window needs 601'):
         over_distance(x, [0.01, 0.005, 0.01])
     with pytest.raises(FeatureError, match='shape'):
         over_distance(x, [0.01])
@@ -97,10 +97,10 @@ def test_ready_cut_glides_give_their_middle_each_at_its_own_speed():
 @pytest.mark.parametrize(
     ('speed_m_s', 'message'),
     [
-        (0.0, 'not stated'),
-        (-0.01, 'not stated'),
-        (float('nan'), 'not stated'),
-        (float('inf'), 'not stated'),
+        (0.0, 'need the sliding speed'),
+        (-0.01, 'need the sliding speed'),
+        (float('nan'), 'need the sliding speed'),
+        (float('inf'), 'need the sliding speed'),
         (0.0626, 'glide slower'),
         (1e-300, 'glide faster'),
     ],

@@ -112,14 +112,14 @@ def test_a_model_of_it_answers_and_is_refused_where_the_set_is_missing(
 
     monkeypatch.setattr(sys, 'path', [p for p in sys.path if p != str(tmp_path / 'site')])
     find_feature_set.cache_clear()
-    with pytest.raises(ModelFileError, match='"roughness" is not installed here'):
+    with pytest.raises(ModelFileError, match='"roughness" is not installed'):
         load_model(path)
 
 
 @pytest.mark.parametrize(
     ('name', 'value', 'sentence'),
     [
-        ('other', 'roughness:Roughness', 'the name must be that of its entry point, "other"'),
+        ('other', 'roughness:Roughness', 'the name must equal its entry point, "other"'),
         ('gone', 'no_such_module:Set', 'gone of gone cannot be loaded from no_such_module:Set'),
         ('list', 'builtins:list', 'builtins:list of list is not a subclass of FeatureSet'),
     ],
