@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bags of tactile recordings: MCAP, as rosbag2 writes them, without rosbag2."""
+"""Bags of tactile recordings: MCAP files as rosbag2 writes them, without rosbag2."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ __all__ = sorted(_HOMES)
 
 
 def __getattr__(name: str) -> Any:
-    # On first use, so that who needs no bag does not import rosbags.
+    # Imported on first use, so that programs without bags do not import rosbags.
     if name in _HOMES:
         return getattr(importlib.import_module(_HOMES[name]), name)
     raise AttributeError(f'module {__name__} has no attribute {name}')

@@ -1,11 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Audits of a recording's samples: lost ones, gaps, duplicates, order, rate, clock steps.
+"""Audits of a recording: lost, duplicate and late samples, gaps, rate, and clock steps.
 
-The recorder, which audits each trial when it has ended, and the audit of a bag on the disk
-share one implementation. It compares sequence numbers and stamps. So it finds losses anywhere
-between the sensor and the file, however samples are grouped into messages.
+The recorder audits each trial when it has ended. The audit of a bag on disk uses the same
+implementation. It compares sequence numbers and stamps, so it finds losses anywhere between the
+sensor and the file, however samples are grouped into messages.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ from tactile_ros.strain import StrainBlock, StrainStatus
 from tactile_ros.topics import EVENT, EVENT_TOPIC, STRAIN
 
 _RECONNECTED, _CLOCK_STEP = int(StrainStatus.RECONNECTED), int(StrainStatus.CLOCK_STEP)
-"""Status bits as numbers: those of an `IntFlag` would take a third of the time of a block."""
+"""Status bits as integers, because operations on an `IntFlag` are slow."""
 
 MAX_GAPS = 10_000
-"""Gaps that are remembered, for samples that come late after all."""
+"""Number of gaps that are remembered, in case their samples arrive late."""
 
 
 class _SampleRun(NamedTuple):
-    """A block of samples without their values, or a part of one.
+    """A block of samples, or a part of one, without the values.
 
-    ``shift_ns``: in stream time, its stamps are smaller by this [ns]. ``step_ns``: clock step
-    between the sample before and its first one [ns]; 0: none.
+    ``shift_ns``: what was subtracted from its stamps to get stream time [ns]. ``step_ns``: step of
+    the host's clock between the previous sample and its first one [ns]; 0 if there was none.
     """
 
     stamp_ns: int
@@ -57,7 +57,7 @@ class _SampleRun(NamedTuple):
         return self.stamp_ns + i * self.period_ns
 
     def part(self, begin: int, end: int) -> _SampleRun:
-        """Return the samples from ``begin`` up to but not with ``end``."""
+        """Return the samples from index ``begin`` to ``end``, excluding ``end``."""
         return self._replace(
             stamp_ns=self.stamp_of(begin),
             sequence=self.sequence + begin,
@@ -66,14 +66,14 @@ class _SampleRun(NamedTuple):
         )
 
     def up_to(self, stamp_ns: int) -> int:
-        """Return how many samples are not later than this."""
+        """Return the number of samples that are not later than ``stamp_ns``."""
         if self.period_ns <= 0:
             return self.size if self.stamp_ns <= stamp_ns else 0
         return min(self.size, max(0, (stamp_ns - self.stamp_ns) // self.period_ns + 1))
 
 
 class _StreamCounts:
-    """Goes along a span of a stream and counts what is missing, doubled, late, and clock steps."""
+    """Counts missing, duplicate and late samples and clock steps in a span of a stream."""
 
     def __init__(self) -> None:
         self.samples = self.lost = self.gaps = self.duplicates = self.disordered = 0
@@ -88,13 +88,13 @@ class _StreamCounts:
         self._segment: tuple[int, int] | None = None
 
     def follow(self, before: _SampleRun) -> None:
-        """Begin behind this run, which does not count itself."""
+        """Start after this run, without counting it."""
         self._next = before.sequence + before.size
         self._status = before.status
         self.end_ns = before.end_ns
 
     def stop_before(self, after: _SampleRun) -> None:
-        """End before this run, which does not count itself."""
+        """End before this run, without counting it."""
         if self._next is not None and after.sequence > self._next:
             self._lose(after.sequence - self._next, after.sequence)
 
@@ -123,7 +123,7 @@ class _StreamCounts:
         self._take_new(run)
 
     def _take_late(self, run: _SampleRun) -> None:
-        """Take a run whose numbers have been passed: late, again, or partly new."""
+        """Add a run with numbers before the next expected one: late, duplicate, or partly new."""
         assert self._next is not None
         old = min(run.size, self._next - run.sequence)
         late = self._fill(run.sequence, run.sequence + old)
@@ -134,7 +134,7 @@ class _StreamCounts:
             self._take_new(run.part(old, run.size))
 
     def _fill(self, begin: int, end: int) -> int:
-        """Take these numbers out of those that are missing; return how many were."""
+        """Remove these sequence numbers from the missing ones; return how many were missing."""
         filled, left = 0, []
         for low, high in self._missing:
             inside = min(high, end) - max(low, begin)
@@ -151,7 +151,7 @@ class _StreamCounts:
 
     def _take_new(self, run: _SampleRun) -> None:
         if self._next is not None:
-            # What the driver knows of may be more than the numbering shows.
+            # The driver may know of more lost samples than the sequence numbers show.
             self._lose(max(run.sequence - self._next, run.lost_before), run.sequence)
             self.largest_step_ns = max(self.largest_step_ns, run.stamp_ns - self.end_ns)
         if run.status & ~self._status & _RECONNECTED:
@@ -168,7 +168,7 @@ class _StreamCounts:
         self.end_ns = run.end_ns
 
     def _close_segment(self) -> None:
-        """Take the time and the numbers since the numbering last began anew."""
+        """Add the time and the samples since the last restart of the sequence numbers."""
         steps, span_ns = self._of_segment()
         self._steps += steps
         self._span_ns += span_ns
@@ -188,25 +188,25 @@ class _StreamCounts:
 
 
 EVENT_DELAY_S = 10.0
-"""Largest delay of an event behind its samples with which its trial is still audited [s]."""
+"""Longest delay of an event after its samples with which its trial is still audited [s]."""
 
 CLOCK_STEP_S = 1.0
-"""A stamp this far before the last one is a clock step, also without its status bit [s]."""
+"""A stamp this far before the previous one is a clock step, even without the status bit [s]."""
 
 MAX_STEPS = 100
-"""Most clock steps within `EVENT_DELAY_S` that are kept for events that come late."""
+"""Number of clock steps that are kept for events that arrive late."""
 
 
 class _HostClock:
-    """Converts stamps to stream time: the host's clock as if it had never been set.
+    """Conversion of stamps to stream time: the time of the host's clock without its steps.
 
-    Only so can samples before and after a clock step be compared and kept in one order.
+    Stream time makes samples before and after a clock step comparable.
     """
 
     def __init__(self) -> None:
         self._shift_ns = 0
-        self._last: _SampleRun | None = None  # as stamped; late ones left out
-        self._past: deque[tuple[int, int]] = deque(maxlen=MAX_STEPS)  # end, shift before it
+        self._last: _SampleRun | None = None  # with its original stamps; late runs excluded
+        self._past: deque[tuple[int, int]] = deque(maxlen=MAX_STEPS)  # end, earlier shift
 
     def take(self, run: _SampleRun) -> _SampleRun:
         """Return the next run in stream time."""
@@ -224,8 +224,8 @@ class _HostClock:
     def time_of_event(self, stamp_ns: int, latest_ns: int | None) -> int:
         """Return the stamp of an event in stream time [ns].
 
-        Soon after a step, an event may still be stamped by the clock before it. The clock is
-        taken that puts the event nearest to the latest sample.
+        Shortly after a step, an event may still have a stamp of the clock before the step. Of the
+        possible shifts, the one that puts the event nearest to the latest sample is used.
         """
         if latest_ns is None:
             return stamp_ns - self._shift_ns
@@ -236,7 +236,7 @@ class _HostClock:
 
 
 def _is_late(run: _SampleRun, last: _SampleRun) -> bool:
-    """Return whether a run has numbers that have been passed, and the stamps that fit them."""
+    """Return True if the sequence numbers of a run were passed before and its stamps fit them."""
     if run.sequence >= last.sequence + last.size:
         return False
     elapsed_ns = last.stamp_of(run.sequence - last.sequence) - last.stamp_ns
@@ -245,18 +245,18 @@ def _is_late(run: _SampleRun, last: _SampleRun) -> bool:
 
 
 def _clock_step(run: _SampleRun, last: _SampleRun) -> int:
-    """Return by how much the host's clock was set between two runs [ns]; 0: it was not."""
+    """Return the step of the host's clock between two runs [ns], or 0 if there is none."""
     is_marked = run.status & ~last.status & _CLOCK_STEP
     is_behind = run.stamp_ns < last.end_ns - round(CLOCK_STEP_S * 1e9)
     if not is_marked and not is_behind:
         return 0
-    # Numbers that began anew do not tell how many samples lie between.
+    # After a restart of the sequence numbers, the number of samples in between is unknown.
     steps = max(last.size, run.sequence - last.sequence)
     return run.stamp_ns - last.stamp_of(steps)
 
 
 class _TrialCounts:
-    """A trial under way, or one that waits for its samples; counts those that it is given.
+    """Sample counts of a trial that is under way or waits for its samples.
 
     All times are in stream time.
     """
@@ -271,7 +271,7 @@ class _TrialCounts:
         self._has_begun = False
 
     def add(self, run: _SampleRun) -> None:
-        """Take in the next run of the stream, wherever it lies."""
+        """Add the next run of the stream; samples outside the trial are ignored."""
         begin = run.up_to(self.start_ns - 1)
         end = run.up_to(self.end_ns) if self.is_over else run.size
         if begin and not self._has_begun:
@@ -285,17 +285,17 @@ class _TrialCounts:
             self._after = run.part(end, end + 1)
 
     def finish(self) -> _StreamCounts:
-        """Return what was counted; no more runs come."""
+        """Return the counts, after the last run."""
         if self._after is not None:
             self._counts.stop_before(self._after)
         return self._counts
 
 
 LONGEST_STEP_S = 0.1
-"""Longest time between two samples that is not worth a word [s]; at least three periods."""
+"""Longest time between samples without a finding [s]; at least three periods are accepted."""
 
 MOST_NOTED = 100
-"""Failed trials that the metadata of a bag list."""
+"""Number of failed trials that the metadata of a bag list."""
 
 
 @dataclass(frozen=True)
@@ -305,22 +305,23 @@ class Audit:
     Attributes
     ----------
     finger : str
-        Namespace; empty: the root.
+        Namespace; empty for the root namespace.
     trial_id : str
         Empty for the whole recording.
     findings : tuple of str
-        One sentence each; empty when nothing is wrong.
+        One sentence per finding; empty if the audit passed.
     start_ns, end_ns : int
-        Times of the first and the last audited sample [ns], as stamped.
+        Stamps of the first and the last audited sample [ns].
     sample_count, lost_count, gap_count, duplicate_count, disordered_count : int
         Samples received; sequence numbers missing; runs of missing numbers; samples received
         twice; samples received after a newer one.
     rate_hz : float
-        From sequence numbers, so losses do not change it [Hz]; 0: fewer than two samples.
+        Sample rate, computed from sequence numbers and therefore independent of losses [Hz]; 0
+        with fewer than two samples.
     nominal_rate_hz : float
-        Expected rate [Hz]; 0: not known, and not compared.
+        Expected rate [Hz]; 0 if unknown, in which case the rate is not checked.
     largest_step_s : float
-        Longest time between neighbouring samples, without steps of the host's clock [s].
+        Longest time between consecutive samples, without steps of the host's clock [s].
     """
 
     finger: str
@@ -342,14 +343,14 @@ class Audit:
         return not self.findings
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what JSON can hold."""
+        """Return a dictionary for JSON."""
         return {**asdict(self), 'findings': list(self.findings), 'passed': self.passed}
 
     def format(self) -> str:
-        """Return one line for a person."""
+        """Return the result as one line of text."""
         what = f'trial {self.trial_id}' if self.trial_id else 'recording'
         finger = f'{self.finger}: ' if self.finger else ''
-        found = f'{self.sample_count} samples, all there' if self.passed else ''
+        found = f'{self.sample_count} samples, complete' if self.passed else ''
         return plain_text(f'{finger}{what}: {found or "; ".join(self.findings)}')
 
 
@@ -385,36 +386,34 @@ def _findings(
         yield f'{first}, the first of {counts.steps} steps' if counts.steps > 1 else first
     if trial is not None and trial.is_too_late:
         yield (
-            f'its events came more than {EVENT_DELAY_S:g} s after its samples; '
-            'what is missing is not known'
+            f'its events arrived more than {EVENT_DELAY_S:g} s after its samples; '
+            'the number of missing samples is unknown'
         )
         return
     if not counts.samples:
-        yield 'no samples of the tension came'
+        yield 'no tension samples were recorded'
         return
     period_s = 1.0 / (nominal_hz or counts.rate_hz or 1.0)
     longest_s = max(LONGEST_STEP_S, 3.0 * period_s)
     if counts.lost:
         share = counts.lost / (counts.samples + counts.lost)
-        yield f'{counts.lost} samples lost in {counts.gaps} gaps ({share:.2%})'
+        yield f'samples lost: {counts.lost} ({share:.2%}), gaps: {counts.gaps}'
     if counts.duplicates:
-        yield f'{counts.duplicates} samples came again'
+        yield f'duplicate samples: {counts.duplicates}'
     if counts.disordered:
-        yield f'{counts.disordered} samples came later than a newer one'
+        yield f'samples received after a newer one: {counts.disordered}'
     if counts.restarts:
-        yield f'the numbering began anew {counts.restarts} times; what was lost is not known'
+        yield f'restarts of the numbering, with unknown losses: {counts.restarts}'
     if counts.reconnections:
-        yield (
-            f'the sensor was reached anew {counts.reconnections} times; what was lost is not known'
-        )
+        yield (f'reconnections of the sensor, with unknown losses: {counts.reconnections}')
     rate_hz = counts.rate_hz
     if nominal_hz and rate_hz and abs(rate_hz / nominal_hz - 1.0) > RATE_TOLERANCE:
         yield (
             f'the rate is {rate_hz:.4g} Hz, not {nominal_hz:.4g} Hz; '
-            'set rate_hz of the feature node to that of the sensor'
+            'set rate_hz of the feature node to the rate of the sensor'
         )
     if counts.largest_step_ns * 1e-9 > longest_s and not counts.lost:
-        yield f'{counts.largest_step_ns * 1e-9:.3f} s lie between two samples'
+        yield f'{counts.largest_step_ns * 1e-9:.3f} s between two consecutive samples'
     if trial is not None:
         late_s = (counts.start_ns - trial.start_ns) * 1e-9
         early_s = (trial.end_ns - counts.end_ns) * 1e-9
@@ -445,7 +444,7 @@ class AuditSummary:
                 self._failed.append(audit)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what JSON can hold."""
+        """Return a dictionary for JSON."""
         return {
             'trials': self.trials,
             'failed_trials': self._failed_trials,
@@ -455,7 +454,7 @@ class AuditSummary:
 
 
 def summarise_audits(audits: Iterable[Audit]) -> dict[str, Any]:
-    """Return what `AuditSummary` notes of these."""
+    """Return the contents of an `AuditSummary` of these audits."""
     summary = AuditSummary()
     for audit in audits:
         summary.add(audit)
@@ -463,21 +462,22 @@ def summarise_audits(audits: Iterable[Audit]) -> dict[str, Any]:
 
 
 MAX_BLOCKS = 100_000
-"""Most blocks that are kept for events that come late: fewer seconds of very small blocks."""
+"""Number of blocks kept for late events; with very small blocks this is less than the delay."""
 
 MAX_TRIALS = 1000
-"""Most trials that wait for their samples; the oldest is then audited without them."""
+"""Number of trials that can wait for samples; beyond it, the oldest is audited without them."""
 
 
 class FingerAuditor:
-    """Blocks and trial events of one finger in, an audit of each trial out.
+    """Auditor of the blocks and trial events of one finger.
 
-    The events of a trial may come before its samples, or up to `EVENT_DELAY_S` after them. So
-    long are samples kept, without their values, and no longer: memory does not grow with the
-    length of a recording, nor with the number of its trials.
+    The events of a trial may arrive before its samples, or up to `EVENT_DELAY_S` after them.
+    Samples are kept for that time, without their values, so that memory grows neither with the
+    length of a recording nor with the number of its trials.
 
-    A step of the host's clock is a finding of the trial that it falls into, and of the whole
-    recording. Other trials are not affected. ``nominal_rate_hz`` may be told later; 0: not known.
+    A step of the host's clock is a finding of the trial in which it occurs and of the whole
+    recording. Other trials are not affected. ``nominal_rate_hz`` may be set later; 0 means
+    unknown.
     """
 
     def __init__(self, finger: str, nominal_rate_hz: float = 0.0) -> None:
@@ -486,12 +486,12 @@ class FingerAuditor:
         self._whole = _StreamCounts()
         self._clock = _HostClock()
         self._recent: deque[_SampleRun] = deque()
-        self._latest_ns: int | None = None  # in stream time, as all that follow
+        self._latest_ns: int | None = None  # in stream time, like all times below
         self._gone_ns: int | None = None
-        self._trials: deque[_TrialCounts] = deque()  # only the last one can be under way
+        self._trials: deque[_TrialCounts] = deque()  # all except the last have ended
 
     def add_block(self, block: StrainBlock) -> list[Audit]:
-        """Take in samples; return the audits of the trials that are now over."""
+        """Add samples; return the audits of the trials that are now complete."""
         if not len(block.tension_n):
             return []
         stamped = _SampleRun(
@@ -504,7 +504,7 @@ class FingerAuditor:
         )
         run = self._clock.take(stamped)
         if run.step_ns > 0:
-            # An event that came between the step and this block was taken for one far ahead.
+            # An event between the step and this block was taken for a future one.
             for trial in self._trials:
                 trial.start_ns = min(trial.start_ns, run.stamp_ns)
                 trial.end_ns = min(trial.end_ns, run.stamp_ns)
@@ -515,7 +515,7 @@ class FingerAuditor:
         return self._take_complete()
 
     def _let_go(self, before_ns: int) -> None:
-        """Give up runs for which no event can come any more; a trial under way counts them."""
+        """Discard runs that no further event can refer to; a trial under way counts them first."""
         while self._recent:
             run = self._recent[0]
             if run.end_ns >= before_ns and len(self._recent) <= MAX_BLOCKS:
@@ -526,7 +526,7 @@ class FingerAuditor:
                 trial.add(run)
 
     def add_event(self, event: TrialEvent) -> list[Audit]:
-        """Take in the start of a phase; return the audits of the trials that are now over."""
+        """Add the start of a phase; return the audits of the trials that are now complete."""
         stamp_ns = self._clock.time_of_event(event.stamp_ns, self._latest_ns)
         trial = self._trials[-1] if self._trials else None
         is_new = trial is None or trial.is_over or trial.trial_id != event.trial_id
@@ -543,7 +543,7 @@ class FingerAuditor:
         return self._take_complete()
 
     def finish(self) -> list[Audit]:
-        """Return the audits of trials that still wait for samples, then of the whole."""
+        """Return the audits of trials that still wait for samples, then of the whole recording."""
         audits = []
         while self._trials:
             self._trials[0].is_over = True
@@ -552,7 +552,7 @@ class FingerAuditor:
 
     def _take_complete(self) -> list[Audit]:
         audits = []
-        # Only with a sample beyond its end is it known that a trial's last ones have come.
+        # Only a sample after the end of a trial shows that its last samples have arrived.
         while self._trials and self._trials[0].is_over:
             is_complete = self._latest_ns is not None and self._latest_ns > self._trials[0].end_ns
             if not is_complete and len(self._trials) <= MAX_TRIALS:
@@ -571,20 +571,20 @@ def _latest(before_ns: int | None, now_ns: int) -> int:
 
 
 def audit_bag(path: Path) -> list[Audit]:
-    """Audit a bag, finger by finger: each trial, then the whole. Raises `BagError`."""
+    """Audit each trial of each finger, then each whole finger; raise `BagError` on a bad bag."""
     with TactileBag(path) as bag:
         return audit_open_bag(bag)
 
 
 def audit_open_bag(bag: TactileBag) -> list[Audit]:
-    """Audit a bag that is open; see `audit_bag`."""
+    """Audit an open bag; see `audit_bag`."""
     audits: list[Audit] = []
     for finger in bag.namespaces:
         auditor = FingerAuditor(finger, nominal_rate_hz(bag, finger))
         for message, record in read_records(bag.messages(STRAIN, EVENT, namespace=finger)):
             if message.type_name == STRAIN:
                 audits += auditor.add_block(record)
-            elif message.topic.endswith(EVENT_TOPIC.name):  # and not what was found in the signal
+            elif message.topic.endswith(EVENT_TOPIC.name):  # without the detected events
                 audits += auditor.add_event(record)
         audits += auditor.finish()
     return audits

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``metadata.yaml`` of a bag: written as rosbag2 does (version 9), checked when it is read."""
+"""Reading and writing of ``metadata.yaml`` in the form of rosbag2, version 9."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tactile_ros.errors import TactileError
 from tactile_ros.yaml_files import load_yaml, read_text
 
 VERSION = 9
-"""Of the file's form: that of ROS 2 Jazzy and Kilted."""
+"""Version of the format, as in ROS 2 Jazzy and Kilted."""
 
 FILE_NAME = 'metadata.yaml'
 _TOP = 'rosbag2_bagfile_information'
@@ -29,9 +29,9 @@ _TOP = 'rosbag2_bagfile_information'
 class BagMetadata:
     """Contents of ``metadata.yaml`` that a reader needs.
 
-    ``files`` lie in the bag's folder, in the order of recording. ``packing`` is the mode of the
-    zstd compression, ``file`` or ``message``; empty: not compressed. ``topics`` (types),
-    ``type_hashes`` and ``counts`` are by name of topic.
+    ``files`` are in the folder of the bag, in the order of recording. ``packing`` is the mode of
+    the zstd compression, ``file`` or ``message``, or empty without compression. ``topics``
+    (types), ``type_hashes`` and ``counts`` are dictionaries by name of topic.
     """
 
     files: tuple[str, ...] = ()
@@ -43,7 +43,7 @@ class BagMetadata:
 
 
 def read_metadata(path: Path) -> BagMetadata:
-    """Read ``metadata.yaml``; `BagError` when it is not of rosbag2's form, or too large."""
+    """Read ``metadata.yaml``; raise `BagError` if its form is not that of rosbag2 or too large."""
     try:
         return parse_metadata(read_text(path, MAX_METADATA_BYTES))
     except TactileError as error:
@@ -51,14 +51,14 @@ def read_metadata(path: Path) -> BagMetadata:
 
 
 def parse_metadata(text: str) -> BagMetadata:
-    """Return what a ``metadata.yaml`` says; `BagError` when it is not of rosbag2's form."""
+    """Return the contents of ``metadata.yaml``; raise `BagError` if its form is invalid."""
     document = load_yaml(text)
     if isinstance(document, dict):
-        # The copy within a data file begins one level further down.
+        # In the copy inside a data file, the contents are one level deeper.
         document = document.get(_TOP, document)
     try:
         if not 1 <= int(document['version']) <= VERSION:
-            raise BagError(f'it has version {document["version"]}, known are 1 to {VERSION}')
+            raise BagError(f'it has version {document["version"]}; supported are 1 to {VERSION}')
         storage = str(document['storage_identifier'])
         topics = [
             (topic['topic_metadata'], int(topic['message_count']))
@@ -67,7 +67,7 @@ def parse_metadata(text: str) -> BagMetadata:
         packing = str(document.get('compression_mode') or '').lower().replace('none', '')
         packed_as = str(document.get('compression_format') or '')
         metadata = BagMetadata(
-            # By their names alone: a bag's files lie in its folder and nowhere else.
+            # Only the names are used, because the files of a bag must be in its folder.
             files=tuple(Path(str(name)).name for name in document['relative_file_paths']),
             packing=packing,
             topics={str(t['name']): str(t['type']) for t, _ in topics},
@@ -78,11 +78,11 @@ def parse_metadata(text: str) -> BagMetadata:
             custom={str(k): str(v) for k, v in (document.get('custom_data') or {}).items()},
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise BagError(f'it is not of the form that rosbag2 gives it ({error!r})') from error
+        raise BagError(f'its form is not the one of rosbag2 ({error!r})') from error
     if storage not in ('mcap', 'sqlite3'):
-        raise BagError(f'the storage "{storage[:40]}" is not known; known are mcap and sqlite3')
+        raise BagError(f'the storage "{storage[:40]}" is not supported; use mcap or sqlite3')
     if packing and (packing not in ('file', 'message') or packed_as != 'zstd'):
-        raise BagError(f'it is packed as "{packed_as[:40]}"; known is zstd')
+        raise BagError(f'its compression "{packed_as[:40]}" is not supported; use zstd')
     return metadata
 
 
@@ -92,10 +92,10 @@ def format_metadata(
     span_ns: tuple[int, int],
     custom: Mapping[str, str],
 ) -> str:
-    """Return what ``metadata.yaml`` says of a bag of one MCAP file, as YAML.
+    """Return the contents of ``metadata.yaml`` for a bag of one MCAP file, as YAML.
 
-    ``topics`` come with the number of their messages, ``span_ns`` are the times of the first and
-    the last message [ns]. This text is what stands in the data file, too; see `write_metadata`.
+    ``topics`` are given with their numbers of messages; ``span_ns`` has the times of the first and
+    the last message [ns]. The data file contains a copy of this text; see `write_metadata`.
     """
     count = sum(n for _, n in topics)
     first_ns = span_ns[0] if count else 0
@@ -142,12 +142,12 @@ def format_metadata(
 
 
 def write_metadata(folder: Path, text: str) -> None:
-    """Replace ``metadata.yaml`` at once: there is never half of one."""
+    """Replace ``metadata.yaml`` atomically."""
     temporary = folder / f'.{FILE_NAME}'
     temporary.write_text(f'{_TOP}:\n{indent(text, "  ")}', 'utf-8')
     os.replace(temporary, folder / FILE_NAME)
 
 
 def _quote(text: str) -> Any:
-    # A text in JSON is one in YAML, too.
+    # A string in JSON notation is also valid YAML.
     return json.dumps(text, ensure_ascii=False)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reads bags: ours, rosbag2's, and those that were never closed."""
+"""Reader of bags written by this package or by rosbag2, including bags that were not closed."""
 
 from __future__ import annotations
 
@@ -43,20 +43,20 @@ from tactile_ros.errors import TactileError
 from tactile_ros.topics import EVENT, join_topic, STRAIN, STRAIN_TOPIC
 
 MAX_UNPACKED_BYTES = 4 * 2**30
-"""Largest data file that is unpacked from a bag of compressed files [byte], onto the disk."""
+"""Largest data file that is unpacked to disk from a bag of compressed files [byte]."""
 
 MAX_OPEN_BYTES = 256 * 2**20
-"""Most that chunks which overlap in time may hold together [byte]."""
+"""Largest total size of chunks that overlap in time [byte]."""
 
 _Place = tuple[int, int]
-"""Number of a file, and of a part in it."""
+"""Number of a file, and number of a segment in it."""
 
 _SUFFIXES: dict[str, type[McapFile] | type[SqliteFile]] = {'.mcap': McapFile, '.db3': SqliteFile}
 
 
 @dataclass(frozen=True)
 class BagMessage:
-    """One message of a bag: topic, arrival time, bytes, and how to read them."""
+    """One message of a bag: topic, arrival time, bytes, and how to decode them."""
 
     topic: str
     type_name: str
@@ -67,13 +67,13 @@ class BagMessage:
     def decode(self) -> Any:
         """Return the message with the fields of the installed definition.
 
-        Bytes of another definition are decoded by the one that the bag stores: fields that the
-        installed definition does not have are left out, and fields that the bag lacks have their
-        defaults. `BagError` when the message is damaged.
+        A message with another definition is decoded by the definition that the bag stores. Fields
+        that the installed definition lacks are dropped; fields that the bag lacks get their
+        defaults. Raises `BagError` when the message is damaged.
         """
         try:
             message = self.store.deserialize_cdr(self.data, self.type_name)
-        except Exception as error:  # the decoder trusts what it reads
+        except Exception as error:  # the decoder does not check its input
             raise BagError(f'a message on {self.topic} is damaged: {error}') from error
         if not self.is_of_another_release:
             return message
@@ -86,7 +86,7 @@ class BagMessage:
 
 
 class TactileBag:
-    """A bag of tactile recordings, for reading. A context manager.
+    """Reader of a bag of tactile recordings. A context manager.
 
     Parameters
     ----------
@@ -95,22 +95,22 @@ class TactileBag:
     needs_strain : bool
         Refuse a bag without strain blocks.
     needs_all : bool
-        Refuse a bag that was closed in order and does not hold what it then held.
+        Refuse a properly closed bag from which messages are missing.
 
     Attributes
     ----------
     metadata : dict
-        What the recorder noted about the recording; empty where it was another's.
+        Metadata of the recording, written by the recorder; empty for bags of other software.
     recovered : str
-        Empty, or a sentence that says that the bag was never finished, or is damaged, and what it
-        may lack. It is also logged as a warning.
+        A sentence if the bag was never closed or is damaged, which says what it may lack;
+        otherwise empty. The sentence is also logged as a warning.
     damage : str
-        Where closed files are damaged; empty: nowhere.
+        Description of the damage in closed files; empty if there is none.
 
     Raises
     ------
     BagError
-        When there is no readable bag at ``path``, or none with strain blocks.
+        When there is no readable bag at ``path``, or it contains no strain blocks.
     """
 
     def __init__(self, path: Path, *, needs_strain: bool = True, needs_all: bool = True) -> None:
@@ -119,8 +119,8 @@ class TactileBag:
         self._store = message_store()
         self._files: list[McapFile | SqliteFile] = []
         self._merged = _MergedFiles(self._files)
-        self._foreign: dict[str, str] = {}  # sentences by type that cannot be decoded here
-        self._stored: dict[str, Typestore] = {}  # by topic of another definition
+        self._foreign: dict[str, str] = {}  # errors by type that cannot be decoded
+        self._stored: dict[str, Typestore] = {}  # by topic with another definition
         self._stack = ExitStack()
         try:
             metadata = self._open()
@@ -131,7 +131,7 @@ class TactileBag:
                 self.damage = f'it was damaged after it was closed: {self.damage}'
             difference = self.damage or self._compare_counts(metadata)
             if difference and needs_all:
-                raise BagError(f'{difference}. `tactile repair` copies what is there')
+                raise BagError(f'{difference}. `tactile repair` copies the readable messages')
             self.metadata = _read_metadata(metadata.custom)
         except (BagError, OSError) as error:
             self.close()
@@ -151,7 +151,7 @@ class TactileBag:
         self.close()
 
     def close(self) -> None:
-        """Close the files. Harmless when called twice."""
+        """Close the files. May be called repeatedly."""
         self._stack.close()
 
     # -- opening -------------------------------------------------------------------------
@@ -173,7 +173,7 @@ class TactileBag:
             try:
                 metadata = parse_metadata(copies[-1])
             except TactileError as error:
-                # Of a file that was never closed, this too may have come to the disk in part.
+                # In a file that was never closed, the copy may be incomplete.
                 if all(file.is_finished for file in self._files):
                     raise BagError(f'its copy of {FILE_NAME} cannot be used: {error}') from error
         return metadata
@@ -185,7 +185,7 @@ class TactileBag:
             return [self.path / name for name in metadata.files]
         found = sorted(p for p in self.path.iterdir() if p.suffix in _SUFFIXES)
         if not found:
-            raise BagError(f'there is neither a {FILE_NAME} nor a .mcap or .db3 file in it')
+            raise BagError(f'it contains neither {FILE_NAME} nor a .mcap or .db3 file')
         return found
 
     def _open_file(self, path: Path) -> McapFile | SqliteFile:
@@ -193,9 +193,9 @@ class TactileBag:
             path = self._unpack_file(path)
         kind = _SUFFIXES.get(path.suffix)
         if kind is None:
-            raise BagError(f'files of the kind "{path.suffix}" are not known')
-        if not path.is_file():  # a pipe would wait for its other end
-            raise BagError('it is no file' if path.exists() else 'it does not exist')
+            raise BagError(f'files of type "{path.suffix}" are not supported')
+        if not path.is_file():  # opening a pipe would block
+            raise BagError('it is not a file' if path.exists() else 'it does not exist')
         return kind(path)
 
     def _unpack_file(self, path: Path) -> Path:
@@ -216,17 +216,19 @@ class TactileBag:
     def _check_types(self, metadata: BagMetadata) -> None:
         types = set(metadata.topics.values()) | {t.type_name for t in self.stored_topics}
         if self._needs_strain and STRAIN not in types:
-            raise BagError('no topic of type tactile_msgs/msg/StrainBlock in it')
+            raise BagError('it has no topic of type tactile_msgs/msg/StrainBlock')
         for topic in self.stored_topics:
             if topic.serialization != 'cdr':
-                raise BagError(f'{topic.name} is in the form {topic.serialization[:16]}, not cdr')
+                raise BagError(
+                    f'{topic.name} is serialized as {topic.serialization[:16]}, not cdr'
+                )
             type_hash = metadata.type_hashes.get(topic.name) or topic.type_hash
             if topic.type_name not in self._store.fielddefs or not type_hash.startswith('RIHS01_'):
                 continue
             if type_hash != self._store.hash_rihs01(topic.type_name):
                 reason = (
-                    f'{topic.name} was recorded with another definition of '
-                    f'{topic.type_name} than the one installed here'
+                    f'{topic.name} was recorded with a definition of '
+                    f'{topic.type_name} that differs from the installed one'
                 )
                 if topic.type_name in (STRAIN, EVENT):
                     raise BagError(reason)
@@ -237,27 +239,27 @@ class TactileBag:
                     self._stored[topic.name] = store
 
     def _compare_counts(self, metadata: BagMetadata) -> str:
-        """Return where finished files hold other messages than they or the metadata state."""
+        """Return the first difference between counted and stated numbers of messages, or ''."""
         if not all(file.is_finished for file in self._files):
-            return ''  # it is told what an unfinished one may lack
+            return ''  # another sentence says what an unfinished file may lack
         there: Counter[str] = Counter()
         for file in self._files:
             stated = file.counts if file.stated_counts is None else file.stated_counts
             for number in sorted({*file.topics, *stated}, key=str):
                 topic = file.topics.get(number)
-                name = topic.name if topic else f'no known topic (number {number})'
+                name = topic.name if topic else f'an unknown topic (number {number})'
                 there[name] += file.counts[number]
                 if stated[number] != file.counts[number]:
                     return (
-                        f'{file.path.name} holds {file.counts[number]} messages on {name}, and '
-                        f'its own statistics say {stated[number]}: it was damaged after it was '
+                        f'{file.path.name} contains {file.counts[number]} messages on {name}, but '
+                        f'its statistics state {stated[number]}: it was damaged after it was '
                         'closed'
                     )
-        # The copy in a data file may be of the whole bag, or of a part.
+        # The copy in a data file may describe the whole bag or only a part of it.
         for name, count in (metadata.counts if self._has_metadata else {}).items():
             if there[name] != count:
                 return (
-                    f'it holds {there[name]} messages on {name}, and its {FILE_NAME} says '
+                    f'it contains {there[name]} messages on {name}, but its {FILE_NAME} states '
                     f'{count}: it was damaged after it was closed'
                 )
         return ''
@@ -268,35 +270,35 @@ class TactileBag:
             count = sum(sum(file.counts.values()) for file in self._files)
             lost = max(0, sum(self._file_metadata.counts.values()) - count)
             missing = (
-                f'{lost} that it once held are missing: the file was cut off later'
+                f'{lost} recorded messages are missing: the file was truncated later'
                 if lost
-                else 'what came in its last second may be missing'
+                else 'messages of its last second may be missing'
             )
             unread_bytes = sum(file.unread_bytes for file in self._files)
             if unread_bytes:
-                missing += f'; {unread_bytes} bytes at the end of the data are no whole messages'
+                missing += f'; the last {unread_bytes} bytes are an incomplete message'
             return (
-                f'{self.path} was never closed, as when its recorder is killed, or still '
-                f'writes. Its {count} whole messages are read; {missing}. '
+                f'{self.path} was never closed: its recorder was killed or is still '
+                f'writing. Its {count} complete messages are read; {missing}. '
                 '`tactile repair` writes a closed copy.'
             )
         if self.path.is_dir() and not self._has_metadata:
             return (
-                f'{self.path} has no {FILE_NAME}, or an empty one, so it was not closed in order; '
-                'its data files are whole. `tactile repair` writes a closed copy.'
+                f'{self.path} has no {FILE_NAME}, or an empty one, so it was not closed properly; '
+                'its data files are complete. `tactile repair` writes a closed copy.'
             )
         return ''
 
-    # -- what is in it ---------------------------------------------------------------------
+    # -- contents --------------------------------------------------------------------------
 
     @property
     def stored_topics(self) -> list[StoredTopic]:
-        """The topics as the data files hold them, each once."""
+        """The topics of all data files, without repetitions."""
         return list({t.name: t for file in self._files for t in file.topics.values()}.values())
 
     @property
     def topics(self) -> dict[str, tuple[str, int]]:
-        """Type and number of messages by topic."""
+        """Type and number of messages of each topic."""
         types = {**self._file_metadata.topics, **{t.name: t.type_name for t in self.stored_topics}}
         counts: Counter[str] = Counter()
         for file in self._files:
@@ -306,18 +308,18 @@ class TactileBag:
 
     @property
     def namespaces(self) -> tuple[str, ...]:
-        """Namespaces of the fingers that were recorded; the root is ``''``."""
+        """Namespaces of the recorded fingers; ``''`` is the root namespace."""
         suffix = f'/{STRAIN_TOPIC.name}'
         names = {name for name in self.topics if name.endswith(suffix)}
         return tuple(sorted(name[: -len(suffix)].strip('/') for name in names))
 
     def _finger_of(self, topic: str, namespaces: tuple[str, ...]) -> str | None:
-        """Return the innermost finger's namespace that a topic lies in."""
+        """Return the namespace of the innermost finger that contains a topic, or None."""
         around = [name for name in namespaces if topic.startswith(join_topic(name, ''))]
         return max(around, key=len, default=None)
 
     def choose_topics(self, type_names: Collection[str], namespace: str | None) -> set[str]:
-        """Return the topics of these types, of any when none is named, and of a finger or all."""
+        """Return the topics of these types, or of all types; of one finger, or of all fingers."""
         finger = None if namespace is None else namespace.strip('/')
         namespaces = self.namespaces
         return {
@@ -335,19 +337,19 @@ class TactileBag:
         Parameters
         ----------
         *type_names : str
-            Only messages of these types; all of them when left out.
+            Types of the messages; all types if omitted.
         namespace : str, optional
-            Only topics of the finger with this namespace; not of one within it.
+            Only topics of the finger with this namespace, without fingers nested in it.
         since_ns : int
-            Only what arrived then or later [ns]; what comes before it is not read.
+            Earliest arrival time [ns]; earlier messages are not read.
 
         Raises
         ------
         BagDamageError
-            When the file is damaged; what came before has been given.
+            When the file is damaged, after the messages before the damage were yielded.
         BagError
-            When one of the types is named and was recorded with another definition, which the bag
-            does not store. A bag with another definition of samples or events is not opened.
+            When a named type was recorded with another definition that the bag does not store. A
+            bag with another definition of samples or events cannot be opened.
         """
         for type_name in type_names:
             if type_name in self._foreign:
@@ -370,11 +372,11 @@ class TactileBag:
 
     @property
     def end_ns(self) -> int:
-        """When the last message arrived [ns]; 0: there is none."""
+        """Arrival time of the last message [ns]; 0 if there is none."""
         return max((file.newest_ns for file in self._files), default=0)
 
     def sha256(self) -> str:
-        """Return the hash of the bag's data files, as hex digits."""
+        """Return the SHA-256 hash of the bag's data files, in hexadecimal."""
         digest = hashlib.sha256()
         for file in self._files:
             for part in file.read_parts():
@@ -388,12 +390,12 @@ def _unpack_message(data: bytes) -> bytes:
     except zstandard.ZstdError as error:
         raise BagError(f'a message cannot be unpacked: {error}') from error
     if len(unpacked) > MAX_CHUNK_BYTES:
-        raise BagError(f'a message of more than {MAX_CHUNK_BYTES} bytes is in it')
+        raise BagError(f'it contains a message of more than {MAX_CHUNK_BYTES} bytes')
     return unpacked
 
 
 def _is_blank(path: Path) -> bool:
-    """Return whether a file is missing, or holds nothing as after a power failure."""
+    """Return True if a file is missing or contains only zeros and blanks, as after a power cut."""
     if not path.is_file():
         return not path.exists()
     with path.open('rb') as file:
@@ -404,14 +406,14 @@ def _read_metadata(custom: dict[str, str]) -> dict[str, Any]:
     try:
         metadata = json.loads(custom.get(METADATA_KEY, '{}'))
     except (ValueError, RecursionError) as error:
-        raise BagError(f'the custom data of its metadata.yaml are no JSON: {error}') from error
+        raise BagError(f'the custom data of its metadata.yaml are not JSON: {error}') from error
     if not isinstance(metadata, dict):
         raise BagError('the custom data of its metadata.yaml are not a JSON object')
     return metadata
 
 
 class _MergedFiles:
-    """Merges open data files by time of arrival; what is open at once is bounded."""
+    """Merges open data files by arrival time; the amount of data in memory is bounded."""
 
     def __init__(self, files: Sequence[McapFile | SqliteFile]) -> None:
         self._files = files
@@ -422,7 +424,7 @@ class _MergedFiles:
     ) -> Iterator[tuple[int, StoredTopic, bytes]]:
         """Yield arrival time [ns], topic and bytes of the messages on some topics."""
         sources = (self._sources(n, file, names, since_ns) for n, file in enumerate(self._files))
-        # Of a source, the number is unique: what comes behind it is never compared.
+        # The number of a source is unique, so the tuples are never compared beyond it.
         waiting = heapq.merge(*sources, key=lambda source: source[:2])
         due = next(waiting, None)
         opened: list[tuple[int, _Place, Message, Iterator[Message]]] = []
@@ -440,7 +442,7 @@ class _MergedFiles:
     def _sources(
         self, number: int, file: McapFile | SqliteFile, names: Collection[str], since_ns: int
     ) -> Iterator[tuple[int, _Place, Iterator[Message]]]:
-        """Yield what of a file is to be read, by its start: start, place, messages."""
+        """Yield the file's segments in the order of time: start, place, messages."""
         channels = {n for n, topic in file.topics.items() if topic.name in names}
         if isinstance(file, SqliteFile):
             yield 0, (number, 0), file.messages(channels)
@@ -460,8 +462,8 @@ class _MergedFiles:
         try:
             if self._open_bytes > MAX_OPEN_BYTES:
                 raise BagError(
-                    'its chunks overlap in time so much that more than '
-                    f'{MAX_OPEN_BYTES} bytes would have to be read at once'
+                    'too many of its chunks overlap in time: more than '
+                    f'{MAX_OPEN_BYTES} bytes would have to be in memory'
                 )
             yield from file.messages_of(segment, channels)
         finally:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A closed copy of a bag that was never closed."""
+"""Repair of bags that were not closed, by writing a closed copy."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tactile_ros.yaml_files import load_yaml
 
 @dataclass(frozen=True)
 class Repair:
-    """Messages in the copy of a bag, its fault, and why part of it could not be read, or empty."""
+    """Number of copied messages, state of the source, and damage; both texts may be empty."""
 
     message_count: int
     recovered: str
@@ -28,14 +28,14 @@ class Repair:
 
 
 def repair_bag(source: Path, target: Path) -> Repair:
-    """Copy every whole message of a bag into a new one, byte for byte.
+    """Copy every complete message of a bag to a new bag, byte for byte.
 
-    The bag itself is not touched. The copy's metadata say that it is one, and of which data.
+    The source is not changed. The metadata of the copy say that it is a copy, and of which data.
 
     Raises
     ------
     BagError
-        When the bag cannot be opened at all, or the copy not be written.
+        When the source cannot be opened, or the copy cannot be written.
     """
     with TactileBag(source, needs_all=False) as bag:
         metadata = {**bag.metadata, 'repaired_from_sha256': bag.sha256()}
@@ -54,7 +54,7 @@ def repair_bag(source: Path, target: Path) -> Repair:
 
 
 def _usable_qos(text: str) -> str:
-    """Return quality of service in words; older bags have numbers."""
+    """Return quality of service settings as words; older bags contain numbers."""
     try:
         profiles = load_yaml(text)
         if all(isinstance(profile['history'], str) for profile in profiles):

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writes a bag that opens again whenever its writer is killed."""
+"""Writer of bags that remain readable when the process is killed at any time."""
 
 from __future__ import annotations
 
@@ -21,31 +21,31 @@ from tactile_bags.message_types import message_store, qos_text
 from tactile_ros.topics import join_topic, RecordedTopic
 
 METADATA_KEY = 'tactile'
-"""Key of the bag's custom data that holds the metadata of the recording, as JSON."""
+"""Key of the bag's custom data with the metadata of the recording, as JSON."""
 
 
 class BagWriter:
-    """Writes serialised messages into a new bag. A context manager; thread-safe.
+    """Writer of serialised messages to a new bag. A context manager; thread-safe.
 
     Parameters
     ----------
     path : pathlib.Path
         Folder of the bag; must not exist yet.
     metadata : mapping
-        What a reader must know about the recording; JSON-able. Holds at least
+        Description of the recording for readers, convertible to JSON. Must contain
         ``simulated`` (bool).
 
     Attributes
     ----------
     saved_count : int
-        Messages that are in the file; told by `close`.
+        Number of messages in the file; set by `close`.
     is_complete : bool
-        Whether `close` could write all that belongs to a bag.
+        True if `close` wrote all parts of the bag.
 
     Raises
     ------
     BagError
-        When the folder exists or cannot be made, and later when it cannot be written to.
+        When the folder exists or cannot be created, or later when writing fails.
     """
 
     def __init__(self, path: Path, metadata: Mapping[str, Any]) -> None:
@@ -82,10 +82,10 @@ class BagWriter:
 
     @property
     def _file_name(self) -> str:
-        return f'{self.path.resolve().name}_0.mcap'  # as rosbag2 counts them, who looks for that
+        return f'{self.path.resolve().name}_0.mcap'  # the name that rosbag2 gives its first file
 
     def add_topic(self, topic: RecordedTopic, namespace: str = '') -> str:
-        """Announce a topic; return its absolute name."""
+        """Add a topic; return its absolute name."""
         definition, _ = self.store.generate_msgdef(topic.type_name, ros_version=2)
         return self.add_stored_topic(
             StoredTopic(
@@ -98,15 +98,15 @@ class BagWriter:
         )
 
     def add_stored_topic(self, topic: StoredTopic) -> str:
-        """Announce a topic as another bag has it; return its absolute name."""
+        """Add a topic with the definition from another bag; return its absolute name."""
         with self._writing() as writer:
             if topic.name in self._topics:
-                raise BagError(f'the topic {topic.name} is in the bag {self.path} already')
+                raise BagError(f'the topic {topic.name} is already in the bag {self.path}')
             self._topics[topic.name] = (writer.add_channel(topic), topic)
         return topic.name
 
     def add_metadata(self, metadata: Mapping[str, Any]) -> None:
-        """Add metadata that are known only during the recording; call before `close`."""
+        """Add metadata that become known during the recording; call this before `close`."""
         with self._writing():
             self._metadata.update(metadata)
             self._custom[METADATA_KEY] = json.dumps(self._metadata, sort_keys=True)
@@ -123,10 +123,10 @@ class BagWriter:
         self.write_raw(topic, received_at_ns, bytes(data))
 
     def save(self) -> None:
-        """Bring all that was written so far into the files.
+        """Write all messages so far to the file.
 
-        What comes after is lost when the process is killed before the next call. Harmless
-        after `close`.
+        Messages that are added later are lost if the process is killed before the next call. Has
+        no effect after `close`.
         """
         with self._lock:
             writer = self._writer
@@ -136,7 +136,7 @@ class BagWriter:
                 writer.flush()
                 text = self._metadata_text(writer)
                 if not self._has_early_metadata:
-                    # For `ros2 bag reindex`, which goes by the data file alone.
+                    # For `ros2 bag reindex`, which uses only the data file.
                     writer.write_metadata(text)
                     self._has_early_metadata = True
                 write_metadata(self.path, text)
@@ -144,9 +144,9 @@ class BagWriter:
                 raise self._failure(error) from error
 
     def sync(self) -> None:
-        """Wait until what was saved is on the disk, for when the power fails.
+        """Wait until saved data are on the disk, in case the power fails.
 
-        Other threads may go on writing meanwhile. Harmless after `close`.
+        Other threads may write in the meantime. Has no effect after `close`.
         """
         writer = self._writer
         if writer is None:
@@ -154,11 +154,11 @@ class BagWriter:
         try:
             writer.sync()
         except (OSError, ValueError) as error:
-            if self._writer is not None:  # otherwise `close` was faster
+            if self._writer is not None:  # `close` may have been called meanwhile
                 raise self._failure(error) from error
 
     def close(self) -> None:
-        """Finish the bag. Harmless when called twice."""
+        """Finish the bag. May be called repeatedly."""
         with self._lock:
             writer, self._writer = self._writer, None
             if writer is None:
@@ -182,7 +182,7 @@ class BagWriter:
 
     @contextmanager
     def _writing(self) -> Iterator[McapWriter]:
-        """Give the open writer to this thread alone; what the disk refuses is a `BagError`."""
+        """Lock the open writer for this thread; convert errors of writing to `BagError`."""
         with self._lock:
             if self._writer is None:
                 raise BagError(f'the bag {self.path} is closed')

@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Trials of an experiment that count, and their labels, as its journal says.
+"""Exclusions and corrected labels of trials, from the journal of an experiment.
 
-The journal is one line of JSON an entry; see `tactile_lab.experiment`, which writes it.
+The journal has one JSON entry per line; `tactile_lab.experiment` writes it.
 """
 
 from __future__ import annotations
@@ -17,24 +17,24 @@ from typing import Any
 from tactile_bags.errors import BagError
 
 PLAN, ORDER, JOURNAL, BAGS = 'plan.yaml', 'order.csv', 'journal.jsonl', 'bags'
-"""Names in the folder of an experiment."""
+"""Names of files and folders in the folder of an experiment."""
 
 
 @dataclass(frozen=True)
 class Correction:
-    """The journal's word on one trial: why it does not count, and its right label; or empty."""
+    """The reason why a trial is excluded, and its corrected label; either may be empty."""
 
     why_not: str = ''
     label: str = ''
 
 
 def is_experiment(path: Path) -> bool:
-    """Return whether a path is the folder of an experiment."""
+    """Return True if a path is the folder of an experiment."""
     return (path / PLAN).is_file() and (path / ORDER).is_file()
 
 
 def experiment_of(bag: Path) -> Path | None:
-    """Return the folder of the experiment that a bag belongs to; None: it belongs to none."""
+    """Return the folder of the experiment that contains a bag, or None."""
     bag = bag.resolve()
     if bag.parent.name != BAGS or not (bag.parent.parent / JOURNAL).is_file():
         return None
@@ -42,9 +42,9 @@ def experiment_of(bag: Path) -> Path | None:
 
 
 def read_corrections(folder: Path) -> dict[str, Correction]:
-    """Return what the journal of an experiment says of its trials, by trial id.
+    """Return the corrections in the journal of an experiment, by trial id.
 
-    A journal that cannot be read, or an entry of another form, is a `BagError`.
+    Raises `BagError` when the journal cannot be read or has an invalid entry.
     """
     path = folder / JOURNAL
     try:
@@ -60,10 +60,11 @@ def read_corrections(folder: Path) -> dict[str, Correction]:
 
 
 def parse_journal(data: bytes) -> tuple[list[dict[str, Any]], int]:
-    """Return the entries, and the length of what holds them [byte].
+    """Return the entries of a journal, and the length of the valid part [byte].
 
-    What follows the last whole line was cut off and is no entry. A power cut can also leave
-    zeros there, so damaged lines at the end are none either; before others they are a `BagError`.
+    Text after the last complete line is an interrupted entry and is ignored. A power cut can also
+    leave zeros at the end, so damaged lines at the end are ignored, too. Damaged lines before
+    valid ones raise a `BagError`.
     """
     entries: list[dict[str, Any]] = []
     length = position = damaged = 0
@@ -110,6 +111,6 @@ def _add_up(entries: Iterable[Mapping[str, Any]]) -> dict[str, Correction]:
         if trial_id in excluded:
             why_not = f'excluded: {excluded[trial_id]}'
         elif trial_id not in kept:
-            why_not = f'another attempt counts ({verdict or "interrupted"})'
+            why_not = f'repeated ({verdict or "interrupted"})'
         found[trial_id] = Correction(why_not, labels.get(trial_id, ''))
     return found

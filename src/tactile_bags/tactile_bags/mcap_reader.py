@@ -1,11 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reads an MCAP file from its beginning, whether or not it was ever finished.
+"""Reader of MCAP files, whether or not they were closed.
 
-The library ``mcap`` decodes the records. Its readers give no message of a chunk that was cut off,
-unpack whatever a chunk holds, and take 10 times as long for a message; so the messages themselves
-are found here. No index is used: what is read is what is there. What a record may hold is bounded.
+The library ``mcap`` decodes the records. Its own readers return no messages of a truncated chunk,
+unpack chunks of any size, and take 10 times as long per message, so messages are located here.
+The file's index is not used; only records that are present count. Sizes of records are limited.
 """
 
 from __future__ import annotations
@@ -30,38 +30,38 @@ from tactile_bags.errors import BagError
 MAGIC = b'\x89MCAP0\r\n'
 
 METADATA_NAME, METADATA_KEY = 'rosbag2', 'serialized_metadata'
-"""Where rosbag2 keeps a copy of ``metadata.yaml`` in the file."""
+"""Name under which rosbag2 stores a copy of ``metadata.yaml`` in the file."""
 
 MAX_CHUNK_BYTES = 64 * 2**20
 """Largest chunk that is unpacked, and largest message [byte]; rosbag2 writes 0.75 to 4 MiB."""
 
 MAX_DEFINITION_BYTES = 16 * 2**20
-"""Most that all definitions and channels of a file may hold together [byte]."""
+"""Largest total size of all definitions and channels of a file [byte]."""
 
 MAX_METADATA_BYTES = 4 * 2**20
-"""Longest ``metadata.yaml`` and longest copy of it within a file [byte]."""
+"""Largest ``metadata.yaml`` and largest copy of it within a file [byte]."""
 
 MAX_SEGMENTS = 500_000
-"""Most chunks of a file, and runs of `RUN_BYTES` outside of chunks; 200 bytes of memory each."""
+"""Largest number of chunks and of runs of `RUN_BYTES` outside chunks; each needs 200 bytes."""
 
 MAX_CHANNELS = 1_000_000
-"""Most channels in all different sets of channels that chunks have."""
+"""Largest total number of channels in all distinct sets of channels that chunks have."""
 
 RUN_BYTES = 2**20
-"""Messages outside of chunks are read in runs of about this size [byte]."""
+"""Messages outside chunks are read in runs of about this size [byte]."""
 
 MAX_RECORD_BYTES = 2**20
-"""Longest message definition, and longest description of a channel [byte]."""
+"""Largest message definition and largest description of a channel [byte]."""
 
 MAX_NS = 2**63 - 1
 
 MAX_OPCODE, MIN_PRIVATE_OPCODE = 0x0F, 0x80
-"""Numbers between are reserved; private records are passed over."""
+"""Opcodes between these two are reserved; private records are skipped."""
 
 _RECORD = struct.Struct('<BQ')
 _MESSAGE = struct.Struct('<HIQQ')
 _PACKING_OFFSET = _RECORD.size + 28
-_CHUNK_HEAD_BYTES = _PACKING_OFFSET + 4 + 8  # of one that is not packed
+_CHUNK_HEAD_BYTES = _PACKING_OFFSET + 4 + 8  # of a chunk without compression
 _MESSAGE_CODE = int(Opcode.MESSAGE)
 _TAKEN = {
     Opcode.SCHEMA,
@@ -73,18 +73,18 @@ _TAKEN = {
 }
 
 Message = tuple[int, int, bytes]
-"""Time of arrival [ns], channel, serialised message."""
+"""Arrival time [ns], channel, serialised message."""
 
 _Record = TypeVar('_Record')
 
 
 @dataclass(frozen=True)
 class StoredTopic:
-    """A topic as a bag holds it.
+    """A topic as stored in a bag.
 
-    ``type_hash`` is empty when the recorder did not know it. ``definition`` is the text of the
-    message's definition with those that it needs, ``definition_format`` is ``ros2msg`` or
-    ``ros2idl``, ``qos`` the offered quality of service, as YAML.
+    ``type_hash`` is empty if the recorder did not know it. ``definition`` is the text of the
+    message definition and of all definitions that it refers to; ``definition_format`` is
+    ``ros2msg`` or ``ros2idl``; ``qos`` is the offered quality of service, as YAML.
     """
 
     name: str
@@ -97,10 +97,10 @@ class StoredTopic:
 
 
 class Segment(NamedTuple):
-    """A part of the file whose messages are read at once: a chunk, or records without one.
+    """A part of the file that is read as a unit: a chunk, or a run of records outside chunks.
 
-    Times of arrival [ns]; ``size`` is that of the part when it is unpacked [byte]; ``is_packed``:
-    it is a chunk that is compressed.
+    Times of arrival are in nanoseconds; ``size`` is the uncompressed size [byte]; ``is_packed`` is
+    true for a compressed chunk.
     """
 
     first_ns: int
@@ -112,7 +112,7 @@ class Segment(NamedTuple):
 
 
 class _Index(NamedTuple):
-    """Messages by channel, their first and last time [ns], and where the records end [byte]."""
+    """Number of messages by channel, first and last time [ns], and end of the records [byte]."""
 
     counts: Counter[int]
     first_ns: int
@@ -121,13 +121,22 @@ class _Index(NamedTuple):
 
 
 class McapFile:
-    """An MCAP file for reading; `BagError` when it is none of ROS 2.
+    """Reader of an MCAP file; raises `BagError` if it is not an MCAP file of ROS 2.
 
-    By channel, it has ``topics``, the ``counts`` of messages, and those that its statistics state
-    (None: they do not). ``segments`` are in the order of the file. A file ``is_finished`` when its
-    writer came to the end; otherwise it is read up to its last whole record, and ``unread_bytes``
-    lie behind that. ``damage`` says where a finished file is damaged; it is read up to there.
-    ``metadata`` is the copy of ``metadata.yaml`` in it, or empty.
+    Attributes
+    ----------
+    topics, counts, stated_counts : dict
+        Topics, numbers of messages, and numbers according to the statistics in the file (None
+        without statistics), by channel.
+    segments : list of Segment
+        In the order of the file.
+    is_finished : bool
+        True if the file was closed. Otherwise it is read up to its last complete record, and
+        ``unread_bytes`` follow.
+    damage : str
+        Position of damage in a closed file, which is read up to there; empty if there is none.
+    metadata : str
+        The copy of ``metadata.yaml`` in the file, or empty.
     """
 
     def __init__(self, path: Path) -> None:
@@ -143,7 +152,7 @@ class McapFile:
         self._definition_bytes = 0
         self._is_in_partial_chunk = False
         self._channel_sets: dict[frozenset[int], frozenset[int]] = {}
-        self._channel_count = 0  # of all these sets
+        self._channel_count = 0  # total of all these sets
         self._file: BinaryIO = path.open('rb')
         try:
             self._size = self._file.seek(0, io.SEEK_END)
@@ -156,17 +165,17 @@ class McapFile:
             raise
 
     def close(self) -> None:
-        """Close the file. Harmless when called twice."""
+        """Close the file. May be called repeatedly."""
         self._file.close()
 
     def read_parts(self) -> Iterator[bytes]:
-        """Yield the bytes of the whole file, 1 MiB at a time."""
+        """Yield the bytes of the whole file in parts of 1 MiB."""
         for offset in range(0, self._size, 2**20):
             yield self._read(offset, 2**20)
 
     @property
     def newest_ns(self) -> int:
-        """When the last message arrived [ns]; 0: there is none."""
+        """Arrival time of the last message [ns]; 0 if there is none."""
         return min(max((s.last_ns for s in self.segments), default=0), MAX_NS)
 
     def _read(self, offset: int, size: int) -> bytes:
@@ -183,15 +192,15 @@ class McapFile:
 
     def _check_start(self) -> None:
         if self._read(0, len(MAGIC)) != MAGIC:
-            raise BagError('it does not begin as an MCAP file does')
+            raise BagError('it does not begin with the magic bytes of an MCAP file')
         opcode, length, end = self._head(len(MAGIC))
         if opcode != Opcode.HEADER or length > MAX_RECORD_BYTES:
             raise BagError('it does not begin with the header of an MCAP file')
         if end > self._size:
-            raise BagError('it ends before its header does')
+            raise BagError('it ends within its header')
         header = _decode(Header.read, self._read(end - length, length))
         if header.profile != 'ros2':
-            raise BagError('it is an MCAP file, but not one of ROS 2')
+            raise BagError('it is an MCAP file, but not of ROS 2')
 
     def _scan(self) -> None:
         position, has_data_end = len(MAGIC), False
@@ -201,7 +210,7 @@ class McapFile:
                 if opcode == 0 or end > self._size:
                     if opcode != Opcode.CHUNK or not self._is_partial(position, end):
                         break
-                    end = position + _CHUNK_HEAD_BYTES  # on with its records
+                    end = position + _CHUNK_HEAD_BYTES  # continue with the records in it
                 elif opcode == _MESSAGE_CODE:
                     end = self._take_run(position, length)
                 elif opcode == Opcode.FOOTER:
@@ -218,7 +227,7 @@ class McapFile:
                         end = position + _CHUNK_HEAD_BYTES
                 position = end
             if self._claims_end and not self.is_finished:
-                raise BagError('it goes beyond the end of the file, or is none')
+                raise BagError('it extends beyond the end of the file, or is not a record')
         except BagError as error:
             if self._claims_end:
                 self.is_finished = True
@@ -227,10 +236,10 @@ class McapFile:
             self.unread_bytes = max(0, self._size - position)
 
     def _is_partial(self, position: int, end: int) -> bool:
-        """Return whether a chunk that is not packed came to the disk in part.
+        """Return True if an uncompressed chunk was only partly written to the disk.
 
-        Its end is missing, or consists of the zeros that a file system gives in its place, with
-        nothing else behind it. Any other chunk whose checksum is wrong was changed.
+        The end of such a chunk is missing, or consists of zeros that the file system put in its
+        place at the end of the file. Any other chunk with a wrong checksum was changed.
         """
         if self._claims_end or self._read(position + _PACKING_OFFSET, 4) != bytes(4):
             return False
@@ -238,12 +247,12 @@ class McapFile:
         return self._is_in_partial_chunk
 
     def _take(self, opcode: int, offset: int, length: int) -> None:
-        """Take the contents of a record that is no message."""
+        """Process the contents of a record that is not a message."""
         if opcode == Opcode.METADATA and length > MAX_METADATA_BYTES:
-            return  # anything may stand there; what rosbag2 writes is shorter
+            return  # not written by rosbag2, whose metadata are shorter
         if opcode not in _TAKEN:
             if MAX_OPCODE < opcode < MIN_PRIVATE_OPCODE:
-                raise BagError(f'records of kind {opcode} are not known')
+                raise BagError(f'records of type {opcode} are unknown')
             return
         is_chunk = opcode == Opcode.CHUNK
         _check_size('a record', length, MAX_CHUNK_BYTES if is_chunk else MAX_METADATA_BYTES)
@@ -263,43 +272,41 @@ class McapFile:
                 self.metadata = metadata.metadata.get(METADATA_KEY, '')
         elif opcode == Opcode.STATISTICS:
             counts = _decode(Statistics.read, contents).channel_message_counts
-            self.stated_counts = +Counter(counts)  # without those that are zero
+            self.stated_counts = +Counter(counts)  # without zeros
         elif opcode == Opcode.DATA_END:
             self._check_data(offset - _RECORD.size, _decode(DataEnd.read, contents))
         else:
             self._learn(opcode, contents)
 
     def _take_run(self, position: int, length: int) -> int:
-        """Take messages that follow each other outside of chunks; return where they end."""
+        """Process consecutive messages outside chunks; return the position after them."""
         _check_size('a message', length, MAX_CHUNK_BYTES)
         data = self._read(position, max(RUN_BYTES, length + _RECORD.size))
         index = _index_of(data)
         if not self._claims_end:
             behind = self._read(position + index.size, _RECORD.size)
             if not any(behind) and (behind or self._is_in_partial_chunk):
-                # Zeros where data did not come to the disk: the last message may lack its end.
+                # Zeros replace data that were not written: the last message may be incomplete.
                 data = data[: index.size]
                 there = len(data.rstrip(b'\0'))
                 whole = max((e for _, _, e in _records(data) if e <= there), default=0)
                 index = _index_of(data[:whole])
                 if not whole:
-                    raise BagError('its end did not come to the disk')
+                    raise BagError('its end was not written to the disk')
         self._keep(position, index, packed=False)
         return position + index.size
 
     def _keep(self, offset: int, index: _Index, packed: bool) -> None:
-        """Keep where a segment lies, and what is in it."""
+        """Store position and contents of a segment."""
         if not index.counts:
             return
         if unknown := sorted(index.counts.keys() - self.topics.keys()):
-            raise BagError(
-                f'messages are on channel {unknown[0]}, which no channel record defines'
-            )
+            raise BagError(f'messages use channel {unknown[0]}, which no channel record defines')
         channels = frozenset(index.counts)
         self._channel_count += 0 if channels in self._channel_sets else len(channels)
         channels = self._channel_sets.setdefault(channels, channels)
         if len(self.segments) >= MAX_SEGMENTS or self._channel_count > MAX_CHANNELS:
-            raise BagError(f'it has so many chunks ({len(self.segments)}) that they are not kept')
+            raise BagError(f'it has too many chunks ({len(self.segments)})')
         self.segments.append(
             Segment(index.first_ns, index.last_ns, offset, index.size, packed, channels)
         )
@@ -316,8 +323,8 @@ class McapFile:
             topic = self._topic_of(channel)
             is_new = channel.id not in self.topics
             is_same = self.topics.setdefault(channel.id, topic) == topic
-        if not is_same:  # the copy behind the data, or one for each chunk
-            raise BagError('a channel or a message is defined twice, and not alike')
+        if not is_same:  # repeated after the data, or in each chunk
+            raise BagError('a channel or a message is defined twice, with different contents')
         self._definition_bytes += len(contents) * is_new
         _check_size('all definitions', self._definition_bytes, MAX_DEFINITION_BYTES)
 
@@ -338,12 +345,12 @@ class McapFile:
         for offset in range(0, end if expected else 0, RUN_BYTES):
             checksum = zlib.crc32(self._read(offset, min(RUN_BYTES, end - offset)), checksum)
         if checksum != expected:
-            self.damage = 'its checksum is not that of its contents; the place is not known'
+            self.damage = 'its checksum does not match its contents; the position is unknown'
 
     # -- messages -----------------------------------------------------------------------
 
     def messages_of(self, segment: Segment, channels: Collection[int]) -> Iterator[Message]:
-        """Yield the messages of a segment that are on these channels, by time of arrival."""
+        """Yield the messages of a segment on these channels, in the order of arrival."""
         if segment.is_packed:
             _, length, end = self._head(segment.offset)
             data = _unpack_chunk(_decode(Chunk.read, self._read(end - length, length)))
@@ -361,24 +368,24 @@ class McapFile:
 
 
 class _Contents(io.BytesIO):
-    """Contents of a record, that do not end silently where a field of it does not."""
+    """Contents of a record; reading beyond their end raises an error."""
 
     def read(self, size: int | None = -1) -> bytes:
         if size is None or size > len(self.getbuffer()) - self.tell():
-            raise BagError('a field goes beyond the end of its record')
+            raise BagError('a field extends beyond the end of its record')
         return super().read(size)
 
 
 def _decode(read: Callable[[ReadDataStream], _Record], contents: bytes) -> _Record:
-    """Return a record as the library decodes it."""
+    """Return a record, decoded by the library ``mcap``."""
     try:
         return read(ReadDataStream(_Contents(contents)))
     except UnicodeDecodeError:
-        raise BagError('a text in it is not UTF-8') from None
+        raise BagError('a string in it is not UTF-8') from None
 
 
 def _records(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """Yield opcode, start and end of the contents of each whole record."""
+    """Yield opcode, start and end of the contents of each complete record."""
     position, last = 0, len(data) - _RECORD.size
     while position <= last:
         opcode, length = _RECORD.unpack_from(data, position)
@@ -390,9 +397,10 @@ def _records(data: bytes) -> Iterator[tuple[int, int, int]]:
 
 
 def _index_of(data: bytes, learn: Callable[[int, bytes], None] | None = None) -> _Index:
-    """Return what is in whole records, up to the first that is not whole.
+    """Return the index of all complete records, up to the first incomplete one.
 
-    ``learn`` takes definitions; without it, the index ends before what is no message.
+    ``learn`` is called with definitions. Without it, the index ends before the first record that
+    is not a message.
     """
     counts: dict[int, int] = {}
     first_ns, last_ns, size = 2**64, 0, 0
@@ -400,7 +408,7 @@ def _index_of(data: bytes, learn: Callable[[int, bytes], None] | None = None) ->
         if opcode == _MESSAGE_CODE:
             if end - start < _MESSAGE.size:
                 if learn is None and counts:
-                    break  # the next index begins with it
+                    break  # it is the first record of the next index
                 raise BagError('a message is shorter than its own header')
             channel, _, received_at_ns, _ = _MESSAGE.unpack_from(data, start)
             counts[channel] = counts.get(channel, 0) + 1
@@ -418,11 +426,11 @@ def _index_of(data: bytes, learn: Callable[[int, bytes], None] | None = None) ->
 
 def _check_size(what: str, size: int, limit: int) -> None:
     if size > limit:
-        raise BagError(f'{what} of {size} bytes is in it, the limit is {limit}')
+        raise BagError(f'it contains {what} of {size} bytes; the limit is {limit}')
 
 
 def _unpack_chunk(chunk: Chunk) -> bytes:
-    """Return the contents of a chunk; no more is ever unpacked than is written on it."""
+    """Return the contents of a chunk; unpacking stops at the size that the chunk states."""
     size = chunk.uncompressed_size
     _check_size('a chunk', size, MAX_CHUNK_BYTES)
     try:
@@ -430,19 +438,19 @@ def _unpack_chunk(chunk: Chunk) -> bytes:
         data = unpack(chunk.data, size + 1)
     except KeyError:
         raise BagError(
-            f'a chunk is packed as "{chunk.compression[:16]}"; known are zstd, lz4 and none'
+            f'a chunk has the compression "{chunk.compression[:16]}"; use zstd, lz4 or none'
         ) from None
     except (zstandard.ZstdError, RuntimeError, EOFError) as error:
         raise BagError(f'a chunk cannot be unpacked: {error}') from error
     if len(data) != size:
-        raise BagError('a chunk holds more or less than is written on it')
+        raise BagError('the size of a chunk differs from the stated one')
     if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
-        raise BagError('the checksum of a chunk is not that of its contents')
+        raise BagError('the checksum of a chunk does not match its contents')
     return data
 
 
 def unpack_zstd(packed: bytes, limit: int) -> bytes:
-    """Return what is packed, cut off at ``limit`` bytes."""
+    """Return the uncompressed data, cut off at ``limit`` bytes."""
     window = zstandard.ZstdDecompressor(max_window_size=MAX_CHUNK_BYTES)
     return window.stream_reader(packed).read(limit)
 

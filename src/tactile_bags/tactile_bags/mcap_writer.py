@@ -1,11 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writes an MCAP file without chunks, as rosbag2 does with its preset ``fastwrite``.
+"""Writer of MCAP files without chunks, like rosbag2 with its preset ``fastwrite``.
 
-Every whole message in the file can be read, whenever its writer is killed, and no index grows in
-memory. The library ``mcap`` encodes the records. Its own writer counts a message before it is in
-the file, so that its statistics are wrong where a disk was full.
+Every complete message in the file can be read after its writer was killed, and no index grows in
+memory. The library ``mcap`` encodes the records. Its own writer counts a message before the
+message is in the file, so that its statistics are wrong when the disk is full.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ from mcap.records import (
 from tactile_bags.mcap_reader import MAGIC, METADATA_KEY, METADATA_NAME, StoredTopic
 
 BUFFER_BYTES = 2**20
-"""Most that is kept back before it is written to the file [byte]."""
+"""Largest amount of data that is buffered before it is written to the file [byte]."""
 
 _FOOTER_CHECKSUM_BYTES = 4
 
 
 class McapWriter:
-    """Writes a new MCAP file, message by message; `OSError` when it cannot be written.
+    """Writer of a new MCAP file; raises `OSError` when the file cannot be written.
 
-    ``counts`` are the messages by channel that are in the file, ``first_ns`` and ``last_ns`` their
-    earliest and latest time of arrival [ns]; 0 before the first message.
+    ``counts`` has the number of messages in the file by channel; ``first_ns`` and ``last_ns`` are
+    their earliest and latest arrival time [ns], or 0 before the first message.
     """
 
     def __init__(self, path: Path) -> None:
@@ -64,8 +64,8 @@ class McapWriter:
             while view:
                 view = view[self._file.write(view) :]
         except OSError:
-            # Half a record would make all that follows unreadable. Without it, the file ends
-            # well, and what it took may be room enough for the end.
+            # An incomplete record would make all later ones unreadable. Removing it leaves a
+            # valid end of the file, and may free enough space for the closing records.
             self._file.seek(self._size)
             self._file.truncate()
             raise
@@ -73,7 +73,7 @@ class McapWriter:
         self._checksum = zlib.crc32(data, self._checksum)
 
     def add_channel(self, topic: StoredTopic) -> int:
-        """Announce a topic; return the number of its channel."""
+        """Add a topic; return the number of its channel."""
         self.flush()
         records: list[McapRecord] = []
         schema = self._schemas.get(topic.type_name)
@@ -100,9 +100,9 @@ class McapWriter:
             self.flush()
 
     def flush(self) -> None:
-        """Bring all that was written into the file: it is with the operating system then.
+        """Write buffered data to the file, that is, to the operating system.
 
-        What cannot be written is dropped, and is not in the counts.
+        Data that cannot be written are dropped and not counted.
         """
         data, counts, times_ns = self._new.end(), self._new_counts, self._new_ns
         self._new_counts, self._new_ns = Counter(), []
@@ -114,7 +114,7 @@ class McapWriter:
         self.counts.update(counts)
 
     def write_metadata(self, text: str) -> None:
-        """Write a copy of ``metadata.yaml``; the last one counts."""
+        """Write a copy of ``metadata.yaml``; readers use the last copy."""
         self.flush()
         data = _encode([Metadata(METADATA_NAME, {METADATA_KEY: text})])
         index = MetadataIndex(self._size, len(data), METADATA_NAME)
@@ -122,11 +122,11 @@ class McapWriter:
         self._metadata_indexes.append(index)
 
     def sync(self) -> None:
-        """Wait until what was written is on the disk; other threads may go on writing."""
+        """Wait until written data are on the disk; other threads may write in the meantime."""
         os.fsync(self._file.fileno())
 
     def close(self) -> None:
-        """Write statistics and the end. Harmless when called twice."""
+        """Write statistics and the end of the file. May be called repeatedly."""
         if self._file.closed:
             return
         try:

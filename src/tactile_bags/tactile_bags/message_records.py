@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Records from the messages of a bag. What a node refuses is passed over here, too."""
+"""Records from the messages of a bag. Messages that a node would refuse are skipped."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ _CONVERSIONS: dict[str, Callable[[Any], Any]] = {
 }
 
 RECORDED_TYPES = tuple(_CONVERSIONS)
-"""Types of message that have a record."""
+"""Message types that have a record."""
 
 _logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class KeptMessage(BagMessage):
-    """A message that keeps its record once it is decoded; ``correct`` may change that first."""
+    """A message that keeps its decoded record; ``correct`` may change the record first."""
 
     correct: Callable[[Any], Any] | None = None
 
@@ -50,7 +50,7 @@ class KeptMessage(BagMessage):
 
 
 def read_records(messages: Iterable[BagMessage]) -> Iterator[tuple[BagMessage, Any]]:
-    """Yield each message with its record; `BagError` when the bytes are no such message."""
+    """Yield each message with its record; raise `BagError` if its bytes cannot be decoded."""
     refused = 0
     for message in messages:
         try:

@@ -22,8 +22,8 @@ _PACKAGE = 'tactile_msgs'
 def _message_definitions() -> dict[str, str]:
     """Return the text of each ``.msg`` file by the name of its type, such as ``Tare``.
 
-    A sourced workspace comes first: its messages are those that its nodes publish. A
-    distribution from pip has the same files in the folder ``tactile_msgs`` of this package.
+    The definitions of a sourced workspace take precedence, because its nodes publish them. An
+    installation with pip has the same files in the folder ``tactile_msgs`` of this package.
     """
     for folder in (_workspace_folder(), resources.files(__package__) / _PACKAGE):
         if folder is not None and folder.is_dir():
@@ -31,9 +31,7 @@ def _message_definitions() -> dict[str, str]:
             texts = {f.name[:-4]: f.read_text('utf-8') for f in files if f.name.endswith('.msg')}
             if texts:
                 return texts
-    raise BagError(
-        f'the package {_PACKAGE} is not installed here; build the workspace and source it'
-    )
+    raise BagError(f'the package {_PACKAGE} is not installed; build the workspace and source it')
 
 
 def _workspace_folder() -> Path | None:
@@ -41,9 +39,9 @@ def _workspace_folder() -> Path | None:
         from ament_index_python.packages import get_package_share_directory
 
         return Path(get_package_share_directory(_PACKAGE)) / 'msg'
-    except LookupError:  # ament knows no such package
+    except LookupError:  # the package is not in the ament index
         return None
-    except ImportError:  # no ROS 2 here
+    except ImportError:  # ROS 2 is not installed
         return None
 
 
@@ -65,7 +63,7 @@ def message_store() -> Typestore:
 
 
 def qos_text(*, latched: bool) -> str:
-    """Return the offered quality of service of a topic, as rosbag2 writes it."""
+    """Return the offered quality of service of a topic in the notation of rosbag2."""
     return _QOS.format(
         depth=16 if latched else 1000, durability='transient_local' if latched else 'volatile'
     )

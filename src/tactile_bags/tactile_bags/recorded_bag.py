@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A bag of ours that is read once, as the journal of its experiment corrects it."""
+"""A bag of this package in memory, with the corrections of its experiment's journal."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from tactile_ros.strain import StrainStatus
 from tactile_ros.topics import CLASSIFICATION, EVENT, STRAIN
 
 MAX_KEPT_BYTES = 2**28
-"""Largest bag whose messages are kept in memory [byte]; those of a larger one are read anew."""
+"""Largest bag whose messages are kept in memory [byte]; larger bags are read repeatedly."""
 
 
 class RecordedBag(TactileBag):
-    """A bag of ours that is read once: messages and their records are kept.
+    """A bag of this package that is read once; its messages and their records are kept.
 
-    Its events carry the labels and the names of sessions that the experiment's journal and the
-    other recordings demand. Whatever takes a `TactileBag` takes it, and opens no file. The
-    parameters are those of `TactileBag`.
+    Its events have the corrected labels of the experiment's journal, and session names that
+    distinguish it from other recordings. It can be used wherever a `TactileBag` is expected,
+    without opening files again. The parameters are those in `TactileBag`.
     """
 
     def __init__(self, path: Path, *, needs_strain: bool = True) -> None:
@@ -50,7 +50,7 @@ class RecordedBag(TactileBag):
     def messages(
         self, *type_names: str, namespace: str | None = None, since_ns: int = 0
     ) -> Iterator[BagMessage]:
-        """Yield messages as `TactileBag.messages` does; those of our types from memory."""
+        """Yield messages as `TactileBag.messages` does; those with a record come from memory."""
         is_kept = bool(type_names) and set(type_names) <= set(RECORDED_TYPES)
         if not is_kept or since_ns or not self._keep(type_names):
             yield from super().messages(*type_names, namespace=namespace, since_ns=since_ns)
@@ -61,7 +61,7 @@ class RecordedBag(TactileBag):
             raise self._damage
 
     def _keep(self, type_names: Sequence[str]) -> bool:
-        """Read the messages of our types, once; return whether those asked for are there."""
+        """Read the messages with a record; return True if all requested types are in memory."""
         known = [name for name in RECORDED_TYPES if name not in self._foreign]
         size_bytes = sum(file.path.stat().st_size for file in self._files)
         if not set(type_names) <= set(known) or size_bytes > MAX_KEPT_BYTES:
@@ -86,15 +86,14 @@ class RecordedBag(TactileBag):
 
     @property
     def is_own(self) -> bool:
-        """True where strain and trial events of ours say what a trial is."""
+        """True if the bag has strain blocks and trial events of this package."""
         counts = {type_name: count for type_name, count in self.topics.values() if count}
         return STRAIN in counts and EVENT in counts
 
     def correct(self, corrections: Mapping[str, Correction], prefix: str = '') -> None:
-        """Correct what is read from now on, by trial id.
+        """Set corrections of the trials by trial id, for all later reads.
 
-        ``prefix`` is put before the names of sessions and mountings: it keeps those of
-        experiments apart.
+        ``prefix`` is added to the names of sessions and mountings, to distinguish experiments.
         """
         self.corrections, self._prefix, self._kept = corrections, prefix, None
 
@@ -130,7 +129,7 @@ class RecordedBag(TactileBag):
         return self._strain[namespace]
 
     def signal_between(self, namespace: str, start_ns: int, end_ns: int) -> Signal:
-        """Return the samples from ``start_ns`` to ``end_ns``; time counts from the start."""
+        """Return the samples from ``start_ns`` to ``end_ns``; times are relative to the start."""
         stamps_ns, tension_n, status = self.strain(namespace)
         inside = (stamps_ns >= start_ns) & (stamps_ns <= end_ns)
         return Signal(
@@ -143,7 +142,7 @@ class RecordedBag(TactileBag):
         )
 
     def rate_hz(self, namespace: str) -> float | None:
-        """Return the sample rate that the recording states, or else its stamps [Hz]."""
+        """Return the sample rate that the recording states, or that its stamps show [Hz]."""
         if nominal_hz := nominal_rate_hz(self, namespace):
             return nominal_hz
         stamps_ns = self.strain(namespace)[0]
@@ -159,12 +158,12 @@ class RecordedBag(TactileBag):
                 found.append(running[event.trial_id])
             running[event.trial_id].append(event)
             if event.phase in (PHASE_DONE, PHASE_ABORTED):
-                del running[event.trial_id]  # what follows is another trial of that name
+                del running[event.trial_id]  # later events belong to another trial of that name
         simulated = self.metadata.get('simulated') is True or self._is_of_simulation(namespace)
         return [self._make_trial(namespace, events, simulated) for events in found]
 
     def _is_of_simulation(self, namespace: str) -> bool:
-        """Return whether a finger's first samples are from a simulated sensor."""
+        """Return True if a finger's first samples are from a simulated sensor."""
         first = next(read_records(self.messages(STRAIN, namespace=namespace)), None)
         return first is not None and bool(first[1].status & StrainStatus.SIMULATED)
 
@@ -214,7 +213,7 @@ class RecordedBag(TactileBag):
 
 
 def correct_bags(bags: Sequence[RecordedBag]) -> None:
-    """Correct bags by the journals of their experiments; several have their sessions apart."""
+    """Correct bags by the journals of their experiments; sessions of several bags get prefixes."""
     folders = [experiment_of(bag.path) for bag in bags]
     experiments = list(dict.fromkeys(folder for folder in folders if folder))
     names = [folder.name for folder in experiments]

@@ -3,7 +3,7 @@
 
 """Feature specifications and models of a recording, from its messages.
 
-A simulated recording states the parameters of its features in its metadata.
+Simulated recordings state the parameters of their features in the metadata.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ from tactile_ros.topics import MODELS, SPECIFICATIONS, STRAIN
 _logger = logging.getLogger(__name__)
 
 WRITTEN_IN = 'written_in'
-"""Entry of the metadata: folder of the bag when it was recorded."""
+"""Metadata entry with the folder of the bag at recording time."""
 
 
 @dataclass(frozen=True)
 class RecordedFeatures:
-    """The features of one finger of a recording: parameters of its node, and what it computed.
+    """The features of one finger of a recording: parameters of the node, and specifications.
 
-    An empty ``wanted``: what ``config`` says.
+    If ``wanted`` is empty, the parameters in ``config`` determine the specifications.
     """
 
     config: FeatureConfig
@@ -53,7 +53,7 @@ class RecordedFeatures:
     def bound(self) -> FeatureConfig:
         """Return parameters that yield the first recorded specification of each task.
 
-        One that cannot be computed here is a `BagError`.
+        Raises `BagError` when a specification cannot be computed.
         """
         config, tasks = self.config, set[str]()
         try:
@@ -62,20 +62,20 @@ class RecordedFeatures:
                     tasks.add(each.task)
                     config = each.bind(config)
         except FeatureError as error:
-            raise BagError(f'its features cannot be computed here: {error}') from error
+            raise BagError(f'its features cannot be computed: {error}') from error
         return config
 
 
 def recorded_features(bag: TactileBag, namespace: str = '') -> RecordedFeatures:
-    """Return the features of a finger; `BagError` when they cannot be used here."""
+    """Return the features of a finger; raise `BagError` when they are unusable."""
     config = bag.metadata.get('feature_config') or {}
     wanted: dict[str, FeatureSpec] = {}
     messages = list(bag.messages(SPECIFICATIONS, namespace=namespace))
     records = list(read_records(messages))
     if messages and not records and messages[-1].is_of_another_release:
         _logger.warning(
-            '%s: its specifications of features are of another release; features are computed as '
-            'here, with the recorded parameters',
+            '%s: its feature specifications are of another release; features are computed by the '
+            'installed release with the recorded parameters',
             bag.path,
         )
         config = _read_json(messages[-1].decode().config)
@@ -126,11 +126,11 @@ def _read_json(text: str) -> Any:
     try:
         return json.loads(text)
     except (ValueError, RecursionError):
-        return text  # refused as no parameters
+        return text  # later refused as invalid parameters
 
 
 def _read_config(values: Mapping[str, Any]) -> FeatureConfig:
-    """Return the parameters of a recording, without those that only another release has."""
+    """Return the parameters of a recording; unknown ones, of other releases, are ignored."""
     if not isinstance(values, Mapping):
         raise TypeError(f'they are {type(values).__name__}, not names and values')
     known = {field.name for field in fields(FeatureConfig)}
@@ -140,7 +140,7 @@ def _read_config(values: Mapping[str, Any]) -> FeatureConfig:
 
 
 def nominal_rate_hz(bag: TactileBag, namespace: str = '') -> float:
-    """Return the sample rate that a recording was made for [Hz]; 0 when it does not say."""
+    """Return the nominal sample rate of a recording [Hz], or 0 if it states none."""
     try:
         features = recorded_features(bag, namespace)
     except BagError:
@@ -151,7 +151,7 @@ def nominal_rate_hz(bag: TactileBag, namespace: str = '') -> float:
 
 
 def recorded_models(bag: TactileBag, namespace: str = '') -> tuple[ModelInfo, ...]:
-    """Return the models that answered while recording."""
+    """Return the models that classified during the recording."""
     found: dict[str, ModelInfo] = {}
     for _, infos in read_records(bag.messages(MODELS, namespace=namespace)):
         found |= {info.model_id: info for info in infos.models}
@@ -159,10 +159,11 @@ def recorded_models(bag: TactileBag, namespace: str = '') -> tuple[ModelInfo, ..
 
 
 def find_models(bag: TactileBag, namespace: str = '') -> list[Path]:
-    """Return the model files that a recording was made with; none: no models.
+    """Return the model files used during a recording; an empty list without models.
 
-    A file is looked for where it was, then beside the bag where it was beside the bag: both may
-    have been moved together. One that is not there, or has changed since, is a `TactileError`.
+    A file is searched at its recorded path. If it was next to the bag, it is then searched next to
+    the bag, because both may have been moved together. A file that is missing or has changed
+    raises `TactileError`.
     """
     folder = (bag.path if bag.path.is_dir() else bag.path.parent).resolve()
     written_in = str(bag.metadata.get(WRITTEN_IN, ''))
@@ -178,13 +179,13 @@ def _find(info: ModelInfo, folder: Path, written_in: str) -> Path:
         if hashlib.sha256(place.read_bytes()).hexdigest() == info.sha256:
             return place
     problem = f'has changed since: {there[0]}' if there else f'is not at {info.path}'
-    raise TactileError(f'the model {info.model_id} of this recording {problem}; name it: --models')
+    raise TactileError(f'the model {info.model_id} of this recording {problem}; state --models')
 
 
 def gather_models(files: Sequence[Path], scratch: Path) -> Path | None:
-    """Return one path that a node takes as its ``models``; None without files.
+    """Return one path for a node's parameter ``models``, or None without files.
 
-    Links to several files are made in the folder ``scratch``.
+    For several files, links to them are made in the folder ``scratch``.
     """
     if len(files) < 2:
         return files[0] if files else None

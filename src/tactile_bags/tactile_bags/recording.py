@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A recording: read once, and everything else is a function of it.
+"""Recordings of any kind, as trials with signals.
 
 ```python
 recording = Recording.load('bags')
@@ -9,8 +9,9 @@ for trial in recording.trials:
     trial.label, trial.session_id, trial.why_not, trial.signal, trial.events, trial.answers
 ```
 
-It may be one of our bags, several, an experiment's folder, an archive (``.npz``), files or folders
-of CSV, Parquet and ``.npy``, bags of others, or a list file of these.
+A recording may consist of bags of this package, the folder of an experiment, an archive
+(``.npz``), files or folders of CSV, Parquet and ``.npy``, bags of other software, or a list file
+of these.
 """
 
 from __future__ import annotations
@@ -46,26 +47,27 @@ if TYPE_CHECKING:
     from tactile_bags.recorded_bag import RecordedBag
 
 OWN = 'bags with trial events'
-"""Kind of a recording of our own bags; others are `Kind` values."""
+"""Kind of a recording of bags of this package; other kinds are `Kind` values."""
 
 
 class Recording:
-    """Trials of one or several recordings. A context manager; closed, it reads no more.
+    """Trials of one or several recordings. A context manager; after closing, nothing can be read.
 
     Make one by `load`.
 
     Attributes
     ----------
     kind : str
-        `OWN`, or a value of `Kind`: ``archive``, ``array``, ``table``, ``bag`` (of others).
+            `OWN`, or a `Kind` value: ``archive``, ``array``, ``table``, ``bag`` (of other
+            software).
     name : str
-        Of the first named path.
+            Name of the first path.
     paths : tuple of Path
         Bags and files that were read.
     bags : tuple of RecordedBag
-        Our own bags, open; whatever takes a `TactileBag` takes them.
+            Open bags of this package; they can be used as `TactileBag`.
     notes : list of str
-        What could not be known, then what was taken for what.
+            Unknown facts, then assumptions that were made.
     """
 
     def __init__(
@@ -98,14 +100,14 @@ class Recording:
         Parameters
         ----------
         paths : path or sequence of paths
-            All of one kind.
+                Paths of recordings, all of the same kind.
         options : SourceOptions, optional
-            Statements about what the recording does not say; our own bags need none.
+                Statements that complete the recording; bags of this package need none.
 
         Raises
         ------
         SourceError
-            When it holds no recording, or something is not known of it.
+                When there is no recording, or a required fact is unknown.
         BagError, DatasetError
             When a bag or an archive cannot be read.
         """
@@ -143,18 +145,18 @@ class Recording:
         self.close()
 
     def close(self) -> None:
-        """Close the bags. Harmless when called twice."""
+        """Close the bags. May be called repeatedly."""
         for bag in self.bags:
             bag.close()
 
     @property
     def is_own(self) -> bool:
-        """True for our own bags, which state phases and features."""
+        """True for bags of this package, which state phases and features."""
         return self.kind == OWN
 
     @cached_property
     def trials(self) -> tuple[Trial, ...]:
-        """All trials; those with ``why_not`` do not count."""
+        """All trials; those with a non-empty ``why_not`` are excluded from evaluation."""
         if self.is_own:
             fingers = ((bag, namespace) for bag in self.bags for namespace in bag.namespaces)
             return tuple(t for bag, namespace in fingers for t in bag.trials(namespace))
@@ -164,7 +166,7 @@ class Recording:
 
     @property
     def unit(self) -> str:
-        """Unit of all signals; empty: it is not known, or they have several."""
+        """Unit of all signals; empty if unknown or not the same for all."""
         if self.is_own:
             return 'N'
         if self._raw:
@@ -174,18 +176,18 @@ class Recording:
 
     @property
     def notes(self) -> list[str]:
-        """Facts that are not known, in the first line; then what was taken for what."""
+        """Unknown facts as the first line, then assumptions that were made."""
         unknown = [] if self.unit else ['unit of the signal (--unit N)']
         if self._raw and self._options.rate_hz is None and not any(r.rate_hz for r in self._raw):
             unknown.append('sample rate (--rate-hz)')
-        first = [f'not known: {", ".join(unknown)}'] if unknown else []
+        first = [f'unknown: {", ".join(unknown)}'] if unknown else []
         return [*first, *self._found.lines]
 
-    # -- trials of others ------------------------------------------------------------------
+    # -- trials of other software ------------------------------------------------------------
 
     @cached_property
     def _whole(self) -> LabelledTrials:
-        """An archive with all trials that can be used."""
+        """All usable trials of an archive."""
         assert self._arrays is not None
         return self._from_arrays(folds=0, skip_bad=True)
 
@@ -232,24 +234,24 @@ class Recording:
             trials.append(Trial(str(each.row), str(self.paths[0]), '', why_not=why_not))
         return tuple(trials)
 
-    # -- the trials as others take them ----------------------------------------------------
+    # -- conversions -------------------------------------------------------------------------
 
     def to_arrays(self, *, folds: int = 0, skip_bad: bool = False) -> LabelledTrials:
-        """Return the trials that count at one even rate, as an archive holds them.
+        """Return the included trials at one constant rate, in the form of an archive.
 
         Parameters
         ----------
         folds : int
-            Fewer trials than this are refused; 0: any number.
+            Refuse fewer trials than this; 0 accepts any number.
         skip_bad : bool
-            Leave out trials that cannot be used; otherwise the first one is an error.
+            Skip unusable trials; otherwise the first of them raises an error.
 
         Raises
         ------
         SourceError
-            When rates or channels of the trials do not fit, or a trial cannot be used.
+            When rates or channels of the trials differ, or a trial is unusable.
         DatasetError
-            When the trials cannot be used.
+            When the trials are unusable as a data set.
         """
         if self._arrays is not None:
             trials = self._from_arrays(folds=folds, skip_bad=skip_bad)
@@ -262,7 +264,7 @@ class Recording:
         return replace(trials, unit=self.unit, steps=(*notes.lines, *trials.steps))
 
     def _named_trials(self) -> list[tuple[Trial, str]]:
-        """Return the trials that count, each with a name that no other one has."""
+        """Return the included trials, each with a unique name."""
         counting = [trial for trial in self.trials if not trial.why_not]
         names = [trial.name for trial in counting]
         if len(set(names)) < len(names):
@@ -274,19 +276,20 @@ class Recording:
         return list(zip(counting, names, strict=True))
 
     def to_table(self) -> pyarrow.Table:
-        """Return the samples of the trials that count as one long table, a row a sample.
+        """Return the samples of the included trials as one long table with one row per sample.
 
-        Columns: ``trial``, ``label``, ``time_s``, one a channel, and what is known of each trial.
-        The metadata of a channel state its ``unit``; ``tactile``, of the table, the rate as JSON.
+        The columns are ``trial``, ``label``, ``time_s``, one per channel, and one per known
+        property of the trials. The metadata of a channel contain its ``unit``; the metadata entry
+        ``tactile`` of the table contains the rate as JSON.
 
         Raises
         ------
         SourceError
-            When no trial counts, or channels differ, or times are not known.
+            When no trial is included, channels differ, or times are unknown.
         """
         from tactile_bags.sources.table_files import build_long_table  # pyarrow is slow to import
 
-        # Elsewhere the times say it; a nominal rate may differ from theirs.
+        # Only archives state a rate; otherwise the times show it.
         stated_hz = None if self._arrays is None else self.rate_hz
         return build_long_table(self._named_trials(), stated_hz)
 
@@ -299,7 +302,7 @@ class Recording:
 
     @property
     def rate_hz(self) -> float | None:
-        """Sample rate of all trials [Hz]; None: it is not known, or they have several."""
+        """Sample rate of all trials [Hz]; None if unknown or not the same for all."""
         if self._options.rate_hz is not None:
             return self._options.rate_hz
         if self._arrays is not None:
@@ -345,10 +348,10 @@ def _raw_of(trial: Trial, name: str) -> RawTrial:
 
 
 def _open_own(leaves: Sequence[Leaf], options: SourceOptions) -> list[RecordedBag]:
-    """Open the bags with trial events; none: the leaves are others. With a topic, none is."""
+    """Return the opened bags with trial events; with a topic option, no bag counts as such."""
     if options.topic or not any(leaf.kind is Kind.BAG for leaf in leaves):
         return []
-    from tactile_bags.recorded_bag import correct_bags, RecordedBag  # readers of bags
+    from tactile_bags.recorded_bag import correct_bags, RecordedBag  # they import rosbags
 
     with ExitStack() as stack:
         own: list[RecordedBag] = []
@@ -362,7 +365,7 @@ def _open_own(leaves: Sequence[Leaf], options: SourceOptions) -> list[RecordedBa
                     own.append(bag)
                     continue
                 bag.close()
-                if experiment_of(leaf.path):  # it ended before a trial began
+                if experiment_of(leaf.path):  # the run ended before its first trial
                     empty.append(leaf)
                     continue
             others.append(leaf)
@@ -370,8 +373,8 @@ def _open_own(leaves: Sequence[Leaf], options: SourceOptions) -> list[RecordedBa
             raise SourceError(f'{empty[0].path}: no trial was recorded')
         if own and others:
             raise SourceError(
-                f'take bags with trial events or other recordings, not both: {own[0].path} is the '
-                f'one, {others[0].path} the other'
+                f'combine no bags with trial events and other recordings: {own[0].path} has '
+                f'trial events, {others[0].path} has none'
             )
         correct_bags(own)
         stack.pop_all()

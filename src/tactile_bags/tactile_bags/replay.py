@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A recording run again through the plain core, and compared with what was recorded.
+"""Replay of a recording through the plain core, and comparison with the recorded results.
 
-`replay_through_core` calls the objects that the nodes call, without a ROS graph;
-`tactile_lab.replay_nodes` does the same through real nodes.
+`replay_through_core` uses the objects that the nodes use, without a ROS graph;
+`tactile_lab.replay_nodes` does the same with real nodes.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ from tactile_ros.topics import CLASSIFICATION, EVENT, FEATURES, STRAIN
 class TactileResults:
     """Feature windows and classifications of one pass over a recording, by window end.
 
-    ``made_at_ns``, by the Python `id` of each result: arrival in the recording of the result, or
-    of the message that completed it [ns]; empty where it is not known.
+    ``made_at_ns`` has, by the Python `id` of each result, the arrival time of the result or of the
+    message that completed it [ns]; empty if unknown.
     """
 
     windows: list[FeatureWindow] = field(default_factory=list)
@@ -52,7 +52,7 @@ class TactileResults:
         return [*self.windows, *self.classifications]
 
     def sort(self) -> TactileResults:
-        """Bring the results into the order of time, whatever order they arrived in."""
+        """Sort the results by time, independently of their arrival."""
         self.windows.sort(
             key=lambda w: (w.window_end_ns, w.trial_id, w.feature_set, w.specification_digest)
         )
@@ -73,16 +73,17 @@ def recorded_results(bag: TactileBag, namespace: str = '') -> TactileResults:
 
 
 def first_sample_ns(bag: TactileBag, namespace: str = '') -> int | None:
-    """Return the time of a finger's first sample in the recording [ns]; None: there is none."""
+    """Return the time of a finger's first sample in the recording [ns], or None."""
     first = next(read_records(bag.messages(STRAIN, namespace=namespace)), None)
     return None if first is None else int(first[1].stamp_ns)
 
 
 def sensed_messages(bag: TactileBag, namespace: str = '') -> Iterator[BagMessage]:
-    """Yield samples and events in the order of their arrival, as nodes are to take them.
+    """Yield samples and events in the order of their arrival, for processing by nodes.
 
-    The topic of the events gives its last ones to those who come late. Those of trials that were
-    over when the recorder came are left out: their samples are not in the recording.
+    The topic of the events is latched, so it first delivers events from before the recording.
+    Events of trials that had ended before are skipped, because their samples are not in the
+    recording.
     """
     over = _trials_before(bag, namespace)
     for message in bag.messages(STRAIN, EVENT, namespace=namespace):
@@ -91,9 +92,9 @@ def sensed_messages(bag: TactileBag, namespace: str = '') -> Iterator[BagMessage
 
 
 def _trials_before(bag: TactileBag, namespace: str) -> list[bool]:
-    """Return, of the first events, whether the trial of each was over before the recording.
+    """Return, for the first events, whether their trials had ended before the recording.
 
-    It ended before the first sample, and its events arrived faster than they happened.
+    Such a trial ended before the first sample, and its events arrived faster than they occurred.
     """
     begin_ns = first_sample_ns(bag, namespace)
     stamps_ns: dict[str, list[int]] = {}
@@ -121,8 +122,8 @@ def _trials_before(bag: TactileBag, namespace: str) -> list[bool]:
 class ReplayedPhases:
     """Windows and phases that the feature core computes from recorded samples and events.
 
-    ``windows`` are in the order in which they became complete, ``made_at_ns`` as those of
-    `TactileResults`, ``events`` the phases of the recording, or those found in the signal.
+    ``windows`` are in the order of their completion, ``made_at_ns`` is as in `TactileResults`, and
+    ``events`` are the recorded phases, or the phases detected in the tension.
     """
 
     windows: list[FeatureWindow] = field(default_factory=list)
@@ -134,10 +135,10 @@ class ReplayedPhases:
 def replay_phases(
     bag: TactileBag, features: RecordedFeatures, namespace: str = '', *, finish: bool = False
 ) -> ReplayedPhases:
-    """Return windows and phases of a recording, computed anew by the plain core.
+    """Return windows and phases of a recording, computed by the plain core.
 
-    With ``finish``, phases that were still undecided when the recording ended yield
-    a window without features too.
+    With ``finish``, phases whose window was incomplete when the recording ended also yield a
+    window without features.
     """
     extractor = TrialFeatureExtractor(features.config, features.wanted)
     replayed = ReplayedPhases(specifications=extractor.specifications)
@@ -169,7 +170,7 @@ def replay_through_core(
     features: RecordedFeatures,
     namespace: str = '',
 ) -> TactileResults:
-    """Return features and classifications of a finger's recording, without any node."""
+    """Return features and classifications of a finger's recording, computed without nodes."""
     replayed = replay_phases(bag, features, namespace)
     results = TactileResults(replayed.windows, made_at_ns=replayed.made_at_ns)
     if models is not None:
@@ -183,22 +184,28 @@ def replay_through_core(
 
 
 ROUNDING = 1e-9
-"""Largest share of itself by which a recorded number may differ from the one that is computed."""
+"""Largest relative difference between a recorded and a computed number."""
 
 TAIL_S = 1.0
-"""Time before the end of a recording within which a completed result may be missing [s]."""
+"""Length of the end of a recording in which completed results may be missing [s]."""
 
 Result = FeatureWindow | ClassificationResult
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Result of a comparison of two passes over a recording.
+    """Result of the comparison of two passes over a recording.
 
-    ``first_difference`` is one sentence, empty when the passes are equal; ``left_out`` says what
-    was not compared, because it began before the recording, or lies at its interrupted end in
-    one pass only. ``is_exact`` is true when equal passes are equal bit for bit. A recording of
-    another computer may differ by rounding, because NumPy's sums depend on the processor.
+    Attributes
+    ----------
+    first_difference : str
+        One sentence; empty if the passes are equal.
+    left_out : str
+        Description of results that were not compared, because they began before the recording, or
+        are only in one pass, at the interrupted end.
+    is_exact : bool
+        True if the passes are equal bit by bit. Recordings from another computer may differ by
+        rounding, because NumPy's sums depend on the processor.
     """
 
     first_difference: str
@@ -215,16 +222,20 @@ class Comparison:
 def compare_with_recorded(
     recorded: TactileResults, core: TactileResults, end_ns: int, begin_ns: int = 0
 ) -> Comparison:
-    """Compare what was recorded with what the core makes of the recorded samples and events.
+    """Compare recorded results with results that the core computes from samples and events.
 
-    Numbers may differ by `ROUNDING` of themselves. At its end, a recording that is interrupted can
-    lack what became complete just then, or the last samples of what was recorded. This tail is
-    left out: it lies within `TAIL_S` of the end, and nothing of its kind comes after it. A result
-    that is missing before it is a difference. Also left out is a phase that had begun when the
-    recording did: its first samples are not there.
+    Numbers may differ by the relative error `ROUNDING`. An interrupted recording may lack results
+    that became complete at its end, or the last samples of recorded results. This tail is not
+    compared: it lies within `TAIL_S` of the end, and no result of the same kind follows it. A
+    result that is missing earlier is a difference. Phases that began before the recording are not
+    compared either, because their first samples are missing.
 
-    ``end_ns`` is the arrival of the last message of the recording, ``begin_ns`` the time of its
-    first sample [ns].
+    Parameters
+    ----------
+    end_ns : int
+        Arrival time of the last message of the recording [ns].
+    begin_ns : int
+        Time of its first sample [ns].
     """
     names = 'the recording', 'the core'
     whole = compare(recorded, core, names, rounding=ROUNDING)
@@ -249,7 +260,7 @@ def compare_with_recorded(
 
 
 def _tail(more: TactileResults, fewer: TactileResults, from_ns: int) -> list[Result]:
-    """Return what one pass has behind the last of another, by kind, if it is from the end."""
+    """Return the results by which one pass is longer, if they are from the end."""
     found: list[Result] = []
     kinds = _by_kind(fewer)
     for kind, results in _by_kind(more).items():
@@ -294,11 +305,11 @@ def _format_left_out(
     if unrecorded:
         sentences.append(
             f'{_count(unrecorded)} became complete within {TAIL_S:g} s before the recording was '
-            'interrupted, and could not be recorded any more'
+            'interrupted, and could not be recorded'
         )
     if unfounded:
         sentences.append(
-            f'the last samples or events of {_count(unfounded)} could not be recorded any more'
+            f'the last samples or events of {_count(unfounded)} could not be recorded'
         )
     return '; '.join(sentences)
 
@@ -314,10 +325,10 @@ def _count(results: Sequence[Result]) -> str:
 def compare(
     one: TactileResults, other: TactileResults, names: tuple[str, str], *, rounding: float = 0.0
 ) -> Comparison:
-    """Compare two passes, which have these names: every feature, label, score and stamp.
+    """Compare two passes: every feature, label, score and stamp. ``names`` are their names.
 
-    Numbers may differ by the share ``rounding`` of themselves, those of an array by that share of
-    the largest one.
+    Numbers may differ by the relative error ``rounding``; values of an array may differ by that
+    fraction of its largest value.
     """
     kinds: tuple[tuple[str, Sequence[Any], Sequence[Any]], ...] = (
         ('feature windows', one.windows, other.windows),
@@ -368,7 +379,7 @@ def _same(a: Any, b: Any, rounding: float) -> bool:
         return all(_same(x, y, rounding) for x, y in zip(a, b, strict=True))
     if rounding and isinstance(a, float) and isinstance(b, float):
         return math.isclose(a, b, rel_tol=rounding) or (math.isnan(a) and math.isnan(b))
-    # The texts tell -0.0 from 0.0, and no other two numbers that are equal.
+    # The text distinguishes -0.0 from 0.0, which are equal as numbers.
     return bool(a == b) and repr(a) == repr(b)
 
 

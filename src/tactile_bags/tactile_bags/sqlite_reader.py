@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reads the SQLite storage of rosbag2 (``.db3``), for bags that others recorded."""
+"""Reader of the SQLite storage of rosbag2 (``.db3``)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tactile_bags.errors import BagError
 from tactile_bags.mcap_reader import MAX_CHUNK_BYTES, Message, StoredTopic
 
 MAX_TOPICS = 65_536
-"""Most topics in a file, as many as MCAP can have."""
+"""Largest number of topics in a file, as in MCAP."""
 
 _MESSAGES = (
     'FROM messages WHERE typeof(timestamp) = "integer" AND typeof(data) = "blob" '
@@ -25,10 +25,10 @@ _FAULTS = (sqlite3.Error, TypeError, ValueError, OverflowError)
 
 
 class SqliteFile:
-    """A ``.db3`` file for reading, with the attributes of `McapFile`.
+    """Reader of a ``.db3`` file, with the attributes of `McapFile`.
 
-    ``counts`` are the rows that can be messages, ``stated_counts`` all rows. One that is no such
-    file, or is damaged, is a `BagError`.
+    ``counts`` are the rows that are valid messages; ``stated_counts`` are all rows. Raises
+    `BagError` for a file that is damaged or has another format.
     """
 
     def __init__(self, path: Path) -> None:
@@ -36,10 +36,10 @@ class SqliteFile:
         self.topics: dict[int, StoredTopic] = {}
         self.counts: Counter[int] = Counter()
         self.stated_counts: Counter[int] = Counter()
-        self.is_finished = True  # SQLite itself rolls back what was not finished
+        self.is_finished = True  # SQLite itself rolls back unfinished transactions
         self.metadata = self.damage = ''
         self.newest_ns = self.unread_bytes = 0
-        # Read only: opening must not change the file.
+        # Read-only: opening must not change the file.
         self._database = sqlite3.connect(
             f'file:{quote(str(path.resolve()))}?mode=ro', uri=True, check_same_thread=False
         )
@@ -53,17 +53,17 @@ class SqliteFile:
             raise
 
     def close(self) -> None:
-        """Close the file. Harmless when called twice."""
+        """Close the file. May be called repeatedly."""
         self._database.close()
 
     def read_parts(self) -> Iterator[bytes]:
-        """Yield the bytes of the whole file, 1 MiB at a time."""
+        """Yield the bytes of the whole file in parts of 1 MiB."""
         with self.path.open('rb') as data:
             while part := data.read(2**20):
                 yield part
 
     def _read_topics(self) -> None:
-        # What an untrusted file defines must not run: views, triggers, functions.
+        # Views, triggers and functions of an untrusted file must not run.
         self._database.execute('PRAGMA trusted_schema = OFF')
         kinds = dict(
             self._database.execute(
@@ -71,7 +71,7 @@ class SqliteFile:
             )
         )
         if kinds != {'topics': 'table', 'messages': 'table'}:
-            raise BagError('it has not the tables of a bag')
+            raise BagError('it lacks the tables of a bag')
         query = f'SELECT id, name, type, serialization_format FROM topics LIMIT {MAX_TOPICS}'
         for number, name, type_name, serialization in self._database.execute(query):
             self.topics[int(number)] = StoredTopic(
@@ -87,7 +87,7 @@ class SqliteFile:
                 self.newest_ns = max(self.newest_ns, newest_ns)
 
     def messages(self, channels: Collection[int]) -> Iterator[Message]:
-        """Yield the messages on these channels, by time of arrival."""
+        """Yield the messages on these channels, in the order of arrival."""
         query = f'SELECT timestamp, topic_id, data {_MESSAGES} ORDER BY timestamp, id'
         try:
             for received_at_ns, number, data in self._database.execute(query):

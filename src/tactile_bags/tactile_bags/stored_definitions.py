@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages of another release, decoded by the definitions that their bag stores."""
+"""Decoding of messages of another release by the definitions that their bag stores."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from tactile_bags.message_types import message_store
 
 
 def store_of_definition(topic: StoredTopic, type_hash: str) -> Typestore | None:
-    """Return the message types that a bag stores with a topic; None when they cannot be used.
+    """Return the message types that a bag stores for a topic, or None if they are unusable.
 
-    The definition must have the stated hash. Arrays of fixed length and messages without fields
-    are refused: with them a few bytes could stand for any number of values.
+    The definition must match the stated hash. Definitions with arrays of fixed length or messages
+    without fields are refused: with these, a few bytes could decode to any number of values.
     """
     from rosbags.typesys import get_types_from_msg, get_typestore, Stores  # slow to import
 
@@ -34,15 +34,15 @@ def store_of_definition(topic: StoredTopic, type_hash: str) -> Typestore | None:
                 return None
         store.register(types)
         return store if store.hash_rihs01(topic.type_name) == type_hash else None
-    except Exception:  # the parser trusts what it reads
+    except Exception:  # the parser does not check its input
         return None
 
 
 def complete_message(message: Any, type_name: str, stored: Typestore) -> Any:
-    """Return a message of a bag's own definition with the fields of the installed definition.
+    """Return a message with a bag's definition, converted to the installed definition.
 
-    A field that the bag lacks has the default of its type. `BagError` when a field has another
-    type in the bag.
+    A field that the bag lacks gets the default of its type. Raises `BagError` when a field has
+    another type in the bag.
     """
     installed = message_store()
     there = dict(stored.fielddefs[type_name][1])
@@ -51,7 +51,7 @@ def complete_message(message: Any, type_name: str, stored: Typestore) -> Any:
         if name not in there:
             values[name] = _default(desc)
         elif there[name] != desc:
-            raise BagError(f'{name} of {type_name} has another type in the recording than here')
+            raise BagError(f'{name} of {type_name} has another type in the recording')
         else:
             values[name] = _complete(getattr(message, name), desc, stored)
     return installed.types[type_name](**values)

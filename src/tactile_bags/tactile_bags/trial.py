@@ -24,17 +24,17 @@ class Signal:
     Attributes
     ----------
     time_s : ndarray of shape (n,), or None
-        Times since the trial's begin [s]; None: neither times nor the rate are known.
+            Times since the beginning of the trial [s]; None if times and rate are unknown.
     values : ndarray of float64, shape (channels, n)
-        In ``unit``.
+            Values in ``unit``.
     channels : tuple of str
         Name of each channel.
     unit : str
-        Such as ``N`` or ``mN``; empty: not known, or not the same for all channels.
+            Such as ``N`` or ``mN``; empty if unknown, or if channels have different units.
     rate_hz : float or None
-        Sample rate [Hz]; None: not known.
+            Sample rate [Hz]; None if unknown.
     status : ndarray of int, shape (n,), or None
-        `StrainStatus` of each sample of our own bags.
+            `StrainStatus` of each sample in bags of this package, otherwise None.
     """
 
     time_s: NDArray[np.float64] | None
@@ -52,19 +52,19 @@ class Trial:
     Attributes
     ----------
     name : str
-        Of the trial; in our own bags its ``trial_id``, which may come again.
+            Name of the trial; in bags of this package its ``trial_id``, which may be used again.
     source : str
         Path of the bag or file.
     label, session_id, mounting_id, contact, task : str
-        Empty: not known.
+            Empty if unknown.
     namespace : str
-        Of the finger, in our own bags.
+            Namespace of the finger, in bags of this package.
     why_not : str
-        Why the trial does not count for training and evaluation; empty: it counts.
+            Why the trial is excluded from training and evaluation; empty if it is included.
     columns : dict
-        Everything that is known of the trial, by name of column.
+            All known properties of the trial, by name of column.
     events : tuple of TrialEvent
-        Of our own bags, in their order.
+            Events in their order, in bags of this package.
     begin_ns : int or None
         Time of the first event (ROS time) [ns].
     """
@@ -86,18 +86,18 @@ class Trial:
 
     @cached_property
     def signal(self) -> Signal:
-        """The samples, from the first to the last event in our own bags."""
+        """The samples; in bags of this package from the first to the last event."""
         assert self.load_signal is not None
         return self.load_signal()
 
     @cached_property
     def answers(self) -> tuple[ClassificationResult, ...]:
-        """The classifications that were recorded; of our own bags."""
+        """The recorded classifications, in bags of this package."""
         return self.load_answers()
 
     @property
     def phases(self) -> tuple[tuple[str, float, float], ...]:
-        """Name, start and end of each phase, from the first event [s]."""
+        """Name, start and end of each phase, relative to the first event [s]."""
         starts = [(event.stamp_ns - self.events[0].stamp_ns) * 1e-9 for event in self.events]
         return tuple(
             (event.phase, start, end)

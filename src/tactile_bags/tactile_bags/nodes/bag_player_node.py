@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Plays a recording: its strain and events, byte for byte, and the clock of its time."""
+"""Node that plays the strain and events of a recording byte for byte, and its clock."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from tactile_ros.qos import CLOCK, EVENTS, STREAM
 from tactile_ros.topics import EVENT, STRAIN
 
 CLOCK_PERIOD_S = 0.02
-"""Longest time between two messages on ``/clock``, on the wall."""
+"""Longest period of ``/clock``, in wall time."""
 
 ACKNOWLEDGE_TIMEOUT_S = 5.0
-"""Longest wait at the end for all subscribers to acknowledge every message [s]."""
+"""Longest wait at the end for all subscribers to acknowledge all messages [s]."""
 
 
 class BagPlayerNode(TactileNode):
-    """Plays a bag in the timing of its recording, then is finished.
+    """Node that plays a bag in the timing of its recording, then finishes.
 
-    What the nodes of a finger compute from strain and events is not sent: they compute it
-    anew. On ``/clock`` goes the time of the recording, for nodes with ``use_sim_time``.
-    ``message_count`` messages have been played.
+    Only samples and events are published; the nodes of a finger compute features and
+    classifications from them again. ``/clock`` has the time of the recording, for nodes with
+    ``use_sim_time``. ``message_count`` is the number of messages played so far.
     """
 
     def __init__(self, node_name: str = 'bag_player', **node_options: Any) -> None:
@@ -49,12 +49,12 @@ class BagPlayerNode(TactileNode):
 
     def set_up(self, config: PlayerConfig) -> None:
         if not config.bag:
-            raise ValueError('parameter bag is empty; name the folder of the recording to play')
+            raise ValueError('parameter bag is empty; set it to the folder of the recording')
         bag = self._bag = TactileBag(Path(config.bag))
         wanted = config.namespace.strip('/')
         if wanted and wanted not in bag.namespaces:
             found = ', '.join(bag.namespaces) or 'the root'
-            raise ValueError(f'{bag.path} holds no finger {wanted}; it holds {found}')
+            raise ValueError(f'{bag.path} contains no finger {wanted}; it contains {found}')
         for topic in bag.stored_topics:
             if topic.type_name in (STRAIN, EVENT) and not topic.name.endswith('/detected_events'):
                 self._outputs[topic.name] = self.create_publisher(
@@ -87,7 +87,7 @@ class BagPlayerNode(TactileNode):
             self._bag.close()
             self._bag = None
 
-    # -- on the player's thread --------------------------------------------------------------
+    # -- in the player's thread --------------------------------------------------------------
 
     def _play(self) -> None:
         try:
@@ -100,7 +100,7 @@ class BagPlayerNode(TactileNode):
         except BagError as error:
             self.get_logger().error(f'{error}')
             self.has_failed = True
-        except Exception:  # else the node would wait for ever for the end of this thread
+        except Exception:  # otherwise the node would wait for this thread forever
             self.get_logger().error(f'the recording cannot be played:\n{traceback.format_exc()}')
             self.has_failed = True
         self.is_finished = True
@@ -114,7 +114,7 @@ class BagPlayerNode(TactileNode):
                 return
 
     def _send_all(self) -> bool:
-        """Send every message at its time; return whether that was not ended from outside."""
+        """Send every message at its time; return False if playing was stopped."""
         assert self._bag is not None
         namespace = self.config.namespace.strip('/') or None
         first_ns: int | None = None
@@ -133,7 +133,7 @@ class BagPlayerNode(TactileNode):
         return True
 
     def _wait_until(self, due_ns: int, bag_ns: int) -> bool:
-        """Wait, and tell the time of the recording meanwhile; ``bag_ns`` is that at the end."""
+        """Wait until ``due_ns`` and publish the clock, which reaches ``bag_ns`` at the end."""
         while (left_ns := due_ns - time.monotonic_ns()) > 0:
             self._publish_time(bag_ns - round(left_ns * self.config.rate))
             if self._end.wait(min(left_ns * 1e-9, CLOCK_PERIOD_S)):
@@ -149,5 +149,5 @@ class BagPlayerNode(TactileNode):
 
 
 def main() -> int:
-    """Run the node in a process of its own, until the recording has been played."""
+    """Run the node in its own process, until the recording has been played."""
     return run_node(BagPlayerNode)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Records the topics of one or more fingers into an MCAP bag, as raw bytes."""
+"""Node that records the topics of one or more fingers to an MCAP bag, as raw bytes."""
 
 from __future__ import annotations
 
@@ -57,37 +57,37 @@ disk has not yet synced.
 """
 
 POLL_S = 0.02
-"""Period at which topics are polled [s]. The middleware stamps arrivals."""
+"""Period at which topics are polled [s]; the middleware stamps arrivals."""
 
 MOST_DISORDER_NS = 1_000_000_000
 """Arrivals that lie further back than this mean that the clock was set back [ns]."""
 
 HISTORY_S = 0.5
-"""Longest wait for another latched event from before the activation, since the last one [s]."""
+"""Longest wait for the next latched event from before the activation, after the last one [s]."""
 
 KEPT_LATCHED = 64
-"""Recorded messages of a latched topic that are known again; a publisher keeps 16 at most."""
+"""Number of recorded messages per latched topic that are recognised; publishers keep up to 16."""
 
 MAX_AUDITS = 500
-"""Audits of trials that are kept for who runs the node; the summary in the bag counts all."""
+"""Number of audits that are kept in the node; the summary in the bag counts all audits."""
 
 
 class BagRecorderNode(PollingNode):
-    """Records while active; the bag is complete once the node is cleaned up.
+    """Node that records while it is active; cleaning it up closes the bag.
 
-    Messages are written as they arrived on the wire, so that a replay sends the
-    very same bytes. Each trial is audited when it has ended.
+    Messages are written in their serialised form, so that a replay sends identical bytes. Each
+    trial is audited when it has ended.
 
-    After an activation, latched topics give their last messages first. Those that the bag holds
-    already are passed over, and so are the events of trials that were over before: the bag has
-    none of their samples. The events of a trial that is under way belong to it.
+    After an activation, latched topics first deliver their last messages. Messages that the bag
+    already contains are skipped, and so are the events of trials that had ended before: the bag
+    has no samples of those trials. Events of a trial that is under way are recorded.
 
-    When the bag cannot be written to any more, as on a full disk, the recording ends and the
-    node has failed; nothing else does, for other nodes may be moving things. ``failure`` then says
-    why, and what is saved.
+    If writing fails, for example because the disk is full, the recording ends and this node
+    reports a failure. Other nodes continue, because they may control motion. ``failure`` then has
+    the reason and says what is saved.
 
     ``message_count`` messages were written, of which ``window_count`` are feature windows.
-    ``audits`` are those of the last `MAX_AUDITS` trials that have ended.
+    ``audits`` are the audits of the last `MAX_AUDITS` trials that have ended.
     """
 
     poll_s = POLL_S
@@ -98,12 +98,12 @@ class BagRecorderNode(PollingNode):
         self._topics: dict[str, RecordedTopic] = {}
         self._auditors: dict[str, FingerAuditor] = {}
         self._recording: dict[str, PolledSubscription] = {}
-        self._ahead: list[_Arrival] = []  # taken, but not yet in order
-        self._received_ns: dict[str, int] = {}  # of the newest message, by topic
+        self._ahead: list[_Arrival] = []  # received, but not yet in order
+        self._received_ns: dict[str, int] = {}  # arrival of the newest message, by topic
         self._savers: list[_Saver] = []
         self._held: dict[str, list[bytes]] = {}  # from before the activation, by topic
-        self._held_ns = 0  # when the last of them came, on the monotonic clock
-        self._latched: dict[str, deque[bytes]] = {}  # recorded ones, by topic
+        self._held_ns = 0  # arrival of the last of them on the monotonic clock
+        self._latched: dict[str, deque[bytes]] = {}  # recorded messages, by topic
         self._activated_ns = 0
         self._diagnostics: Diagnostics | None = None
         self._check: Periodic | None = None
@@ -112,7 +112,7 @@ class BagRecorderNode(PollingNode):
         self._started_ns = 0
         self._arrived_ns = self._set_back_ns = 0
         self._has_said_missing = False
-        self._is_simulated = False  # a sample that was recorded, or an event
+        self._is_simulated = False  # whether a recorded sample or event was simulated
         self.message_count = 0
         self.window_count = 0
         self.audits: deque[Audit] = deque(maxlen=MAX_AUDITS)
@@ -123,7 +123,7 @@ class BagRecorderNode(PollingNode):
 
     def set_up(self, config: RecorderConfig) -> None:
         if not config.bag:
-            raise ValueError('parameter bag is empty; name the folder of the bag to write')
+            raise ValueError('parameter bag is empty; set it to the folder of the new bag')
         self.failure = ''
         self._arrived_ns = self._set_back_ns = 0
         self.is_finished = self.has_failed = False
@@ -132,7 +132,7 @@ class BagRecorderNode(PollingNode):
         self._is_simulated = False
         metadata = json.loads(config.metadata)
         if not isinstance(metadata, dict):
-            raise ValueError('parameter metadata is no JSON object; write {"name": value}')
+            raise ValueError('parameter metadata is not a JSON object; write {"name": value}')
         metadata[WRITTEN_IN] = str(Path(config.bag).resolve())
         writer = self._writer = BagWriter(Path(config.bag), metadata)
         for namespace in config.namespaces:
@@ -145,22 +145,22 @@ class BagRecorderNode(PollingNode):
         self._audit_publisher = self.create_publisher(RecordingAudit, '~/audit', EVENTS)
         self._diagnostics = Diagnostics(self, lambda: str(writer.path), self._health)
         self._held, self._latched = {}, {}
-        # A disk can fail while nothing comes.
+        # The disk can fail while no messages arrive.
         self._check = self.call_every(SAVE_PERIOD_S, self._check_bag)
-        # Two threads: a disk that is slow to confirm must not keep the file from growing.
+        # Two threads: a slow sync to the disk must not delay writing to the file.
         self._savers = [_Saver(writer.save), _Saver(writer.sync)]
 
     def start(self) -> None:
         if self._writer is None:
             raise ValueError(f'the recording has failed; clean up first: {self.failure}')
         self._activated_ns = time.time_ns()
-        # Subscribed only now: what a latched topic holds must come while it can be written.
+        # Subscribed on activation: latched messages must arrive when they can be written.
         with self.lock:
             self._recording = {
                 name: self.poll(
                     message_class(topic.type_name),
                     name,
-                    lambda *_: None,  # taken by `poll_now`, all topics in the order of arrival
+                    lambda *_: None,  # `poll_now` takes messages of all topics in order
                     EVENTS if topic.latched else STREAM,
                     raw=True,
                 )
@@ -173,16 +173,16 @@ class BagRecorderNode(PollingNode):
         self._take_all(time.time_ns())
 
     def _take_all(self, until_ns: int | None = None) -> None:
-        """Take what all topics have, and record what arrived before ``until_ns`` in order.
+        """Take the messages of all topics, and record those before ``until_ns`` in order.
 
-        Topics are asked one after the other. A message that arrives meanwhile waits for the next
-        poll: then no topic can hold an older one.
+        Topics are polled one after the other. Messages that arrive in the meantime wait for the
+        next poll, so that no topic can still hold an older one.
         """
         with self.lock:
             arrivals = [*self._ahead]
             for name, subscription in self._recording.items():
                 for data, info in subscription.waiting():
-                    now_ns = time.time_ns()  # where the middleware notes no time
+                    now_ns = time.time_ns()  # if the middleware provides no arrival time
                     received_ns = info.get('received_timestamp') or now_ns
                     arrival = _Arrival(name, data, received_ns, info['source_timestamp'] or now_ns)
                     arrivals.append(self._in_order(arrival))
@@ -193,10 +193,10 @@ class BagRecorderNode(PollingNode):
                 self._record(arrival)
 
     def _in_order(self, arrival: _Arrival) -> _Arrival:
-        """Return an arrival that is not before the one before it on its topic.
+        """Return the arrival with a time that is not before the previous one on its topic.
 
-        The middleware gives the messages of a topic in the order in which they were sent. An
-        earlier one may have arrived later: what a latched topic holds, or what was sent again.
+        The middleware delivers the messages of a topic in the order in which they were sent. An
+        earlier message may arrive later, because it is latched or was sent again.
         """
         before_ns = self._received_ns.get(arrival.topic, 0)
         if 0 < before_ns - arrival.received_ns < MOST_DISORDER_NS:
@@ -208,7 +208,7 @@ class BagRecorderNode(PollingNode):
         name, topic = arrival.topic, self._topics[arrival.topic]
         if self.failure:
             return
-        # Later events tell whether an event from before the activation belongs to the bag.
+        # Later events decide whether an event from before the activation is recorded.
         is_event = topic.type_name == EVENT
         if is_event and arrival.source_ns < self._activated_ns:
             self._held.setdefault(name, []).append(arrival.data)
@@ -243,10 +243,10 @@ class BagRecorderNode(PollingNode):
                 self._write(name, data)
 
     def _arrival_ns(self, received_ns: int | None = None) -> int:
-        """Return the ROS time of an arrival [ns], which never decreases: readers go by its order.
+        """Return the ROS time of an arrival [ns]. It never decreases, because readers sort by it.
 
-        It came at ``received_ns`` on the computer's clock [ns]; now where not given. When the
-        clock is set back, the times run on from where they were.
+        ``received_ns`` is the arrival on the computer's clock [ns]; by default it is the present.
+        When the clock is set back, the times continue from the last one.
         """
         now_ns = self.get_clock().now().nanoseconds
         if received_ns is not None:
@@ -297,7 +297,7 @@ class BagRecorderNode(PollingNode):
             self._topics, self._auditors = {}, {}
 
     def _finish(self, writer: BagWriter) -> None:
-        # A configuration that failed half way has no publisher, and nothing to audit.
+        # After a failed configuration there is no publisher, and nothing to audit.
         if self._audit_publisher is not None:
             for auditor in self._auditors.values():
                 for audit in auditor.finish():
@@ -306,7 +306,7 @@ class BagRecorderNode(PollingNode):
         writer.close()
 
     def save(self) -> None:
-        """Return once all that came is on the disk; `BagError` when it cannot be written."""
+        """Return when all received messages are on the disk; raise `BagError` if writing fails."""
         writer = self._writer
         if writer is None:
             raise BagError(self.failure or 'nothing is being recorded')
@@ -316,16 +316,16 @@ class BagRecorderNode(PollingNode):
     # -- failure -------------------------------------------------------------------------
 
     def _end_recording(self, error: BagError) -> None:
-        """End the recording, and no other node's work, because of what befell the bag."""
+        """End the recording after an error of the bag, without affecting other nodes."""
         self._stop_listening()
         self._close_savers()
         self._held = {}
         writer, self._writer = self._writer, None
         if writer is None:
             return
-        with suppress(BagError):  # of a disk that is full still
+        with suppress(BagError):  # the disk may still be full
             writer.close()
-        state = 'closed' if writer.is_complete else 'as after the kill of a recorder'
+        state = 'closed' if writer.is_complete else 'not closed, as after killing a recorder'
         self.failure = (
             f'recording ended: {error}; {writer.saved_count} messages are saved, '
             f'and the bag is {state}'
@@ -333,7 +333,7 @@ class BagRecorderNode(PollingNode):
         self.has_failed = True
         self.get_logger().error(self.failure)
         if self._diagnostics is not None:
-            self._diagnostics.publish()  # a process of its own ends now
+            self._diagnostics.publish()  # the node's own process will exit
         self.is_finished = True
 
     def _check_bag(self) -> None:
@@ -365,7 +365,7 @@ class BagRecorderNode(PollingNode):
                 event = event_from_msg(message)
                 audits = auditor.add_event(event)
                 is_simulated = event.simulated
-        except Exception as error:  # untrusted bytes; they are recorded as they are
+        except Exception as error:  # untrusted bytes, which are recorded unchanged
             reason = f'it is recorded, but cannot be audited: {error!r}'
             self.message_guard.refuse(topic.name, reason)
             return
@@ -387,10 +387,10 @@ class BagRecorderNode(PollingNode):
     # -- readiness -----------------------------------------------------------------------
 
     def unmatched_topics(self) -> list[str]:
-        """Return the topics without a publisher that fits: a recording would lack them.
+        """Return the topics without a QoS-compatible publisher.
 
-        It is ready when there are none. Optional topics are recorded when they come, and
-        not waited for.
+        The recorder is ready when there are none. Optional topics are recorded when they appear,
+        but the recorder does not wait for them.
         """
         return [
             name
@@ -403,7 +403,7 @@ class BagRecorderNode(PollingNode):
 
     def _publisher_count(self, name: str) -> int:
         subscription = self._recording.get(name)
-        # A publisher whose quality of service does not fit is there, and sends nothing.
+        # A publisher with incompatible QoS is in the graph, but its messages do not arrive.
         count = subscription.get_publisher_count() if subscription else self.count_publishers(name)
         return int(count)
 
@@ -422,7 +422,7 @@ class BagRecorderNode(PollingNode):
         names = ', '.join(missing)
         if (time.monotonic_ns() - self._started_ns) * 1e-9 < self.config.match_timeout_s:
             return Health(WARN, f'waiting for a publisher of {names}', values)
-        message = f'no publisher of {names}: the recording lacks it; start its node'
+        message = f'no publisher of {names}, which is not recorded; start its node'
         if not self._has_said_missing:
             self._has_said_missing = True
             self.get_logger().error(message)
@@ -430,15 +430,15 @@ class BagRecorderNode(PollingNode):
 
 
 def _drop_ended(events: list[bytes], known: Iterable[bytes]) -> list[bytes]:
-    """Return serialised events without those of trials that ended, if none of them is known."""
+    """Return serialised events without those of ended trials, unless ``known`` has one of them."""
     trials: list[tuple[str, list[bytes]]] = []
     has_ended: list[bool] = []
     for data in events:
         try:
             event = deserialize_message(data, TrialEvent)
-        except Exception:  # untrusted bytes; they are recorded as they are
+        except Exception:  # untrusted bytes, which are recorded unchanged
             event = TrialEvent()
-        # A trial's name may come again.
+        # A trial id may be used again.
         if not trials or has_ended[-1] or trials[-1][0] != event.trial_id:
             trials.append((event.trial_id, []))
             has_ended.append(False)
@@ -463,7 +463,7 @@ def _audit_to_msg(audit: Audit, bag: str) -> RecordingAudit:
         findings=list(audit.findings),
         span_start=_time(audit.start_ns),
         sample_count=audit.sample_count,
-        lost_count=min(audit.lost_count, 2**64 - 1),  # two wild numbers make any gap
+        lost_count=min(audit.lost_count, 2**64 - 1),  # invalid numbers can make any gap
         gap_count=audit.gap_count,
         duplicate_count=audit.duplicate_count,
         disordered_count=audit.disordered_count,
@@ -479,7 +479,7 @@ def _time(stamp_ns: int) -> Time:
 
 
 class _Arrival(NamedTuple):
-    """A message of one topic as it arrived; times on the computer's clock [ns]."""
+    """A message of one topic; times are on the computer's clock [ns]."""
 
     topic: str
     data: bytes
@@ -488,9 +488,9 @@ class _Arrival(NamedTuple):
 
 
 class _Saver:
-    """Does a thing for a bag again and again, on a thread of its own, until it fails.
+    """Thread that calls a saving function periodically, until it fails.
 
-    ``error`` is what kept the bag from being saved.
+    ``error`` is the error with which it failed.
     """
 
     def __init__(self, save: Callable[[], None]) -> None:
@@ -514,5 +514,5 @@ class _Saver:
 
 
 def main() -> int:
-    """Run the node in a process of its own."""
+    """Run the node in its own process."""
     return run_node(BagRecorderNode)

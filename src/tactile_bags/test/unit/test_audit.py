@@ -104,9 +104,10 @@ def second_block(*, at_ns=START_NS + 5 * PERIOD_NS, sequence=5, **fields):
 @pytest.mark.parametrize(
     ('second', 'finding'),
     [
-        (second_block(lost_before=2), '2 samples lost'),  # the driver alone knows of it
-        (second_block(at_ns=START_NS + 10**9, sequence=0), 'anew'),  # a restart: no duplicate
-        (second_block(status=StrainStatus.RECONNECTED), 'reached anew'),
+        (second_block(lost_before=2), 'samples lost: 2'),  # the driver alone knows of it
+        # A restart is not a duplicate.
+        (second_block(at_ns=START_NS + 10**9, sequence=0), 'restarts of the numbering'),
+        (second_block(status=StrainStatus.RECONNECTED), 'reconnections of the sensor'),
     ],
 )
 def test_what_a_block_states_is_a_finding(second, finding):
@@ -120,7 +121,7 @@ def test_a_wrong_rate_names_the_remedy_and_nothing_at_all_is_a_finding():
     audit = whole(blocks_of([100]), rate_hz=60.0)
     assert 'the rate is 100 Hz, not 60 Hz' in audit.findings[0]
     assert whole(blocks_of([100]), rate_hz=0.0).passed
-    assert whole([]).findings == ('no samples of the tension came',)
+    assert whole([]).findings == ('no tension samples were recorded',)
 
 
 @pytest.mark.parametrize('events_first', [True, False])
@@ -164,7 +165,7 @@ def test_a_trial_longer_than_events_may_be_late_is_audited_whole(lost):
             audits += auditor.add_event(event('done', 15.0))
     (audit,) = audits
     assert audit.sample_count == 1_400
-    assert audit.findings[0].startswith('1 samples lost in 1 gaps')
+    assert audit.findings[0].startswith('samples lost: 1 (')
 
 
 def test_events_that_come_too_late_for_their_samples_are_a_finding():
@@ -173,7 +174,8 @@ def test_events_that_come_too_late_for_their_samples_are_a_finding():
         blocks, [event('contact', 10.0), event('done', 12.0)], events_first=False
     )
     assert audit.findings == (
-        'its events came more than 10 s after its samples; what is missing is not known',
+        'its events arrived more than 10 s after its samples; '
+        'the number of missing samples is unknown',
     )
     (audit,) = trial_audits(
         blocks, [event('contact', 95.0), event('done', 97.0)], events_first=False
@@ -189,7 +191,7 @@ def test_trials_without_any_samples_do_not_pile_up(monkeypatch):
         for phase in ('contact', 'done'):
             audits += auditor.add_event(event(phase, i, f't{i}'))
     assert [audit.trial_id for audit in audits] == [f't{i}' for i in range(5)]
-    assert {audit.findings for audit in audits} == {('no samples of the tension came',)}
+    assert {audit.findings for audit in audits} == {('no tension samples were recorded',)}
 
 
 @pytest.mark.parametrize('with_trials', [False, True])
@@ -223,7 +225,7 @@ def test_samples_that_come_late_are_no_clock_step():
     blocks.insert(800, blocks.pop(300))
     blocks.insert(900, blocks[100])
     audit = whole(blocks)
-    assert audit.findings == ('1 samples came again', '1 samples came later than a newer one')
+    assert audit.findings == ('duplicate samples: 1', 'samples received after a newer one: 1')
 
 
 PHASES = ('approach', 'contact', 'hold', 'release', 'done')
@@ -311,7 +313,7 @@ def test_a_loss_beside_a_clock_step_is_counted(step_s, status):
     )
     assert during.findings[0] == step_finding(step_s) + 'trial'
     assert (during.lost_count, after.lost_count) == (2, 1)
-    assert [finding.split(' (')[0] for finding in after.findings] == ['1 samples lost in 1 gaps']
+    assert [finding.split(' (')[0] for finding in after.findings] == ['samples lost: 1']
 
 
 @pytest.mark.parametrize(('step_s', 'status'), STEPS)

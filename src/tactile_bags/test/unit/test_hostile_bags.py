@@ -163,7 +163,7 @@ def test_chunks_that_all_overlap_are_not_all_read_at_once(read_file, monkeypatch
 
 def test_the_memory_for_the_index_of_the_chunks_is_limited(read_file, monkeypatch):
     monkeypatch.setattr('tactile_bags.mcap_reader.MAX_SEGMENTS', 5)
-    with pytest.raises(BagError, match='so many chunks'):
+    with pytest.raises(BagError, match='too many chunks'):
         read_file(DEFINED + 6 * chunk(message()) + END)
 
 
@@ -194,7 +194,7 @@ def test_a_closed_file_without_all_of_its_messages_is_refused_and_can_be_repaire
         DEFINED + EVENTS + chunk(BOTH) + index_of(1) + index_of(2) + finish({1: 1, 2: 5})
     )
     said = (
-        r'a\.mcap holds 1 messages on /trial_runner/events, and its own statistics say 5: it was '
+        r'a\.mcap contains 1 messages on /trial_runner/events, but its statistics state 5: it was '
         'damaged after it was closed'
     )
     with pytest.raises(BagError, match=f'{said}.*tactile repair'):
@@ -221,7 +221,7 @@ def test_chunks_with_ever_other_channels_are_limited(read_file, monkeypatch):
     monkeypatch.setattr('tactile_bags.mcap_reader.MAX_CHANNELS', 2)
     one, two = chunk(message()), chunk(message(channel=2))
     assert len(read_file(DEFINED + EVENTS + 2 * (one + two) + END)[0]) == 4
-    with pytest.raises(BagError, match='so many chunks'):
+    with pytest.raises(BagError, match='too many chunks'):
         read_file(DEFINED + EVENTS + one + two + chunk(BOTH) + END)
 
 

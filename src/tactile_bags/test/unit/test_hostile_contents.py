@@ -164,7 +164,7 @@ NO_MESSAGES = {
 @pytest.mark.parametrize('row', NO_MESSAGES.values(), ids=NO_MESSAGES)
 def test_rows_of_a_database_that_are_no_messages_are_told(tmp_path, row):
     path = make_database(tmp_path / 'a.db3', TABLES, [(1, 3, b'good'), row])
-    with pytest.raises(BagError, match=r'a\.db3 holds \d messages on .*, and its own statistics'):
+    with pytest.raises(BagError, match=r'a\.db3 contains \d messages on .*, but its statistics'):
         TactileBag(path)
     repair_bag(path, tmp_path / 'copy')
     with TactileBag(tmp_path / 'copy') as bag:
@@ -175,7 +175,7 @@ def test_rows_of_a_database_that_are_no_messages_are_told(tmp_path, row):
 def test_a_pipe_in_place_of_a_file_is_refused(tmp_path, name):
     os.mkfifo(tmp_path / name)
     for path in (tmp_path, tmp_path / name):
-        with pytest.raises(BagError, match='it is no file'):
+        with pytest.raises(BagError, match='it is not a file'):
             TactileBag(path)
 
 

@@ -59,7 +59,7 @@ def test_an_archive_is_trials_and_the_same_archive_again(tmp_path):
 
 def test_a_unit_that_is_not_known_is_the_first_note(tmp_path):
     recording = Recording.load(write_archive(tmp_path / 'a.npz'))
-    assert recording.notes[0] == 'not known: unit of the signal (--unit N)'
+    assert recording.notes[0] == 'unknown: unit of the signal (--unit N)'
     stated = Recording.load(tmp_path / 'a.npz', SourceOptions(unit='N'))
     assert stated.unit == stated.to_arrays().unit == stated.trials[0].signal.unit == 'N'
     assert not stated.notes

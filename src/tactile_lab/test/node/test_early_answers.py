@@ -129,5 +129,5 @@ def test_the_model_of_half_a_second_answers_while_it_glides(models, tmp_path):
     assert {t.spec.feature_set for t in tables.values()} == {'texture_spectrum', 'texture_spatial'}
     assert not any(table.spec.is_early for table in tables.values())
     (models / 'early.npz').rename(models / 'elsewhere.npz')
-    with pytest.raises(TactileError, match=r'is not at .*early\.npz; name it: --models'):
+    with pytest.raises(TactileError, match=r'is not at .*early\.npz; state --models'):
         replay_and_compare(bag, None, through_nodes=False)

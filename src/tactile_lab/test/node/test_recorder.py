@@ -312,7 +312,7 @@ def test_a_disk_that_is_full_at_the_very_end_is_told(context, tmp_path, monkeypa
     monkeypatch.setattr(McapWriter, 'write_metadata', full_disk)
     recorder.take_down()
     assert recorder.has_failed
-    assert 'as after the kill' in recorder.failure
+    assert 'as after killing' in recorder.failure
 
 
 def test_a_recording_that_fails_before_it_begins_is_refused_in_peace(

@@ -97,13 +97,13 @@ def test_blocks_are_in_different_orders_and_another_seed_changes_them():
 @pytest.mark.parametrize(
     ('text', 'sentence'),
     [
-        ('- 1', 'no mapping'),
+        ('- 1', 'not a mapping'),
         ('protocol: texture', 'objects missing'),
         ('{protocol: smell, objects: [R1]}', 'texture or stiffness'),
-        ('{protocol: texture, objects: R1}', 'no list'),
+        ('{protocol: texture, objects: R1}', 'not a list'),
         ('{protocol: texture, objects: []}', 'objects is empty'),
         ('{protocol: texture, objects: [no]}', 'quotes'),
-        ('{protocol: texture, objects: [a/b]}', 'is no name'),
+        ('{protocol: texture, objects: [a/b]}', 'is not a valid name'),
         ('{protocol: texture, objects: [R1, R1]}', 'twice'),
         ('{protocol: texture, objects: [R1], contacts: [side]}', 'flexion or abduction'),
         ('{protocol: texture, objects: [R1], trials: 0}', 'from 1'),
@@ -111,7 +111,7 @@ def test_blocks_are_in_different_orders_and_another_seed_changes_them():
         ('{protocol: texture, objects: [R1], trials: true}', 'whole number'),
         ('{protocol: texture, objects: [R1], trials: 9999, sessions: 9}', 'make it 10000'),
         ('{protocol: texture, objects: [R1], hold_s: .nan}', 'hold_s'),
-        ('{protocol: texture, objects: [R1], colour: red}', "no entry 'colour'"),
+        ('{protocol: texture, objects: [R1], colour: red}', "unknown entry 'colour'"),
     ],
 )
 def test_a_plan_that_cannot_be_used_is_refused(tmp_path, text, sentence):
@@ -278,7 +278,7 @@ def test_bags_of_an_experiment_and_what_does_not_count_in_them(folder):
             journal.append('began', key='k', trial_id=name, mounting_id='m')
         journal.append('ended', trial_id='two', **RESULT)
     assert read_corrections(folder.path) == {
-        'one': Correction('another attempt counts (interrupted)'),
+        'one': Correction('repeated (interrupted)'),
         'two': Correction(),
     }
 
@@ -296,7 +296,7 @@ def test_corrections_are_entries_and_the_last_one_counts(folder):
     assert attempt.trial_id == f'{first.key}-again1'
     found = read_corrections(folder.path)
     assert found[attempt.trial_id] == Correction('excluded: the cable touched')
-    assert found[first.key] == Correction('another attempt counts (interrupted)')
+    assert found[first.key] == Correction('repeated (interrupted)')
     assert not folder.read_progress().earlier(first)
     assert folder.read_progress().to_dict()['excluded'] == 1
     assert folder.read_progress().done_count == 1

@@ -196,7 +196,7 @@ def test_models_are_found_by_path_and_content(record, models, tmp_path):
         with pytest.raises(TactileError, match=r'has changed since: .*any name\.npz; name it'):
             find_models(bag)
         file.unlink()
-        with pytest.raises(TactileError, match=r'is not at .*any name\.npz; name it: --models'):
+        with pytest.raises(TactileError, match=r'is not at .*any name\.npz; state --models'):
             find_models(bag)
 
 

@@ -124,9 +124,9 @@ def test_the_journal_of_an_experiment_says_what_counts(stiffness_bag, tmp_path):
     with Recording.load(one) as recording:
         why_not = [trial.why_not for trial in recording.trials]
         assert why_not[:5] == [
-            'another attempt counts (failed)',
+            'repeated (failed)',
             '',
-            'another attempt counts (interrupted)',
+            'repeated (interrupted)',
             'excluded: the plate was loose',
             '',
         ]
@@ -136,8 +136,8 @@ def test_the_journal_of_an_experiment_says_what_counts(stiffness_bag, tmp_path):
         assert {trial.session_id for trial in recording.trials} == sessions
         (source,) = describe_sources([one], recording)
         assert source.corrections == (
-            f'{ids[0]} does not count: another attempt counts (failed)',
-            f'{ids[2]} does not count: another attempt counts (interrupted)',
+            f'{ids[0]} does not count: repeated (failed)',
+            f'{ids[2]} does not count: repeated (interrupted)',
             f'{ids[3]} does not count: excluded: the plate was loose',
             f'{ids[5]} was relabelled cork',
         )
@@ -149,7 +149,7 @@ def test_the_journal_of_an_experiment_says_what_counts(stiffness_bag, tmp_path):
     shown = ask_tactile('show', one, '--plot', tmp_path / 'all.svg')
     assert [each['does not count'] for each in shown['trials']] == why_not
     assert shown['facts']['do not count'] == '3'
-    assert 'does not count' in (tmp_path / 'all.svg').read_text()
+    assert 'excluded' in (tmp_path / 'all.svg').read_text()
     (tmp_path / 'recordings.txt').write_text('one\ntwo\n')
     with Recording.load(tmp_path / 'recordings.txt') as recording:
         assert len(recording.trials) == 30
