@@ -7,19 +7,19 @@ from __future__ import annotations
 
 
 class TactileSimError(Exception):
-    """Root of all errors of this package."""
+    """Base class of all errors of this package."""
 
 
 class DescriptionError(TactileSimError):
-    """A description of the rig, or a name in it, is unusable."""
+    """A description of the rig, or a name in it, is invalid."""
 
 
 class ConvergenceError(TactileSimError):
-    """A step of the physics found no solution."""
+    """A step of the physics has no solution."""
 
 
 class RigError(TactileSimError):
-    """The simulated rig's process died, did not start or refused a request."""
+    """The process of the simulated rig ended, did not start or refused a request."""
 
 
 class SolverError(TactileSimError):

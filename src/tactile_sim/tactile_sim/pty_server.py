@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Devices on pseudo-terminals: the rig in real time, and a load cell with weights."""
+"""Server of devices on pseudo-terminals: the rig in real time, and a load cell with weights."""
 
 from __future__ import annotations
 
@@ -30,21 +30,22 @@ _CHUNK_S = 0.02
 _MOST_BEHIND_S = 0.5
 _STAND_STEP_S = 0.002
 _SETTLE_S = 0.15
-"""Time constant with which a hung weight comes to rest."""
+"""Time constant with which a hung weight comes to rest [s]."""
 
 
 class PtyPort:
     """The device's end of a line; drivers open the symbolic link ``link``.
 
-    The pty's own name is not for them: the kernel gives its number to the next one who asks,
-    as soon as this one is unplugged. `RigError` where the link should be is something else.
+    Drivers must not use the name of the pty itself: when the port is unplugged, the kernel may
+    give the same number to another program. Raises `RigError` if ``link`` exists and is not a
+    link.
     """
 
     def __init__(self, link: Path) -> None:
         self._link = link
         self._files: list[int] = []
         if link.exists() and not link.is_symlink():
-            raise RigError(f'{link} exists and is no symbolic link; choose another --links')
+            raise RigError(f'{link} exists and is not a symbolic link; choose another --links')
         self.open()
 
     @property
@@ -53,13 +54,13 @@ class PtyPort:
         return bool(self._files)
 
     def fileno(self) -> int:
-        """Descriptor of the device's end."""
+        """Return the file descriptor of the device's end."""
         return self._files[0]
 
     def open(self) -> None:
-        """Make a pty and its link."""
+        """Create a pty and its link."""
         master, slave = os.openpty()
-        # The spare slave stays open, or reading the master fails when a client closes.
+        # The slave stays open here; otherwise reading the master fails when a client closes.
         self._files = [master, slave]
         tty.setraw(slave)
         os.set_blocking(master, False)
@@ -67,29 +68,29 @@ class PtyPort:
         self._link.symlink_to(os.ttyname(slave))
 
     def close(self) -> None:
-        """Take the pty and its link away; harmless when called twice."""
+        """Remove the pty and its link. May be called repeatedly."""
         if self._files:
             self._link.unlink(missing_ok=True)
         while self._files:
             os.close(self._files.pop())
 
     def read(self) -> bytes:
-        """Return what the driver has sent; only when there is something."""
+        """Return bytes from the driver; call this only when there are some."""
         return os.read(self.fileno(), _READ_BYTES)
 
     def write(self, data: bytes) -> None:
-        """Send to the driver. A full pty loses bytes, as a line without handshake does."""
+        """Send bytes to the driver. A full pty loses bytes, like a line without handshake."""
         with contextlib.suppress(BlockingIOError):
             os.write(self.fileno(), data)
 
 
 class ServedRig:
-    """A rig whose devices are connected to ptys; `exchange` moves its time on.
+    """A rig whose devices are connected to ptys; `exchange` advances its time.
 
-    The names of the ports, in the folder ``links`` or one that is gone after `close`, stay when a
-    port is unplugged.
+    The links to the ports are in the folder ``links``, or in a temporary one that `close` removes.
+    They keep their names when a port is unplugged.
 
-    Raises `RigError`: where a port's name should be is something else.
+    Raises `RigError` if the path of a link exists and is not a link.
     """
 
     def __init__(self, rig: PalpationRig, links: Path | None = None, seed: int = 0) -> None:
@@ -116,7 +117,7 @@ class ServedRig:
 
     @property
     def files(self) -> list[int]:
-        """Descriptors of the ports that are plugged in, at which drivers' bytes arrive."""
+        """File descriptors of the plugged-in ports, which receive bytes from drivers."""
         return [port.fileno() for port in self._ports.values() if port.is_open]
 
     @property
@@ -129,7 +130,7 @@ class ServedRig:
         return line.due_s if port.is_open != line.is_unplugged else -math.inf
 
     def exchange(self, now_s: float, readable: Collection[int]) -> None:
-        """Move the rig on to ``now_s``, and pass on what drivers and devices have to say."""
+        """Advance the rig to ``now_s``, and pass on bytes between drivers and devices."""
         now_s = self.rig.advance(now_s)
         for name, port in self._ports.items():
             line = self._lines[name]
@@ -147,11 +148,11 @@ class ServedRig:
                 port.write(output)
 
     def fault(self, request: FaultRequest) -> None:
-        """Begin a fault, or end those of a device."""
+        """Begin a fault, or end the faults of a device."""
         self._lines[request.device].begin(request, self.rig.now_s)
 
     def close(self) -> None:
-        """Take the ports away; harmless when called twice."""
+        """Remove the ports. May be called repeatedly."""
         for port in self._ports.values():
             port.close()
         if self._own_folder is not None:
@@ -159,9 +160,9 @@ class ServedRig:
 
 
 class RigClock:
-    """The host's clock, which several rigs share, from 0 on.
+    """The clock of one or several rigs, which starts at 0 and follows the host's clock.
 
-    When the host is too slow, their time slips rather than run behind without end.
+    If the host is too slow, the clock loses time instead of falling further and further behind.
     """
 
     def __init__(self, rigs: Sequence[ServedRig]) -> None:
@@ -170,11 +171,11 @@ class RigClock:
         self._now_s = 0.0
 
     def run(self, other: int) -> bool:
-        """Serve until the next byte is due or arrives; return whether ``other`` is readable.
+        """Serve until the next byte is due or arrives; return True if ``other`` is readable.
 
-        Raises `RigError`: the simulation stopped.
+        Raises `RigError` when the simulation has stopped.
         """
-        # Not much longer than this without a look, so that time never has to be made up for.
+        # Short waits, so that the clock never has to catch up much.
         due_s = min(self._now_s + _CHUNK_S, *(rig.due_s for rig in self._rigs))
         wait_s = max(self._start_s + due_s - time.monotonic(), 0.0)
         files = [file for rig in self._rigs for file in rig.files]
@@ -183,7 +184,7 @@ class RigClock:
         if behind_s > _MOST_BEHIND_S:
             self._start_s += behind_s
             behind_s = 0.0
-        # In parts, so that drivers are heard in between.
+        # In parts, so that bytes from drivers are read in between.
         self._now_s += min(behind_s, _CHUNK_S)
         try:
             for rig in self._rigs:
@@ -194,11 +195,11 @@ class RigClock:
 
 
 class WeightStand:
-    """Serves a load cell on a pty; a context manager.
+    """Server of a load cell on a pty; a context manager.
 
     Its reading in newtons, with scale 1 and offset 0, is
-    ``(force - offset_n + hysteresis) / scale``: scale and offset are the truth that a calibration
-    shall find. The hysteresis is there on the way down [N].
+    ``(force - offset_n + hysteresis) / scale``. Scale and offset are the true values that a
+    calibration has to find. The hysteresis affects decreasing loads [N].
     """
 
     def __init__(
@@ -229,7 +230,7 @@ class WeightStand:
         self._folder.cleanup()
 
     def hang(self, force_n: float) -> None:
-        """Hang a weight of this force instead of the one before [N]."""
+        """Replace the weight by one of this force [N]."""
         self._extra_n = self._hysteresis_n if force_n < self._hung_n else 0.0
         self._hung_n = force_n
 

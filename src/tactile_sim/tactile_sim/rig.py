@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The palpation rig: three devices around one physical state."""
+"""The palpation rig: three devices and one physical state."""
 
 from __future__ import annotations
 
@@ -21,24 +21,29 @@ from tactile_sim.physics.trials import Plant
 from tactile_sim.physics.variation import draw_variation, make_generator, Variation
 
 STEP_S = 1e-3
-_SLACK_M = 1e-3  # homing shifts the zero by some 0.6 mm
-_SESSION = -1  # its own: set up anew since the sessions that `simulate_trials` makes
+_SLACK_M = 1e-3  # homing shifts the zero by about 0.6 mm
+_SESSION = -1  # a session that `simulate_trials` never uses
 
 _MOST_STEPS = 64
-"""Steps that are foreseen at once."""
+"""Number of steps that are computed in advance."""
 
 _MOST_TRIALS = 10**6  # of a mounting
 
 
 class PalpationRig:
-    """The rig in virtual time: whoever calls `advance` is its clock.
+    """The rig in virtual time, which `advance` moves on.
 
-    The sensor's noise begins anew with each pull, from a stream that belongs to it. So the same
-    trials have the same noise, however long anybody waits between them.
+    The sensor's noise restarts with each pull, from a random stream of that pull. Therefore the
+    same trials have the same noise, independent of the time between them.
 
-    ``seed``: of the trials' variations and the sensor's noise. ``variation``: the same variation
-    for every trial instead of drawn ones. ``catalogue``: what can be mounted; None for the
-    packaged descriptions.
+    Parameters
+    ----------
+    seed : int
+        Of the trials' variations and the sensor's noise.
+    variation : Variation, optional
+        The same variation for every trial, instead of drawn ones.
+    catalogue : Catalogue, optional
+        Plates and objects that can be mounted; by default the packaged descriptions.
     """
 
     def __init__(
@@ -68,7 +73,7 @@ class PalpationRig:
         return self._steps * STEP_S
 
     def step_time_s(self, due_s: float) -> float:
-        """Return the end of the first step from now on that ends at ``due_s`` or later [s]."""
+        """Return the end of the first future step that ends at ``due_s`` or later [s]."""
         if math.isinf(due_s):
             return due_s if due_s > 0.0 else (self._steps + 1) * STEP_S
         steps = max(self._steps + 1, int(due_s / STEP_S))
@@ -77,9 +82,9 @@ class PalpationRig:
         return steps * STEP_S
 
     def advance(self, now_s: float) -> float:
-        """Move on in steps of the physics, to ``now_s`` at the most; returns the time reached.
+        """Advance in steps of the physics, at most to ``now_s``; return the time reached.
 
-        How many calls it takes changes nothing.
+        The result does not depend on the number of calls.
         """
         steps = int(now_s / STEP_S) + 1
         while steps * STEP_S > now_s:
@@ -91,8 +96,8 @@ class PalpationRig:
     def _take_steps(self, count: int) -> None:
         """Take at least one and at most ``count`` steps, as many as the devices can foresee.
 
-        The first one is exactly what each device does then; in those after it nothing may happen
-        but motion that is planned. Whether the tension interferes with that is known afterwards.
+        The first step includes all actions of the devices. Later steps may include only planned
+        motion. Afterwards it is checked whether the tension interfered with that motion.
         """
         first_s = (self._steps + 1) * STEP_S
         self.tendon.advance(first_s, self._plant.tension_n)
@@ -103,7 +108,7 @@ class PalpationRig:
             self._move(count)
 
     def _rest(self, count: int) -> None:
-        """Take steps in which nothing changes, the first one at any rate."""
+        """Take steps in which nothing changes, but at least one."""
         tension_n, force_n = self._plant.tension_n, self._plant.contact_force_n
         until_s = min(self.guide.rests_until_s, self.tendon.rests_until_s(tension_n))
         now_s = (self._steps + 1) * STEP_S
@@ -118,11 +123,11 @@ class PalpationRig:
         self.tendon.rest(now_s, tension_n)
 
     def _move(self, count: int) -> None:
-        """Take steps of which the devices have done the first one."""
+        """Take steps after the first one, which the devices have done."""
         times_s = np.asarray(STEP_S * np.arange(self._steps + 1, self._steps + 1 + count), float)
         guide_m = self.guide.positions_m(times_s)
         foreseen = self.tendon.foresee(times_s[1 : len(guide_m)])
-        # A new pull begins in a first step.
+        # A new pull can begin only in a first step.
         same = np.append((foreseen.displacement_m > _SLACK_M) == self._is_pulled, False)
         foreseen = foreseen.shorten(int(np.argmin(same)))
         tendon_m = np.append(self.tendon.displacement_m, foreseen.displacement_m)
@@ -150,17 +155,18 @@ class PalpationRig:
     ) -> dict[str, Any]:
         """Put a plate or object under the finger, or turn the finger to the other contact.
 
-        ``numbers``: session, mounting and trial, each from 0: trials of the same session and
-        mounting share their deviations. None: a session of all such calls, and a mounting each.
+        ``numbers`` are session, mounting and trial, each from 0. Trials with the same session and
+        mounting share their deviations. Without ``numbers``, every call starts a new mounting
+        within one session.
 
-        Raises `DescriptionError`: no such protocol, object or contact. Raises `RigError`: the
-        tendon is pulled.
+        Raises `DescriptionError` for an unknown protocol, object or contact, and `RigError` when
+        the tendon is tightened.
         """
         scene = build_scene(protocol, object_label, contact, self._catalogue)
         if self.tendon.displacement_m > _SLACK_M:
             raise RigError(
                 f'the tendon is tightened by {self.tendon.displacement_m * 1e3:.1f} mm; '
-                'release it before changing what lies under the finger: '
+                'release it before changing the plate or object under the finger: '
                 'ros2 service call /tendon_actuator/release std_srvs/srv/Trigger'
             )
         variation = self._variation
@@ -190,7 +196,7 @@ class PalpationRig:
         return {'ok': True, **self._mounted, 'trial': self._trials}
 
     def read_truth(self) -> dict[str, Any]:
-        """Return the physical state, which no sensor measures directly; for tests."""
+        """Return the true physical state, which no sensor measures directly; for tests."""
         return {
             'time_s': self.now_s,
             'guide_position_m': self.guide.position_m(self.now_s),

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Starts the simulated rig as a process of its own and talks to it."""
+"""Starts the simulated rig in its own process and communicates with it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _EXIT_S = 5.0
 
 
 class RigPorts(NamedTuple):
-    """Names of the rig's ports, which stay when one is unplugged and comes back."""
+    """Names of the rig's ports, which do not change when a port is unplugged and plugged in."""
 
     guide: str
     tendon: str
@@ -37,12 +37,21 @@ class RigPorts(NamedTuple):
 class SimulatedRig:
     """A running simulated rig; a context manager.
 
-    ``seed``: of variations and noise. ``links``: directory for the ports, symbolic links named
-    guide, tendon and sensor; default: a new one. Of several, each gets a rig, with the next seed,
-    and requests need ``rig``: the number of its directory, from 0. ``description``: folder of
-    descriptions that are laid over the packaged ones, see `Catalogue`.
+    Parameters
+    ----------
+    seed : int
+        Of variations and noise.
+    links : path or sequence of paths, optional
+        Folder for the ports, which are symbolic links named guide, tendon and sensor; by default
+        a new folder. With several folders, each gets a rig with the next seed, and requests
+        need ``rig``: the index of the folder.
+    description : path, optional
+        Folder of descriptions that override the packaged ones, see `Catalogue`.
 
-    Raises `RigError`: the process does not start, or refuses the description.
+    Raises
+    ------
+    RigError
+        When the process does not start, or refuses the description.
     """
 
     def __init__(
@@ -64,7 +73,7 @@ class SimulatedRig:
             stdout=subprocess.PIPE,
             stderr=self._complaints,
             bufsize=0,
-            # Out of the reach of Ctrl-C: the rig must outlive the drivers that bring it to rest.
+            # Not in the foreground group, so that Ctrl-C does not end the rig before its drivers.
             start_new_session=True,
         )
         self._pending = b''
@@ -88,9 +97,9 @@ class SimulatedRig:
         self.close()
 
     def check_mount(self, protocol: str, object_label: str, contact: str) -> None:
-        """Check that `mount` would take these names; the rig is not asked.
+        """Check that `mount` accepts these names, without a request to the rig.
 
-        Raises `DescriptionError`: no such protocol, object or contact.
+        Raises `DescriptionError` for an unknown protocol, object or contact.
         """
         self._catalogue = self._catalogue or Catalogue(self._description)
         self._catalogue.check_mount(protocol, object_label, contact)
@@ -105,16 +114,16 @@ class SimulatedRig:
     ) -> dict[str, Any]:
         """Put a plate (texture) or object (stiffness) under the finger.
 
-        ``numbers``: session, mounting and trial, each from 0. Trials of the same session and
-        mounting share their deviations. None: a mounting of its own.
+        ``numbers`` are session, mounting and trial, each from 0. Trials with the same session and
+        mounting share their deviations. Without ``numbers``, every call starts a new mounting.
 
-        Raises `RigError`: the rig refuses, with its reason, or is dead.
+        Raises `RigError` when the rig refuses, with its reason, or has ended.
         """
         wanted = {'protocol': protocol, 'object': object_label, 'contact': contact}
         return self._request({'mount': {**wanted, 'numbers': numbers}, 'rig': rig})
 
     def truth(self, rig: int | None = None) -> dict[str, Any]:
-        """Physical state: guide_position_m, tendon_displacement_m, bend_rad, tension_n, ..."""
+        """Return the state: guide_position_m, tendon_displacement_m, bend_rad, tension_n, ..."""
         return self._request({'state': True, 'rig': rig})
 
     def fault(
@@ -125,18 +134,18 @@ class SimulatedRig:
         rig: int | None = None,
         **options: float,
     ) -> None:
-        """Begin a fault of a device; `tactile_sim.devices.faults.KINDS` has all, with options.
+        """Begin a fault of a device; `tactile_sim.devices.faults.KINDS` lists faults and options.
 
         The kind ``none`` ends all faults of the device. A fault lasts ``duration_s`` [s], or until
-        it is ended where that is None; some are a moment only.
+        it is ended if that is None; some faults are instantaneous.
 
-        Raises `RigError`: there is no such fault, or the rig is dead.
+        Raises `RigError` for an unknown fault, or when the rig has ended.
         """
         wanted = {'device': device, 'kind': kind, 'duration_s': duration_s, **options}
         self._request({'fault': wanted, 'rig': rig})
 
     def close(self) -> None:
-        """End the process; harmless when called twice."""
+        """End the process. May be called repeatedly."""
         process = self._process
         with contextlib.suppress(OSError):
             if process.stdin is not None:
@@ -151,7 +160,7 @@ class SimulatedRig:
         if process.stdout is not None:
             process.stdout.close()
         self._complaints.close()
-        if self._own_folder is not None:  # when the process was killed it is still there
+        if self._own_folder is not None:  # a killed process does not remove its links
             shutil.rmtree(self._own_folder, ignore_errors=True)
 
     def _request(self, message: dict[str, Any]) -> dict[str, Any]:
@@ -188,5 +197,5 @@ class SimulatedRig:
             self._process.wait(_EXIT_S)
         self._complaints.seek(0)
         said = self._complaints.read().decode(errors='replace').strip().splitlines()
-        reason = said[-1] if said else 'it said nothing'
+        reason = said[-1] if said else 'it gave no reason'
         return RigError(f'the simulated rig ended with code {self._process.returncode}: {reason}')

@@ -27,17 +27,17 @@ NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Signals that end the server."""
 
 _USAGE = (
-    'send {"mount": {"protocol": ..., "object": ..., "contact": ...}}, in it if you like '
-    '"numbers": [session, mounting, trial], {"state": true} '
-    'or {"fault": {"device": ..., "kind": ...}}; to one of several rigs with "rig": its number'
+    'send {"mount": {"protocol": ..., "object": ..., "contact": ...}}, optionally with '
+    '"numbers": [session, mounting, trial], or {"state": true}, '
+    'or {"fault": {"device": ..., "kind": ...}}; with several rigs add "rig": number'
 )
 
 
 def main() -> int:
     """Serve until the end of standard input, or one of `NUMBERS`.
 
-    Prints the ports as one line of JSON when ready, of several rigs one line each. Answers the
-    lines of JSON that `_USAGE` has; for faults see `tactile_sim.devices.faults`.
+    When ready, prints the ports of each rig as one line of JSON. Answers the commands in `_USAGE`,
+    one JSON object per line; for faults see `tactile_sim.devices.faults`.
     """
     parser = argparse.ArgumentParser(
         prog='tactile_sim_rig', description='Serve a simulated palpation rig on pseudo-terminals.'
@@ -49,27 +49,27 @@ def main() -> int:
         nargs='+',
         default=[None],
         metavar='DIR',
-        help='directory for the ports, symbolic links named guide, tendon and sensor; of several '
-        'each gets a rig, with the next seed. Default: a new one',
+        help='folder for the ports, symbolic links named guide, tendon and sensor; with several '
+        'folders, each gets a rig with the next seed. Default: a new folder',
     )
     parser.add_argument(
         '--description',
         type=Path,
         metavar='DIR',
-        help='folder of your own rig.yaml, plates.yaml and so on, laid over the packaged ones',
+        help='folder with your rig.yaml, plates.yaml and so on, which override the packaged files',
     )
     parser.add_argument(
         '--mount',
         nargs=3,
         metavar=('PROTOCOL', 'OBJECT', 'CONTACT'),
-        help='what lies under the finger at first, such as: texture R1 flexion',
+        help='plate or object under the finger at the start, such as: texture R1 flexion',
     )
     parser.add_argument(
         '--linger',
         type=float,
         default=0.0,
         metavar='S',
-        help='serve on for so long after SIGINT, SIGTERM or SIGHUP, so that drivers that are '
+        help='time to keep serving after SIGINT, SIGTERM or SIGHUP, so that drivers that are '
         'ended at the same time can bring the rig to rest',
     )
     arguments = parser.parse_args()
@@ -99,14 +99,14 @@ def main() -> int:
 
 
 class _Ending:
-    """Leaves on a signal: at once, or after a while."""
+    """Ends the program on a signal, immediately or after a while."""
 
     def __init__(self, linger_s: float) -> None:
         self._linger_s = linger_s
         self._end_s = math.inf
 
     def on_signal(self, number: int, frame: object) -> None:
-        # Once is enough: a second signal must not interrupt the clearing up.
+        # The signals are ignored from now on, because a second one must not interrupt cleaning up.
         for other in NUMBERS:
             signal.signal(other, signal.SIG_IGN)
         self._end_s = time.monotonic() + self._linger_s
@@ -125,7 +125,7 @@ def _say(message: object) -> None:
 
 
 def _read_lines(clock: RigClock, ending: _Ending) -> Iterator[bytes]:
-    """Run the rigs' clock; yield the lines of standard input."""
+    """Run the clock of the rigs; yield the lines of standard input."""
     pending = b''
     while not ending.is_due:
         if not clock.run(0):
@@ -141,7 +141,7 @@ def _answer(rigs: Sequence[ServedRig], line: bytes) -> dict[str, Any]:
     try:
         request = json.loads(line)
     except ValueError as error:
-        return {'error': f'this is no JSON: {error}'}
+        return {'error': f'this is not JSON: {error}'}
     if not isinstance(request, dict):
         return {'error': _USAGE}
     try:
@@ -164,7 +164,7 @@ def _answer(rigs: Sequence[ServedRig], line: bytes) -> dict[str, Any]:
 
 
 def _choose(rigs: Sequence[ServedRig], number: Any) -> ServedRig:
-    """Return the rig of this number; None stands for the only one."""
+    """Return the rig of this number; None selects the only rig."""
     if number is None and len(rigs) == 1:
         return rigs[0]
     if type(number) is not int or not 0 <= number < len(rigs):
@@ -174,7 +174,7 @@ def _choose(rigs: Sequence[ServedRig], number: Any) -> ServedRig:
 
 
 def _are_numbers(numbers: Any) -> bool:
-    """Return whether these number a session, a mounting and a trial, or are left out."""
+    """Return True for numbers of a session, a mounting and a trial, or for None."""
     if numbers is None:
         return True
     return (

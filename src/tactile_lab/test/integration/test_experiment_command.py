@@ -31,7 +31,7 @@ def contents(folder):
     ('arguments', 'sentence'),
     [
         (['--append', 'grooves-s09', '--simulated', '--yes'], 'no session "grooves-s09"'),
-        (['--append', 'grooves-s01', '--yes'], '--yes is for --simulated'),
+        (['--append', 'grooves-s01', '--yes'], '--yes requires --simulated'),
         (['--append', 'grooves-s01'], '--simulated'),
         (['--append', 'grooves-s01', '--guide', '/dev/nothing'], '--tendon'),
         (['--append', 'grooves-s01', '--simulated', '--yes', '--params', '/nowhere'], 'nowhere'),
@@ -60,7 +60,7 @@ def test_while_another_program_runs_it_nothing_is_appended(folder):
         said = hear_tactile(
             'experiment', folder.path, '--append', 'grooves-s01', '--simulated', '--yes', code=2
         )
-    assert 'another program runs this experiment' in said
+    assert 'another program is running this experiment' in said
     assert contents(folder) == before
 
 
@@ -72,7 +72,7 @@ def test_a_rig_that_lacks_an_object_is_refused_before_there_is_a_folder(tmp_path
     assert not plan.exists()
     said = hear_tactile('experiment', 'new', plan, '--objects', 'R1,oak')
     assert 'oak: for your rig' in said
-    assert "no texture plate 'oak'" in hear_tactile(
+    assert "unknown texture plate 'oak'" in hear_tactile(
         'experiment', plan, '--simulated', '--yes', code=2
     )
     assert not plan.with_suffix('').exists()
@@ -89,8 +89,8 @@ def test_corrections_are_written_and_listed(folder):
     def correct(*arguments, code=0):
         return hear_tactile('experiment', *arguments, '--why', 'the wrong [plate]', code=code)
 
-    assert f'{first} is R2 now: the wrong [plate]' in correct('relabel', folder.path, first, 'R2')
-    assert f'{first} does not count' in correct('exclude', folder.path, first)
+    assert f'{first} relabelled R2: the wrong [plate]' in correct('relabel', folder.path, first, 'R2')
+    assert f'{first} excluded' in correct('exclude', folder.path, first)
     listed = hear_tactile('experiment', 'status', folder.path)
     assert f'{first} is R2: the wrong [plate]' in listed
     assert f'{first} is excluded: the wrong [plate]' in listed
@@ -100,8 +100,8 @@ def test_corrections_are_written_and_listed(folder):
     assert 'excluded' not in hear_tactile('experiment', 'status', folder.path)
     before = contents(folder)
     assert f'did you mean {first}' in correct('exclude', folder.path, f'{first}x', code=2)
-    assert 'none of the objects' in correct('relabel', folder.path, first, 'R9', code=2)
-    assert 'no folder of an experiment' in correct('include', folder.path.parent, first, code=2)
+    assert 'is not an object' in correct('relabel', folder.path, first, 'R9', code=2)
+    assert 'not the folder of an experiment' in correct('include', folder.path.parent, first, code=2)
     assert contents(folder) == before
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The descriptions that the simulator knows: the packaged ones, and a user's laid over them."""
+"""The descriptions of the simulator: the packaged ones, and a user's files that override them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from tactile_sim.errors import DescriptionError
 
 _T = TypeVar('_T')
 _Files = dict[str, tuple[str, dict[str, Any]]]
-"""A user's files by name: path and values."""
+"""The user's files by name: path and values."""
 
 _DEEPEST = 8
 _LONGEST_SHOWN = 40
@@ -43,15 +43,15 @@ _LABEL = re.compile(r'[A-Za-z0-9][A-Za-z0-9_.-]{0,63}\Z')
 _KEYED = ('finger_abduction.yaml', 'finger_flexion.yaml', 'rig.yaml')
 _LABELLED = {'texture': 'plates.yaml', 'stiffness': 'objects.yaml'}
 _GRAVITY_M_S2 = 9.80665
-# Deviations of each level (trial, mounting, session) are cut at three standard deviations.
+# Deviations of each level (trial, mounting, session) are limited to three standard deviations.
 _WIDEST = 3.0
 
 
-_Safe: Any = yaml.SafeLoader  # it has no types
+_Safe: Any = yaml.SafeLoader  # Any, because yaml has no type hints
 
 
 class _Loader(_Safe):
-    """The safe loader; names are words, and values but for numbers, true, false and null."""
+    """The safe loader; scalars are strings except numbers, true, false and null."""
 
     yaml_implicit_resolvers: ClassVar[dict[str, Any]] = {}
 
@@ -59,7 +59,7 @@ class _Loader(_Safe):
         values: dict[Any, Any] = {}
         for key, value in node.value:
             if not isinstance(key, yaml.ScalarNode):
-                raise _refuse(key, 'it has a key that is no word; write name: value')
+                raise _refuse(key, 'it has a key that is not a word; write name: value')
             if key.value in values:
                 raise _refuse(key, f'it has {show(key.value)} twice; remove one')
             values[key.value] = self.construct_object(value, deep=True)
@@ -79,19 +79,19 @@ _Loader.add_constructor('tag:yaml.org,2002:int', lambda loader, node: int(node.v
 def parse_text(text: str, name: str) -> dict[str, Any]:
     """Read a mapping of names to numbers, words, lists and mappings.
 
-    Raises `DescriptionError`: the text is no such mapping; ``name`` is the file named in the
-    sentence.
+    Raises `DescriptionError` when the text is not such a mapping. ``name`` is the name of the file
+    in the message.
     """
     try:
         _check_events(text)
         values = yaml.load(text, Loader=_Loader)
     except yaml.MarkedYAMLError as error:
         line = '' if error.problem_mark is None else f' in line {error.problem_mark.line + 1}'
-        raise DescriptionError(f'{name} is no YAML{line}: {error.problem}; correct it') from None
+        raise DescriptionError(f'{name} is not YAML{line}: {error.problem}; correct it') from None
     except (yaml.YAMLError, ValueError, OverflowError) as error:
-        # A directive or an escape with a number beyond all bounds.
+        # A directive or an escape with a number that is out of range.
         reason = ' '.join(str(error).split())
-        raise DescriptionError(f'{name} is no YAML: {reason}; correct it') from None
+        raise DescriptionError(f'{name} is not YAML: {reason}; correct it') from None
     if not isinstance(values, dict):
         raise DescriptionError(
             f'{name} must be a mapping of names to values; see the packaged one'
@@ -100,13 +100,13 @@ def parse_text(text: str, name: str) -> dict[str, Any]:
 
 
 def _check_events(text: str) -> None:
-    """Refuse what could stand for more than its bytes, one event at a time."""
+    """Refuse aliases, tags and deep nesting, which could expand to large values."""
     depth = documents = 0
     for event in yaml.parse(text, Loader=_Loader):
         if isinstance(event, yaml.AliasEvent):
             raise _refuse(event, f'it has the alias *{event.anchor}; write the value itself')
         if getattr(event, 'tag', None) is not None:
-            raise _refuse(event, f'it has the tag {show(event.tag)}; write the value alone')
+            raise _refuse(event, f'it has the tag {show(event.tag)}; remove the tag')
         depth += isinstance(event, yaml.CollectionStartEvent)
         depth -= isinstance(event, yaml.CollectionEndEvent)
         if depth > _DEEPEST:
@@ -123,8 +123,8 @@ def _refuse(where: yaml.Event | yaml.Node, reason: str) -> yaml.MarkedYAMLError:
 def parse_description(kind: type[_T], values: object, name: str) -> _T:
     """Build one frozen description from plain values.
 
-    Raises `DescriptionError`: a key is missing or unknown, or a value is of the wrong kind or out
-    of range.
+    Raises `DescriptionError` when a key is missing or unknown, or a value has the wrong type or is
+    out of range.
     """
     if not isinstance(values, Mapping):
         raise DescriptionError(f'{name} must be a mapping of names to values')
@@ -133,7 +133,7 @@ def parse_description(kind: type[_T], values: object, name: str) -> _T:
     missing, unknown = sorted(needed - set(values)), sorted(set(values) - set(fields))
     if missing or unknown:
         parts = [f'{key} is missing' for key in missing]
-        parts += [f'{show(key)} is unknown, known are {", ".join(fields)}' for key in unknown]
+        parts += [f'{show(key)} is unknown; use {", ".join(fields)}' for key in unknown]
         raise DescriptionError(f'{name}: {"; ".join(parts)}')
     hints = get_type_hints(kind)
     built = {
@@ -147,7 +147,7 @@ def parse_description(kind: type[_T], values: object, name: str) -> _T:
 
 
 def show(value: object) -> str:
-    """A value as it may stand in a sentence, however long it is."""
+    """Return a value for use in a message, shortened if it is long."""
     text = ascii(value)
     return text if len(text) <= _LONGEST_SHOWN else f'{text[:_LONGEST_SHOWN]}...'
 
@@ -198,14 +198,20 @@ _PACKAGED = Path(__file__).resolve().parents[1] / 'config'
 class Catalogue:
     """Catalogue of the simulator: fingers, rig, plates and objects.
 
-    It is small, hashable and picklable. It holds the contents of the files as of its creation,
-    so another process needs no files.
+    The catalogue is small, hashable and picklable. It holds the contents of the files at its
+    creation, so that other processes need no files.
 
-    ``folder``: files named as the packaged ones (``config``), laid over them: ``rig.yaml`` and the
-    fingers by key, plates and objects by label. None for the packaged ones alone.
+    Parameters
+    ----------
+    folder : Path or None
+        Folder with files named like the packaged ones (``config``), which override these:
+        ``rig.yaml`` and the fingers by key, plates and objects by label. None for the packaged
+        files only.
 
-    Raises `DescriptionError`: the folder or a file in it is unusable; the sentence names file,
-    label and key.
+    Raises
+    ------
+    DescriptionError
+        When the folder or a file in it is unusable; the message names file, label and key.
     """
 
     _fingers: tuple[tuple[str, Finger], ...] = field(repr=False)
@@ -233,44 +239,44 @@ class Catalogue:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of all descriptions: the same for the same ones, wherever they were read."""
+        """SHA-256 of all descriptions; equal descriptions have equal digests."""
         shelves = (self._fingers, self._rig, self._plates, self._bodies)
         return hashlib.sha256(repr(shelves).encode()).hexdigest()
 
     def finger(self, contact: str) -> Finger:
-        """The finger turned to this contact; DescriptionError if there is no such contact."""
+        """Return the finger in this contact; raise DescriptionError for an unknown contact."""
         if contact not in CONTACTS:
             raise DescriptionError(f'contact is {show(contact)}; it must be one of {CONTACTS}')
         return dict(self._fingers)[contact]
 
     def rig(self) -> Rig:
-        """The rig around the finger."""
+        """Return the rig around the finger."""
         return self._rig
 
     def with_rig(self, rig: Rig) -> Catalogue:
-        """Return the same fingers, plates and objects on another rig."""
+        """Return a catalogue with the same fingers, plates and objects, and another rig."""
         other = copy.copy(self)
         object.__setattr__(other, '_rig', rig)
         return other
 
     def plate(self, label: str) -> Plate:
-        """The texture plate of this label; DescriptionError if there is none."""
+        """Return the texture plate of this label; raise DescriptionError if there is none."""
         return _find(self._plates, label, 'texture plate')
 
     def body(self, label: str) -> Body:
-        """The stiffness object of this label; DescriptionError if there is none."""
+        """Return the stiffness object of this label; raise DescriptionError if there is none."""
         return _find(self._bodies, label, 'stiffness object')
 
     def check_mount(self, protocol: str, label: str, contact: str) -> None:
-        """Raise `DescriptionError` unless there are such a protocol, label and contact."""
+        """Raise `DescriptionError` if the protocol, label or contact is unknown."""
         self.labels(protocol)
         (self.plate if protocol == 'texture' else self.body)(label)
         self.finger(contact)
 
     def labels(self, protocol: str) -> tuple[str, ...]:
-        """Labels that a protocol knows, the packaged ones first, in the paper's order.
+        """Return the labels of a protocol: first the packaged ones, in the order of the paper.
 
-        Raises `DescriptionError`: no such protocol.
+        Raises `DescriptionError` for an unknown protocol.
         """
         if protocol not in PROTOCOLS:
             raise DescriptionError(f'protocol is {show(protocol)}; it must be one of {PROTOCOLS}')
@@ -280,12 +286,12 @@ class Catalogue:
 
 @lru_cache
 def default_catalogue() -> Catalogue:
-    """The packaged descriptions."""
+    """Return the catalogue of the packaged descriptions."""
     return Catalogue()
 
 
 def list_objects(protocol: str) -> tuple[str, ...]:
-    """Labels of the packaged descriptions for a protocol; DescriptionError if there is none."""
+    """Return the packaged labels of a protocol; raise DescriptionError for an unknown one."""
     return default_catalogue().labels(protocol)
 
 
@@ -294,25 +300,25 @@ def _find(shelf: tuple[tuple[str, _T], ...], label: str, what: str) -> _T:
         if known == label:
             return description
     labels = ', '.join(known for known, _ in shelf)
-    raise DescriptionError(f'no {what} {show(label)}; there are {labels}')
+    raise DescriptionError(f'unknown {what} {show(label)}; use {labels}')
 
 
 def _read_folder(folder: Path) -> _Files:
-    """Read a user's files."""
+    """Read the files of a user."""
     known = sorted((*_KEYED, *_LABELLED.values()))
     try:
         names = sorted(path.name for path in folder.iterdir() if not path.name.startswith('.'))
     except OSError as error:
         raise DescriptionError(
-            f'cannot read the folder of descriptions {folder}: {error.strerror}; name a folder '
+            f'cannot read the folder of descriptions {folder}: {error.strerror}; choose a folder '
             f'with any of {", ".join(known)}'
         ) from None
     files = {}
     for name in names:
         if name not in known:
             raise DescriptionError(
-                f'{folder} has {show(name)}, which is no description; rename or remove it. '
-                f'Known are {", ".join(known)}'
+                f'{folder} contains {show(name)}, which is not a description; remove it. '
+                f'Descriptions are {", ".join(known)}'
             )
         path = folder / name
         files[name] = (str(path), parse_text(_read_text(path), str(path)))
@@ -322,7 +328,7 @@ def _read_folder(folder: Path) -> _Files:
 def _read_text(path: Path) -> str:
     try:
         if not path.is_file():
-            raise DescriptionError(f'{path} is no file; remove or rename it')
+            raise DescriptionError(f'{path} is not a file; remove or rename it')
         with path.open('rb') as stream:
             data = stream.read(_LARGEST_BYTES + 1)
     except OSError as error:
@@ -332,7 +338,7 @@ def _read_text(path: Path) -> str:
     try:
         return data.decode('utf-8')
     except UnicodeDecodeError:
-        raise DescriptionError(f'{path} is no text in UTF-8; save it as such') from None
+        raise DescriptionError(f'{path} is not text in UTF-8; save it as UTF-8') from None
 
 
 @lru_cache
@@ -346,7 +352,7 @@ def _parse_keyed(kind: type[_T], name: str, files: _Files) -> _T:
 
 
 def _lay_over(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of ``above`` instead of those of ``below``, mapping by mapping."""
+    """Return ``below`` with the values of ``above``, merged mapping by mapping."""
     merged = dict(below)
     for key, value in above.items():
         under = below.get(key)
@@ -358,7 +364,7 @@ def _lay_over(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, A
 def _parse_labelled(kind: type[_T], name: str, files: _Files) -> tuple[tuple[str, _T], ...]:
     where, own = files.get(name, (name, {}))
     if len(own) > _MOST_LABELS:
-        raise DescriptionError(f'{where} has {len(own)} labels; at most {_MOST_LABELS} are read')
+        raise DescriptionError(f'{where} has {len(own)} labels; the limit is {_MOST_LABELS}')
     for label in own:
         if not _LABEL.match(label):
             raise DescriptionError(
@@ -372,7 +378,7 @@ def _parse_labelled(kind: type[_T], name: str, files: _Files) -> tuple[tuple[str
 
 
 def _check_finger(finger: Finger, rig: Rig, where: str) -> None:
-    """Refuse a finger that this rig cannot bring to its contact bend."""
+    """Refuse a finger that this rig cannot pull to its contact bend."""
     bend_rad = math.radians(finger.contact_bend_deg)
     moment_nm = finger.bending_stiffness_nm_rad * bend_rad - _compute_weight_nm(finger, bend_rad)
     if moment_nm <= 0.0:
@@ -399,10 +405,10 @@ def _check_finger(finger: Finger, rig: Rig, where: str) -> None:
 
 
 def _compute_weight_nm(finger: Finger, bend_rad: float) -> float:
-    """Moment of the weight on the bend of an arc of constant curvature [N m].
+    """Return the moment of the weight on an arc of constant curvature [N m].
 
-    The derivative of the potential energy: the tip's drop is L (1 - cos q) / q and the mean
-    drop L (1 - sin q / q) / q.
+    It is the derivative of the potential energy: the drop of the tip is L (1 - cos q) / q and the
+    mean drop is L (1 - sin q / q) / q.
     """
     q, ell = bend_rad, finger.length_m
     tip = ell * (q * math.sin(q) - 1 + math.cos(q)) / q**2

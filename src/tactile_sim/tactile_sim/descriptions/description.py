@@ -20,7 +20,7 @@ MOST_BRANCHES = 3
 MOST_POINTS = 1000
 
 
-# Ranges are wide: they keep typing errors and other units out, not unusual rigs.
+# The ranges are wide: they reject typing errors and wrong units, but accept unusual rigs.
 def _above(low: float, high: float, **default: Any) -> Any:
     return dataclasses.field(metadata={'above': low, 'to': high}, **default)
 
@@ -51,7 +51,7 @@ class Finger:
     tip_shear_stiffness_n_m: float = _between(1.0, 1e8)
     contact_bend_deg: float = _above(0.0, 150.0)
     tendon_stiffness_n_m: float = _between(1.0, 1e7)
-    tendon_friction: float = _between(0.0, 0.15)  # the capstan series holds to a wrap of 0.3
+    tendon_friction: float = _between(0.0, 0.15)  # the capstan series is valid up to a wrap of 0.3
     tendon_presliding_m: float = _between(1e-7, 1e-3)
     bend_stop_deg: float = _above(0.0, 150.0)
     stop_stiffness_nm_rad: float = _between(1e-3, 1e4)
@@ -70,8 +70,8 @@ class Plate:
     """A rigid texture plate: flat end, grooved zone, flat end; dimensions in millimetres.
 
     Rectangular, triangular and circular grooves have a pitch, a width and a depth; ``none`` has
-    neither; ``profile`` has points: a polyline (x, height) over the grooved zone, whose x rises
-    from 0 to ``grooved_mm`` and whose height 0 is the top of the plate.
+    no grooves. ``profile`` has points: a polyline (x, height) over the grooved zone, whose x
+    increases from 0 to ``grooved_mm``; height 0 is the top of the plate.
     """
 
     groove: str
@@ -89,11 +89,11 @@ class Plate:
         if self.groove == 'profile':
             self._check_points()
         elif self.points_mm:
-            raise DescriptionError('points_mm is only for groove: profile; leave it out')
+            raise DescriptionError('points_mm is only for groove: profile; omit it')
         if self.groove in ('none', 'profile'):
             if self.pitch_mm or self.width_mm or self.depth_mm:
                 raise DescriptionError(
-                    f'groove: {self.groove} has no pitch_mm, width_mm and depth_mm; leave them out'
+                    f'groove: {self.groove} has no pitch_mm, width_mm and depth_mm; omit them'
                 )
         else:
             self._check_grooves()
@@ -102,8 +102,8 @@ class Plate:
         if not 0.05 <= self.width_mm <= self.pitch_mm <= self.grooved_mm:
             raise DescriptionError(
                 f'width_mm is {self.width_mm:g}, pitch_mm {self.pitch_mm:g} and grooved_mm '
-                f'{self.grooved_mm:g}; a width is at least 0.05 and at most the pitch, and the '
-                'pitch at most grooved_mm'
+                f'{self.grooved_mm:g}; the width must be at least 0.05 and at most the pitch, '
+                'and the pitch at most grooved_mm'
             )
         if self.depth_mm <= 0.0:
             raise DescriptionError('depth_mm of a groove must be above 0; or use groove: none')
@@ -114,14 +114,14 @@ class Plate:
         if not 2 <= len(self.points_mm) <= MOST_POINTS:
             raise DescriptionError(
                 f'points_mm has {len(self.points_mm)} points; '
-                f'groove: profile needs 2 to {MOST_POINTS}, each [x, height]'
+                f'groove: profile needs 2 to {MOST_POINTS} points, each [x, height]'
             )
         along, heights = zip(*self.points_mm, strict=True)
         rising = all(a < b for a, b in itertools.pairwise(along))
         if not (rising and along[0] == 0.0 and along[-1] == self.grooved_mm):
             raise DescriptionError(
-                'the x of points_mm must rise from 0 to grooved_mm, '
-                f'which is {self.grooved_mm:g}, each above the one before it'
+                'the x of points_mm must increase from 0 to grooved_mm, '
+                f'which is {self.grooved_mm:g}, from each point to the next'
             )
         if not all(-100.0 <= height <= 0.0 for height in heights):
             raise DescriptionError(
@@ -136,7 +136,7 @@ class Plate:
 
 @dataclass(frozen=True)
 class Branch:
-    """One relaxing branch of a Prony series: a spring behind a dashpot."""
+    """One relaxing branch of a Prony series: a spring in series with a dashpot."""
 
     stiffness_n_m: float = _above(0.0, 1e9)
     relaxation_time_s: float = _between(1e-3, 1e5)
@@ -144,12 +144,13 @@ class Branch:
 
 @dataclass(frozen=True)
 class Body:
-    """An object to press on; stiffness 0 means that nothing is there.
+    """An object to press on; ``stiffness_n_m`` 0 means that there is no object.
 
-    ``stiffness_n_m`` holds for ever, up to three ``branches`` relax besides. ``softening_m`` is
-    the compression at which the force turns from proportional to growing with its root, as that of
-    a buckling shell does (Pogorelov) [m]; 0 for a solid that never does. ``friction`` is that
-    of the fingertip on it [1].
+    ``stiffness_n_m`` is the stiffness after relaxation; up to three ``branches`` add relaxing
+    parts. At the compression ``softening_m`` [m] the force changes from proportional to the
+    compression to proportional to its root, as in a buckling shell (Pogorelov); 0 for a solid,
+    whose force stays proportional. ``friction`` is the friction coefficient of the fingertip on
+    the object [1].
     """
 
     stiffness_n_m: float = _between(0.0, 1e9)
@@ -160,7 +161,7 @@ class Body:
     def __post_init__(self) -> None:
         if len(self.branches) > MOST_BRANCHES:
             raise DescriptionError(
-                f'branches has {len(self.branches)} entries; at most {MOST_BRANCHES} are computed'
+                f'branches has {len(self.branches)} entries; at most {MOST_BRANCHES} are supported'
             )
         if self.stiffness_n_m == 0 and self.branches:
             raise DescriptionError(
@@ -201,13 +202,13 @@ class TendonDrive:
 
     @property
     def m_per_count(self) -> float:
-        """Tendon tightened by one count of the encoder [m]."""
+        """Tendon length tightened per count of the encoder [m]."""
         return 2 * math.pi * self.pulley_radius_m / self.counts_per_turn
 
 
 @dataclass(frozen=True)
 class LoadCell:
-    """The load cell on the tendon; ``sensing`` has what each number does."""
+    """The load cell on the tendon; the module ``sensing`` uses these numbers."""
 
     rate_hz: float = _between(1.0, 1e4)
     clock_error_ppm: float = _between(-1e4, 1e4)
@@ -225,13 +226,13 @@ class LoadCell:
 
     @property
     def period_s(self) -> float:
-        """True time between two samples, the device clock's error included [s]."""
+        """True time between two samples, including the error of the device clock [s]."""
         return (1 + self.clock_error_ppm * 1e-6) / self.rate_hz
 
 
 @dataclass(frozen=True)
 class Placement:
-    """Placement of plate, tray and object in the guide's frame."""
+    """Positions of plate, tray and object in the frame of the guide."""
 
     texture_guide_m: float = _between(0.0, 10.0)
     texture_lead_m: float = _between(0.0, 1.0)
@@ -242,7 +243,7 @@ class Placement:
 
 @dataclass(frozen=True)
 class VariationSpread:
-    """Standard deviations; those without a unit are relative."""
+    """Standard deviations; fields without a unit are relative."""
 
     contact_height_m: float = _between(0.0, 0.01)
     placement_m: float = _between(0.0, 0.05)
@@ -258,8 +259,8 @@ class VariationSpread:
 class VariationLevels:
     """Random variation between trials, between mountings and between sessions.
 
-    A mounting is a plate or object fixed once and then left alone; in a session the finger
-    and the rig are set up once.
+    In a mounting, a plate or object is fixed once and not moved. In a session, the finger and the
+    rig are set up once.
     """
 
     trial: VariationSpread

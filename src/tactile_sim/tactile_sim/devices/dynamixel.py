@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A simulated Dynamixel XM430-W350: answers packets, winds the tendon with the time."""
+"""A simulated Dynamixel XM430-W350 that answers packets and winds the tendon."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ ACCELERATION_COUNTS_S2 = 214.577 / 3600 * COUNTS_PER_TURN
 
 
 class Instruction(NamedTuple):
-    """One instruction packet; its parameters are without stuffing."""
+    """One instruction packet; its parameters are unstuffed."""
 
     device_id: int
     code: int
@@ -62,7 +62,7 @@ _CRC_TABLE = _make_crc_table()
 
 
 def compute_crc(data: bytes) -> int:
-    """CRC-16 with polynomial 0x8005, start 0, not reflected."""
+    """Return the CRC-16 with polynomial 0x8005, initial value 0, not reflected."""
     crc = 0
     for byte in data:
         crc = (crc << 8 & 0xFFFF) ^ _CRC_TABLE[crc >> 8 ^ byte]
@@ -77,13 +77,13 @@ def encode_status(device_id: int, error: int, parameters: bytes = b'') -> bytes:
 
 
 class InstructionParser:
-    """Finds instruction packets in bytes of any chunking, between any garbage."""
+    """Parser of instruction packets in byte chunks of any size, with garbage between packets."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> list[Instruction]:
-        """Take bytes and return the packets that they complete."""
+        """Add bytes; return the packets that are now complete."""
         self._buffer += data
         packets = []
         while (packet := self._next()) is not None:
@@ -102,7 +102,7 @@ class InstructionParser:
                 return None
             length = int.from_bytes(buffer[5:7], 'little')
             end = 7 + length
-            # Stuffing keeps headers out of a body: one inside means that this packet broke off.
+            # Stuffing keeps headers out of a body: a header inside means a truncated packet.
             broken = buffer.find(HEADER, 4, end - 2)
             if not 3 <= length <= MAX_LENGTH or buffer[4] > BROADCAST_ID:
                 del buffer[0]
@@ -155,9 +155,10 @@ _BY_ADDRESS = {field.register.address: field for field in FIELDS}
 
 
 class Foreseen(NamedTuple):
-    """Future motion of the servo if the tension does not interfere.
+    """Future motion of the servo, provided that the tension does not interfere.
 
-    All of shape (times,): times [s], position [counts], velocity [counts/s], displacement [m].
+    All arrays have shape (times,): times [s], position [counts], velocity [counts/s],
+    displacement [m].
     """
 
     times_s: FloatArray
@@ -166,7 +167,7 @@ class Foreseen(NamedTuple):
     displacement_m: FloatArray
 
     def shorten(self, count: int) -> Foreseen:
-        """Return the first of these."""
+        """Return the first ``count`` steps."""
         return Foreseen(*(values[:count] for values in self))
 
 
@@ -185,13 +186,13 @@ class ControlTable(dict[Register, int]):
         super().__init__((field.register, field.initial) for field in FIELDS)
 
     def reset_ram(self) -> None:
-        """Forget everything that a loss of power forgets."""
+        """Reset all registers that a loss of power resets."""
         for field in FIELDS:
             if field.register.address >= EEPROM_END:
                 self[field.register] = field.initial
 
     def read(self, address: int, length: int) -> bytes:
-        """Bytes of the table; gaps read as 0. AccessError beyond its end."""
+        """Return bytes of the table; gaps read as 0. Raises AccessError beyond its end."""
         if address + length > TABLE_END:
             raise AccessError(ERROR_RANGE)
         table = bytearray(TABLE_END)
@@ -200,9 +201,10 @@ class ControlTable(dict[Register, int]):
         return bytes(table[address : address + length])
 
     def check_write(self, address: int, data: bytes) -> list[tuple[Register, int]]:
-        """Return registers and values that a write would set, or raise `AccessError`.
+        """Return registers and values that a write would set; raise `AccessError` if it is
+        invalid.
 
-        Registers that follow each other without a gap may be written together.
+        Consecutive registers without a gap may be written together.
         """
         values: list[tuple[Register, int]] = []
         while data or not values:
@@ -235,7 +237,7 @@ class ControlTable(dict[Register, int]):
 class DynamixelDevice:
     """The servo and its pulley.
 
-    Positions are counts; tightening counts up. Mode 5 alone moves it.
+    Positions are in counts; tightening increases them. The servo moves only in mode 5.
     """
 
     def __init__(self, drive: TendonDrive) -> None:
@@ -246,7 +248,7 @@ class DynamixelDevice:
         self._fed_s = 0.0
         self._silent_until_s = -math.inf
         self._tension_n = 0.0
-        self._turns_off = 0  # whole turns that the servo has lost count of [counts]
+        self._turns_off = 0  # whole turns lost by a restart [counts]
         self._stalled = False
         self._is_hot = False
         self._position = float(drive.slack_count)
@@ -254,7 +256,7 @@ class DynamixelDevice:
         self._motion = Motion(self._position, [], self._position)
         self._table[known.GOAL_POSITION] = drive.slack_count
 
-    # ---- the world's side ---------------------------------------------------------------
+    # ---- physics ------------------------------------------------------------------------
 
     @property
     def _offset(self) -> int:
@@ -263,11 +265,11 @@ class DynamixelDevice:
 
     @property
     def displacement_m(self) -> float:
-        """Tendon tightened since it just hung [m]."""
+        """Tendon length tightened since the tendon was just slack [m]."""
         return (self._position - self._drive.slack_count) * self._drive.m_per_count
 
     def advance(self, now_s: float, tension_n: float) -> None:
-        """Move on to ``now_s`` against this tension [N]."""
+        """Advance to ``now_s`` against this tension [N]."""
         elapsed_s = now_s - self._now_s
         self._now_s, self._tension_n = now_s, tension_n
         self._check_watchdog()
@@ -295,9 +297,9 @@ class DynamixelDevice:
         return self._velocity == 0.0 and self._motion.end_s == -math.inf
 
     def rests_until_s(self, tension_n: float) -> float:
-        """Return the time before which it stays where it is under this tension, as far as known.
+        """Return the time until which the servo rests under this tension, as far as known [s].
 
-        In the past while it moves.
+        While the servo moves, the time is in the past.
         """
         if not self._table[known.TORQUE_ENABLE]:
             return math.inf if tension_n <= self._drive.back_drive_n else -math.inf
@@ -309,13 +311,13 @@ class DynamixelDevice:
         return self._fed_s + watchdog * known.WATCHDOG_STEP_S - _EARLY_S
 
     def rest(self, now_s: float, tension_n: float) -> None:
-        """Stay until ``now_s``, which is before `rests_until_s`."""
+        """Stay at rest until ``now_s``, which must be before `rests_until_s`."""
         self._now_s, self._tension_n = now_s, tension_n
 
     def foresee(self, times_s: FloatArray) -> Foreseen:
-        """Return what `advance` would do at rising times after now, if the tension lets it.
+        """Return the results of `advance` at increasing times, if the tension does not interfere.
 
-        It ends before the watchdog trips.
+        The result ends before the watchdog trips.
         """
         watchdog = self._table[known.BUS_WATCHDOG]
         has_torque = bool(self._table[known.TORQUE_ENABLE])
@@ -331,9 +333,9 @@ class DynamixelDevice:
         return Foreseen(times_s, position, velocity, displacement_m)
 
     def follow(self, foreseen: Foreseen, tension_n: FloatArray) -> int:
-        """Do what was foreseen, until the tension interferes; return how many steps that is.
+        """Take foreseen steps until the tension interferes; return the number of steps.
 
-        ``tension_n``, shape (times,): before each step [N].
+        ``tension_n``, shape (times,), is the tension before each step [N].
         """
         if not self._table[known.TORQUE_ENABLE]:
             goes_on = tension_n <= self._drive.back_drive_n
@@ -351,17 +353,17 @@ class DynamixelDevice:
         return count
 
     def fail(self, hardware_error: int) -> None:
-        """Raise a hardware error, as heat or overload would."""
+        """Set a hardware error, such as overheating or overload."""
         self._table[known.HARDWARE_ERROR] |= hardware_error
         self._table[known.TORQUE_ENABLE] = 0
 
     def heat(self, temperature_c: int) -> None:
-        """Be this hot, which must be above the limit; a reboot does not help until `cool`."""
+        """Set a temperature above the limit; a reboot does not help until `cool`."""
         self._is_hot = True
         self._table[known.PRESENT_TEMPERATURE] = temperature_c
 
     def cool(self) -> None:
-        """Be as warm as usual; an error that there is stays."""
+        """Return to the normal temperature; an existing error remains."""
         self._is_hot = False
         self._table[known.PRESENT_TEMPERATURE] = ROOM_C
 
@@ -371,7 +373,7 @@ class DynamixelDevice:
         self._reboot()
 
     def receive(self, data: bytes, now_s: float) -> bytes:
-        """Take bytes from the bus and return the answers; call `advance` first."""
+        """Receive bytes from the bus and return the answers; call `advance` first."""
         if now_s < self._silent_until_s:
             return b''
         answers = bytearray()
@@ -386,11 +388,11 @@ class DynamixelDevice:
 
     @property
     def due_s(self) -> float:
-        """Infinite: it says nothing without being asked."""
+        """Infinite, because a servo sends only answers."""
         return math.inf
 
     def poll(self, now_s: float) -> bytes:
-        """Return nothing: a servo speaks when it is spoken to."""
+        """Return nothing, because a servo sends only answers."""
         return b''
 
     # ---- packets ------------------------------------------------------------------------
@@ -411,7 +413,7 @@ class DynamixelDevice:
         return encode_status(DEVICE_ID, error | alert, parameters)
 
     def _carry_out(self, packet: Instruction) -> bytes:
-        """Do one instruction and return the parameters of its answer."""
+        """Execute one instruction; return the parameters of its answer."""
         given = packet.parameters
         address = int.from_bytes(given[:2], 'little')
         if packet.code == PING:
@@ -466,7 +468,7 @@ class DynamixelDevice:
         self._motion = Motion(position, [], position)
 
     def _go(self, goal: int) -> None:
-        """Start the profile to a goal from wherever and however fast it moves."""
+        """Start the profile to a goal from the present position and velocity."""
         if self._table[known.OPERATING_MODE] != known.MODE_CURRENT_BASED_POSITION:
             return
         per_m = 1 / self._drive.m_per_count
@@ -497,7 +499,7 @@ class DynamixelDevice:
             self._motion = Motion(self._position, stop, end)
 
     def _load_a(self, direction: float) -> float:
-        """Current for the tension and the gear's friction [A]."""
+        """Return the current for the tension and the friction of the gear [A]."""
         torque_nm = self._tension_n * self._drive.pulley_radius_m
         friction_a = math.copysign(self._drive.friction_current_a, direction) if direction else 0.0
         return torque_nm / self._drive.torque_constant_nm_a + friction_a
@@ -507,7 +509,7 @@ class DynamixelDevice:
         return limit * known.CURRENT_UNIT_A
 
     def _refresh(self) -> None:
-        """Write what is present into the table."""
+        """Write present values to the table."""
         current_a = self._load_a(self._velocity) if self._table[known.TORQUE_ENABLE] else 0.0
         current_a = max(min(current_a, self._limit_a()), -self._limit_a())
         self._table[known.PRESENT_POSITION] = round(self._position) + self._offset

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Faults of the devices and of the serial lines between them and their drivers."""
+"""Faults of the devices and of the serial lines between devices and drivers."""
 
 from __future__ import annotations
 
@@ -20,20 +20,21 @@ MOST_GARBAGE_BYTES = 12
 _EARLY_S = 1e-9
 
 Splitter = Callable[[bytes], Sequence[bytes]]
-"""Cuts what a device says into its records: lines or packets."""
+"""Splits the output of a device into records: lines or packets."""
 
 OVERLOAD = 0x20
 END = 'none'
 """The kind that ends all faults of a device."""
 
 MOMENTS = ('alarm', 'overload', 'restart', 'stall')
-"""Kinds that happen at once and have no duration."""
+"""Kinds that are instantaneous and have no duration."""
 
 
 class LineFault:
-    """A fault while it lasts; this one does nothing to the bytes.
+    """A fault of a line; this base class does not change the bytes.
 
-    ``on_end`` is called when it is over. ``is_spent``: it is over by itself, before its time.
+    ``on_end`` is called at the end of the fault. ``is_spent`` is true when the fault ends before
+    its time.
     """
 
     def __init__(self, on_end: Callable[[], None] = lambda: None) -> None:
@@ -50,17 +51,17 @@ class LineFault:
 
     @property
     def due_s(self) -> float:
-        """Time from which on `say` does something although the device is silent."""
+        """Time from which `say` may return bytes although the device sends none [s]."""
         return math.inf
 
     def end(self) -> bytes:
-        """End the fault and return what it has held back."""
+        """End the fault; return the bytes that it has delayed."""
         self._on_end()
         return b''
 
 
 class Cut(LineFault):
-    """A wire is broken: what the device says is lost, what it would hear, or both."""
+    """A broken wire: bytes from the device, bytes to the device, or both are lost."""
 
     def __init__(self, says: bool, hears: bool, on_end: Callable[[], None] = lambda: None) -> None:
         super().__init__(on_end)
@@ -74,7 +75,7 @@ class Cut(LineFault):
 
 
 class Burst(LineFault):
-    """Bytes wait in an adapter and come in clumps, a period [s] apart."""
+    """An adapter that buffers bytes and delivers them in bursts, one per period [s]."""
 
     def __init__(self, period_s: float) -> None:
         super().__init__()
@@ -92,7 +93,7 @@ class Burst(LineFault):
 
     @property
     def due_s(self) -> float:
-        # Rather a step too early: the quotient that tells is rounded.
+        # Rounded down, because the quotient in `say` may be rounded as well.
         return (self._clump + 1) * self._period_s - _EARLY_S
 
     def end(self) -> bytes:
@@ -105,7 +106,7 @@ class Burst(LineFault):
 
 
 class Drop(LineFault):
-    """Whole records are lost: as many as ``count``, of those that can be."""
+    """Whole records are lost: ``count`` of those that ``is_wanted`` selects."""
 
     def __init__(self, split: Splitter, count: float, is_wanted: Callable[[bytes], bool]) -> None:
         super().__init__()
@@ -126,7 +127,7 @@ Spoil = Callable[[bytes, random.Random], bytes]
 
 
 class Spoiler(LineFault):
-    """Something happens to a share of the records."""
+    """A fraction ``share`` of the records is damaged."""
 
     def __init__(self, spoil: Spoil, split: Splitter, share: float, chance: random.Random) -> None:
         super().__init__()
@@ -140,12 +141,12 @@ class Spoiler(LineFault):
 
 
 def add_garbage(record: bytes, chance: random.Random) -> bytes:
-    """Put random bytes before a record."""
+    """Insert random bytes before a record."""
     return chance.randbytes(chance.randint(1, MOST_GARBAGE_BYTES)) + record
 
 
 def cut_short(record: bytes, chance: random.Random) -> bytes:
-    """Lose the end of a record, with its line end: it melts into the next one."""
+    """Remove the end of a record and its line end, so that it joins the next record."""
     return record[: chance.randrange(len(record))]
 
 
@@ -157,7 +158,7 @@ def flip_bit(record: bytes, chance: random.Random) -> bytes:
 
 
 class Noise(LineFault):
-    """Half packets arrive without a request: beginnings of ``packet``."""
+    """Incomplete packets arrive without a request: the beginnings of ``packet``."""
 
     def __init__(self, packet: bytes, chance: random.Random) -> None:
         super().__init__()
@@ -176,7 +177,7 @@ class Noise(LineFault):
 
 
 class WrongBaud(LineFault):
-    """Device and driver have different speeds; the ratio is the device's over the driver's."""
+    """Device and driver have different baud rates; ``ratio`` is the device's over the driver's."""
 
     def __init__(self, ratio: float) -> None:
         super().__init__()
@@ -190,14 +191,14 @@ class WrongBaud(LineFault):
 
 
 def resample_uart(data: bytes, ratio: float) -> bytes:
-    """Return what a receiver of another speed makes of bytes sent back to back, 8N1.
+    """Return what a receiver with another baud rate reads of bytes sent without pauses, 8N1.
 
     A byte whose stop bit is missing is read as 0, as Linux does by default. The ratio is the
-    sender's speed over the receiver's; with 1 the bytes come through.
+    sender's rate over the receiver's; with 1 the bytes are unchanged.
     """
     bits = [bit for byte in data for bit in (0, *(byte >> i & 1 for i in range(8)), 1)]
 
-    def level(time: float) -> int:  # in the sender's bits; the line idles high
+    def level(time: float) -> int:  # in bits of the sender; the idle line is high
         return bits[int(time)] if time < len(bits) else 1
 
     heard = bytearray()
@@ -209,13 +210,13 @@ def resample_uart(data: bytes, ratio: float) -> bytes:
         *byte, stop = (level(time + (i + 0.5) * ratio) for i in range(1, 10))
         heard.append(sum(bit << i for i, bit in enumerate(byte)) if stop else 0)
         time += 9.5 * ratio
-        while not level(time):  # a start bit needs an idle line before it
+        while not level(time):  # a start bit must follow an idle line
             time = math.floor(time) + 1.0
     return bytes(heard)
 
 
 class Option(NamedTuple):
-    """A number that a kind of fault takes."""
+    """A numeric option of a kind of fault."""
 
     default: float
     lowest: float
@@ -249,10 +250,10 @@ KINDS: Mapping[str, Mapping[str, Mapping[str, Option]]] = {
 
 
 class FaultRequest(NamedTuple):
-    """A fault that somebody asks for; see `KINDS`.
+    """A requested fault; see `KINDS`.
 
-    The kind ``none`` ends all faults of the device. It lasts ``lasting_s`` [s]; infinite: until it
-    is ended. ``options`` are complete.
+    The kind ``none`` ends all faults of the device. ``lasting_s`` is the duration [s], infinite if
+    the fault lasts until it is ended. ``options`` are complete.
     """
 
     device: str
@@ -264,30 +265,30 @@ class FaultRequest(NamedTuple):
 def read_request(document: Any) -> FaultRequest:
     """Read the object ``{"device": ..., "kind": ..., "duration_s": ..., options ...}``.
 
-    Raises `RigError`: it asks for no fault that there is.
+    Raises `RigError` for an unknown fault or an invalid option.
     """
     if not isinstance(document, dict) or not {'device', 'kind'} <= set(document):
         raise RigError('a fault needs "device" and "kind"')
     given = dict(document)
     device, kind, lasting_s = given.pop('device'), given.pop('kind'), given.pop('duration_s', None)
     if not isinstance(device, str) or device not in KINDS:
-        raise RigError(f'no device {device!r}; there are {", ".join(KINDS)}')
+        raise RigError(f'unknown device {device!r}; use {", ".join(KINDS)}')
     if kind == END and (lasting_s is not None or given):
-        raise RigError('the fault "none" ends the others; it takes nothing else')
+        raise RigError('the fault "none" ends the others; it has no duration and no options')
     kinds = {**KINDS[device], END: {}}
     if not isinstance(kind, str) or kind not in kinds:
-        raise RigError(f'the {device} has no fault {kind!r}; there are {", ".join(kinds)}')
+        raise RigError(f'the {device} has no fault {kind!r}; use {", ".join(kinds)}')
     if lasting_s is None:
         lasting_s = math.inf
     elif kind in MOMENTS:
-        raise RigError(f'the fault {kind} is a moment; leave duration_s out')
+        raise RigError(f'the fault {kind} is instantaneous; omit duration_s')
     else:
         _check_number('duration_s', lasting_s, 0.0, 1e6)
     options = kinds[kind]
     for name, value in given.items():
         if name not in options:
             known = ', '.join(options) or 'none'
-            raise RigError(f'the fault {kind} has no option {name!r}; there are: {known}')
+            raise RigError(f'the fault {kind} has no option {name!r}; its options are: {known}')
         _check_number(name, value, options[name].lowest, options[name].highest)
     defaults = {name: option.default for name, option in options.items()}
     return FaultRequest(device, kind, lasting_s, {**defaults, **given})
@@ -303,7 +304,7 @@ def _check_number(name: str, value: Any, lowest: float, highest: float) -> None:
 
 
 class Device(Protocol):
-    """A device's core: bytes in, bytes out, told the time."""
+    """A simulated device: receives and returns bytes at given times."""
 
     def receive(self, data: bytes, now_s: float) -> bytes: ...
 
@@ -317,7 +318,7 @@ _D = TypeVar('_D', bound=Device)
 
 
 class FaultyLine(Generic[_D]):
-    """A device behind its line, which is sound until a fault begins; ``seed`` is for chance."""
+    """A device with its line, which works until a fault begins; ``seed`` is for random faults."""
 
     def __init__(self, device: _D, seed: int) -> None:
         self._device = device
@@ -338,22 +339,22 @@ class FaultyLine(Generic[_D]):
         return due_s
 
     def receive(self, data: bytes, now_s: float) -> bytes:
-        """Take bytes from the driver and return what arrives there at once."""
+        """Receive bytes from the driver; return bytes that arrive there immediately."""
         held = self._end_due(now_s)
         for fault, _ in self._running.values():
             data = fault.hear(data)
         return held + self._say(self._device.receive(data, now_s), now_s)
 
     def poll(self, now_s: float) -> bytes:
-        """Return what arrives at the driver by ``now_s``."""
+        """Return the bytes that arrive at the driver by ``now_s``."""
         held = self._end_due(now_s)
         return held + self._say(self._device.poll(now_s), now_s)
 
     def begin(self, request: FaultRequest, now_s: float) -> None:
-        """Begin a fault of this device, or end all with the kind ``none``."""
+        """Begin a fault of this device; the kind ``none`` ends all faults."""
         for kind in list(self._running):
             if request.kind in (END, kind):
-                # What it has held back is dropped with the line that held it.
+                # Bytes that the old line has delayed are dropped with it.
                 self._running.pop(kind)[0].end()
         if request.kind == END:
             return
@@ -376,7 +377,7 @@ class FaultyLine(Generic[_D]):
         return data
 
     def _make_fault(self, wanted: FaultRequest) -> LineFault:
-        """Make a fault of the line; one of the device itself is for the subclass."""
+        """Return a fault of the line; subclasses add faults of the device itself."""
         match wanted.kind:
             case 'mute':
                 return Cut(says=False, hears=True)
@@ -398,7 +399,7 @@ class FaultyLine(Generic[_D]):
         return Spoiler(spoil, self._split, wanted.options['share'], self._chance)
 
     def _happen(self, kind: str, now_s: float) -> None:
-        """Let a fault happen that is a moment only."""
+        """Cause an instantaneous fault."""
         raise NotImplementedError
 
     def _split(self, data: bytes) -> list[bytes]:
@@ -409,7 +410,7 @@ class FaultyLine(Generic[_D]):
 
 
 class SensorLine(FaultyLine[LoadCellDevice]):
-    """The load cell, which takes its power from its line."""
+    """The load cell, which is powered by its line."""
 
     def _make_fault(self, wanted: FaultRequest) -> LineFault:
         sensor = self._device
@@ -432,7 +433,7 @@ class SensorLine(FaultyLine[LoadCellDevice]):
 
 
 class GuideLine(FaultyLine[GrblDevice]):
-    """The guide's controller, with a power supply of its own."""
+    """The controller of the guide, which has its own power supply."""
 
     def _happen(self, kind: str, now_s: float) -> None:
         guide = self._device
@@ -444,7 +445,7 @@ class GuideLine(FaultyLine[GrblDevice]):
 
 
 class TendonLine(FaultyLine[DynamixelDevice]):
-    """The servo, with a power supply of its own."""
+    """The servo, which has its own power supply."""
 
     def _make_fault(self, wanted: FaultRequest) -> LineFault:
         servo = self._device

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The part of Grbl's G-code that a one-axis guide needs: a line to a command or an error."""
+"""Parser for the part of Grbl's G-code that a guide with one axis needs."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ class Modal:
 
 @dataclass(frozen=True)
 class Command:
-    """Motion or dwell that one line commands; None for none.
+    """Motion or dwell that one line commands; None if there is none.
 
-    The target is a machine coordinate of X [mm]; without a feed the move is the fastest [mm/min];
-    the pause comes after all motion has ended [s].
+    The target is a machine coordinate of X [mm]; without a feed rate the move is a rapid [mm/min];
+    the dwell begins when all motion has ended [s].
     """
 
     target_mm: float | None = None
@@ -54,11 +54,10 @@ class Command:
 
 
 def parse_gcode(line: str, modal: Modal, position_mm: float) -> Command:
-    """Read one line without spaces and comments, in capitals; changes ``modal``.
+    """Parse one line in capitals, without spaces and comments; update ``modal``.
 
-    ``position_mm`` is the machine coordinate at the end of everything planned so far, for G91.
-
-    Raises `GcodeError`: the line is refused; ``modal`` is unchanged.
+    ``position_mm`` is the machine coordinate at the end of all planned motion, for G91. Raises
+    `GcodeError` when the line is refused; ``modal`` is then unchanged.
     """
     groups, values = _read_words(line)
     motion = groups.get('motion', modal.motion)
@@ -115,7 +114,7 @@ def _read_words(line: str) -> tuple[dict[str, str], dict[str, float]]:
 
 
 def strip_line(line: str) -> str:
-    """Remove spaces and comments, in capitals, as Grbl does while it receives."""
+    """Return the line in capitals without spaces and comments, as Grbl receives it."""
     kept, depth = [], False
     for character in line:
         if depth:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A one-axis Grbl 1.1h controller: bytes in, bytes out, told the time."""
+"""A simulated Grbl 1.1h controller with one axis."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ RX_BYTES = 128
 LINE_CHARACTERS = 79
 RESET_DELAY_S = 0.5
 BOOT_S = 1.0
-"""From power to the banner, with the boot loader; assumed."""
+"""Time from power-up to the banner, including the boot loader [s]; assumed."""
 
 _SOFT_RESET = 0x18
 
 
 def make_settings(guide: Guide) -> dict[int, float]:
-    """Contents of ``$$`` of a Grbl that is set up for this guide."""
+    """Return the contents of ``$$`` of a Grbl that is set up for this guide."""
     return {
         0: 10, 1: 255, 2: 0, 3: 0, 4: 0, 5: 0, 6: 0, 10: 1, 11: 0.010, 12: 0.002, 13: 0,
         20: 1, 21: 0, 22: 1, 23: 1, 24: 100.0, 25: 2000.0, 26: 25, 27: guide.pull_off_m * 1e3,
@@ -47,7 +47,7 @@ def make_settings(guide: Guide) -> dict[int, float]:
 
 
 def write_setting(settings: dict[int, float], text: str) -> None:
-    """Carry out ``n=v``; `GcodeError` for no such setting, or a value that Grbl refuses."""
+    """Execute ``n=v``; raise `GcodeError` for an unknown setting or a refused value."""
     number, equals, value = text.partition('=')
     if not equals or not number.isdecimal() or int(number) not in settings:
         raise GcodeError(3)
@@ -67,7 +67,7 @@ def write_setting(settings: dict[int, float], text: str) -> None:
 
 
 def format_setting(number: int, value: float) -> str:
-    """Write a value as Grbl does."""
+    """Return a value in the notation of Grbl."""
     return f'{value:.3f}' if number in (11, 12, 24, 25, 27) or number >= 100 else f'{value:.0f}'
 
 
@@ -79,7 +79,7 @@ class _Block:
 
 
 class Planner:
-    """Moves from where it stands at the start through the queued targets; ``held``: feed hold."""
+    """Planner of queued moves, starting at rest; ``held`` is true during a feed hold."""
 
     def __init__(self, position: float) -> None:
         self.acceleration = 1.0
@@ -89,39 +89,39 @@ class Planner:
 
     @property
     def queued(self) -> int:
-        """Moves that are planned and not yet done."""
+        """Number of moves that are planned and not yet done."""
         return len(self._blocks)
 
     @property
     def end_s(self) -> float:
-        """Time of rest as things stand; in the past if it is at rest."""
+        """Time at which all motion ends, unless commands follow; in the past at rest."""
         return self._motion.end_s
 
     @property
     def next_end_s(self) -> float:
-        """End of the first queued move; never during a hold."""
+        """End of the first queued move; infinite if there is none, or during a hold."""
         return self._blocks[0].end_s if self._blocks else math.inf
 
     @property
     def target(self) -> float:
-        """End of the last queued move."""
+        """Target of the last queued move."""
         return self._blocks[-1].target if self._blocks else self._motion.target
 
     def state_at(self, time_s: float) -> tuple[float, float]:
-        """Position and velocity."""
+        """Return position and velocity."""
         return self._motion.state_at(time_s)
 
     def positions_at(self, times_s: FloatArray) -> FloatArray:
-        """Positions at rising times, with the bits of `state_at`."""
+        """Return positions at increasing times, with the same bits as `state_at`."""
         return self._motion.states_at(times_s)[0]
 
     def settle(self, time_s: float) -> None:
-        """Drop the moves that are done by ``time_s``."""
+        """Remove the moves that are done by ``time_s``."""
         while self._blocks and self._blocks[0].end_s <= time_s:
             self._blocks.popleft()
 
     def append(self, time_s: float, target: float, speed: float) -> None:
-        """Queue a move; one of no length is nothing."""
+        """Append a move; a move of length zero is ignored."""
         self.settle(time_s)
         if abs(target - self.target) < 1e-9:
             return
@@ -130,7 +130,7 @@ class Planner:
             self._replan(time_s)
 
     def run(self, time_s: float, segments: list[Segment], target: float) -> None:
-        """Do a ready-made motion (homing) instead of the queue."""
+        """Replace the queue by a prepared motion (homing)."""
         self.place(self.state_at(time_s)[0])
         self._motion = Motion(self.state_at(time_s)[0], segments, target)
 
@@ -145,17 +145,17 @@ class Planner:
             block.end_s = math.inf
 
     def resume(self, time_s: float) -> None:
-        """Go on with the queue after a hold."""
+        """Continue with the queue after a hold."""
         self.held = False
         self._replan(time_s)
 
     def drop_queue(self) -> None:
-        """Forget the queue, once at rest after a hold."""
+        """Discard the queue, at rest after a hold."""
         self._blocks.clear()
         self.held = False
 
     def place(self, position: float) -> None:
-        """Stand still at ``position``, at once, with nothing queued."""
+        """Stop immediately at ``position``, with an empty queue."""
         self.drop_queue()
         self._motion = Motion(position, [], position)
 
@@ -167,7 +167,7 @@ class Planner:
             return
         targets = [position] + [b.target for b in blocks]
         lengths = [b - a for a, b in pairwise(targets)]
-        # Back to front: how fast may each block end so that the rest can still stop in time.
+        # Backwards: the highest end speed of each block from which the rest can still stop.
         exits = [0.0] * len(blocks)
         for i in range(len(blocks) - 2, -1, -1):
             if lengths[i] * lengths[i + 1] > 0.0:
@@ -196,7 +196,7 @@ class Planner:
 
 
 class StatusReporter:
-    """Counts the reports: work offset and overrides are in some of them."""
+    """Encoder of status reports; some of them include work offset and overrides."""
 
     def __init__(self) -> None:
         self._offset_countdown = 0
@@ -205,10 +205,10 @@ class StatusReporter:
     def encode(
         self, state: str, mpos_mm: float, velocity_mm_s: float, free: tuple[int, int], mask: int
     ) -> bytes:
-        """One report of a state such as ``Idle`` or ``Hold:0``.
+        """Return one report of a state such as ``Idle`` or ``Hold:0``.
 
-        ``free`` are planner blocks and bytes of the receive buffer. ``mask`` is setting 10: 1
-        gives machine instead of work position, 2 adds the buffers.
+        ``free`` is the free space: planner blocks and bytes of the receive buffer. ``mask`` is
+        setting 10: 1 selects machine instead of work position, 2 adds the buffers.
         """
         fields = [state, f'{"MPos" if mask & 1 else "WPos"}:{mpos_mm:.3f},0.000,0.000']
         if mask & 2:
@@ -232,9 +232,9 @@ class StatusReporter:
 class GrblDevice:
     """The controller and its carriage.
 
-    The carriage's place on the rail and the controller's idea of it (MPos) are two things:
-    they are tied together by homing alone. The planner works in the carriage's coordinate,
-    0 at the negative end [mm].
+    The position of the carriage on the rail and the position of the controller (MPos) are
+    independent; only homing aligns them. The planner uses the carriage's coordinate, which is 0
+    at the negative end [mm].
     """
 
     def __init__(self, guide: Guide) -> None:
@@ -250,10 +250,10 @@ class GrblDevice:
     def _start(self) -> None:
         self._modal = Modal()
         self._line = bytearray()
-        self._lines: deque[tuple[str, int]] = deque()  # text, bytes that it takes in the buffer
+        self._lines: deque[tuple[str, int]] = deque()  # text, bytes that it uses in the buffer
         self._line_bytes = 0
         self._homing = False
-        self._critical = 0  # alarm code that only a reset ends
+        self._critical = 0  # alarm code that only a reset clears
         self._dwell_end_s: float | None = None
         self._soft_limit_hit = False
         self._reset_at_s: float | None = None
@@ -262,17 +262,18 @@ class GrblDevice:
         self._reporter = StatusReporter()
         self._output += BANNER + (LOCK_MESSAGE if self._alarmed else b'')
 
-    # ---- the world's side ---------------------------------------------------------------
+    # ---- physics ------------------------------------------------------------------------
 
     def position_m(self, now_s: float) -> float:
-        """Place of the carriage on the rail [m]; call with rising times."""
+        """Return the position of the carriage on the rail [m]; call with increasing times."""
         self._advance(now_s)
         return self._on_rail(self._planner.state_at(now_s)[0]) * 1e-3
 
     def positions_m(self, times_s: FloatArray) -> FloatArray:
-        """Places of the carriage at rising times, with the bits of `position_m` [m].
+        """Return positions of the carriage at increasing times, with the bits of `position_m` [m].
 
-        They end before the next event, which may change the motion; there is at least one.
+        The result has at least one position. It ends before the next event, which may change the
+        motion.
         """
         self._advance(float(times_s[0]))
         count = int(np.searchsorted(times_s, self._next_event_s()))
@@ -281,16 +282,16 @@ class GrblDevice:
 
     @property
     def rests_until_s(self) -> float:
-        """Time before which the carriage stays where it is; in the past while it moves."""
+        """Time until which the carriage rests; in the past while it moves."""
         return self._next_event_s() if self._planner.end_s <= self._now_s else -math.inf
 
     @property
     def due_s(self) -> float:
-        """Time at which `poll` may have something to say without being asked."""
+        """Time at which `poll` may return bytes although nothing was received."""
         return -math.inf if self._output else self._next_event_s()
 
     def receive(self, data: bytes, now_s: float) -> bytes:
-        """Take bytes from the line and return what it answers at once."""
+        """Receive bytes from the line; return the immediate answer."""
         self._advance(now_s)
         for byte in data:
             self._take_byte(byte)
@@ -298,18 +299,18 @@ class GrblDevice:
         return self.poll(now_s)
 
     def poll(self, now_s: float) -> bytes:
-        """Return what it has to say by ``now_s``."""
+        """Return the bytes that it has sent by ``now_s``."""
         self._advance(now_s)
         sent, self._output = bytes(self._output), bytearray()
         return sent
 
     def restart(self, now_s: float) -> None:
-        """Lose power for a moment: the motor stops dead, and the counter starts at 0."""
+        """Lose power for a moment: the motor stops immediately, and the position starts at 0."""
         self._stop_dead(now_s)
         self._zero_mm = self._planner.state_at(now_s)[0]
         self._alarmed = bool(self.settings[HOMING])
         self._start()
-        self._output.clear()  # what it was about to say is lost as well
+        self._output.clear()  # unsent output is lost as well
         self._reset_at_s = now_s + BOOT_S
 
     def trip_limit(self, now_s: float) -> None:
@@ -320,7 +321,7 @@ class GrblDevice:
         self._raise_alarm(1)
 
     def stall(self, now_s: float) -> None:
-        """Let the stepper run dry while the next dwell waits: idle, with moves queued.
+        """Let the stepper buffer run empty while the next dwell waits: idle, with moves queued.
 
         A dwell requests a cycle start once, before it waits for the end of all motion.
         """
@@ -335,7 +336,7 @@ class GrblDevice:
     # ---- time ---------------------------------------------------------------------------
 
     def _advance(self, now_s: float) -> None:
-        """Let events happen at their own times, in order, up to ``now_s``."""
+        """Process events at their own times, in order, up to ``now_s``."""
         while (event_s := self._next_event_s()) <= now_s:
             self._now_s = max(self._now_s, event_s)
             self._handle_event()
@@ -370,7 +371,7 @@ class GrblDevice:
     def _on_rest(self) -> None:
         position = self._planner.state_at(self._now_s)[0]
         if self._on_rail(position) != position:
-            # Steps into the end of the rail are lost: the counter went on, the carriage did not.
+            # Steps into the end of the rail are lost: MPos changed, the carriage did not move.
             self._zero_mm += self._on_rail(position) - position
             self._planner.place(self._on_rail(position))
         if self._homing:
@@ -415,7 +416,7 @@ class GrblDevice:
 
     def _take_character(self, byte: int) -> None:
         if self._rx_bytes >= RX_BYTES:
-            return  # a real AVR drops what does not fit, without a word
+            return  # a real AVR drops bytes that do not fit, without an error
         self._line_bytes += 1
         if byte not in b'\r\n':
             self._line.append(byte)
@@ -426,7 +427,7 @@ class GrblDevice:
         self._run_lines()
 
     def _run_lines(self) -> None:
-        """Do the lines that have come, as long as nothing makes them wait."""
+        """Execute received lines until one has to wait."""
         while self._lines and not self._waiting():
             line, _ = self._lines.popleft()
             try:
@@ -453,7 +454,7 @@ class GrblDevice:
         )
 
     def _run_line(self, line: str) -> bool:
-        """Do one line; False if its ``ok`` comes later."""
+        """Execute one line; return False if its ``ok`` follows later."""
         if not line:
             return True
         if len(line) > LINE_CHARACTERS:
@@ -469,7 +470,7 @@ class GrblDevice:
         if command.target_mm is None:
             return True
         if self.settings[SOFT_LIMITS] and not self._within_travel(command.target_mm):
-            # Grbl stops what moves before it raises the alarm, and owes this line its ok.
+            # Grbl stops the motion before it raises the alarm; the ``ok`` of this line is pending.
             self._soft_limit_hit = True
             self._planner.hold(self._now_s)
             return False
@@ -530,9 +531,9 @@ class GrblDevice:
         position, velocity = self._planner.state_at(self._now_s)
         self._planner.place(self._on_rail(position))
         if self._reset_at_s is not None or self._message_at_s is not None:
-            return  # for RESET_DELAY_S after alarm 1 or 2, Grbl swallows it
+            return  # for RESET_DELAY_S after alarm 1 or 2, Grbl ignores a reset
         if self._homing or velocity != 0.0:
-            # The motor stops dead and loses steps: the position is not to be trusted.
+            # The motor stops immediately and loses steps, so the position is unreliable.
             self._raise_alarm(6 if self._homing else 3)
             self._reset_at_s = self._now_s + RESET_DELAY_S
             return

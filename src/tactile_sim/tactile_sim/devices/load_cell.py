@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The load cell on the tendon as a device: samples on its own clock, and the lines it sends."""
+"""The simulated load cell on the tendon, with its own clock and its lines of text."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tendon_sensor_driver.line_sensor import encode_reading
 GRAVITY_M_S2 = 9.80665
 DECIMALS = 5
 BOOT_S = 0.5
-"""From power to the first line; assumed."""
+"""Time from power-up to the first line [s]; assumed."""
 
 _HEADER = b'\r\nSerial Load Cell Converter version 1.2\r\nBy SparkFun Electronics\r\n'
 _BANNER = _HEADER + (
@@ -31,12 +31,12 @@ _MENU = _HEADER + b'System Configuration\r\n1) Tare scale to zero [0]\r\nx) Exit
 
 
 class LoadCellDevice:
-    """Sends a line a sample: device clock in milliseconds, kilograms, unit, ``SIMULATED``.
+    """Load cell that sends one line per sample: time [ms], kilograms, unit, ``SIMULATED``.
 
-    An ``x`` brings up its menu, as it does with an OpenScale: no lines until the next ``x``,
-    the only command that it knows there. Its readings are those of ``sensing.read_tension``
-    with the same generator, up to the rounding of the lines. It may be told that something pulls
-    beyond the capacity, or that the reading stays what it is.
+    An ``x`` opens its menu, as in an OpenScale. In the menu it sends no lines until the next
+    ``x``, the only menu command that is simulated. Its readings equal those of
+    ``sensing.read_tension`` with the same generator, up to the rounding in the lines. Faults can
+    overload the cell or freeze its reading.
     """
 
     def __init__(self, cell: LoadCell, generator: np.random.Generator) -> None:
@@ -44,7 +44,7 @@ class LoadCellDevice:
         self._generator = generator
         self._bias_n = self._drift_n = 0.0
         self._samples = 0
-        self._first_sample = 0  # since it was switched on
+        self._first_sample = 0  # since power-up
         self._in_menu = False
         self._last_n = 0.0
         self.is_saturated = self.is_stuck = False
@@ -53,18 +53,18 @@ class LoadCellDevice:
         self._output = bytearray()
 
     def set_bias(self, bias_n: float) -> None:
-        """Reading without load from now on [N]; the drift goes on from where it is."""
+        """Set the reading without load [N]; the drift continues."""
         self._bias_n = bias_n
 
     def draw_from(self, generator: np.random.Generator) -> None:
-        """Take noise and drift from another stream from now on."""
+        """Take noise and drift from another random stream."""
         self._generator = generator
 
     def record(self, time_s: float, tension_n: float, contact_force_n: float) -> None:
-        """Take note of the forces at the end of a step of the physics.
+        """Record the forces at the end of a simulation step.
 
-        Between two calls they are taken as linear, for the filter and for the samples. At the
-        first one the filter is settled.
+        Between two calls the forces are interpolated linearly, for the filter and for the samples.
+        The first call initialises the filter at rest.
         """
         force_n = tension_n + self._cell.crosstalk * contact_force_n
         if self._time_s is None:
@@ -103,24 +103,24 @@ class LoadCellDevice:
         self._samples += 1
 
     def restart(self) -> None:
-        """Lose power for a moment: banner, then lines by a clock that starts anew."""
+        """Lose power for a moment: banner, then lines with a clock that restarts at 0."""
         self._first_sample = self._samples + round(BOOT_S * self._cell.rate_hz)
         self._in_menu = False
         self._output.clear()
 
     def enter_menu(self) -> None:
-        """Send no lines, as if somebody had typed ``x``."""
+        """Open the menu and send no lines, as if ``x`` had been typed."""
         self._in_menu = True
         self._output += _MENU
 
     def leave_menu(self) -> None:
-        """Send lines again; harmless outside of the menu."""
+        """Send lines again; has no effect outside the menu."""
         if self._in_menu:
             self._in_menu = False
             self._output += b'Exiting\r\n'
 
     def receive(self, data: bytes, now_s: float) -> bytes:
-        """Take bytes from the line; they matter in the menu, or lead there."""
+        """Receive bytes from the line; only ``x`` has an effect."""
         for byte in data:
             if self._in_menu and byte == ord('x'):
                 self.leave_menu()
@@ -130,10 +130,10 @@ class LoadCellDevice:
 
     @property
     def due_s(self) -> float:
-        """Time from which on `poll` may have something to say without being asked."""
+        """Time from which `poll` may return bytes although nothing was received."""
         return -math.inf if self._output else self._samples * self._cell.period_s
 
     def poll(self, now_s: float) -> bytes:
-        """Lines that are due since the last call."""
+        """Return the lines that are due since the last call."""
         sent, self._output = bytes(self._output), bytearray()
         return sent

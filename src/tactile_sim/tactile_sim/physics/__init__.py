@@ -1,4 +1,4 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The rig as equations: finger, contact, sensor, and the solver that steps them."""
+"""Equations of the rig: finger, contact, sensor, and the solver that steps them."""

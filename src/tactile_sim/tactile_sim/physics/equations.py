@@ -1,19 +1,19 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The equations of the finger: its bent line, its inertia, and the balance of moments.
+"""The equations of the finger: its centre line, its inertia, and the balance of moments.
 
-The line is clamped level. With xi from 0 at the base to 1 at the tip, its slope angle is
+The line is clamped horizontally. With xi from 0 at the base to 1 at the tip, its slope angle is
 
     theta(xi) = q0 xi + q1 (xi^2 - xi) + q2 (2 xi^3 - 3 xi^2 + xi),
 
 that is, the curvature is q0 P0 + q1 P1 + q2 P2 with Legendre polynomials of 2 xi - 1. Mode i
-bends, damps and creeps with 1 / (2 i + 1) of the moment, because the modes are orthogonal. See
-docs/simulation.md for the equations in one place.
+bends, damps and creeps with 1 / (2 i + 1) of the moment, because the modes are orthogonal.
+docs/simulation.md has all equations.
 
-Every function that a step evaluates works on numbers and on arrays of trials alike, and uses
-nothing but elementary arithmetic. So the solver, which runs them number by number, and the
-independent one of the tests, which runs them array by array, give the same bits.
+Every function that a step evaluates works on numbers and on arrays of trials, and uses only
+elementary arithmetic. Therefore the solver, which evaluates single numbers, and the independent
+solver in the tests, which evaluates arrays, give the same bits.
 """
 
 from __future__ import annotations
@@ -29,13 +29,14 @@ FloatArray = NDArray[np.float64]
 
 GRAVITY_M_S2 = 9.80665
 
-# Gauss-Legendre nodes along the finger. With |q1| up to 0.3 and |q2| up to 0.2, four of them
-# integrate the tip's place to 1.3e-6 of the length up to 60 deg, to 7e-6 up to 115 deg (a test).
+# Gauss-Legendre nodes along the finger. With |q1| up to 0.3 and |q2| up to 0.2, four nodes
+# integrate the tip's position to 1.3e-6 of the length up to 60 deg, to 7e-6 up to 115 deg (a
+# test).
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 NODE_XI = tuple(float(p + 1) / 2 for p in _POINTS)
 NODE_WEIGHT = tuple(float(w) / 2 for w in _WEIGHTS)
 
-# sin and cos about the middle of the angles that occur; Taylor series, error below 6e-11
+# sin and cos as Taylor series about the middle of the range of angles; error below 6e-11
 # for angles from -0.9 to 2.7 rad, below 1e-12 for -0.4 to 2.2 rad (a test).
 _MIDDLE_RAD = 0.9
 _COS_MIDDLE, _SIN_MIDDLE = math.cos(_MIDDLE_RAD), math.sin(_MIDDLE_RAD)
@@ -45,7 +46,7 @@ _C4, _C6, _C8, _C10 = 1 / 24, -1 / 720, 1 / 40320, -1 / 3628800
 _C12, _C14, _C16 = 1 / 479001600, -1 / 87178291200, 1 / 20922789888000
 NO_MASSES = (0.0,) * 6
 MAX_CHANGE_RAD = 0.2
-"""Largest change of a mode in one iteration; a longer one is shortened."""
+"""Largest change of a mode in one iteration [rad]; a larger one is shortened."""
 
 
 class Node(NamedTuple):
@@ -76,7 +77,7 @@ NODE_0, NODE_1, NODE_2, NODE_3 = (
 
 
 def compute_sine_cosine(angle: Any) -> Any:
-    """Sine and cosine of a slope angle [rad]; see `_MIDDLE_RAD` for the range."""
+    """Return sine and cosine of a slope angle [rad]; see `_MIDDLE_RAD` for the range."""
     d = angle - _MIDDLE_RAD
     y = d * d
     y2 = y * y
@@ -91,26 +92,26 @@ def compute_sine_cosine(angle: Any) -> Any:
 
 
 def bend_node(node: Any, q0: Any, q1: Any, q2: Any) -> Any:
-    """Weighted sine and cosine of the slope at a node."""
+    """Return weighted sine and cosine of the slope at a node."""
     sine, cosine = compute_sine_cosine(q0 * node.b0 + q1 * node.b1 + q2 * node.b2)
     return node.weight * sine, node.weight * cosine
 
 
 def compute_line(q0: Any, q1: Any, q2: Any, mass: float, tip_mass: float) -> Any:
-    """The bent line per unit of length: its tip, its weight, and their slopes by the modes.
+    """Return the bent line per unit of length: tip, weight, and their derivatives by the modes.
 
     Returns
     -------
     tuple of 19
         Drop z and reach x; z_i; x_i; moment of the weight on each mode [N]; the weighted
-        sine and cosine at each node, from which `curve_line` makes second derivatives.
+        sine and cosine at each node, from which `curve_line` computes second derivatives.
     """
     a, b, c, d = NODE_0, NODE_1, NODE_2, NODE_3
     sa, ca = bend_node(a, q0, q1, q2)
     sb, cb = bend_node(b, q0, q1, q2)
     sc, cc = bend_node(c, q0, q1, q2)
     sd, cd = bend_node(d, q0, q1, q2)
-    # The mass beyond a node hangs on its slope.
+    # The mass beyond a node depends on its slope.
     ga = ca * (GRAVITY_M_S2 * (mass * a.beyond + tip_mass))
     gb = cb * (GRAVITY_M_S2 * (mass * b.beyond + tip_mass))
     gc = cc * (GRAVITY_M_S2 * (mass * c.beyond + tip_mass))
@@ -139,9 +140,9 @@ def compute_line(q0: Any, q1: Any, q2: Any, mass: float, tip_mass: float) -> Any
 
 
 def curve_line(line: Any, of_z: Any, of_x: Any, mass: float, tip_mass: float) -> Any:
-    """Sums of ``of_z z_ij + of_x x_ij`` minus the weight's derivative, per unit of length.
+    """Return ``of_z z_ij + of_x x_ij`` minus the derivative of the weight, per unit of length.
 
-    In the order 00, 01, 02, 11, 12, 22.
+    The order is 00, 01, 02, 11, 12, 22.
     """
     a, b, c, d = NODE_0, NODE_1, NODE_2, NODE_3
     ka = line[11] * (GRAVITY_M_S2 * (mass * a.beyond + tip_mass) - of_z) - line[12] * of_x
@@ -161,10 +162,10 @@ def curve_line(line: Any, of_z: Any, of_x: Any, mass: float, tip_mass: float) ->
 def compute_mass_matrix(
     length_m: float, mass_kg: float, tip_mass_kg: float, bend_rad: float
 ) -> tuple[float, ...]:
-    """Mass matrix of the modes of a finger bent to an arc [kg m^2]: 00, 01, 02, 11, 12, 22.
+    """Return the mass matrix of a finger bent to an arc [kg m^2]: 00, 01, 02, 11, 12, 22.
 
     M_ij = mass * integral of r_i . r_j along the finger + tip mass * r_i . r_j at the tip,
-    where r_i is the derivative of the place on the line by mode i.
+    where r_i is the derivative of a point on the line by mode i.
     """
     points, weights = np.polynomial.legendre.leggauss(12)
     nodes = [(float(p + 1) / 2, float(w) / 2) for p, w in zip(points, weights, strict=True)]
@@ -185,11 +186,11 @@ def compute_mass_matrix(
 
 
 class Constants(NamedTuple):
-    """Constants that all trials of a scene share, in SI units; `Finger` explains the names.
+    """Constants of all trials of a scene, in SI units; `Finger` explains the names.
 
     Reciprocals (``per_``) are stored because a division costs as much as several products.
-    ``masses`` is the mass matrix of the modes in the order 00, 01, 02, 11, 12,
-    22 [kg m^2], zero for a finger without inertia.
+    ``masses`` is the mass matrix of the modes in the order 00, 01, 02, 11, 12, 22 [kg m^2]; zero
+    for a finger without inertia.
     """
 
     length: float
@@ -215,20 +216,20 @@ class Constants(NamedTuple):
 
 
 def select(condition: Any, yes: Any, no: Any) -> Any:
-    """Choose element by element."""
+    """Return ``yes`` or ``no``, element by element."""
     if isinstance(condition, np.ndarray):
         return np.where(condition, yes, no)
     return yes if condition else no
 
 
 def compute_rigid_contact(indentation: Any, tip_stiffness: Any, held: Any) -> Any:
-    """Normal force on the fingertip alone, and its slope [N, N/m].
+    """Return the normal force on the fingertip on a rigid surface, and its slope [N, N/m].
 
-    Over a step the fingertip, a spring beside a damper, pushes with
+    Over a step, the fingertip, a spring in parallel with a damper, pushes with
     ``tip_stiffness * compression - held``, but never pulls.
     """
     force = tip_stiffness * indentation - held
-    apart = force <= 0.0  # false of what is no number: that must not pass for no contact
+    apart = force <= 0.0  # false for NaN, which must not count as no contact
     return select(apart, 0.0, force), select(apart, 0.0, tip_stiffness)
 
 
@@ -240,24 +241,24 @@ def compute_object_contact(
     held: Any,
     inverse_softening: float,
 ) -> Any:
-    """Fingertip and object in series: normal force, its slope, the object's compression.
+    """Return the contact of fingertip and object in series.
 
-    The object pushes with ``material * p - rest``, where p is its effective compression:
-    its compression u is p + p^2 / (2 softening), so that its force turns from
-    proportional to growing with the root of u, as that of a buckled shell does
-    (Pogorelov, "Bending of surfaces and stability of shells", 1988).
+    The object pushes with ``material * p - rest``, where p is its effective compression. Its
+    compression u is p + p^2 / (2 softening), so that its force changes from proportional to u to
+    proportional to the root of u, as in a buckled shell (Pogorelov, "Bending of surfaces and
+    stability of shells", 1988).
 
-    Returns force [N], its slope by the indentation [N/m], effective compression p [m].
+    Returns normal force [N], its derivative by the indentation [N/m], and p [m].
     """
     push = tip_stiffness * indentation - held + rest
-    push = select(push <= 0.0, 0.0, push)  # what is no number stays so
+    push = select(push <= 0.0, 0.0, push)  # NaN is kept
     both = tip_stiffness + material
     root = np.sqrt(both * both + 2 * tip_stiffness * inverse_softening * push)
     compression = 2 * push / (both + root)
     force = material * compression - rest
     apart = force <= 0.0
     slope = select(apart, 0.0, material * tip_stiffness / root)
-    # Without contact the object recovers alone.
+    # Without contact, the object recovers by itself.
     alone = rest / select(material > 0.0, material, 1.0)
     return select(apart, 0.0, force), slope, select(apart, alone, compression)
 
@@ -278,21 +279,21 @@ def compute_balance(
     grip: float,
     constants: Any,
 ) -> Any:
-    """Moments on the three modes, the Newton step that would balance them, and the forces.
+    """Return the moments on the three modes, the Newton step that balances them, and the forces.
 
-    ``line``: from `compute_line`. ``contact``: normal force and its slope. ``surface``: slope and
-    curvature of what the tip touches. ``place``: of the tip on the material of what it touches
-    [m]. ``modes``, ``bases``: q, and the zeros of its rates of change: q' = (q - base) * rate.
-    ``swing_bases``: the same for accelerations: q'' = q * rate^2 - swing base [rad/s^2].
-    ``sliders``: where the tip [m] and the tendon [rad] stuck before. ``creep``: moments that the
-    creeping branch lends to the modes, and its present stiffness. ``factors``: friction
-    coefficient, and the finger's stiffness over the described. ``rate``: 1 / time
-    since the bases [1/s]; 0 seeks rest. ``grip``: 1, or 0 to let go of all friction.
+    ``line``: from `compute_line`. ``contact``: normal force and its derivative. ``surface``: slope
+    and curvature of the surface under the tip. ``place``: position of the tip on the material of
+    the surface [m]. ``modes``, ``bases``: q, and the zeros of its rates of change: q' = (q - base)
+    * rate. ``swing_bases``: the same for accelerations: q'' = q * rate^2 - swing base [rad/s^2].
+    ``sliders``: positions where the tip [m] and the tendon [rad] stuck before. ``creep``: moments
+    of the creeping branch on the modes, and its present stiffness. ``factors``: friction
+    coefficient, and the ratio of the finger's stiffness to the described one. ``rate``: 1 / time
+    since the bases [1/s]; 0 for the state of rest. ``grip``: 1, or 0 to release all friction.
 
-    Returns the largest residual [N m]; the changes of the three modes, to be subtracted; now:
-    tension [N], friction [N], new sliders; after the changes, to first order: tension [N], normal
-    force [N], new sliders; surprise: moment of friction that the changes do not foresee, because
-    it sticks, slides or turns round [N m].
+    Returns the largest residual [N m]; the changes of the three modes, to be subtracted; at
+    present: tension [N], friction [N], new sliders; after the changes, to first order: tension
+    [N], normal force [N], new sliders; surprise: moment of friction that the linearisation does
+    not include, because friction sticks, slides or changes direction [N m].
     """
     c = constants
     (force, force_slope), (incline, bend) = contact, surface
@@ -302,9 +303,9 @@ def compute_balance(
     z0, z1, z2 = c.length * line[2], c.length * line[3], c.length * line[4]
     x0, x1, x2 = c.length * line[5], c.length * line[6], c.length * line[7]
 
-    # The tendon, with the capstan's loss along the bend; it sticks before it slides.
+    # The tendon, with the capstan loss along the bend; it sticks before it slides.
     stretch = tendon_m - c.arm * q0
-    slack = stretch <= 0.0  # false of what is no number: that must not pass for slack
+    slack = stretch <= 0.0  # false for NaN, which must not count as slack
     tension = select(slack, 0.0, c.tendon_stiffness * stretch)
     tension_0 = select(slack, 0.0, -c.tendon_stiffness * c.arm)
     ahead = (q0 - sliders[1]) * c.per_presliding
@@ -333,7 +334,7 @@ def compute_balance(
     rub_force = select(slips, signed, 0.0)
     tip_slider = place - rub * c.per_shear_stiffness
 
-    # Levers of the normal force, and of friction along the surface.
+    # Lever arms of the normal force, and of friction along the surface.
     n0, n1, n2 = z0 + incline * x0, z1 + incline * x1, z2 + incline * x2
     t0, t1, t2 = x0 - incline * z0, x1 - incline * z1, x2 - incline * z2
     f0, f1, f2 = force_slope * n0, force_slope * n1, force_slope * n2
@@ -363,7 +364,7 @@ def compute_balance(
     e1 = e1 + (mass_01 * g0 + mass_11 * g1 + mass_12 * g2)
     e2 = e2 + (mass_02 * g0 + mass_12 * g1 + mass_22 * g2)
 
-    # The derivatives: second ones of z and x share their factors.
+    # Derivatives: second derivatives of z and x have common factors.
     a00, a01, a02, a11, a12, a22 = curve_line(
         line, force - rub * incline, force * incline + rub, c.mass, c.tip_mass
     )
@@ -379,7 +380,7 @@ def compute_balance(
     j11, j12 = d1 + k1 + a11 + f1 * n1 + r1 * t1 + b1 * x1, a12 + f2 * n1 + r2 * t1 + b1 * x2
     j21, j22 = a12 + f1 * n2 + r1 * t2 + b2 * x1, d2 + k2 + a22 + f2 * n2 + r2 * t2 + b2 * x2
 
-    # Cramer's rule; then no change may be longer than the equations are trusted over.
+    # Cramer's rule; then changes are limited to the range in which the equations are valid.
     c00, c01, c02 = j11 * j22 - j12 * j21, j12 * j20 - j10 * j22, j10 * j21 - j11 * j20
     c10, c11, c12 = j02 * j21 - j01 * j22, j00 * j22 - j02 * j20, j01 * j20 - j00 * j21
     c20, c21, c22 = j01 * j12 - j02 * j11, j02 * j10 - j00 * j12, j00 * j11 - j01 * j10
@@ -391,7 +392,7 @@ def compute_balance(
     s0, s1, s2 = shorten(s0), shorten(s1), shorten(s2)
     now = (tension, rub, tip_slider, tendon_slider)
 
-    # What the changes lead to, for a step that ends with them.
+    # Results after the changes, for a step that ends with them.
     stretch = stretch + c.arm * s0
     tension = select(stretch <= 0.0, 0.0, c.tendon_stiffness * stretch)
     force = force - (f0 * s0 + f1 * s1 + f2 * s2)
@@ -414,18 +415,18 @@ def compute_balance(
 
 
 def shorten(change: Any) -> Any:
-    """Keep a change within MAX_CHANGE_RAD."""
+    """Limit a change to MAX_CHANGE_RAD."""
     change = select(change > MAX_CHANGE_RAD, MAX_CHANGE_RAD, change)
     return select(change < -MAX_CHANGE_RAD, -MAX_CHANGE_RAD, change)
 
 
 def larger(a: Any, b: Any) -> Any:
-    """The larger of two, element by element; the second where they are equal."""
+    """Return the larger of two values, element by element; the second if they are equal."""
     return select(a > b, a, b)
 
 
 def compute_curve(length_m: float, modes_rad: FloatArray, points: int = 65) -> FloatArray:
-    """The finger's centre line: reach and drop from base to tip, shape (points, 2) [m].
+    """Return the finger's centre line: reach and drop from base to tip, shape (points, 2) [m].
 
     ``modes_rad`` are q0, q1, q2 [rad].
     """

@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Motion of axes with bounded acceleration, and the timeline of a trial that is made of it.
+"""Motion of axes with limited acceleration, and timelines of trials.
 
-Devices and simulated trials share it. Units of a motion are the caller's: metres, millimetres
-or counts, per second.
+Devices and simulated trials use it. The caller chooses the units: metres, millimetres or counts,
+per second.
 """
 
 from __future__ import annotations
@@ -47,9 +47,9 @@ class Segment(NamedTuple):
 
 
 class Motion:
-    """Segments in order of time; at rest at ``start`` before, and at ``target`` afterwards.
+    """Segments in the order of time; at rest at ``start`` before, and at ``target`` afterwards.
 
-    A gap holds the position that the segment before it ended at.
+    In a gap, the axis rests at the end position of the previous segment.
     """
 
     def __init__(self, start: float, segments: Sequence[Segment], target: float) -> None:
@@ -81,7 +81,7 @@ class Motion:
         return [(part.start_s, part.end_s) for part in moving]
 
     def state_at(self, time_s: float) -> tuple[float, float]:
-        """Position and velocity at a time."""
+        """Return position and velocity at a time."""
         part = self._parts[bisect_right(self._starts, time_s) - 1]
         if math.isinf(part.duration_s):
             return part.position, 0.0
@@ -90,7 +90,7 @@ class Motion:
         return position, part.velocity + part.acceleration * t
 
     def states_at(self, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Positions and velocities at rising times, with the bits of `state_at`."""
+        """Return positions and velocities at increasing times, with the bits of `state_at`."""
         count = len(times_s)
         first, last = (bisect_right(self._starts, times_s[i]) - 1 if count else 0 for i in (0, -1))
         part = self._parts[first]
@@ -103,7 +103,7 @@ class Motion:
         return positions, velocity + acceleration * t
 
     def positions_at(self, times_s: FloatArray) -> FloatArray:
-        """Positions at many times; shape of ``times_s``."""
+        """Return positions at many times, in the shape of ``times_s``."""
         index = np.searchsorted(self._start_array, times_s, side='right') - 1
         start, _, position, velocity, acceleration = self._table[:, index]
         t = times_s - start
@@ -119,11 +119,11 @@ def plan_ramp(
     entry_speed: float = 0.0,
     exit_speed: float = 0.0,
 ) -> list[Segment]:
-    """Trapezoid (or triangle) from ``position`` to ``target``.
+    """Return a trapezoidal (or triangular) speed profile from ``position`` to ``target``.
 
-    The fastest motion that keeps ``speed`` and ``acceleration``; entry and exit speeds point
-    towards the target and must be reachable within the distance. An entry speed above
-    ``speed`` is first braked down.
+    It is the fastest motion within ``speed`` and ``acceleration``. Entry and exit speeds are
+    positive towards the target and must be reachable within the distance. An entry speed above
+    ``speed`` is first reduced.
     """
     distance = abs(target - position)
     if distance == 0.0:
@@ -151,7 +151,7 @@ def plan_ramp(
 def plan_stop(
     start_s: float, position: float, velocity: float, acceleration: float
 ) -> list[Segment]:
-    """Brake to rest."""
+    """Return a motion that brakes to rest."""
     if velocity == 0.0:
         return []
     slope = -math.copysign(acceleration, velocity)
@@ -166,7 +166,7 @@ def plan_move(
     speed: float,
     acceleration: float,
 ) -> list[Segment]:
-    """Move to ``target`` from any velocity; overshoots and comes back if it must."""
+    """Return a motion to ``target`` from any velocity; it overshoots and returns if necessary."""
     towards = velocity * (target - position) > 0.0
     if velocity == 0.0:
         return plan_ramp(start_s, position, target, speed, acceleration)
@@ -179,7 +179,7 @@ def plan_move(
 def plan_legs(
     start_s: float, position: float, legs: Sequence[tuple[float, float]], acceleration: float
 ) -> list[Segment]:
-    """Go to one target after the other, each with its speed, with a stop at each."""
+    """Return a motion to several targets, each with its own speed, with a stop at each."""
     segments: list[Segment] = []
     for target, speed in legs:
         segments += plan_ramp(start_s, position, target, speed, acceleration)
@@ -188,14 +188,14 @@ def plan_legs(
 
 
 def move_duration_s(distance_m: float, speed_m_s: float, acceleration_m_s2: float) -> float:
-    """Duration of a move from rest to rest [s]."""
+    """Return the duration of a move from rest to rest [s]."""
     segments = plan_ramp(0.0, 0.0, abs(distance_m), speed_m_s, acceleration_m_s2)
     return segments[-1].end_s if segments else 0.0
 
 
 @dataclass(frozen=True)
 class Move:
-    """A trapezoid of one axis: from where it stands to ``target_m``."""
+    """A trapezoidal move of one axis, from its present position to ``target_m``."""
 
     start_s: float
     target_m: float
@@ -204,9 +204,9 @@ class Move:
 
 @dataclass(frozen=True)
 class Timeline:
-    """Moves of the axes in one trial: each starts after the one before it has ended.
+    """Moves of the axes in one trial; each move starts after the previous one has ended.
 
-    The guide starts at ``guide_start_m``, the tendon slack at 0 [m].
+    The guide starts at ``guide_start_m``, the tendon at 0, slack [m].
     """
 
     guide_moves: Sequence[Move]
@@ -216,12 +216,12 @@ class Timeline:
 
 
 def plan_timeline(rig: Rig, timeline: Timeline) -> tuple[Motion, Motion]:
-    """Motions of guide and tendon; targets are rounded as the devices round.
+    """Return the motions of guide and tendon; targets are rounded like those of the devices.
 
-    Raises `DescriptionError`: the timeline does not fit the rig.
+    Raises `DescriptionError` when the timeline does not fit the rig.
     """
     if not 0.0 <= timeline.guide_start_m <= rig.guide.travel_m:
-        raise DescriptionError(f'guide_start_m is {timeline.guide_start_m}; it is off the guide')
+        raise DescriptionError(f'guide_start_m is {timeline.guide_start_m}, outside the guide')
     if not 0.0 < timeline.duration_s < _LONGEST_S:
         raise DescriptionError(
             f'duration_s is {timeline.duration_s}; it must be in (0, {_LONGEST_S:g})'
@@ -266,7 +266,7 @@ def _plan_axis(
             )
         if move.start_s < free_s - 1e-9:
             raise DescriptionError(
-                f'the {name} move at {move.start_s} s starts before the one before it ends, '
+                f'the {name} move at {move.start_s} s starts before the previous one ends, '
                 f'at {free_s:.3f} s; start it later'
             )
         if not 0.0 < move.speed_m_s <= max_speed_m_s:

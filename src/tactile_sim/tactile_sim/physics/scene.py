@@ -3,8 +3,8 @@
 
 """Scene of a trial: a finger, and the plate or object under it with its surface.
 
-The fingertip is a circle in the plane of motion. What it traces over a profile is the
-profile's greyscale dilation by that circle.
+The fingertip is a circle in the plane of motion. Its path over a profile is the greyscale dilation
+of the profile by that circle.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ _FIRST_BEND_RAD = 0.05
 
 @dataclass(frozen=True)
 class Surface:
-    """Height of a surface on an even grid from ``origin_m`` on, with slope and curvature.
+    """Height of a surface on a regular grid that begins at ``origin_m``, with slope and curvature.
 
-    ``table`` of shape (cells, 4) has height [m] and slope [1] at the cell's left end, each
-    followed by its rise across the cell.
+    ``table`` of shape (cells, 4) has height [m] and slope [1] at the left end of each cell, each
+    followed by its change across the cell.
     """
 
     origin_m: float
@@ -48,7 +48,7 @@ class Surface:
     table: FloatArray
 
     def sample(self, x_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Height [m], slope [1] and curvature [1/m] at ``x_m``; level beyond the grid."""
+        """Return height [m], slope [1] and curvature [1/m]; level outside the grid."""
         cell = (x_m - self.origin_m) / self.spacing_m
         index = np.minimum(np.maximum(np.floor(cell), 0), len(self.table) - 1)
         part = np.minimum(np.maximum(cell - index, 0.0), 1.0)
@@ -57,9 +57,9 @@ class Surface:
 
 
 def build_surface(height_m: FloatArray, origin_m: float, spacing_m: float) -> Surface:
-    """Make a surface from heights on an even grid; shape (points,) [m]."""
+    """Return a surface with these heights on a regular grid; shape (points,) [m]."""
     # The slope is continuous (central differences, then linear), so that the
-    # equilibrium stays findable where two flanks meet at a corner.
+    # equilibrium can be found where two flanks meet at a corner.
     slope = np.gradient(height_m, spacing_m)
     slope[0] = slope[-1] = 0.0
     table = np.column_stack([height_m[:-1], np.diff(height_m), slope[:-1], np.diff(slope)])
@@ -67,9 +67,9 @@ def build_surface(height_m: FloatArray, origin_m: float, spacing_m: float) -> Su
 
 
 def compute_plate_profile(plate: Plate, x_m: FloatArray, tray_depth_m: float) -> FloatArray:
-    """Height of the bare plate at places along it [m]; 0 is its top, x = 0 its edge.
+    """Return the height of the plate at positions along it [m]; 0 is its top, x = 0 its edge.
 
-    The tray beside the plate lies ``tray_depth_m`` below its top [m].
+    The tray beside the plate is ``tray_depth_m`` below its top [m].
     """
     height = np.where((x_m >= 0) & (x_m <= plate.length_m), 0.0, -tray_depth_m)
     if plate.groove == 'none':
@@ -80,7 +80,7 @@ def compute_plate_profile(plate: Plate, x_m: FloatArray, tray_depth_m: float) ->
         drawn = np.interp(along, points_m[:, 0], points_m[:, 1])
         return np.where((along >= 0) & (along <= plate.grooved_mm * 1e-3), drawn, height)
     width, depth = plate.width_mm * 1e-3, plate.depth_mm * 1e-3
-    # Each pitch is half a land, a groove, half a land; no groove is cut at the zone's end.
+    # Each pitch is half a land, a groove, half a land; there is no groove at the end of the zone.
     pitch = plate.pitch_mm * 1e-3
     count = int(plate.grooved_mm * 1e-3 / pitch + 1e-9)
     off_centre = np.abs(np.mod(along, pitch) - pitch / 2)
@@ -97,10 +97,10 @@ def compute_plate_profile(plate: Plate, x_m: FloatArray, tray_depth_m: float) ->
 
 
 def dilate_by_circle(height_m: FloatArray, spacing_m: float, radius_m: float) -> FloatArray:
-    """Height of the lowest point of a circle that rests on a profile, for each position.
+    """Return the height of the lowest point of a circle that rests on a profile.
 
     The greyscale dilation of the profile by the circle: max over u of
-    ``h(x + u) + sqrt(R^2 - u^2) - R``; the end values continue beyond the ends.
+    ``h(x + u) + sqrt(R^2 - u^2) - R``; the values at the ends continue beyond the ends.
     """
     reach = int(radius_m / spacing_m)
     padded = np.pad(height_m, reach, mode='edge')
@@ -114,7 +114,7 @@ def dilate_by_circle(height_m: FloatArray, spacing_m: float, radius_m: float) ->
 
 @lru_cache
 def build_plate_surface(plate: Plate, tip_radius_m: float, tray_depth_m: float) -> Surface:
-    """Return the surface that a fingertip of this radius traces over a plate in its tray."""
+    """Return the path of a fingertip of this radius over a plate in its tray."""
     margin = 0.02
     points = round((plate.length_m + 2 * margin) / SPACING_M) + 1
     x_m = -margin + SPACING_M * np.arange(points, dtype=np.float64)
@@ -126,11 +126,12 @@ def build_plate_surface(plate: Plate, tip_radius_m: float, tray_depth_m: float) 
 class Scene:
     """A finger over a plate (texture), an object (stiffness) or nothing.
 
-    ``body`` yields under the fingertip; None for a rigid plate. ``surface`` is felt under it; None
-    for a level top. ``lead_m`` is the coordinate on it under the tip at ``guide_m`` and the
-    contact bend; it is there only within ``half_width_m`` from this position of the guide [m].
+    ``body`` is a soft object under the fingertip, or None for a rigid plate. ``surface`` is its
+    surface, or None if it is level. ``lead_m`` is the coordinate on the surface under the tip at
+    ``guide_m`` and the contact bend. The plate or object is present only within ``half_width_m``
+    of this position of the guide [m].
 
-    With ``inertia`` the finger rings where a plate glides under it.
+    With ``inertia`` the finger oscillates freely when a plate glides under it.
     """
 
     finger: Finger
@@ -145,7 +146,7 @@ class Scene:
 
     @cached_property
     def constants(self) -> Constants:
-        """Constants that all trials share, for the solver."""
+        """Return the constants that all trials share, for the solver."""
         f = self.finger
         softening = self.body.softening_m if self.body else 0.0
         return Constants(
@@ -180,7 +181,7 @@ class Scene:
 
     @cached_property
     def parameters(self) -> tuple[Any, ...]:
-        """Constants, springs of the object, surface, its grid, and whether anything yields."""
+        """Constants, springs of the object, surface, its grid, and whether the object yields."""
         springs = [0.0] * (1 + at.MAX_BRANCHES)
         if self.body:
             springs[0] = self.body.stiffness_n_m
@@ -190,7 +191,7 @@ class Scene:
         grid = (0.0, 1.0, 0.0)
         if self.surface is not None:
             table = self.surface.table
-            # The last cell's end belongs to it.
+            # The end of the last cell belongs to it.
             last = math.nextafter(float(len(table)), 0.0)
             grid = (self.surface.origin_m, 1 / self.surface.spacing_m, last)
         return self.constants, tuple(springs), table, grid, self.body is not None
@@ -200,7 +201,7 @@ class Scene:
         return self.compute_coefficients(_REST_STEPS_S)
 
     def compute_coefficients(self, steps_s: tuple[float, ...]) -> FloatArray:
-        """Coefficients of steps of these lengths; see `steps.compute_coefficients`."""
+        """Return coefficients of steps of these lengths; see `steps.compute_coefficients`."""
         branches = self.body.branches if self.body else ()
         return compute_coefficients(
             steps_s,
@@ -210,7 +211,7 @@ class Scene:
         )
 
     def compute_inputs(self, tendon_m: FloatArray, guide_m: FloatArray) -> FloatArray:
-        """Inputs of steps, shape (steps, INPUTS), from where the axes are at their ends [m]."""
+        """Return inputs of steps, shape (steps, INPUTS), from axis positions at their ends [m]."""
         inputs = np.zeros((len(tendon_m), at.INPUTS))
         inputs[:, at.TENDON_INPUT] = tendon_m
         inputs[:, at.GUIDE_INPUT] = guide_m
@@ -223,12 +224,12 @@ class Scene:
         inputs: FloatArray,
         state: FloatArray | None = None,
     ) -> FloatArray:
-        """Put trials at rest, with nothing sticking; shape (TRIAL_ROWS, trials).
+        """Return trials at rest, without sticking friction; shape (TRIAL_ROWS, trials).
 
-        ``inputs`` has the shape (INPUTS,). The finger of ``state``, that of another scene, comes
-        to rest in this one.
+        ``inputs`` has the shape (INPUTS,). ``state`` is the state of a finger in another scene,
+        which comes to rest in this one.
 
-        Raises `ConvergenceError`: there is no rest.
+        Raises `ConvergenceError` when there is no state of rest.
         """
         count = len(variation.phase)
         fresh = np.zeros((at.TRIAL_ROWS, count))
@@ -242,7 +243,7 @@ class Scene:
         reach_m = length_m * math.sin(bend_rad) / bend_rad
         fresh[at.CLEARANCE] = drop_m - variation.contact_height_m
         scale = variation.glide_speed
-        # A guide that moves too far does so from where it meets the plate.
+        # An error of the guide's scale acts from the position where it meets the plate.
         fresh[at.OFFSET] = (
             self.lead_m - reach_m - self.guide_m + variation.placement_m
         ) + self.guide_m * (1 - scale)
@@ -255,7 +256,7 @@ class Scene:
         steps = np.arange(len(_REST_STEPS_S))
         advance_trials(
             fresh,
-            (self.constants._replace(masses=NO_MASSES), *self.parameters[1:]),  # it rests
+            (self.constants._replace(masses=NO_MASSES), *self.parameters[1:]),  # at rest
             steps,
             inputs,
             np.tile(inputs, (len(steps), 1)),
@@ -266,8 +267,8 @@ class Scene:
         )
         if (failed >= 0).any():
             raise ConvergenceError(
-                f'the finger of trial {int(np.argmax(failed >= 0))} finds no rest at the start; '
-                'check its description and what lies under it'
+                f'the finger of trial {int(np.argmax(failed >= 0))} has no state of rest; '
+                'check its description and the plate or object under it'
             )
         return fresh
 
@@ -276,9 +277,9 @@ class Scene:
 def build_scene(
     protocol: str, object_label: str, contact: str, catalogue: Catalogue | None = None
 ) -> Scene:
-    """Compose the scene of a trial.
+    """Return the scene of a trial.
 
-    Raises `DescriptionError`: no such protocol, object or contact.
+    Raises `DescriptionError` for an unknown protocol, object or contact.
     """
     catalogue = catalogue or default_catalogue()
     finger, rig = catalogue.finger(contact), catalogue.rig()
@@ -299,7 +300,7 @@ def build_scene(
     here = place.object_guide_m, place.object_half_width_m
     if protocol == 'stiffness':
         body = catalogue.body(object_label)
-        if body.stiffness_n_m == 0:  # nothing is under no place
+        if body.stiffness_n_m == 0:  # no object, therefore no position
             return Scene(finger, rig, body.friction, place.object_guide_m, -1.0)
         return Scene(finger, rig, body.friction, *here, body)
     raise DescriptionError(f"protocol is {protocol!r}; it must be 'texture' or 'stiffness'")

@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From the force on the load cell to its readings, for many trials or sample by sample.
+"""Readings of the load cell from the force on it, for many trials or sample by sample.
 
-The order is that of the hardware: crosstalk of the contact through the mount, the sensor's
-low-pass filter, its zero (bias and drift), noise, saturation, one step of the converter.
+The order is that of the hardware: crosstalk of the contact through the mount, low-pass
+filter, zero (bias and drift), noise, saturation, one step of the converter.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from tactile_sim.physics.steps import compute_relaxation
 FloatArray = NDArray[np.float64]
 
 
-@lru_cache(maxsize=512)  # the length of a step differs by rounding alone
+@lru_cache(maxsize=512)  # lengths of steps differ only by rounding
 def low_pass_coefficients(step_s: float, low_pass_hz: float) -> tuple[float, float, float]:
-    """Coefficients of one step of the sensor's one-pole filter; see `compute_relaxation`."""
+    """Return the coefficients of one step of the one-pole filter; see `compute_relaxation`."""
     return compute_relaxation(step_s, 1 / (2 * math.pi * low_pass_hz))
 
 
@@ -34,16 +34,24 @@ def read_tension(
     sensor_bias_n: FloatArray,
     generators: Sequence[np.random.Generator],
 ) -> FloatArray:
-    """Turn the filtered force on the load cell into its readings.
+    """Return the readings of the load cell from the filtered force on it.
 
-    Each trial starts with its drift at 0. The first readings of a trial do not depend on how
-    many follow.
+    The drift of each trial starts at 0. The first readings of a trial do not depend on the number
+    of later readings.
 
-    ``tension_n`` (ndarray of float, shape (trials, samples)): force behind crosstalk and low pass
-    [N]. What is not a number stays so. ``sensor_bias_n`` (ndarray of float, shape (trials,)):
-    reading without load [N]. ``generators``: source of noise and drift.
+    Parameters
+    ----------
+    tension_n : ndarray of float, shape (trials, samples)
+        Force after crosstalk and low pass [N]; NaN is kept.
+    sensor_bias_n : ndarray of float, shape (trials,)
+        Reading without load [N].
+    generators : sequence of numpy.random.Generator
+        Source of noise and drift of each trial.
 
-    Returns the readings, of the same shape: whole multiples of ``cell.resolution_n`` [N].
+    Returns
+    -------
+    ndarray of float, shape (trials, samples)
+        Readings, which are multiples of ``cell.resolution_n`` [N].
     """
     samples = tension_n.shape[1]
     normal = np.array([generator.standard_normal((samples, 2)) for generator in generators])
@@ -54,25 +62,25 @@ def read_tension(
 
 
 def compute_drift_step_n(cell: LoadCell) -> float:
-    """Standard deviation of what a random walk adds from one sample to the next [N]."""
+    """Return the standard deviation of the random walk from one sample to the next [N]."""
     return cell.drift_n_rt_s * math.sqrt(cell.period_s)
 
 
 def convert_one(cell: LoadCell, signal_n: float, noise: float) -> float:
-    """Return `convert_to_reading` of a single number, which may be infinite; the same bits [N]."""
+    """Return `convert_to_reading` of one number, which may be infinite; the same bits [N]."""
     most = _count_steps(cell)
     counts = (signal_n + cell.noise_n * noise) / cell.resolution_n
     whole = round(min(max(counts, -most), most))
-    return cell.resolution_n * math.copysign(whole, counts)  # keeps the sign of a zero
+    return cell.resolution_n * math.copysign(whole, counts)  # keeps the sign of zero
 
 
 def _count_steps(cell: LoadCell) -> int:
-    # The converter's last step is the last that fits into the capacity.
+    # The last step of the converter is the last one within the capacity.
     return math.floor(cell.capacity_n / cell.resolution_n * (1 + 1e-12))
 
 
 def convert_to_reading(cell: LoadCell, signal_n: FloatArray, noise: FloatArray) -> FloatArray:
-    """Add standard normal noise, saturate at the capacity, round to the converter's steps [N]."""
+    """Add standard normal noise, limit to the capacity, round to the converter's steps [N]."""
     most = _count_steps(cell)
     counts = np.rint((signal_n + cell.noise_n * noise) / cell.resolution_n)
     return np.asarray(cell.resolution_n * np.clip(counts, -most, most))

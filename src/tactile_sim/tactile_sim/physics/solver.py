@@ -1,12 +1,12 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Advance trials of one scene through time: the solver, compiled by numba.
+"""The solver, compiled by numba, which advances trials of one scene through time.
 
-Trials advance side by side in vector registers. Loops over the trials of a block are innermost
-and free of branches, and its rows stand in one array of known width, so that the compiler
-proves them independent. Contraction to fused operations stays off: it would be 5 to 20 %
-faster, and give other bits on another machine.
+Trials are computed in parallel in vector registers. Loops over the trials of a block are innermost
+and without branches, and the rows of a block are in one array of known width, so that the
+compiler can prove them independent. Contraction to fused operations is off: it would be 5 to 20 %
+faster, but the bits would depend on the machine.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from tactile_sim.physics.steps import MAX_HALVINGS, split_inputs
 FloatArray = NDArray[np.float64]
 
 TOLERANCE_NM = 1e-7
-"""Largest moment that a solved step leaves unbalanced; about 2e-5 N of tension."""
+"""Largest residual moment of a solved step [N m]; about 2e-5 N of tension."""
 
 BLOCK = 16
-"""Trials that advance side by side."""
+"""Number of trials that are computed in parallel."""
 
 _ITERATIONS = 12
 _OPTIONS: Any = {'error_model': 'numpy', 'boundscheck': False, 'fastmath': False}
@@ -54,30 +54,51 @@ def advance_trials(
 ) -> Any:
     """Advance every trial through the same steps.
 
-    A trial's result does not depend on the others beside it.
+    The result of a trial does not depend on the other trials.
 
-    ``state``, shape (TRIAL_ROWS, trials), see `layout`, holds the new state afterwards. ``scene``:
-    `Scene.parameters`. ``lengths``, shape (steps,): row of ``coefficients``, from
-    `compute_coefficients`, for each step. ``start``, ``inputs``, shapes (INPUTS,) and
-    (steps, INPUTS): before the first step, and at the end of each. ``rows``: rows of the state to
-    return of each step. ``failed``, shape (trials,): -1 for a trial that goes on; afterwards the
-    step at which it found no balance. ``grip``: 1, or 0 to let go of all friction.
+    Parameters
+    ----------
+    state : ndarray of shape (TRIAL_ROWS, trials)
+        See `layout`; holds the new state afterwards.
+    scene : tuple
+        `Scene.parameters`.
+    lengths : ndarray of int, shape (steps,)
+        Row of ``coefficients`` for each step.
+    coefficients : ndarray
+        From `compute_coefficients`.
+    start, inputs : ndarray of shape (INPUTS,) and (steps, INPUTS)
+        Inputs before the first step, and at the end of each step.
+    rows : ndarray of int
+        Rows of the state to return for each step.
+    failed : ndarray of int, shape (trials,)
+        -1 for a trial to advance; afterwards the step at which it found no balance.
+    grip : float
+        1, or 0 to release all friction.
+    tolerance_nm : float
+        Largest residual moment of a solved step [N m].
+    trusted_nm : float
+        A change of Newton's method from a residual within this ends the step without a check, if
+        friction behaves as foreseen; for rigid surfaces [N m].
 
-    A step is solved when no moment is left unbalanced by more than ``tolerance_nm`` [N m]. A
-    change of Newton's method from a residual within ``trusted_nm`` ends the step, unchecked, where
-    friction does as foreseen; for surfaces that do not yield [N m].
+    Returns
+    -------
+    ndarray of shape (blocks, steps + 1, rows, width)
+        The rows before the first step and after each step; for a failed trial, its last values.
+        Trial i is in block i // width at position i % width.
 
-    Returns the rows before the first step and after each, shape (blocks, steps + 1, rows, width);
-    of a failed trial, as they were last. Trial i stands in block i // width at place i % width.
+    Raises
+    ------
+    SolverError
+        When numba is missing, or cannot compile the solver.
 
-    Where numba is not installed, a single trial is solved by Python, some 300 times as slowly.
-
-    Raises `SolverError`: numba is missing, or cannot compile the solver.
+    Notes
+    -----
+    Without numba a single trial is solved by Python, about 300 times slower.
     """
     control = (grip, tolerance_nm, trusted_nm, _ITERATIONS)
     trials = state.shape[1]
     wanted = np.array(rows, dtype=np.int64)
-    # A block is always full: the last trial stands in for those that are missing.
+    # A block is always full: the last trial is repeated in its unused columns.
     width = 1 if trials == 1 and _lacks_numba() else BLOCK
     columns = np.minimum(np.arange(-(-trials // width) * width), trials - 1).reshape(-1, width)
     out = np.empty((len(columns), len(lengths) + 1, len(rows), width))
@@ -97,9 +118,9 @@ def advance_trials(
 def load_advance() -> Callable[..., None]:
     """Return the compiled solver, for blocks of `BLOCK` trials.
 
-    Raises `SolverError`: numba is missing, or cannot compile the solver.
+    Raises `SolverError` when numba is missing or cannot compile the solver.
     """
-    # Here, because numba takes half a second to load: only who simulates pays for it.
+    # Imported lazily: importing numba takes 0.5 s, and only simulations need it.
     try:
         import numba
         from numba.core.errors import NumbaError
@@ -114,9 +135,9 @@ def load_advance() -> Callable[..., None]:
         try:
             compiled(*arguments)
         except NumbaError as error:
-            (why, *_) = str(error).strip().splitlines() or ['it does not say why']
+            (why, *_) = str(error).strip().splitlines() or ['it gives no reason']
             raise SolverError(
-                f'numba {numba.__version__} cannot compile the solver of the simulator beside '
+                f'numba {numba.__version__} cannot compile the solver of the simulator with '
                 f'NumPy {np.__version__}: {why}; pip install --upgrade numba numpy'
             ) from error
 
@@ -133,7 +154,7 @@ def load_interpreted() -> Callable[..., None]:
     """Return the solver as plain Python, for a single trial; it gives the same bits."""
 
     def zeros(shape: Any) -> Any:
-        # Its elements are Python's numbers, which are several times as fast as NumPy's.
+        # Its elements are Python numbers, which are several times faster than NumPy scalars.
         values: Any = np.zeros(shape)
         return memoryview(values)
 
@@ -156,7 +177,7 @@ def load_interpreted() -> Callable[..., None]:
         numbers = (some.tolist() for some in (lengths, start, inputs, coefficients))
         try:
             plain(state, scene, *numbers, control, rows.tolist(), out, failed)
-        except ArithmeticError:  # where NumPy's numbers would be infinite, and find no balance
+        except ArithmeticError:  # NumPy would return infinity here, without a balance
             failed[:] = 0
 
     return advance
@@ -181,7 +202,7 @@ def _make_advance(numba: Any, width: int) -> Callable[..., None]:
     advance = _write_advance(inline, width, np.zeros, np.uint64)
     try:
         compiled: Callable[..., None] = numba.njit(cache=True, **_OPTIONS)(advance)
-    except RuntimeError:  # no folder can be written: every process compiles
+    except RuntimeError:  # no folder is writable: every process compiles
         compiled = numba.njit(**_OPTIONS)(advance)
     return compiled
 
@@ -190,8 +211,8 @@ def _write_advance(
     inline: Callable[..., Any], width: int, zeros: Callable[..., Any], to_index: Callable[..., Any]
 ) -> Callable[..., None]:
     """Return the solver for blocks of ``width`` trials, before `inline` and numba compile it."""
-    # numba keeps what it compiled, and looks at the age of this file alone: a number that
-    # the code closes over makes it look at the others too.
+    # numba caches compiled code and checks only the age of this file. A number in the closure
+    # makes the cache depend on the other files, too.
     sources = _hash_sources()
 
     @inline
@@ -281,7 +302,7 @@ def _write_advance(
                 pending[t] = 1.0 if failed[t] < 0 else 0.0
             for level in range(MAX_HALVINGS + 1):
                 if level > 0:
-                    # Who found no balance tries again from the step's start, in 2^level parts.
+                    # Without a balance, retry from the start of the step in 2^level parts.
                     for t in range(width):
                         z[at.FRESH, t] = 1.0 if pending[t] > 0.0 else z[at.FRESH, t]
                     for r in range(at.STATE_ROWS):
@@ -324,4 +345,4 @@ def _write_advance(
 def _hash_sources() -> int:
     names = ('equations', 'layout', 'steps')
     sources = b''.join((Path(__file__).with_name(f'{name}.py')).read_bytes() for name in names)
-    return zlib.crc32(sources + np.__version__.encode())  # constants come from it
+    return zlib.crc32(sources + np.__version__.encode())  # constants are computed by NumPy

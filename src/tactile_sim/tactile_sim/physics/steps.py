@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One step of a trial, operation by operation, and the coefficients of its length.
+"""One step of a trial in parts, and the coefficients for its length.
 
-``z`` is a block of rows, shape (layout.ROWS, trials); ``t`` is the trial: a number in the
-solver, a slice over all trials in the independent one of the tests. Both run the lines below.
+``z`` is a block of rows, shape (layout.ROWS, trials); ``t`` selects trials: a number in the
+solver, a slice over all trials in the independent solver of the tests. Both use the code below.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from tactile_sim.physics.equations import (
 )
 
 _SERIES_BELOW = 1.0
-_SERIES_TERMS = 22  # the first term left out is below 1e-21
+_SERIES_TERMS = 22  # the first omitted term is below 1e-21
 
 FloatArray = NDArray[np.float64]
 MAX_HALVINGS = 10
-"""A step that finds no balance is cut into up to 2^10 parts."""
+"""A step without a balance is divided into up to 2^10 parts."""
 
 MAX_TURN_RAD = 0.35
-"""A step that bends the finger by more is cut into parts: it may have changed branch."""
+"""A step with a larger change is divided, because the finger may have changed branch [rad]."""
 
 _MIDDLE_RAD, _RANGE_RAD = 0.9, 1.8
 _SURPRISE = 0.01
@@ -41,11 +41,11 @@ _SURPRISE = 0.01
 
 
 def compute_relaxation(step_s: float, time_s: float) -> tuple[float, float, float]:
-    """Coefficients (alpha, beta, gamma) of one step of ``y' = (u - y) / time_s``.
+    """Return coefficients (alpha, beta, gamma) of one step of ``y' = (u - y) / time_s``.
 
     ``y1 = alpha y0 + beta u0 + gamma u1`` is exact for an input u that is linear over the
     step (first-order hold). With a = step / time they are exp(-a), (1 - exp(-a)) / a - exp(-a)
-    and 1 - (1 - exp(-a)) / a, and add up to 1. For an endless step they are (0, 0, 1).
+    and 1 - (1 - exp(-a)) / a, and their sum is 1. For an infinite step they are (0, 0, 1).
     """
     if math.isinf(step_s):
         return 0.0, 0.0, 1.0
@@ -54,7 +54,7 @@ def compute_relaxation(step_s: float, time_s: float) -> tuple[float, float, floa
     if a >= _SERIES_BELOW:
         mean = -math.expm1(-a) / a
         return alpha, mean - alpha, 1 - mean
-    # The quotients cancel for short steps; their Taylor series do not.
+    # The quotients suffer from cancellation for short steps; their Taylor series do not.
     beta = gamma = 0.0
     term = 1.0
     for k in range(1, _SERIES_TERMS):
@@ -70,9 +70,9 @@ def compute_coefficients(
     branch_times_s: Sequence[float],
     sensor_time_s: float,
 ) -> FloatArray:
-    """Coefficients of every length of step that occurs, and of its parts; infinity seeks rest.
+    """Return coefficients of every occurring step length and its parts; infinity means rest.
 
-    Returns an array of shape (lengths, MAX_HALVINGS + 1, COLUMNS); see `layout`.
+    The result has shape (lengths, MAX_HALVINGS + 1, COLUMNS); see `layout`.
     """
     table = np.zeros((len(steps_s), MAX_HALVINGS + 1, at.COLUMNS))
     for index in np.ndindex(table.shape[:2]):
@@ -88,18 +88,18 @@ def compute_coefficients(
 
 
 def split_inputs(before: Any, after: Any, share: float, out: Any) -> None:
-    """Inputs at a share of a step, shape (INPUTS,), on a line from its start to its end."""
+    """Interpolate inputs linearly at a fraction of a step, shape (INPUTS,)."""
     for i in range(at.PRESENT_INPUT):
-        # Counted from the end, so that a whole step has exactly its inputs.
+        # Relative to the end, so that a whole step has exactly its inputs.
         out[i] = after[i] - (1.0 - share) * (after[i] - before[i])
-    out[at.PRESENT_INPUT] = after[at.PRESENT_INPUT]  # present or not is no motion
+    out[at.PRESENT_INPUT] = after[at.PRESENT_INPUT]  # presence is not interpolated
 
 
 def begin_step(z: Any, t: Any, coefficients: Any) -> None:
-    """Start from where the trial is, and guess that it goes on as in the step before.
+    """Start from the state of the trial, and assume the same change as in the previous step.
 
-    The rate of change at the step's end is ``(q - base) * RATE``: Euler's in a fresh step,
-    else that of the second backward difference (Gear, "Numerical initial value problems in
+    The rate of change at the end of the step is ``(q - base) * RATE``: Euler's in a fresh step,
+    otherwise the second backward difference (Gear, "Numerical initial value problems in
     ordinary differential equations", 1971). The acceleration is the same difference of these
     rates: ``q * RATE^2 - swing base``.
     """
@@ -119,7 +119,7 @@ def begin_step(z: Any, t: Any, coefficients: Any) -> None:
 
 
 def begin_creep(z: Any, t: Any, coefficients: Any, constants: Any) -> None:
-    """Moments that the creeping branch will lend, by its exact relaxation over the step."""
+    """Compute moments of the creeping branch, by its exact relaxation over the step."""
     keep, early = coefficients[at.CREEP_COLUMN], coefficients[at.CREEP_COLUMN + 1]
     k = constants.creep_stiffness
     z[at.CREEP_MOMENTS, t] = k * (keep * z[at.CREEP, t] + early * z[at.MODES, t])
@@ -128,7 +128,7 @@ def begin_creep(z: Any, t: Any, coefficients: Any, constants: Any) -> None:
 
 
 def begin_object(z: Any, t: Any, coefficients: Any, springs: Any) -> None:
-    """Stiffness of the object over the step, and the force that its branches take from it."""
+    """Compute stiffness of the object over the step, and the force missing due to its branches."""
     factor, pressed = z[at.OBJECT_FACTOR, t], z[at.PRESSED, t]
     material, rest = springs[0], 0.0 * pressed
     for b in range(at.MAX_BRANCHES):
@@ -145,7 +145,7 @@ def begin_object(z: Any, t: Any, coefficients: Any, springs: Any) -> None:
 
 
 def locate(z: Any, t: Any, guide_m: float, constants: Any) -> None:
-    """Bend the line, and find where its tip is."""
+    """Bend the line, and compute the position of its tip."""
     line = compute_line(
         z[at.NEW_MODES, t],
         z[at.NEW_MODES + 1, t],
@@ -163,14 +163,14 @@ def locate(z: Any, t: Any, guide_m: float, constants: Any) -> None:
 
 
 def find_cell(z: Any, t: Any, origin_m: float, per_spacing: float, last: float) -> None:
-    """Place of the tip on the surface's grid; beyond the ends it is level."""
+    """Find the cell of the surface's grid under the tip; beyond the ends it is level."""
     cell = (z[at.REACH, t] - origin_m) * per_spacing
     cell = select(cell > 0.0, cell, 0.0)
     z[at.CELL, t] = select(cell < last, cell, last)
 
 
 def press_rigid(z: Any, t: Any, constants: Any) -> None:
-    """Press the fingertip on something rigid."""
+    """Press the fingertip on a rigid surface."""
     indentation = constants.length * z[at.LINE, t] - z[at.CLEARANCE, t] + z[at.HEIGHT, t]
     damper = constants.tip_damping * z[at.RATE, t]
     z[at.NEW_FORCE, t], z[at.FORCE_SLOPE, t] = compute_rigid_contact(
@@ -179,7 +179,7 @@ def press_rigid(z: Any, t: Any, constants: Any) -> None:
 
 
 def press_object(z: Any, t: Any, constants: Any) -> None:
-    """Press the fingertip on something that yields."""
+    """Press the fingertip on a soft object."""
     indentation = constants.length * z[at.LINE, t] - z[at.CLEARANCE, t] + z[at.HEIGHT, t]
     damper = constants.tip_damping * z[at.RATE, t]
     z[at.NEW_FORCE, t], z[at.FORCE_SLOPE, t], z[at.NEW_PRESSED, t] = compute_object_contact(
@@ -193,7 +193,7 @@ def press_object(z: Any, t: Any, constants: Any) -> None:
 
 
 def leave_object(z: Any, t: Any) -> None:
-    """The object is not under the tip: it recovers alone."""
+    """Let the object recover, when it is not under the tip."""
     material = z[at.MATERIAL, t]
     z[at.NEW_PRESSED, t] = z[at.REST, t] / select(material > 0.0, material, 1.0)
 
@@ -208,10 +208,10 @@ def improve(
     trusted: float,
     constants: Any,
 ) -> None:
-    """One iteration of Newton's method; a trial that is solved stays where it is.
+    """Make one iteration of Newton's method; solved trials do not change.
 
-    It is solved when its residual is within the tolerance, or when the one before the change
-    was within ``trusted`` and friction does as foreseen.
+    A trial is solved when its residual is within the tolerance, or when the residual before the
+    change was within ``trusted`` and friction behaves as foreseen.
     """
     i = at.LINE
     line = (
@@ -258,7 +258,7 @@ def improve(
         constants,
     )
     was_open = z[at.OPEN, t] > 0.0
-    # Comparisons with NaN are false: a trial that has lost its numbers stays open.
+    # Comparisons with NaN are false: a trial with NaN stays unsolved.
     go = select(residual <= tolerance, 0.0, z[at.OPEN, t])
     ends = select(residual <= trusted, 0.0, go)
     z[at.OPEN, t] = select(surprise <= _SURPRISE * trusted, ends, go)
@@ -274,7 +274,7 @@ def improve(
 
 
 def end_step(z: Any, t: Any, coefficients: Any, grip: float, constants: Any) -> None:
-    """Take the step over into the state of the trials that have solved it."""
+    """Copy the results of the step to the state, for the trials that have solved it."""
     q0 = z[at.NEW_MODES, t]
     turn = select(abs(q0 - z[at.MODES, t]) <= MAX_TURN_RAD, 1.0, 1.0 - grip)
     inside = select(abs(q0 - _MIDDLE_RAD) <= _RANGE_RAD, turn, 0.0)
@@ -318,7 +318,7 @@ def end_step(z: Any, t: Any, coefficients: Any, grip: float, constants: Any) -> 
 
 
 def end_object(z: Any, t: Any, coefficients: Any) -> None:
-    """Relax the object's branches; after `end_step`."""
+    """Relax the branches of the object; call this after `end_step`."""
     done = z[at.SOLVED, t] > 0.0
     old, new = z[at.PRESSED, t], z[at.NEW_PRESSED, t]
     for b in range(at.MAX_BRANCHES):

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Trials through time: many at once without waiting, and one as its devices move."""
+"""Simulation of trials through time: many in parallel, or one along with its devices."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from tactile_sim.physics.variation import draw_variation, Variation
 FloatArray = NDArray[np.float64]
 
 STEPS_PER_SAMPLE = 16
-"""Of the sensor, while anything moves. docs/benchmarks.md has the error of other choices."""
+"""Steps per sample of the sensor during motion. docs/benchmarks.md has errors of other values."""
 
 TRUSTED_NM = 1e-2
 """With inertia, a change of Newton's method from a residual within this ends a step [N m]."""
 
 _RESTING_STEPS_PER_SAMPLE = 2
-_SETTLING_S = 0.1  # the finger's own transients last some 20 ms
+_SETTLING_S = 0.1  # transients of the finger last about 20 ms
 _BATCH = 64
 _ROWS = (at.SENSED, at.TENSION, at.FORCE, at.MODES)
 _MODE_ROWS = (at.MODES + 1, at.MODES + 2)
@@ -40,11 +40,11 @@ _STATE = tuple(range(at.STATE_ROWS))
 
 @dataclass(frozen=True)
 class SimulatedTrials:
-    """Trials as the load cell recorded them.
+    """Trials as recorded by the load cell.
 
-    ``tension_n`` of shape (trials, samples) are its readings [N], NaN from where a trial found no
-    balance. ``sample_times_s`` of shape (samples,) count from the start of the timeline, by the
-    true clock [s]. For ``truth`` and ``failed_at_s`` see `SimulatedMotion`.
+    ``tension_n`` of shape (trials, samples) are the readings [N], NaN from the point where a trial
+    found no balance. ``sample_times_s`` of shape (samples,) are relative to the start of the
+    timeline, on the true clock [s]. For ``truth`` and ``failed_at_s`` see `SimulatedMotion`.
     """
 
     tension_n: FloatArray
@@ -55,12 +55,12 @@ class SimulatedTrials:
 
 @dataclass(frozen=True)
 class SimulatedMotion:
-    """The physics of trials, without the sensor's errors.
+    """The physics of trials, without the errors of the sensor.
 
-    ``sensed_n`` of shape (trials, samples) is tension and crosstalk behind the sensor's low pass
-    [N]. ``truth`` has, of the same shape, ``tension_n`` and ``contact_force_n`` [N], ``bend_rad``
-    [rad]; if asked for, ``modes_rad`` of shape (trials, samples, 3). ``failed_at_s`` is NaN, or
-    when a trial found no balance [s]; from there on its rows are NaN.
+    ``sensed_n`` of shape (trials, samples) is tension with crosstalk after the sensor's low pass
+    [N]. ``truth`` has arrays of the same shape: ``tension_n`` and ``contact_force_n`` [N],
+    ``bend_rad`` [rad]; if requested, ``modes_rad`` of shape (trials, samples, 3). ``failed_at_s``
+    is NaN, or the time at which a trial found no balance [s]; its rows are NaN from then on.
     """
 
     sample_times_s: FloatArray
@@ -84,11 +84,11 @@ def simulate_trials(
 ) -> SimulatedTrials:
     """Simulate trials ``first`` to ``first + count - 1`` of one object in one session.
 
-    Each trial depends on (seed, session, protocol, contact, object, its number) and on
-    ``trials_per_mounting`` alone; see `draw_variation`.
+    Each trial depends only on (seed, session, protocol, contact, object, trial number) and on
+    ``trials_per_mounting``; see `draw_variation`.
 
-    Raises `DescriptionError`: no such protocol, object or contact, or the timeline does not fit
-    the rig. Raises `ConvergenceError`: the finger finds no rest at the start.
+    Raises `DescriptionError` for an unknown protocol, object or contact, or when the timeline does
+    not fit the rig. Raises `ConvergenceError` when the finger has no state of rest at the start.
     """
     if count < 1 or first < 0 or session < 0 or seed < 0:
         raise DescriptionError(
@@ -108,7 +108,7 @@ def simulate_trials(
         first,
         trials_per_mounting,
     )
-    # A sample falls on the end of a step, so that nothing is interpolated where it matters.
+    # Samples coincide with ends of steps during motion, so that they need no interpolation.
     phase = np.floor(variation.phase * STEPS_PER_SAMPLE) / STEPS_PER_SAMPLE
     motion = simulate_motion(scene, timeline, replace(variation, phase=phase))
     tension_n = read_tension(
@@ -125,13 +125,13 @@ def simulate_motion(
     keep_modes: bool = False,
     trusted_nm: float = TRUSTED_NM,
 ) -> SimulatedMotion:
-    """The physics of `simulate_trials` for given variations.
+    """Return the physics of `simulate_trials` for given variations.
 
-    While the axes rest there are an eighth as many steps, at least 1 a sample. With
-    ``trusted_nm`` 0 every step is solved.
+    While the axes rest, there are an eighth of the steps, but at least one per sample. With
+    ``trusted_nm`` 0 every step is solved to the tolerance.
 
-    Raises `DescriptionError`: the timeline does not fit the rig. Raises `ConvergenceError`: the
-    finger finds no rest at the start.
+    Raises `DescriptionError` when the timeline does not fit the rig, and `ConvergenceError` when
+    the finger has no state of rest at the start.
     """
     schedule = _Schedule(scene, timeline, steps_per_sample)
     rows = _ROWS + _MODE_ROWS if keep_modes else _ROWS
@@ -152,7 +152,7 @@ def simulate_motion(
 
 
 class _Schedule:
-    """Steps of a timeline: fine while an axis moves, coarse while all rest."""
+    """Steps of a timeline: fine while an axis moves, coarse while all axes rest."""
 
     def __init__(self, scene: Scene, timeline: Timeline, steps_per_sample: int) -> None:
         period_s = scene.rig.load_cell.period_s
@@ -170,7 +170,7 @@ class _Schedule:
         lengths_s = np.array([period_s / steps_per_sample, period_s / resting])
         self.coefficients = scene.compute_coefficients(tuple(lengths_s))
         self._before = np.concatenate([[0], np.cumsum(steps)])  # steps before each period
-        # From whole periods, so that rounding does not add up.
+        # Computed from whole periods, so that rounding errors do not accumulate.
         within = np.arange(len(self.lengths)) - np.repeat(self._before[:-1], steps)
         started_s = np.repeat(self.sample_times_s[:-1], steps)
         self.times_s = started_s + (within + 1) * lengths_s[self.lengths]
@@ -180,16 +180,17 @@ class _Schedule:
         self.start = scene.compute_inputs(tendon, guide)[0]
 
     def locate_samples(self, phase: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
-        """Place of each sample, shape (trials, samples), as steps from the start and a share.
+        """Return the position of each sample: steps from the start, and a fraction of a step.
 
-        The sensor of a trial lags the motion by ``phase`` periods; its first sample is at rest.
+        The shape is (trials, samples). The sensor of a trial lags the motion by ``phase`` periods;
+        its first sample is at rest.
         """
         periods = len(self._before) - 1
         time = np.maximum(np.arange(periods + 1) - phase[:, np.newaxis], 0.0)
         period = np.minimum(time.astype(np.intp), periods - 1)
         steps = np.diff(self._before)[period]
         within = (time - period) * steps
-        # Meant to be whole where it is so but for rounding.
+        # Rounded where only rounding errors keep the number from being whole.
         whole = np.rint(within)
         within = np.where(np.abs(within - whole) < 1e-9, whole, within)
         low = within.astype(np.intp)
@@ -203,7 +204,7 @@ def _run_batch(
     rows: tuple[int, ...],
     trusted_nm: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """Sampled rows, shape (rows, trials, samples), and when each trial failed."""
+    """Return sampled rows, shape (rows, trials, samples), and the failure time of each trial."""
     count = len(variation.phase)
     failed = np.full(count, -1, dtype=np.int64)
     out = advance_trials(
@@ -219,7 +220,7 @@ def _run_batch(
     )
     low, share = schedule.locate_samples(variation.phase)
     trial = np.arange(count)[:, np.newaxis]
-    # Where the first row of each sample stands in the solver's blocks.
+    # Position of the first row of each sample in the solver's blocks.
     place = ((trial // out.shape[3] * out.shape[1] + low) * out.shape[2]) * out.shape[3]
     place += trial % out.shape[3]
     between = np.flatnonzero(share)
@@ -236,10 +237,10 @@ def _run_batch(
 
 
 class ForeseenSteps(NamedTuple):
-    """Steps of a `Plant`, not yet taken.
+    """Steps of a `Plant` that are computed, but not yet taken.
 
     ``states`` of shape (steps + 1, STATE_ROWS) ends before a step that finds no balance.
-    ``tension_n`` and ``contact_force_n`` of shape (steps,) are those after each [N].
+    ``tension_n`` and ``contact_force_n`` of shape (steps,) are the values after each step [N].
     """
 
     inputs: FloatArray
@@ -249,9 +250,10 @@ class ForeseenSteps(NamedTuple):
 
 
 class Plant:
-    """State of one trial, moved on by ``step``; the finger starts at rest.
+    """State of one trial, advanced by ``step``; the finger starts at rest.
 
-    Guide and tendon start at ``guide_m`` and ``tendon_m`` [m]; every step is ``step_s`` long [s].
+    Guide and tendon start at ``guide_m`` and ``tendon_m`` [m]; every step has the length
+    ``step_s`` [s].
     """
 
     def __init__(
@@ -279,30 +281,31 @@ class Plant:
     def exchange(
         self, scene: Scene, variation: Variation, guide_m: float, tendon_m: float
     ) -> None:
-        """Put something else under the finger, or another finger; all comes to rest."""
+        """Change the plate, object or finger; the new scene starts at rest."""
         self._scene = scene
         self._inputs = scene.compute_inputs(np.array([tendon_m]), np.array([guide_m]))[0]
         self._state = scene.start_trials(variation, self._inputs, self._state)
-        # Two lengths that are the same: a step of another length than the one before does not
-        # use its differences, and every step of a live trial could be the first of a call.
+        # Two equal lengths: a step of another length than the previous one does not use its
+        # differences, and every step of a live trial could be the first of a call.
         self._coefficients = scene.compute_coefficients((self._step_s, self._step_s))
         self._is_steady = False
 
     def is_steady_at(self, guide_m: float, tendon_m: float) -> bool:
-        """Return whether no step changes anything while guide and tendon stay there."""
+        """Return True if no step changes the state while guide and tendon stay there."""
         return self._is_steady and self._steady_at_m == (guide_m, tendon_m)
 
     def step(self, guide_m: float, tendon_m: float) -> None:
-        """Move on by one step, at whose end guide and tendon are where they are told.
+        """Take one step, at whose end guide and tendon are at these positions.
 
-        Raises `ConvergenceError`: no balance was found; the state is not to be used any more.
+        Raises `ConvergenceError` when no balance was found; the state is unusable afterwards.
         """
         self.follow(self.foresee(np.array([guide_m]), np.array([tendon_m])), 1)
 
     def foresee(self, guide_m: FloatArray, tendon_m: FloatArray) -> ForeseenSteps:
-        """Return what steps lead to, at whose ends guide and tendon are there; shape (steps,) [m].
+        """Compute steps, at whose ends guide and tendon are at these positions; shape (steps,)
+        [m].
 
-        The state stays as it is until `follow`.
+        The state does not change until `follow`.
         """
         assert self._state is not None
         inputs = self._scene.compute_inputs(tendon_m, guide_m)
@@ -325,9 +328,9 @@ class Plant:
         )
 
     def follow(self, steps: ForeseenSteps, count: int) -> None:
-        """Take the first so many steps.
+        """Take the first ``count`` computed steps.
 
-        Raises `ConvergenceError`: one of them found no balance.
+        Raises `ConvergenceError` when one of them found no balance.
         """
         assert self._state is not None
         states, inputs = steps.states, steps.inputs[:count]
@@ -335,11 +338,11 @@ class Plant:
             guide_m, tendon_m = inputs[len(states) - 1, [at.GUIDE_INPUT, at.TENDON_INPUT]]
             raise ConvergenceError(
                 f'no balance of the finger with the guide at {guide_m:g} m and the tendon at '
-                f'{tendon_m:g} m; something moved too far at once, or the description is extreme'
+                f'{tendon_m:g} m; a motion was too fast, or the description is extreme'
             )
         before = self._inputs if count == 1 else inputs[-2]
-        # The bits are compared: a step that changes none of them, with inputs that stay, will
-        # not do so in the next step either.
+        # Bits are compared: if a step with constant inputs changes no bit, neither does the next
+        # step with these inputs.
         self._is_steady = (
             states[count].tobytes() == states[count - 1].tobytes()
             and inputs[-1].tobytes() == before.tobytes()

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Repeatable random variation of trials, mountings and sessions."""
+"""Reproducible random variation of trials, mountings and sessions."""
 
 from __future__ import annotations
 
@@ -24,9 +24,10 @@ _WIDEST = 3.0
 class Variation:
     """Deviations of each trial from the description; arrays of shape (trials,).
 
-    Mounting height above the described one and shift along the guide of plate or object [m];
-    factors around 1; tendon displacement at which the tendon is just slack [m]; reading without
-    load [N]; part of a sampling period by which the sensor lags the motion, in [0, 1).
+    Mounting height relative to the described one, and shift of plate or object along the guide
+    [m]; factors around 1; tendon displacement at which the tendon is just slack [m]; reading
+    without load [N]; lag of the sensor behind the motion, as a fraction of the sampling period in
+    [0, 1).
     """
 
     contact_height_m: FloatArray
@@ -41,12 +42,12 @@ class Variation:
 
     @classmethod
     def none(cls, count: int = 1) -> Variation:
-        """Trials exactly as described."""
+        """Return trials exactly as described."""
         zero, one = np.zeros(count), np.ones(count)
         return cls(zero, zero, one, one, one, one, zero, zero, zero)
 
     def select(self, trials: slice) -> Variation:
-        """Some of the trials."""
+        """Return some of the trials."""
         return Variation(**{item.name: getattr(self, item.name)[trials] for item in fields(self)})
 
 
@@ -63,14 +64,14 @@ def draw_variation(
 ) -> tuple[Variation, list[np.random.Generator]]:
     """Draw the deviations of trials ``first`` to ``first + count - 1`` of a session.
 
-    Trial i depends on (seed, session, protocol, contact, label, i) alone, whatever the count.
-    It belongs to mounting i // trials_per_mounting of its label; a mounting's deviations
-    depend on (seed, session, protocol, contact, label, mounting) alone. The session's own
-    depend on (seed, session, contact) alone: all plates and objects share them. Every
-    deviation is normal, cut at three standard deviations. Each trial has a generator, for its
-    sensor's noise.
+    Trial i depends only on (seed, session, protocol, contact, label, i), not on the count. It
+    belongs to mounting i // trials_per_mounting of its label. The deviations of a mounting
+    depend only on (seed, session, protocol, contact, label, mounting). The deviations of the
+    session depend only on (seed, session, contact), so that all plates and objects share them.
+    Every deviation is normally distributed, limited to three standard deviations. Each trial has
+    its own random generator for the noise of the sensor.
 
-    Raises `DescriptionError`: no such contact, or less than one trial for each mounting.
+    Raises `DescriptionError` for an unknown contact, or less than one trial per mounting.
     """
     if trials_per_mounting < 1:
         raise DescriptionError(
@@ -105,15 +106,15 @@ def draw_variation(
 
 
 def make_generator(*names: int | str) -> np.random.Generator:
-    """Make the random stream that belongs to these names alone."""
-    # Hashed, so that no two lists of names meet in one stream: NumPy's own seeding pads short
-    # lists with zeros and cuts large numbers into words.
+    """Return a random generator that depends only on these names."""
+    # Hashed, so that different lists of names never share a stream: NumPy's own seeding pads short
+    # lists with zeros and splits large numbers into words.
     text = repr([name if isinstance(name, str) else int(name) for name in names])
     return np.random.default_rng(int.from_bytes(hashlib.sha256(text.encode()).digest(), 'big'))
 
 
 def _draw_deviations(spread: VariationSpread, generators: list[np.random.Generator]) -> FloatArray:
-    """Deviations in the order of the fields of ``spread``, shape (8, generators)."""
+    """Return deviations in the order of the fields of ``spread``, shape (8, generators)."""
     drawn = np.array([generator.standard_normal(8) for generator in generators]).reshape(-1, 8).T
     sizes = np.array(astuple(spread))[:, np.newaxis]
     return np.asarray(sizes * np.clip(drawn, -_WIDEST, _WIDEST))
