@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The executable behind ``tactile``."""
+"""The executable ``tactile``."""
 
 import os
 
@@ -10,10 +10,10 @@ from tactile_ros.process import hold_signals, ignore_signals, share_one_heap
 
 def main() -> int:
     """Run the ``tactile`` command; return its exit code."""
-    # Matrices are small, and OpenBLAS's threads would wait for each other. Before NumPy is loaded.
+    # Set before NumPy is imported: matrices are small, and threads of OpenBLAS would only wait.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     share_one_heap()
-    hold_signals()  # before the imports, so that a signal that comes early is not lost
+    hold_signals()  # before the imports, so that no early signal is lost
     from tactile_lab import program
 
     try:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Work of a command on a Dask cluster, through joblib's own backend."""
+"""Computation on a Dask cluster, through joblib's own backend."""
 
 from __future__ import annotations
 
@@ -16,14 +16,19 @@ TIMEOUT_S = 15.0
 
 @contextmanager
 def on_cluster(address: str) -> Iterator[None]:
-    """Send what joblib shares among workers to a cluster; an empty address: to this computer.
+    """Send joblib's work to a cluster; with an empty address, use this computer.
 
-    Results are the same bits: no part depends on where it is computed.
+    Results are the same bit by bit, wherever a part is computed.
 
-    ``address``: of the scheduler, such as ``tcp://192.168.1.10:8786``.
+    Parameters
+    ----------
+    address : str
+        Address of the scheduler, such as ``tcp://192.168.1.10:8786``.
 
-    Raises `TactileError` when Dask is not installed, joblib is too old, or no scheduler with
-    workers answers.
+    Raises
+    ------
+    TactileError
+        When Dask is not installed, joblib is too old, or no scheduler with workers responds.
     """
     if not address:
         yield
@@ -36,7 +41,7 @@ def on_cluster(address: str) -> Iterator[None]:
         ) from error
     from joblib import __version__, parallel_config
 
-    # The Dask backend of older ones hands out no results before the last one is there.
+    # In older versions, the Dask backend returns all results at the end.
     if tuple(map(int, __version__.split('.')[:2])) < (1, 4):
         raise TactileError(
             f'--cluster needs joblib 1.4 or later, and this is {__version__}: '
@@ -45,7 +50,7 @@ def on_cluster(address: str) -> Iterator[None]:
     try:
         client = Client(address, timeout=TIMEOUT_S)
     except (OSError, ValueError) as error:
-        raise TactileError(f'no Dask scheduler answers at {address}: {error}') from error
+        raise TactileError(f'no Dask scheduler responds at {address}: {error}') from error
     with client:
         if not client.scheduler_info()['workers']:
             raise TactileError(f'the Dask scheduler at {address} has no workers; start some')

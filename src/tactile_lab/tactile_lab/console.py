@@ -1,11 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lines and tables on a terminal or in a pipe, in which no value is broken.
+"""Lines and tables on a terminal or in a pipe, without breaks inside values.
 
-A pipe gets one row per line, however long, so that `grep` finds a name or a path in it. On a
-terminal, tables fold sentences between words and lists between values. Lines of text get no line
-breaks: the terminal wraps them.
+In a pipe, each row is one line of any length, so that `grep` finds names and paths in it. On a
+terminal, tables fold sentences between words and lists between values. Lines of text are not
+folded here: the terminal wraps them.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from rich.text import Text
 from tactile_ros.errors import plain_text
 
 GAP = '  '
-"""Between the columns of a table in a pipe."""
+"""Gap between the columns of a table in a pipe."""
 
 
 class Prose(str):
-    """A cell that may fold between words, such as a sentence."""
+    """A cell that may be folded between words, such as a sentence."""
 
     __slots__ = ()
 
@@ -40,11 +40,11 @@ class Table:
     Parameters
     ----------
     *header : str
-        Names of the columns. Without any, the table has no line for them.
+            Names of the columns. Without names, the table has no header line.
     title : str
-        Printed above the table as a line of text.
+            Line of text above the table.
     right_from : int, optional
-        Columns from this index on are aligned right, such as numbers.
+            Columns from this index on are right-aligned, for numbers.
     """
 
     def __init__(self, *header: str, title: str = '', right_from: int | None = None) -> None:
@@ -54,7 +54,7 @@ class Table:
         self._rows: list[tuple[list[list[str]], str]] = []
 
     def add_row(self, *cells: Cell, style: str = '') -> None:
-        """Append a row; ``style`` is a style of rich for the terminal, such as red."""
+        """Append a row; ``style`` is a rich style for the terminal, such as red."""
         self._rows.append(([_split(cell) for cell in cells], style))
 
     def plain_lines(self) -> Iterator[str]:
@@ -73,7 +73,7 @@ class Table:
             yield GAP.join(cells).rstrip()
 
     def fit(self, width: int) -> rich.table.Table:
-        """Return the table as rich draws it, no wider than this unless a value needs it."""
+        """Return the table for rich, at most ``width`` wide unless a value needs more."""
         header = [[plain_text(name)] for name in self.header]
         rows = [row for row, _ in self._rows]
         columns = list(zip(*([header] if header else []), *rows, strict=True))
@@ -98,7 +98,7 @@ class Table:
 
 
 def _split(cell: Cell) -> list[str]:
-    """Return the parts of a cell, none of which is broken."""
+    """Return the parts of a cell, which are never broken."""
     if isinstance(cell, Prose):
         parts = cell.split()
     elif isinstance(cell, str):
@@ -109,7 +109,7 @@ def _split(cell: Cell) -> list[str]:
 
 
 def _fold(parts: Sequence[str], width: int) -> str:
-    """Return the parts in lines no wider than this, unless one part is."""
+    """Return the parts in lines of at most ``width``, unless a part is longer."""
     lines: list[str] = []
     for part in parts:
         if lines and cell_len(lines[-1]) + 1 + cell_len(part) <= width:
@@ -120,7 +120,7 @@ def _fold(parts: Sequence[str], width: int) -> str:
 
 
 def _share(least: Sequence[int], wanted: Sequence[int], width: int) -> list[int]:
-    """Return a width for each column: at least the least, and what is left to the narrow ones."""
+    """Return the column widths: at least ``least``; the rest goes to the narrow columns first."""
     widths = list(least)
     for _ in range(width - sum(least)):
         growing = [i for i, each in enumerate(widths) if each < wanted[i]]
@@ -131,7 +131,7 @@ def _share(least: Sequence[int], wanted: Sequence[int], width: int) -> list[int]
 
 
 class PlainConsole(Console):
-    """A console for names of others: nothing in a text or cell is an order to the terminal."""
+    """A console for untrusted names: it does not interpret markup in text or cells."""
 
     def __init__(self, *, stderr: bool = False) -> None:
         super().__init__(stderr=stderr, markup=False, emoji=False, highlight=False)
@@ -140,7 +140,7 @@ class PlainConsole(Console):
         return super().render_str(plain_text(text, '\n\t'), **options)
 
     def say(self, text: str, *, markup: bool = False, style: str = '') -> None:
-        """Print lines of text, without a line break more than they have."""
+        """Print lines of text without adding line breaks."""
         self.print(text, soft_wrap=True, markup=markup, style=style)
 
     def say_table(self, table: Table) -> None:

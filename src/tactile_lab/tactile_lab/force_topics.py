@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Forces that other nodes publish, for the commands that look at devices."""
+"""Forces that other nodes publish, for the commands that examine devices."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from tendon_sensor_driver.records import TendonSensorConfig
 from tendon_sensor_driver.topic_sensor import BEST_EFFORT, TopicClient
 from tendon_sensor_driver.topic_stream import READERS
 
-_OWN = '/tendon_sensor/wrench'  # made of a sensor that is there already
+_OWN = '/tendon_sensor/wrench'  # published by our own sensor node
 
 
 @contextmanager
 def sensors_on_topics(namespace: str = '') -> Iterator[MakeSensor]:
-    """Give what makes the client of a topic, while a node of its own runs."""
+    """Provide a function that creates the client of a topic, while its node runs."""
     with listening_node(namespace) as node:
         yield lambda config, on_block, now_ns: TopicClient(node, config, on_block, now_ns)
 
 
 @contextmanager
 def listening_node(namespace: str = '') -> Iterator[PollingNode]:
-    """Give a node that is spun, on the domain of the environment."""
+    """Provide a node that is spun, on the ROS domain of the environment."""
     with ros_context() as context:
         node = PollingNode(
             'tactile_listener', TendonSensorConfig, context=context, namespace=namespace
@@ -43,9 +43,9 @@ def listening_node(namespace: str = '') -> Iterator[PollingNode]:
 
 
 def find_force_topics(listen_s: float) -> list[FoundDevice]:
-    """Return the topics of the graph that can hold a tension, with what comes on them.
+    """Return the topics that can contain a tension, with a description of their messages.
 
-    ``listen_s``: how long to listen [s].
+    ``listen_s`` is the time to wait for messages [s].
     """
     heard: dict[str, list[Any]] = {}
     types: dict[str, str] = {}

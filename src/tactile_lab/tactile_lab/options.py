@@ -14,9 +14,10 @@ import typer
 
 
 def expand(command: Callable[..., None]) -> Callable[..., None]:
-    """Return a command that has options instead of its parameters whose default is a dataclass.
+    """Replace parameters whose default is a dataclass by one option per field.
 
-    Each field of the dataclass is one option, in its place. The command gets the dataclass.
+    The returned command has the options in place of each such parameter, and calls ``command``
+    with the dataclass.
     """
     groups: dict[str, Any] = {}
     shown = []
@@ -43,15 +44,15 @@ def expand(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def split(text: Optional[str]) -> tuple[str, ...]:
-    """Return the parts between the commas of an option, without blank ones."""
+    """Return the parts of an option between its commas, without empty ones."""
     return tuple(filter(None, map(str.strip, (text or '').split(','))))
 
 
 def choice(*values: str) -> dict[str, Any]:
-    """Return what makes an option take one of these values, and name them in the help.
+    """Return arguments of an option that accepts only these values and lists them in the help.
 
-    Typer's own ways: an ``Enum``, whose members each command would unwrap; and ``click_type``,
-    which Typer no longer has since 0.22.
+    Typer's own ways have disadvantages: every command would have to convert the members of an
+    ``Enum``, and ``click_type`` was removed in Typer 0.22.
     """
     named = [value for value in values if value]
 
@@ -71,7 +72,7 @@ SeedOption = Annotated[
     typer.Option(
         min=0,
         max=2**32 - 1,
-        metavar='INT',  # short, so that the help has room for its other columns
+        metavar='INT',  # short, to leave room for the other columns of the help
         help='Seed of all random numbers: the same seed gives the same results.',
     ),
 ]
@@ -80,21 +81,21 @@ RecordingsArgument = Annotated[
     typer.Argument(
         exists=True,
         help='Bags with trial events; or any other recordings: a NumPy archive (.npz), .npy, CSV '
-        'or Parquet files, bags of others, or folders of these.',
+        'or Parquet files, bags of other software, or folders of these.',
     ),
 ]
 TaskOption = Annotated[
     Optional[str],
     typer.Option(
         **choice('texture', 'stiffness'),
-        help='Which features to compute. Bags with trial events say it themselves.',
+        help='Which features to compute. Bags with trial events state it themselves.',
     ),
 ]
 SkipBadOption = Annotated[
     bool,
     typer.Option(
         '--skip-bad',
-        help='Leave out trials of the archive that cannot be used, and list them: values '
+        help='Skip unusable trials of the archive, and list them: values '
         'that are not finite, too short, no features.',
     ),
 ]
@@ -118,14 +119,14 @@ class ArchiveOptions:
     crop: Annotated[
         Optional[str],
         typer.Option(
-            help='Part of each trial of an archive that counts, in seconds, as in --crop 1:5. '
+            help='Part of each trial of an archive to use, in seconds, as in --crop 1:5. '
             'Default: all of it.',
         ),
     ] = None
     resample_hz: Annotated[
         Optional[float],
         typer.Option(
-            help='Resample the archive to this rate first, with a low-pass against aliasing.'
+            help='Resample the archive to this rate first, with an anti-aliasing low-pass filter.'
         ),
     ] = None
     skip_bad: SkipBadOption = False
@@ -133,7 +134,7 @@ class ArchiveOptions:
         Optional[str],
         typer.Option(
             help='Column of the archive with the sliding speeds, for --over; its name ends in '
-            'the unit, _mm_s or _m_s. A bag states them itself.'
+            'the unit, _mm_s or _m_s. Bags state the speeds themselves.'
         ),
     ] = None
 
@@ -142,17 +143,17 @@ ARCHIVES = ArchiveOptions()
 OverOption = Annotated[
     Optional[str],
     typer.Option(
-        help='Texture: features over this stretch of surface instead of over time, for any '
-        'sliding speed: length of the window and finest scale in mm, as in --over 45:0.5.'
+        help='Texture: compute features over distance instead of time, for any sliding '
+        'speed: length of the window and finest scale in mm, as in --over 45:0.5.'
     ),
 ]
 DetrendOption = Annotated[
     Optional[str],
     typer.Option(
         **choice('none', 'mean', 'linear'),
-        help='Texture: what is subtracted before the Fourier transform: nothing, the mean, as in '
-        'the paper, or the least-squares line. Default: as recorded; for an archive as the '
-        'features node does.',
+        help='Texture: subtract nothing, the mean (as in the paper) or the least-squares line '
+        'before the Fourier transform. Default: as recorded; for an archive, the default of the '
+        'features node.',
     ),
 ]
 FoldsOption = Annotated[int, typer.Option(min=2, help='Folds of the cross-validation.')]
@@ -160,25 +161,25 @@ RepetitionsOption = Annotated[
     Optional[int],
     typer.Option(
         min=1,
-        help='How often it is repeated. Default: 10; for large data (trials squared times '
-        'features above 2e9) once, without feature selection.',
+        help='Number of repetitions. Default: 10; for large data (trials squared times '
+        'features above 2e9) 1, without feature selection.',
     ),
 ]
 
 
 def _of_others(*names: str, **more: Any) -> Any:
-    """Return an option of the part of the help on recordings of others."""
-    return typer.Option(*names, rich_help_panel='Recordings of others', **more)
+    """Return an option in the help panel on recordings of other software."""
+    return typer.Option(*names, rich_help_panel='Recordings of other software', **more)
 
 
 @dataclasses.dataclass(frozen=True)
 class Statements:
-    """Options on recordings of others, which are the fields of `SourceOptions`."""
+    """Options on recordings of other software, which are the fields of `SourceOptions`."""
 
     force_column: Annotated[
         str,
         _of_others(
-            help='Column of the force in a table; several with commas are several channels. '
+            help='Column of the force in a table; several, with commas, for several channels. '
             'Default: the column force or tension, with or without a unit, as in force_mN.'
         ),
     ] = ''
@@ -188,8 +189,8 @@ class Statements:
     trial_column: Annotated[
         str,
         _of_others(
-            help='Column that names the trial of each row. Default: trial or trial_id. Without '
-            'one, a file is one trial.'
+            help='Column with the trial of each row. Default: trial or trial_id. Without such a '
+            'column, a file is one trial.'
         ),
     ] = ''
     label_column: Annotated[
@@ -198,7 +199,7 @@ class Statements:
     time_unit: Annotated[
         str,
         _of_others(
-            help='Unit of the times where their heading does not say it: s, ms, us, ns or min; '
+            help='Unit of the times if their heading does not state it: s, ms, us, ns or min; '
             'iso for texts such as 2026-11-28 12:00:00.5, day-first for 28.11.2026 12:00:00.5.'
         ),
     ] = ''
@@ -207,13 +208,13 @@ class Statements:
         _of_others(
             min=0.001,
             max=1e7,
-            help='Sample rate in Hz of recordings without times. With times it must fit them.',
+            help='Sample rate in Hz of recordings without times. With times it must match them.',
         ),
     ] = None
     unit: Annotated[
         str,
         _of_others(
-            help='Unit of the force where no heading says it, as in --unit mN. Forces are '
+            help='Unit of the force if no heading states it, as in --unit mN. Forces are '
             'converted to N.'
         ),
     ] = ''
@@ -221,15 +222,15 @@ class Statements:
     label_from: Annotated[
         str,
         _of_others(
-            help='Where the label of a file or bag is: "folder", the one that it lies in; "file", '
+            help='Source of the label of a file or bag: "folder", the name of its folder; "file", '
             'its name without the number at the end; or a regular expression for its path with '
-            'the label in brackets. Named groups become columns.'
+            'the label in parentheses. Named groups become columns.'
         ),
     ] = ''
     labels: Annotated[
         Optional[Path],
         _of_others(
-            help='File with one label a trial, for a .npy file: .npy, .txt or .csv. Default: '
+            help='File with one label per trial, for a .npy file: .npy, .txt or .csv. Default: '
             'NAME_labels or labels beside it.'
         ),
     ] = None
@@ -237,20 +238,20 @@ class Statements:
         str,
         _of_others(
             help='Topic of a bag with the force: WrenchStamped, Float64, Float32, JointState, or '
-            'our strain. A bag is a trial.'
+            'our strain. Each bag is one trial.'
         ),
     ] = ''
     field: Annotated[
         str,
         _of_others(
-            help='Field of its messages, as in --field force.z, force.norm or effort.JOINT; '
-            'several with commas are several channels.'
+            help='Field of the messages, as in --field force.z, force.norm or effort.JOINT; '
+            'several, separated by commas, for several channels.'
         ),
     ] = ''
     separator: Annotated[
         str,
         _of_others(
-            help='What stands between the columns of a text table: comma, semicolon, tab, space, '
+            help='Separator of the columns of a text table: comma, semicolon, tab, space, '
             'or the character. Default: comma; in .tsv a tab.'
         ),
     ] = ''
@@ -265,7 +266,7 @@ class Statements:
         _of_others(
             min=0,
             max=1000,
-            help='Lines of a text table above its numbers. The last one names the columns. '
+            help='Number of header lines of a text table. The last one names the columns. '
             'Default: 1.',
         ),
     ] = None
@@ -277,7 +278,7 @@ ClusterOption = Annotated[
     typer.Option(
         metavar='ADDRESS',
         help='Compute on the workers of this Dask scheduler, such as tcp://HOST:8786. '
-        'These packages must be installed there, too. The results are equal, bit for bit.',
+        'These packages must be installed there, too. The results are equal bit by bit.',
     ),
 ]
 SensorOption = Annotated[str, typer.Option(help='Serial port of the load cell.')]
@@ -296,7 +297,7 @@ ModelOption = Annotated[
     Optional[Path],
     typer.Option(
         exists=True,
-        help='Folder of model files, as `tactile train` writes it, or one file. Features are '
+        help='Folder of model files from `tactile train`, or one file. Features are '
         'computed as the models require.',
     ),
 ]
@@ -320,9 +321,7 @@ class RigOptions:
 
 RIG = RigOptions()
 NamespaceOption = Annotated[str, typer.Option(help='Namespace of all nodes.')]
-RecordOption = Annotated[
-    Optional[Path], typer.Option(help='Record into this bag; must not exist yet.')
-]
+RecordOption = Annotated[Optional[Path], typer.Option(help='Record to this bag; must not exist.')]
 WatchOption = Annotated[
     bool,
     typer.Option(
@@ -333,19 +332,19 @@ QuietOption = Annotated[
     bool, typer.Option('--quiet', help='Print no line for each classification.')
 ]
 ProtocolArgument = Annotated[
-    str, typer.Argument(**choice('texture', 'stiffness'), help='Which kind of trial.')
+    str, typer.Argument(**choice('texture', 'stiffness'), help='Kind of trial.')
 ]
 ContactOption = Annotated[
-    str, typer.Option(**choice('flexion', 'abduction'), help='How the finger touches.')
+    str, typer.Option(**choice('flexion', 'abduction'), help='Contact of the finger.')
 ]
 DescriptionOption = Annotated[
     Optional[Path],
     typer.Option(
         exists=True,
-        help='Folder with your own finger, rig, plates or objects: YAML files laid over '
+        help='Folder with your own finger, rig, plates or objects: YAML files that override '
         'those of the package.',
     ),
 ]
 JobsOption = Annotated[
-    int, typer.Option(help='How many processes simulate; -1: one for each core.')
+    int, typer.Option(help='Number of processes for the simulation; -1 for all cores.')
 ]

@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Output of the commands: tables and progress for people, JSON for machines.
+"""Output of the commands: tables and progress for people, JSON for programs.
 
-With ``--json`` standard output carries one JSON document and nothing else. Progress always goes
-to standard error.
+With ``--json``, standard output contains only one JSON document. Progress is always printed to
+standard error.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 
 TABLES = ('.parquet', '.csv')
 PICTURES = ('.png', '.svg', '.pdf')
-"""Ends of names of files that commands write."""
+"""Suffixes of files that commands write."""
 
 
 class Output:
-    """The terminal of one command; ``as_json``: the result is wanted as JSON."""
+    """Output of one command; ``as_json`` is true if JSON was requested."""
 
     def __init__(self, as_json: bool) -> None:
         self.as_json = as_json
@@ -39,7 +39,7 @@ class Output:
         self._out = self._err if as_json else PlainConsole()
 
     def say(self, *texts: str | Table, markup: bool = False) -> None:
-        """Print lines or tables for people; ``markup``: True where the lines hold rich's."""
+        """Print lines or tables for people; with ``markup``, lines contain rich markup."""
         for text in texts:
             if isinstance(text, Table):
                 self._out.say_table(text)
@@ -47,7 +47,7 @@ class Output:
                 self._out.say(text, markup=markup)
 
     def say_audits(self, audits: Iterable[Audit]) -> None:
-        """Print what is missing, doubled or out of order; one line where nothing is."""
+        """Print the findings of audits; one line if there are none."""
         for audit in audits:
             if not audit.passed:
                 self.say(f'audit: {audit.format()}')
@@ -55,15 +55,15 @@ class Output:
                 self.say(f'audit: {audit.format()}, {audit.rate_hz:.4g} Hz')
 
     def result(self, document: dict[str, Any]) -> None:
-        """Print the result's JSON, when it is wanted."""
+        """Print the result as JSON, if requested."""
         if self.as_json:
             print(json.dumps(document, indent=1, allow_nan=False))  # noqa: T201
 
     @contextmanager
     def progress(self, title: str) -> Iterator[Callable[..., None]]:
-        """Show a bar while the block runs; give what sets how much of how much is done.
+        """Show a progress bar while the block runs; yield a function that sets the progress.
 
-        Where standard error is no terminal there is no bar.
+        There is no bar if standard error is not a terminal.
         """
         if not self._err.file.isatty():
             yield lambda *_: None
@@ -94,20 +94,20 @@ class Output:
 
 
 def refuse_to_replace(paths: Iterable[Path], *, force: bool) -> None:
-    """Refuse to write over files that exist, unless it is wanted."""
+    """Refuse to overwrite existing files without ``force``."""
     if not force and (there := [str(path) for path in paths if path.exists()]):
         raise TactileError(f'{", ".join(there)} would be replaced: give another name, or --force')
 
 
 def make_output_folder(folder: Path) -> None:
-    """Make a folder for results, before the work that fills it."""
+    """Create a folder for results, before the computation of the results."""
     with named_errors('make the folder', folder):
         folder.mkdir(parents=True, exist_ok=True)
 
 
 @contextmanager
 def named_errors(task: str, path: Path) -> Iterator[None]:
-    """Raise an error of the operating system as one that names the task and the path."""
+    """Convert an error of the operating system to one with the task and the path."""
     try:
         yield
     except OSError as error:
@@ -115,7 +115,7 @@ def named_errors(task: str, path: Path) -> Iterator[None]:
 
 
 def refuse_suffix(option: str, path: Path, suffixes: Sequence[str]) -> None:
-    """Refuse the name of a file that ends in none of these."""
+    """Refuse the name of a file with another suffix than these."""
     if path.suffix.lower() not in suffixes:
         *some, last = suffixes
         ends = f'{", ".join(some)} or {last}' if some else last
@@ -123,7 +123,7 @@ def refuse_suffix(option: str, path: Path, suffixes: Sequence[str]) -> None:
 
 
 def write_table(table: pyarrow.Table, path: Path) -> None:
-    """Write a table as Parquet or CSV, by the name's end."""
+    """Write a table as Parquet or CSV, depending on the suffix."""
     import pyarrow.csv
     import pyarrow.parquet
 
@@ -135,7 +135,7 @@ def write_table(table: pyarrow.Table, path: Path) -> None:
 
 
 def write_atomically(path: Path, text: str) -> None:
-    """Replace a file at once, and have it on the disk: there is never half of one."""
+    """Replace a file atomically, and return when it is on the disk."""
     temporary = path.with_name(f'.{path.name}.new')
     with temporary.open('w', encoding='utf-8') as file:
         file.write(text)

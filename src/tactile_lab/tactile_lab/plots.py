@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Plots of signals: one trial in time, the spectra of the plates.
+"""Plots of signals: one trial over time, and spectra of plates.
 
-`draw_strain` and `draw_spectrum` draw on axes of whoever calls; the report does.
+`draw_strain` and `draw_spectrum` draw on given axes; the report uses them.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ TRACE_COLOUR = '#2a6fb0'
 MARK_COLOUR = '#c0392b'
 
 UNKNOWN_UNITS = ('', 'raw')
-"""Units of a recording that states none."""
+"""Units of a recording without a stated unit."""
 
 _PHASE_COLOURS = {
     'contact': '#4a90d9',
@@ -44,9 +44,9 @@ def plot_strain(
     window_s: tuple[float, float] | None = None,
     line: tuple[float, float] | None = None,
 ) -> None:
-    """Draw the tension of one trial with its phases into a PNG; see `draw_strain`.
+    """Draw the tension of one trial with its phases to a PNG file; see `draw_strain`.
 
-    The title states where the trial comes from, "simulated" included.
+    The title states the source of the trial, including "simulated".
     """
     figure = Figure(figsize=(9, 4), layout='constrained')
     axes = figure.subplots()
@@ -58,9 +58,10 @@ def plot_strain(
 def plot_signals(
     path: Path, signals: Sequence[tuple[str, Signal]], window_s: float | None = None
 ) -> None:
-    """Draw trials of others, a panel each, with all channels and their unit.
+    """Draw trials of other software, one panel each, with all channels and their unit.
 
-    ``signals`` are titles and signals. Features take the first ``window_s`` [s].
+    ``signals`` are titles and signals. ``window_s`` is the window of the features, from the start
+    [s].
     """
     figure = Figure(figsize=(9, 1.2 + 2.8 * len(signals)), layout='constrained')
     panels = np.ravel(figure.subplots(len(signals), 1, squeeze=False))
@@ -74,7 +75,7 @@ def plot_signals(
             shade_phases(axes, [('window', 0.0, window_s)])
         axes.set(
             title=title,
-            xlabel='sample (the rate is not known)' if signal.time_s is None else 'time [s]',
+            xlabel='sample (the rate is unknown)' if signal.time_s is None else 'time [s]',
             ylabel=label_axis('signal', signal.unit),
         )
         if 1 < len(signal.values) <= 10:
@@ -83,16 +84,17 @@ def plot_signals(
 
 
 def plot_all_trials(path: Path, trials: Sequence[Trial]) -> None:
-    """Draw the trials of an experiment: a row an object, a column a contact, a colour a session.
+    """Draw the trials of an experiment: one row per object, column per contact, colour per
+    session.
 
-    Time is from the contact, where there is one. Trials that do not count are grey.
+    Times are relative to the contact, if there is one. Excluded trials are grey.
     """
     objects = sorted({trial.label for trial in trials})
     contacts = sorted({trial.contact for trial in trials})
     sessions = list(dict.fromkeys(trial.session_id for trial in trials))
     figure = Figure(figsize=(5.0 * len(contacts), 0.8 + 1.7 * len(objects)), layout='constrained')
     grid = figure.subplots(len(objects), len(contacts), squeeze=False, sharex=True, sharey=True)
-    for trial in sorted(trials, key=lambda trial: not trial.why_not):  # grey lies below
+    for trial in sorted(trials, key=lambda trial: not trial.why_not):  # grey ones below others
         axes = grid[objects.index(trial.label)][contacts.index(trial.contact)]
         colour = '#bbbbbb' if trial.why_not else f'C{sessions.index(trial.session_id) % 10}'
         signal = trial.signal
@@ -106,7 +108,7 @@ def plot_all_trials(path: Path, trials: Sequence[Trial]) -> None:
     for i, session in enumerate(sessions):
         grid[0][0].plot([], [], color=f'C{i % 10}', label=session or 'no session')
     if any(trial.why_not for trial in trials):
-        grid[0][0].plot([], [], color='#bbbbbb', label='does not count')
+        grid[0][0].plot([], [], color='#bbbbbb', label='excluded')
     simulated = 'SIMULATED' if any(trial.simulated for trial in trials) else None
     legend_outside(
         figure,
@@ -126,7 +128,7 @@ def plot_accuracy_by_length(
 ) -> None:
     """Draw the error of models against the length of their window.
 
-    ``curves``: by model, pairs of seconds and accuracy [1].
+    ``curves`` has, by model, pairs of window length [s] and accuracy [1].
     """
     figure = Figure(figsize=(6.2, 3.6), layout='constrained')
     axes = figure.subplots()
@@ -143,17 +145,17 @@ def plot_accuracy_by_length(
 
 
 def legend_outside(figure: Figure, loc: str, **options: Any) -> None:
-    """Draw a legend of a whole figure, and keep the panels of its constrained layout clear of it.
+    """Draw a legend of a whole figure outside the panels of its constrained layout.
 
-    Matplotlib does so itself for ``loc='outside ...'``, but only from 3.7 on.
+    Matplotlib supports this with ``loc='outside ...'``, but only from 3.7 on.
 
     Parameters
     ----------
     loc : {'upper center', 'lower center', 'upper right'}
-        Place of the legend. An upper or lower one takes a strip above or below the panels,
-        'upper right' one beside them.
+            Position of the legend: a strip above or below the panels, or beside them for
+            'upper right'.
     **options
-        As `matplotlib.figure.Figure.legend`.
+            Arguments of `matplotlib.figure.Figure.legend`.
     """
     legend = figure.legend(loc=loc, **options)
     box = legend.get_window_extent().transformed(figure.transFigure.inverted())
@@ -178,9 +180,9 @@ def draw_strain(
 ) -> None:
     """Draw the tension of one trial with its phases.
 
-    ``phases`` are names, starts and ends, ``window_s`` the first and last sample that the features
-    come from; all [s] on the axis of ``time_s``. ``line`` is drawn over the window: slope [N/s],
-    and intercept [N] at its start.
+    ``phases`` are names, starts and ends; ``window_s`` is the first and last sample of the window
+    of the features; all times [s] are on the axis of ``time_s``. ``line`` is drawn over the
+    window: slope [N/s], and intercept [N] at the start of the window.
     """
     shade_phases(axes, phases)
     axes.plot(time_s, tension_n, color=TRACE_COLOUR, lw=1)
@@ -207,12 +209,12 @@ def draw_strain(
 
 
 def label_axis(quantity: str, unit: str) -> str:
-    """Return the label of an axis, which says so where the unit is not known."""
-    return f'{quantity} (unit not known)' if unit in UNKNOWN_UNITS else f'{quantity} [{unit}]'
+    """Return the label of an axis, which says if the unit is unknown."""
+    return f'{quantity} (unit unknown)' if unit in UNKNOWN_UNITS else f'{quantity} [{unit}]'
 
 
 def shade_phases(axes: Axes, phases: Sequence[tuple[str, float, float]]) -> None:
-    """Colour each phase, grey where nothing is touched, and write the names of long ones."""
+    """Colour each phase, with grey for phases without contact, and label long ones."""
     for name, start, end in phases:
         axes.axvspan(start, end, color=_PHASE_COLOURS.get(name, '#909090'), alpha=0.18, lw=0)
         if end - start > 0.06 * (phases[-1][2] - phases[0][1]):
@@ -233,9 +235,9 @@ def plot_spectra(
     spectra: Sequence[tuple[str, NDArray[np.float64]]],
     title: str,
 ) -> None:
-    """Draw one amplitude spectrum a texture into a PNG, all on the same axes' limits.
+    """Draw one amplitude spectrum per texture to a PNG file, with common axis limits.
 
-    ``spectra`` are labels and amplitudes [N] of shape (k,), as ``frequency_hz`` [Hz].
+    ``spectra`` are labels and amplitudes [N] of shape (k,), like ``frequency_hz`` [Hz].
     """
     rows = (len(spectra) + 1) // 2
     figure = Figure(figsize=(9, 1.5 * rows + 0.8), layout='constrained')
@@ -255,8 +257,8 @@ def draw_spectrum(
     axes: Axes, frequency_hz: NDArray[np.float64], amplitude: NDArray[np.float64]
 ) -> None:
     """Draw one amplitude spectrum, in the unit of its amplitudes."""
-    # Logarithmic: the trend of creep is many times as high as the grooves' peaks. At zero is
-    # the amplitude of the mean, which has been taken off.
+    # Logarithmic, because the trend of creep is much higher than the peaks of the grooves. The
+    # amplitude at zero is omitted: it belongs to the mean, which has been subtracted.
     above = frequency_hz > 0
     axes.semilogy(frequency_hz[above], amplitude[above], color=TRACE_COLOUR, lw=1)
     axes.grid(alpha=0.3)

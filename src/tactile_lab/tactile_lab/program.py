@@ -3,15 +3,14 @@
 
 """The ``tactile`` command: the table of its commands, each loaded when it is called.
 
-A command is one module of `tactile_lab.commands` with a function of its name. The function's
-parameters are the options, its docstring is the help. A parameter whose default is a dataclass
-stands for its fields (`expand`). The module imports at its top what takes no time (Typer, the
-options and the output), and what works inside its functions: ``--help`` and refusals of the
-options must not wait for ROS or scikit-learn.
+A command is one module of `tactile_lab.commands` with a function of the same name. The function's
+parameters are the options, and its docstring is the help. A parameter whose default is a
+dataclass is replaced by options for its fields (`expand`). Fast imports (Typer, the options and
+the output) are at the top of such a module, and slow ones inside its functions, because ``--help``
+and invalid options must not wait for ROS or scikit-learn.
 
-Ubuntu 24.04 has Typer 0.9, which refuses ``X | None`` and does not look into annotations that
-are strings. So modules with options have ``Optional[X]``, and no ``from __future__ import
-annotations``.
+Ubuntu 24.04 has Typer 0.9, which does not support ``X | None`` and annotations that are strings.
+Therefore modules with options use ``Optional[X]`` without ``from __future__ import annotations``.
 """
 
 from collections.abc import Callable, Iterator
@@ -63,18 +62,18 @@ COMMANDS = {
 """First line of the help of each command, whose module and function have its name."""
 
 ELSEWHERE = {'import': ('import_recordings', 'import_recordings'), 'hand': ('sense', 'hand')}
-"""Module and function of the others: one name is a word of Python, one module has two commands."""
+"""Module and function of other commands: a reserved word, and a module with two commands."""
 
 UNTIL_A_SIGNAL = {'rig', 'sense', 'hand', 'watch'}
-"""These run until SIGINT, SIGTERM or SIGHUP, which is their regular end. The others are
-interrupted."""
+"""Commands that run until SIGINT, SIGTERM or SIGHUP, which is their regular end. These signals
+interrupt the other commands."""
 
 OF_ROS = {
     'ament_index_python', 'builtin_interfaces', 'diagnostic_msgs', 'domain_coordinator',
     'geometry_msgs', 'lifecycle_msgs', 'rcl_interfaces', 'rclpy', 'rosgraph_msgs',
     'sensor_msgs', 'std_msgs', 'std_srvs', 'tactile_msgs',
 }  # fmt: skip
-"""Packages that a Python without ROS 2 lacks."""
+"""Packages that are missing in a Python without ROS 2."""
 
 REFUSALS = {
     'tactile_bringup.trial_protocols.ProtocolError',
@@ -83,19 +82,19 @@ REFUSALS = {
     'tactile_ros.errors.TactileError',
     'tactile_sim.errors.TactileSimError',
 }
-"""Errors that we raise on purpose. By name: importing them would import what raises them."""
+"""Our own errors, by name, because importing the classes would import slow modules."""
 
-# A newer Click names the likely command itself, and a Typer that uses it would name it once more.
+# Newer versions of Click suggest a command themselves, so that Typer would suggest it twice.
 _CLICK_ERRORS = getattr(getattr(typer.core, 'click', None), 'exceptions', None)
 _SUGGESTIONS = {'suggest_commands': False} if hasattr(_CLICK_ERRORS, 'NoSuchCommand') else {}
 
 
 class StrictCommand(WholeNames, TyperCommand):
-    """Refuses an option that is given twice where only the last one counts."""
+    """Refuses an option that is given repeatedly although only its last value would be used."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
-        # Click 8.5 has a help of its own for arguments, and with it Typer loses theirs.
+        # Click 8.5 has its own help for arguments, and Typer then loses its help for them.
         declared = inspect.signature(self.callback).parameters if self.callback else {}
         for param in self.params:
             if isinstance(param, TyperArgument) and not param.help and param.name in declared:
@@ -107,7 +106,7 @@ class StrictCommand(WholeNames, TyperCommand):
         for param in order:
             is_value = isinstance(param, TyperOption) and not param.is_flag
             if is_value and not param.multiple and order.count(param) > 1:
-                several = '; `tactile experiment` takes several' * (param.name == 'label')
+                several = '; `tactile experiment` accepts several' * (param.name == 'label')
                 raise typer.BadParameter(
                     f'{param.opts[0]} is given {order.count(param)} times; give it once{several}'
                 )
@@ -115,7 +114,7 @@ class StrictCommand(WholeNames, TyperCommand):
 
 
 class LazyGroup(WholeNames, TyperGroup):
-    """The commands of the table: named by it, loaded once one is called or asked for its help."""
+    """The commands in the table; a command is loaded when it is called or its help is printed."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
@@ -136,11 +135,11 @@ class LazyGroup(WholeNames, TyperGroup):
 
 @functools.cache
 def load_command(name: str) -> Any:
-    """Import a command of the table; return it as Typer makes it."""
+    """Import a command of the table; return it as a Click command."""
     from tactile_lab.options import expand
 
     function = load_function(name)
-    if isinstance(function, typer.Typer):  # it has commands of its own
+    if isinstance(function, typer.Typer):  # it has its own commands
         app = function
         for command in app.registered_commands:
             assert command.callback is not None
@@ -153,19 +152,19 @@ def load_command(name: str) -> Any:
 
 
 def load_function(name: str) -> Any:
-    """Import the function behind a command, or the `Typer` of one that has commands itself."""
+    """Import the function of a command, or the `Typer` of a command with subcommands."""
     module, function = ELSEWHERE.get(name, (name, name))
     return getattr(import_module(f'tactile_lab.commands.{module}'), function)
 
 
 def _guard(command: Callable[..., None], name: str) -> Callable[..., None]:
-    """Return a command that refuses in one sentence, and that signals interrupt."""
+    """Return a command that prints errors as one sentence, and that signals interrupt."""
 
     @functools.wraps(command)
     def run(*arguments: Any, **options: Any) -> None:
         signals = held_signals()
         with _refusals():
-            # Without held signals this process is another's, such as a test's.
+            # If signals are not held, this process belongs to other code, such as a test.
             if signals is None or name in UNTIL_A_SIGNAL:
                 command(*arguments, **options)
                 return
@@ -173,14 +172,14 @@ def _guard(command: Callable[..., None], name: str) -> Callable[..., None]:
                 with signals.raising():
                     command(*arguments, **options)
             except KeyboardInterrupt:
-                raise typer.Exit(128 + signals.received) from None  # as shells say it
+                raise typer.Exit(128 + signals.received) from None  # the exit code of shells
 
     return run
 
 
 @contextmanager
 def _refusals() -> Iterator[None]:
-    """Turn the errors that we raise on purpose into one sentence and exit code 2."""
+    """Convert our own errors to one sentence and exit code 2."""
     try:
         yield
     except Exception as error:
@@ -206,11 +205,11 @@ def _print_version(is_wanted: bool) -> None:
         return
     from importlib.metadata import PackageNotFoundError, version
 
-    for distribution in ('tendon-tactile', 'tactile_lab'):  # from pip, from colcon
+    for distribution in ('tendon-tactile', 'tactile_lab'):  # installed by pip, by colcon
         with suppress(PackageNotFoundError):
             typer.echo(f'tactile {version(distribution)}')
             raise typer.Exit
-    raise TactileError('these packages are not installed: neither pip nor colcon knows them')
+    raise TactileError('these packages are not installed, neither by pip nor by colcon')
 
 
 @app.callback()
@@ -226,7 +225,7 @@ def tactile(
 
 
 def main() -> int:
-    """Run the command that the arguments name."""
+    """Run the command in the arguments."""
     # Other computers cannot reach our nodes unless the environment allows it.
     os.environ.update(choose_transports(os.environ, 'LOCALHOST'))
     try:
@@ -241,8 +240,8 @@ def main() -> int:
         also = ' `--no-nodes` replays without them.' if name == 'replay' else ''
         typer.echo(
             f'tactile: `tactile {name}` runs ROS 2 nodes, and this Python has no {error.name}. '
-            f'In a clone of the repository ./tactile {name} brings ROS 2 along; or source a '
-            f'ROS 2 workspace that has these packages.{also}',
+            f'In a clone of the repository use ./tactile {name}, which installs ROS 2, or source '
+            f'a ROS 2 workspace that has these packages.{also}',
             err=True,
         )
         return 2

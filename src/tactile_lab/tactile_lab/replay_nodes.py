@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A recording sent again, byte for byte, through real feature and classifier nodes."""
+"""Replay of a recording, byte for byte, through real feature and classifier nodes."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from tactile_ros.topics import (
 )
 
 DEADLINE_S = 30.0
-"""Longest wait for the nodes to answer the messages sent [s]."""
+"""Longest wait for the results of the nodes [s]."""
 
 BATCH = 200
 """Strain blocks sent before waiting for the nodes; well below the topics' history depth."""
@@ -56,14 +56,26 @@ def replay_through_nodes(
     namespace: str = '',
     contact: str = '',
 ) -> TactileResults:
-    """Send a recording's strain and events to fresh nodes and collect what they publish.
+    """Send a recording's strain and events to new nodes and return what they publish.
 
-    As fast as the nodes take it: sample time, not arrival time, decides what they compute.
+    The messages are sent as fast as the nodes process them: results depend on sample times, not on
+    arrival times.
 
-    ``models`` is a folder of model files, or one file; ``context`` is on a ROS domain where nobody
-    else publishes; ``expected`` tells how many windows and classifications to wait for;
-    ``namespace`` is that of the finger in the recording. Raises `TactileError` when a node cannot
-    be started, or does not answer in time.
+    Parameters
+    ----------
+    models : Path
+        Folder of model files, or one file.
+    context : rclpy.context.Context
+        On a ROS domain without other publishers.
+    expected : TactileResults
+        Determines how many windows and classifications to wait for.
+    namespace : str
+        Namespace of the finger in the recording.
+
+    Raises
+    ------
+    TactileError
+        When a node cannot be started, or does not respond in time.
     """
     results = TactileResults()
     executor = SingleThreadedExecutor(context=context)
@@ -104,18 +116,18 @@ def replay_through_nodes(
             and all(player.count_publishers(player.resolve_topic_name(t)) > 0 for t in topics)
             and player.count_subscribers(player.resolve_topic_name(FEATURES_TOPIC.name))
             >= len(nodes),
-            lambda: 'the nodes did not find each other',
+            lambda: 'the nodes did not discover each other',
         )
         sent = {STRAIN: 0, EVENT: 0}
 
         def lag() -> str:
             taken = {STRAIN: features.extractor.block_count, EVENT: features.extractor.event_count}
-            return f'the nodes lag behind, with {taken} taken of {sent}'
+            return f'the nodes are too slow: processed {taken} of {sent}'
 
         for message in sensed_messages(bag, namespace):
             publishers[message.type_name].publish(message.data)
             sent[message.type_name] += 1
-            # The latched topic is short: an event must be taken before the next one.
+            # The latched topic has a short history, so each event must be received first.
             if message.type_name == EVENT or sent[STRAIN] % BATCH == 0:
                 _spin_until(executor, lambda: _caught_up(features, sent), lag)
         _spin_until(executor, lambda: _caught_up(features, sent), lag)
@@ -123,7 +135,7 @@ def replay_through_nodes(
             executor,
             lambda: len(results.windows) >= len(expected.windows)
             and len(results.classifications) >= len(expected.classifications),
-            lambda: f'the nodes answered with {len(results.windows)} windows and '
+            lambda: f'the nodes published {len(results.windows)} windows and '
             f'{len(results.classifications)} classifications, expected were '
             f'{len(expected.windows)} and {len(expected.classifications)}',
         )

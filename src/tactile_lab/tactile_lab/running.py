@@ -35,29 +35,40 @@ if TYPE_CHECKING:
 def open_ports(
     given: RigOptions, seed: int, stack: ExitStack
 ) -> tuple[Ports, SimulatedRig | None]:
-    """Return the ports, and the simulated rig behind them if it is one.
+    """Return the ports, and the simulated rig if there is one.
 
-    ``given`` are empty where an option was not given; ``stack`` ends the rig, whose random numbers
-    ``seed`` sets. Refuses missing ports, a sensor given twice, and ports beside ``--simulated``.
+    Parameters
+    ----------
+    given : RigOptions
+        Ports are empty if an option was not given.
+    stack : ExitStack
+        Ends the simulated rig.
+    seed : int
+        Seed of the simulated rig.
+
+    Raises
+    ------
+    TactileError
+        For missing ports, a sensor given twice, or ports together with ``--simulated``.
     """
     refuse_two_sensors(given)
     named = {'--guide': given.guide, '--tendon': given.tendon, '--sensor': given.sensor}
     if given.simulated:
         if any(named.values()):
-            raise TactileError('--simulated brings its own ports; leave the others out')
+            raise TactileError('--simulated uses its own ports; omit the other ports')
         rig = stack.enter_context(SimulatedRig(seed=seed))
         return Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor, given.sensor_topic), rig
     if given.sensor_topic:
         del named['--sensor']
     if missing := [option for option, port in named.items() if not port]:
-        raise TactileError(f'name the ports: {", ".join(missing)}; or use --simulated')
+        raise TactileError(f'state the ports: {", ".join(missing)}; or use --simulated')
     return Ports(given.guide, given.tendon, given.sensor, given.sensor_topic), None
 
 
 def refuse_two_sensors(given: RigOptions) -> None:
-    """Refuse a sensor's port beside a topic."""
+    """Refuse a sensor's port together with a topic."""
     if given.sensor and given.sensor_topic:
-        raise TactileError('there are a --sensor and a --sensor-topic; give one')
+        raise TactileError('--sensor and --sensor-topic are given; use one of them')
 
 
 def read_rig_parameters(path: Path | None, namespace: str) -> dict[str, dict[str, Any]]:
@@ -76,10 +87,18 @@ def run_nodes(
     simulated_rig: SimulatedRig | None = None,
     simulated: bool = False,
 ) -> None:
-    """Run nodes in this process until a signal comes, or until one of them fails.
+    """Run nodes in this process until a signal arrives, or until one of them fails.
 
-    ``watch`` serves a live page, ``quiet`` prints no line for each answer. ``simulated_rig`` gets
-    what a trial of the live page names under its finger. ``simulated``: some sensor is simulated.
+    Parameters
+    ----------
+    watch : WatchOptions or None
+        Serve a live page.
+    quiet : bool
+        Print no line for each prediction.
+    simulated_rig : SimulatedRig or None
+        Mounts the object of each trial that the live page starts.
+    simulated : bool
+        True if a sensor is simulated.
     """
     from tactile_bringup.nodes.graph_runner import ros_context, running_graph  # rclpy
     from tactile_lab.watch.watching import watching
@@ -124,6 +143,6 @@ def run_nodes(
 
 
 def say_address(watch: Watch, output: Output) -> None:
-    """Print where the live page is, if one is served."""
+    """Print the address of the live page, if one is served."""
     if watch.address:
         output.say(f'Live page: {watch.address}')

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Typer's help and errors of the command line, in which no name and no path is broken."""
+"""Help and errors of the command line by Typer, without breaks in names and paths."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ else:
     _Command = object
 
 LEAST_HELP_WIDTH = 80
-"""In fewer columns Typer cuts the names of options."""
+"""Smallest number of columns; with fewer, Typer truncates the names of options."""
 
 LONGEST_REFUSAL = 4_000
-"""Characters of a refusal that are printed: a name in it can have any length."""
+"""Largest number of printed characters of an error, because a name in it can be very long."""
 
 _ClickError: type[Any] = next(
     each for each in typer.BadParameter.__mro__ if each.__name__ == 'ClickException'
 )
-"""Defined by Click, or by the copy of Click in a newer Typer."""
+"""Base class, which is defined by Click, or by the copy of Click in newer versions of Typer."""
 
 
 class WholeNames(_Command):
-    """Part of the class of a command: names of options in its help are not cut."""
+    """Mixin for commands: names of options are not truncated in the help."""
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         from typer import rich_utils  # imported lazily: only help needs it
@@ -48,7 +48,7 @@ def plain_errors() -> Iterator[None]:
         yield
     except _ClickError as error:
         context = getattr(error, 'ctx', None)
-        if text := error.format_message():  # empty when the help is printed instead
+        if text := error.format_message():  # empty if the help is printed instead
             if context is not None:
                 typer.echo(' '.join(context.get_usage().split()), err=True)
                 text += f"\nTry '{context.command_path} --help' for help."
@@ -57,6 +57,6 @@ def plain_errors() -> Iterator[None]:
 
 
 def say_refusal(text: str) -> None:
-    """Print why a command does nothing, on standard error."""
+    """Print the reason why a command does nothing, to standard error."""
     text = plain_text(f'tactile: {text}', '\n\t')
     typer.echo(text[:LONGEST_REFUSAL] + ' ...' * (len(text) > LONGEST_REFUSAL), err=True)

@@ -47,7 +47,9 @@ def test_a_contact_leaves_out_the_models_of_another(folder):
     contracts, refused = read_contracts(str(folder), 'flexion')
     assert ([c.path.name for c in contracts], refused) == (['one.npz', 'third.npz'], [])
     assert read_contracts(folder / 'one.npz', 'flexion')[0] == contracts[:1]
-    with pytest.raises(ModelFileError, match=r'are for abduction, but the parameter contact is flex'):
+    with pytest.raises(
+        ModelFileError, match=r'are for abduction, but the parameter contact is flex'
+    ):
         read_contracts(folder / 'other.npz', 'flexion')
 
 

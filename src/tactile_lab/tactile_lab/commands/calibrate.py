@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile calibrate`: a load cell against known weights, into the sensor's parameters."""
+"""`tactile calibrate`: calibrate a load cell with known weights."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 NODE = 'tendon_sensor'
 
 SETTLED_S = 1.0
-"""Over which a reading is averaged."""
+"""Time over which a reading is averaged [s]."""
 
 SETTLE_TIMEOUT_S = 20.0
 """Longest time for a weight to settle [s]."""
@@ -38,22 +38,22 @@ SETTLE_TIMEOUT_S = 20.0
 
 def calibrate(
     weights: Annotated[
-        str, typer.Option(help='Known masses [kg], with commas, at least three: 0,0.2,0.5,1.')
+        str, typer.Option(help='Known masses [kg], separated by commas, at least 3: 0,0.2,0.5,1.')
     ],
     sensor: options.SensorOption = '',
     params: Annotated[
         Optional[Path],
         typer.Option(
-            help='YAML file with ROS parameters. `scale` and `offset_n` of `tendon_sensor` are '
-            'set in it, the rest stays. Default: print only.'
+            help='YAML file with ROS parameters, in which `scale` and `offset_n` of '
+            '`tendon_sensor` are changed. Default: print only.'
         ),
     ] = None,
     gravity_m_s2: Annotated[
         float,
-        typer.Option('--g', min=9.7, max=9.9, help='Acceleration of free fall where you are.'),
+        typer.Option('--g', min=9.7, max=9.9, help='Local acceleration of gravity [m/s^2].'),
     ] = 9.80665,
     down: Annotated[
-        bool, typer.Option(help='Also measure the weights on the way down: shows hysteresis.')
+        bool, typer.Option(help='Also measure decreasing weights, which shows hysteresis.')
     ] = True,
     simulated: options.SimulatedOption = False,
     seed: options.SeedOption = 1,
@@ -61,14 +61,14 @@ def calibrate(
 ) -> None:
     """Calibrate a load cell against known weights.
 
-    The command prints which weight to hang, from the smallest to the largest and back. Each
-    reading is the mean of a settled second, without outliers. Fits a line and prints `scale` and
-    `offset_n` with their standard uncertainties, the error of the line at every weight, and the
-    hysteresis.
+    The command prompts for each weight, from the smallest to the largest and back. Each
+    reading is the mean of a settled second, without outliers. The command fits a line and prints
+    `scale` and `offset_n` with their standard uncertainties, the error of the line at every
+    weight, and the hysteresis.
 
-    End the sensor's node first: only one program can open a port. Six-axis sensors have the
-    calibration of their maker and are refused. `g` lies between 9.780 (equator) and 9.832 m/s^2
-    (poles), so its default is wrong by up to 0.3 %.
+    End the sensor's node first, because only one program can open a port. Six-axis sensors are
+    calibrated by their manufacturer and are refused. `g` is between 9.780 (equator) and 9.832
+    m/s^2 (poles), so its default is wrong by up to 0.3 %.
     """
     from tactile_bringup.launch_config.parameter_files import ParameterFile
     from tactile_lab.devices.load_cell import fit_load_cell, set_parameters
@@ -83,15 +83,15 @@ def calibrate(
         if stand is not None:
             stand.hang(mass_kg * gravity_m_s2)
             return
-        what = f'hang {mass_kg:g} kg' if mass_kg else 'take all weights off'
-        output.say(f'{what}, let it come to rest, then Enter')
+        what = f'hang {mass_kg:g} kg' if mass_kg else 'remove all weights'
+        output.say(f'{what}, wait until it is at rest, then press Enter')
         if not sys.stdin.readline():
             raise TactileError('standard input has ended; run the command in a terminal')
 
     with ExitStack() as stack:
         if simulated:
             if sensor:
-                raise TactileError('--simulated brings its own sensor; leave --sensor out')
+                raise TactileError('--simulated has its own sensor; omit --sensor')
             stand = stack.enter_context(WeightStand(seed=seed))
             output.say('SIMULATED load cell: no number is a measurement.')
             stated = {'port': stand.port}
@@ -114,20 +114,20 @@ def calibrate(
 
 
 def parse_weights(text: str) -> tuple[float, ...]:
-    """Return masses from ``0,0.2,0.5`` [kg], ascending."""
+    """Return masses from ``0,0.2,0.5`` [kg], in increasing order."""
     from tactile_lab.devices.load_cell import CalibrationError, FEWEST_WEIGHTS
 
     try:
         weights = tuple(sorted(set(map(float, options.split(text)))))
     except ValueError:
         raise CalibrationError(
-            f'--weights is "{text}"; write kilograms with commas, such as 0,0.2,0.5,1'
+            f'--weights is "{text}"; write kilograms separated by commas, such as 0,0.2,0.5,1'
         ) from None
     if not all(math.isfinite(mass) and 0.0 <= mass <= 1000.0 for mass in weights):
         raise CalibrationError(f'--weights is "{text}"; each must be from 0 to 1000 kg')
     if len(weights) < FEWEST_WEIGHTS:
         raise CalibrationError(
-            f'--weights has {len(weights)} different ones; name {FEWEST_WEIGHTS} at least'
+            f'--weights has {len(weights)} different values; give at least {FEWEST_WEIGHTS}'
         )
     return weights
 
@@ -140,7 +140,7 @@ def measure(
     *,
     goes_down: bool,
 ) -> list['Reading']:
-    """Return a settled reading under each weight, up and, if wanted, down again."""
+    """Return a settled reading under each weight, optionally also on the way down."""
     from tactile_lab.devices.load_cell import Reading
     from tendon_sensor_driver.errors import TendonSensorError
     from tendon_sensor_driver.sensors import make_sensor
@@ -188,8 +188,8 @@ class _Listener:
         """Return mean and standard deviation of the second after a settled one [N]."""
         deadline_s = time.monotonic() + SETTLE_TIMEOUT_S
         with self._arrived:
-            self._since_ns = time.time_ns()  # a busy computer may still hold older samples back
-            for _ in range(2):  # the first one still has the end of the motion in it
+            self._since_ns = time.time_ns()  # a busy computer may deliver older samples late
+            for _ in range(2):  # the first settled second may contain the end of the motion
                 self._samples.clear()
                 left_s = deadline_s - time.monotonic()
                 found = self._arrived.wait_for(self._find_settled, left_s)
@@ -200,7 +200,7 @@ class _Listener:
             heard = len(self._samples)
         if heard < self._count:
             raise TactileError(
-                f'no full second of valid samples came; "tactile check --sensor '
+                f'no full second of valid samples arrived; "tactile check --sensor '
                 f'{self._config.port}" says why'
             )
         raise TactileError(f'{mass_kg:g} kg did not come to rest; let it hang still, try again')
@@ -220,7 +220,7 @@ def _config(stated: dict[str, object]) -> 'TendonSensorConfig':
     config: TendonSensorConfig = make_config(NODE, {**stated, 'scale': 1.0, 'offset_n': 0.0})
     if config.sensor != 'line':
         raise TactileError(
-            f'a {config.sensor} has the calibration of its maker; this is for lines'
+            f'a {config.sensor} is calibrated by its manufacturer; this command is for load cells'
         )
     return config
 

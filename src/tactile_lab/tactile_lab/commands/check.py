@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile check`: exercise each device and say what it found."""
+"""`tactile check`: test each device and report the results."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -31,7 +31,7 @@ def check(
         bool,
         typer.Option(
             '--move',
-            help='Also home the guide and move it 5 mm, and wind the tendon 2 mm in and out.',
+            help='Also home the guide and move it 5 mm; tighten the tendon 2 mm and slacken it.',
         ),
     ] = False,
     seed: options.SeedOption = 1,
@@ -39,20 +39,21 @@ def check(
 ) -> None:
     """Test each device and print the results; exit with 1 when there is a fault.
 
-    Tests the devices whose port or topic is given here, or whose ``port`` (or ``sensor``) is in
-    the file of ``--params``. End all nodes of the rig first: only one program can open a port.
+    Tests the devices whose port or topic is given as an option, or whose ``port`` (or ``sensor``)
+    is in the file of ``--params``. End all nodes of the rig first, because only one program can
+    open a port.
 
-    **Sensor**: rate against ``rate_hz``, noise, lost samples, error of the time stamps, status
-    bits. Leave the tendon alone while it listens.
+    **Sensor**: rate compared with ``rate_hz``, noise, lost samples, error of the time stamps,
+    status bits. Do not touch the tendon during this test.
 
-    **Guide**: version, and the settings that would silently change a glide. The controller is
-    reset, with ``--move`` homed, moved and brought back.
+    **Guide**: version, and settings that would change a glide without an error. The controller is
+    reset; with ``--move`` it is homed, moved and brought back.
 
     **Tendon**: model, firmware, voltage, temperature, errors, and whether the bus watchdog
-    stops the servo in silence. For this the tendon is released, held where it is, and
-    released again at the end.
+    stops the servo when the bus is silent. For this the tendon is released, held at its position,
+    and released again at the end.
 
-    Each fault comes with its remedy.
+    Each fault is printed with its remedy.
     """
     from tactile_lab.running import open_ports, refuse_two_sensors
 
@@ -82,7 +83,7 @@ def check(
 
 
 def _read_parameters(given: options.RigOptions, namespace: str) -> dict[str, dict[str, Any]]:
-    """Return the parameters of each device that is named."""
+    """Return the parameters of each device to test."""
     from tactile_bringup.launch_config.graph import PORTLESS_SENSORS, sensor_parameters
     from tactile_bringup.launch_config.parameter_files import ParameterFile
 
@@ -94,7 +95,7 @@ def _read_parameters(given: options.RigOptions, namespace: str) -> dict[str, dic
     if given.sensor_topic:
         stated = {_NODES['sensor']: wanted['sensor']}
         wanted['sensor'] |= sensor_parameters(stated, topic=given.sensor_topic) or {}
-    # Parameters alone name a device when they say where it is; a Net F/T has a usual address.
+    # Parameters select a device if they have its port or topic; a Net F/T has a default address.
     named = {
         name: of_node
         for name, of_node in wanted.items()
@@ -102,9 +103,9 @@ def _read_parameters(given: options.RigOptions, namespace: str) -> dict[str, dic
     }
     if not named:
         raise TactileError(
-            'name what to check: --sensor, --guide or --tendon with a port, --sensor-topic, '
-            '--params with a file that names ports, or --simulated; "tactile devices" lists what '
-            'is plugged in'
+            'choose what to test: --sensor, --guide or --tendon with a port, --sensor-topic, '
+            '--params with a file that contains ports, or --simulated; "tactile devices" lists '
+            'the connected devices'
         )
     return named
 
@@ -120,7 +121,7 @@ def _list_checks(
     from tactile_lab.devices import checks
     from tendon_sensor_driver.sensors import make_sensor
 
-    # All first: what is wrong with the parameters of one device is said before another is asked.
+    # All configurations first, so that errors of parameters are reported before any test.
     configs = {name: checks.make_config(_NODES[name], of_node) for name, of_node in wanted.items()}
     if sensor := configs.get('sensor'):
         make: checks.MakeSensor = make_sensor

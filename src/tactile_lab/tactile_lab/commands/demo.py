@@ -28,13 +28,13 @@ PAPER_TRIALS = 60
 """Trials of each plate in the paper (section III.A)."""
 
 SESSIONS = 6
-"""Mountings that the simulated trials of each plate come from."""
+"""Number of mountings of each plate in the simulated training trials."""
 
 KINDS = tuple(product(('flexion', 'abduction'), ('texture', 'stiffness')))
 """Contact and protocol of the live trials, in their order."""
 
 STIFFNESS_FEATURES = 'stiffness_relaxation'
-"""Stiffness feature set of the demo; more robust to a new mounting than the paper's set."""
+"""Stiffness feature set of the demo; a new mounting affects it less than the paper's set."""
 
 
 def demo(
@@ -48,7 +48,7 @@ def demo(
     short: Annotated[
         bool,
         typer.Option(
-            help='Few training trials: a quick check that all parts work, no useful accuracy.'
+            help='Few training trials: a quick check that all parts work, without useful accuracy.'
         ),
     ] = False,
     trials: Annotated[
@@ -56,7 +56,7 @@ def demo(
         typer.Option(
             min=1,
             max=100,
-            help='Live trials, five to seven seconds each, spread evenly over the kinds of trial.',
+            help='Number of live trials of 5 to 7 s, spread evenly over the kinds of trial.',
         ),
     ] = 5,
     watch: Annotated[
@@ -66,11 +66,11 @@ def demo(
 ) -> None:
     """Run everything from training to live trials on the **simulated** rig, in about a minute.
 
-    Makes training sets from the simulator, trains and cross-validates the four
-    classifiers, then runs live trials: simulated devices on serial lines, the real
-    drivers, the trial runner, features, classification. Records them into a bag,
-    replays the bag through nodes and through the plain core, and says whether all
-    three agree bit for bit. The address of a live page is printed before the live trials.
+    Simulates training sets, trains and cross-validates the four classifiers, then runs live
+    trials: simulated devices on serial lines, the real drivers, the trial runner, features,
+    classification. Records the live trials to a bag, replays the bag through nodes and through the
+    plain core, and reports whether all three agree bit for bit. The address of a live page is
+    printed before the live trials.
     """
     from domain_coordinator import domain_id
 
@@ -110,7 +110,7 @@ def demo(
         output.say(
             '[bold]3  Live trials: bytes on serial lines to labels on a topic[/bold]', markup=True
         )
-        output.say('   in another session: the rig has been set up anew since the training')
+        output.say('   in another session: the rig has been set up again since the training')
         with domain_id() as domain:
             setup = LiveSetup(
                 ports=Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor),
@@ -144,7 +144,7 @@ def demo(
 
 
 def make_folder(folder: Optional[Path]) -> Path:
-    """Make the folder for the results, which must not exist yet."""
+    """Create the folder for the results, which must not exist."""
     folder = folder or Path(time.strftime('tactile-demo-%Y%m%d-%H%M%S'))
     if folder.exists():
         raise TactileError(f'{folder} exists already; name another folder with -o')
@@ -153,9 +153,9 @@ def make_folder(folder: Optional[Path]) -> Path:
 
 
 def choose_trials(seed: int, count: int) -> list['TrialRequest']:
-    """Draw what the live trials are run on, as many of each kind as of the others.
+    """Draw the objects of the live trials, with equal numbers of each kind of trial.
 
-    Flexion comes first, since the finger is remounted between the two.
+    Flexion comes first, because the finger is remounted between the contacts.
     """
     import numpy as np
 
@@ -178,7 +178,7 @@ def choose_trials(seed: int, count: int) -> list['TrialRequest']:
 def draw_plots(
     folder: Path, live: Sequence['LiveTrial'], trained: Sequence['TrainedModel']
 ) -> None:
-    """Draw one strain trace with its phases and one spectrum for each texture."""
+    """Draw one tension trace with its phases, and one spectrum for each texture."""
     from tactile_bags.recorded_bag import RecordedBag
 
     touched = [
@@ -195,7 +195,7 @@ def draw_plots(
 
 
 def draw_trace(path: Path, bag: 'RecordedBag', request: 'TrialRequest') -> None:
-    """Draw a recorded stiffness trial: tension, phases, the window and its regression."""
+    """Draw a recorded stiffness trial: tension, phases, the window and its fitted line."""
     from tactile_bags.replay import recorded_results
     from tactile_lab.plots import plot_strain
 
@@ -238,20 +238,20 @@ def print_summary(
     reports: Sequence['ReplayReport'],
     output: Output,
 ) -> None:
-    """Print the end of the demo."""
+    """Print the summary of the demo."""
     right = sum(trial.is_right for trial in live)
     equal = all(c.is_exact for report in reports for c in report.comparisons.values())
     agreement = 'agree bit for bit' if equal else 'DO NOT agree'
     output.say(
-        f'\n[bold]{right} of {len(live)} live trials named correctly (SIMULATED rig); '
+        f'\n[bold]{right} of {len(live)} live trials classified correctly (SIMULATED rig); '
         f'live, nodes and plain core {agreement}.[/bold]',
         markup=True,
     )
     output.say(f'Results in {folder}:')
     for name, what in (
-        ('recording/', 'MCAP bag of the live trials; `tactile replay` takes it'),
-        ('models/', 'model files (.npz); `tactile rig --models` takes them'),
-        ('training/', 'bags of the simulated training trials; `tactile train` takes them'),
+        ('recording/', 'MCAP bag of the live trials, for `tactile replay`'),
+        ('models/', 'model files (.npz), for `tactile rig --models`'),
+        ('training/', 'bags of the simulated training trials, for `tactile train`'),
         ('summary.json', 'all numbers'),
         ('strain_trace.png', 'tension during one stiffness trial, with its phases'),
         ('texture_spectra.png', 'amplitude spectrum of one trial on each plate'),
@@ -260,7 +260,7 @@ def print_summary(
 
 
 def explain_misses(live: Sequence['LiveTrial'], trained: Sequence['TrainedModel']) -> list[str]:
-    """Return why trials were not named correctly, from training sessions held out in turn."""
+    """Return an explanation for each wrong trial, from held-out training sessions."""
     from tactile_classifier.evaluation.cross_validation import evaluate
 
     tables = {(m.table.task, m.manifest.contact): m for m in trained}
@@ -281,7 +281,7 @@ def explain_misses(live: Sequence['LiveTrial'], trained: Sequence['TrainedModel'
         row = score.confusion[score.labels.index(label)]
         taken, whole = int(row[score.labels.index(said)]), int(row.sum())
         sentences.append(
-            f'{name}, taken for {said}: so were {taken} of its {whole} training trials when their '
-            'own session was held out'
+            f'{name}, classified as {said}: so were {taken} of its {whole} training trials when '
+            'their session was held out'
         )
     return sentences

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile devices`: what is plugged in and recognised."""
+"""`tactile devices`: list the connected devices."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -21,7 +21,7 @@ def devices(
     port: Annotated[
         Optional[list[str]],
         typer.Option(
-            help='Ask this serial port only; may be given several times. Needed for ports that '
+            help='Probe only this serial port; may be given several times. Needed for ports that '
             'the computer does not list, such as those of `tactile_sim_rig --links`.'
         ),
     ] = None,
@@ -29,7 +29,7 @@ def devices(
         Optional[list[str]],
         typer.Option(
             metavar='HOST',
-            help='Ask an ATI Net F/T at this address; may be given several times.',
+            help='Probe an ATI Net F/T at this address; may be given several times.',
         ),
     ] = None,
     listen: Annotated[
@@ -37,8 +37,8 @@ def devices(
         typer.Option(
             min=0.1,
             max=60.0,
-            help='Seconds to wait for a port that speaks by itself. A board that is reset by '
-            'opening its port needs two.',
+            help='Seconds to wait for a device that sends data without a request. A board that is '
+            'reset by opening its port needs two.',
         ),
     ] = 2.5,
     topics: Annotated[
@@ -48,22 +48,22 @@ def devices(
         ),
     ] = False,
     quiet: Annotated[
-        bool, typer.Option('--quiet', help='Send nothing to serial ports: listen only.')
+        bool, typer.Option('--quiet', help='Send nothing to serial ports; only listen.')
     ] = False,
     as_json: options.JsonOption = False,
 ) -> None:
     """List the connected devices and the parameters that fit them.
 
-    Lists every serial port with its USB numbers and persistent names, and the device there: a
-    linear guide (Grbl), a Dynamixel servo, a load cell that sends lines, or an ATI Net F/T at an
-    address that you give. Prints the node parameters that fit. With ``--topics``, lists the
+    Lists every serial port with its USB numbers and persistent names, and the device on it: a
+    linear guide (Grbl), a Dynamixel servo, a load cell that sends lines, or an ATI Net F/T at a
+    given address. Prints matching node parameters. With ``--topics``, lists the
     forces that other nodes publish on this ROS domain.
 
-    Nothing is moved. Nothing is sent to a port that sends data by itself. A silent port is sent a
-    question mark, which Grbl answers and others ignore, and then a Dynamixel ping at each usual
-    baud rate. If another silent device must not receive these, name the ports with ``--port`` or
-    use ``--quiet``. A board that resets when its port is opened does so here, too: a Grbl guide
-    must be homed afterwards. Ports that another program has open are left alone.
+    Nothing is moved. Nothing is sent to a port that sends data without a request. A silent port
+    gets a question mark, which Grbl answers and other devices ignore, and then a Dynamixel ping at
+    each usual baud rate. If another silent device must not receive these, list the ports with
+    ``--port`` or use ``--quiet``. A board that resets when its port is opened is reset here, too:
+    a Grbl guide must be homed afterwards. Ports that another program has open are skipped.
     """
     from tactile_lab.devices.device_probe import (
         find_names,
@@ -91,8 +91,8 @@ def devices(
         output.say('No node publishes a force on this ROS domain; see "ros2 topic list -t".')
     else:
         output.say(
-            'No serial port is there. Check cables and power; adapters show up in the output of '
-            '"dmesg". A Net F/T is asked at its address: --net-ft 192.168.1.1'
+            'There are no serial ports. Check cables and power; adapters appear in the output of '
+            '"dmesg". For a Net F/T give its address: --net-ft 192.168.1.1'
         )
     output.result({'devices': [asdict(device) for device in found]})
 

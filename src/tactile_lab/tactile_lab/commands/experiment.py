@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile experiment`: a plan of trials, run with prompts, a journal and resume."""
+"""`tactile experiment`: run a plan of trials, with prompts, a journal and resume."""
 
 from dataclasses import asdict
 from functools import partial
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class RunByDefault(WholeNames, TyperGroup):
-    """Takes ``tactile experiment PLAN`` as ``tactile experiment run PLAN``."""
+    """Treats ``tactile experiment PLAN`` as ``tactile experiment run PLAN``."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         is_known = bool(args) and (args[0] in self.commands or args[0] in ('-h', '--help'))
@@ -42,7 +42,7 @@ experiment = typer.Typer(
 
 FolderArgument = Annotated[Path, typer.Argument(exists=True, help='Folder of the experiment.')]
 TrialArgument = Annotated[
-    str, typer.Argument(help='Trial, as `status` and the journal name it: grooves-s01-m03-t02.')
+    str, typer.Argument(help='Trial, as in `status` and the journal: grooves-s01-m03-t02.')
 ]
 WhyOption = Annotated[str, typer.Option('--why', help='Reason, for the journal.')]
 
@@ -52,7 +52,7 @@ def run(
     plan: Annotated[
         Path,
         typer.Argument(
-            exists=True, help='Plan, as `tactile experiment new` writes it, or the folder.'
+            exists=True, help='Plan, as written by `tactile experiment new`, or the folder.'
         ),
     ],
     folder: Annotated[
@@ -62,8 +62,8 @@ def run(
     append: Annotated[
         str,
         typer.Option(
-            help='Append a block to this session: each object once more, in each contact. '
-            'While an appended block of it has trials left, that one goes on instead.'
+            help='Append a block to this session: each object once more, in each contact. If the '
+            'session has an unfinished appended block, that block is continued instead.'
         ),
     ] = '',
     models: options.ModelOption = None,
@@ -72,7 +72,7 @@ def run(
         bool,
         typer.Option(
             '--yes',
-            help='Ask nothing, on the simulated rig: what fails is tried again, up to three '
+            help='Ask no questions, on the simulated rig: failed trials are repeated, up to three '
             'times; outliers are kept and marked.',
         ),
     ] = False,
@@ -80,23 +80,23 @@ def run(
         bool,
         typer.Option(
             '--accept-setup',
-            help='Go on with another set-up (parameters, calibration, devices) than at the last '
-            'start. The journal notes the changes.',
+            help='Continue with another set-up (parameters, calibration, devices) than at the '
+            'last start. The journal contains the changes.',
         ),
     ] = False,
     watch: options.WatchOption = False,
     seed: options.SeedOption = 1,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Start or continue an experiment: prompts, trials, and a line of quality for each trial.
+    """Start or continue an experiment: prompts, trials, and one line about each trial.
 
-    The order is random within blocks, and drawn before the first trial (`order.csv`). Each
-    session is one bag for each call. The command prints which plate to put under the finger; each
-    time counts as a mounting of its own. After a trial that failed, or differs from the earlier
-    ones of its object, you can repeat it at once. After an interruption (Ctrl-C, a crash) the
-    same command continues where it ended. No trial is lost and none is counted twice.
+    The order is random within blocks, and drawn before the first trial (`order.csv`). Each call
+    records one bag per session. The command prompts for the plate to put under the finger; each
+    prompt starts a new mounting. After a trial that failed, or differs from earlier
+    ones of its object, you can repeat it immediately. After an interruption (Ctrl-C, a crash) the
+    same command continues. No trial is lost and none is counted twice.
 
-    `tactile train` and `tactile evaluate` take the folder. A plan's `sessions` may be raised
+    `tactile train` and `tactile evaluate` accept the folder. `sessions` of a plan may be increased
     later.
     """
     from tactile_bags.experiment_journal import is_experiment
@@ -107,7 +107,7 @@ def run(
 
     output = Output(as_json)
     if yes and not given.simulated:
-        raise TactileError('--yes is for --simulated: a real plate is put there by a person')
+        raise TactileError('--yes requires --simulated: on a real rig a person mounts the plates')
     if is_experiment(plan):
         home = ExperimentFolder(plan)
         planned = home.read_plan()
@@ -122,8 +122,8 @@ def run(
         home.set_up(planned)
     operator = (Nobody if yes else Terminal)(output, accept_setup)
     ended, is_error = 'interrupted', False
-    # The order changes under the lock of the journal alone. A block is appended once the rig
-    # runs, so a call that is refused appends nothing.
+    # The order changes only while the journal is locked. A block is appended when the rig
+    # runs, so that a refused call appends nothing.
     with home.open_journal() as journal:
         home.set_up(planned)
         block = _draw_block(home, append, output) if append else []
@@ -163,7 +163,7 @@ def _make_request(plan: 'ExperimentPlan', order: 'TrialOrder') -> 'TrialRequest'
 
 
 def _number(plan: 'ExperimentPlan', order: 'TrialOrder') -> tuple[int, int, int]:
-    """Return session, mounting and trial, by which a simulated rig deviates."""
+    """Return session, mounting and trial numbers, which select the simulated rig's deviations."""
     session = plan.session_ids.index(order.planned.session_id)
     return session, order.mounting_number, order.number_in_mounting
 
@@ -171,9 +171,9 @@ def _number(plan: 'ExperimentPlan', order: 'TrialOrder') -> tuple[int, int, int]
 def _draw_block(
     folder: 'ExperimentFolder', session_id: str, output: Output
 ) -> list['PlannedTrial']:
-    """Return the block to append; empty while an earlier one of the session has trials left."""
+    """Return the block to append; empty if an appended block of the session is unfinished."""
     if left := folder.appended_left(session_id):
-        output.say(f'{session_id}: the appended block goes on, {left} trials are left')
+        output.say(f'{session_id}: continuing the appended block, trials left: {left}')
         return []
     return folder.draw_block(session_id)
 
@@ -182,25 +182,26 @@ def _draw_block(
 def new(
     path: Annotated[Path, typer.Argument(help='File to write, such as grooves.yaml.')],
     objects: Annotated[
-        str, typer.Option(help='Labels of the plates or objects, with commas: R1,R2,C1.')
+        str, typer.Option(help='Labels of the plates or objects, separated by commas: R1,R2,C1.')
     ],
     task: Annotated[
-        str, typer.Option(**options.choice('texture', 'stiffness'), help='Which kind of trial.')
+        str, typer.Option(**options.choice('texture', 'stiffness'), help='Kind of trial.')
     ] = 'texture',
     contacts: Annotated[str, typer.Option(help='flexion, abduction, or both.')] = 'flexion',
-    sessions: Annotated[int, typer.Option(help='How often the rig is set up anew.')] = 3,
+    sessions: Annotated[int, typer.Option(help='Sessions, each a new set-up of the rig.')] = 3,
     mountings: Annotated[
-        int, typer.Option(help='How often each object is put under the finger in a session.')
+        int, typer.Option(help='Mountings of each object in each session and contact.')
     ] = 2,
-    trials: Annotated[int, typer.Option(help='Trials each time.')] = 5,
+    trials: Annotated[int, typer.Option(help='Trials in each mounting.')] = 5,
     seed: options.SeedOption = 1,
     force: Annotated[bool, typer.Option('--force', help='Replace the file.')] = False,
     as_json: options.JsonOption = False,
 ) -> None:
     """Write the plan of an experiment, as YAML with comments.
 
-    Plan several sessions, best on several days, and several mountings in each. Then a model
-    learns the object and not the day. One session says nothing about the accuracy in a new one.
+    Plan several sessions, if possible on several days, and several mountings in each. With these,
+    a model learns the object instead of the day. With a single session, the accuracy in a new
+    session is unknown.
     """
     from tactile_lab.experiment.plan import ExperimentPlan, format_plan, list_order
 
@@ -227,13 +228,13 @@ def new(
         f'{plan.trials} trials; the first block begins with {", ".join(first[:3])}'
     )
     if unknown:
-        output.say(f'{", ".join(unknown)}: for your rig; the simulated rig has none of that name')
+        output.say(f'{", ".join(unknown)}: only for your rig; the simulated rig has no such label')
     output.say(f'Run it: tactile experiment {path}')
     output.result({'path': str(path), 'trials': plan.trial_count, 'plan': asdict(plan)})
 
 
 def _check_labels(plan: 'ExperimentPlan') -> list[str]:
-    """Return the labels that the simulated rig does not have; refuse those of other trials."""
+    """Return labels that the simulated rig does not have; refuse labels of other protocols."""
     from tactile_bringup.trial_protocols import PROTOCOLS
     from tactile_sim.descriptions.catalogue import list_objects
 
@@ -243,16 +244,16 @@ def _check_labels(plan: 'ExperimentPlan') -> list[str]:
         if wrong := [label for label in plan.objects if label in labels and label not in own]:
             raise TactileError(
                 f'{", ".join(wrong)} is for {other} trials; {plan.protocol} trials have '
-                f'{", ".join(own)} or plates of yours. For {other} trials: --task {other}'
+                f'{", ".join(own)} or your own labels. For {other} trials: --task {other}'
             )
     return [label for label in plan.objects if label not in own]
 
 
 @experiment.command()
 def status(folder: FolderArgument, as_json: options.JsonOption = False) -> None:
-    """Print how far an experiment is, and the corrections of its trials.
+    """Print the progress of an experiment, and the corrections of its trials.
 
-    ``--json`` also has the set-up and every attempt.
+    ``--json`` also prints the set-up and every attempt.
     """
     _summarise(_find_folder(folder), Output(as_json))
 
@@ -261,14 +262,14 @@ def status(folder: FolderArgument, as_json: options.JsonOption = False) -> None:
 def relabel(
     folder: FolderArgument,
     trial: TrialArgument,
-    label: Annotated[str, typer.Argument(help='Label of the object that was there.')],
+    label: Annotated[str, typer.Argument(help='Correct label of the object.')],
     why: WhyOption,
     as_json: options.JsonOption = False,
 ) -> None:
     """Correct the label of a recorded trial.
 
-    Writes a line into the journal. The bags stay as they are; every command that reads the
-    folder or its bags takes the new label.
+    Writes an entry to the journal. The bags do not change; every command that reads the
+    folder or its bags uses the new label.
     """
     from tactile_lab.experiment.journal import RELABELLED
 
@@ -276,10 +277,10 @@ def relabel(
     objects = home.read_plan().objects
     if label not in objects:
         raise TactileError(
-            f'"{label}" is none of the objects of the experiment: {", ".join(objects)}; to leave '
-            f'the trial out: tactile experiment exclude {folder} {trial} --why ...'
+            f'"{label}" is not an object of the experiment: {", ".join(objects)}; to exclude '
+            f'the trial: tactile experiment exclude {folder} {trial} --why ...'
         )
-    _correct(home, trial, RELABELLED, f'is {label} now', as_json, label=label, why=why)
+    _correct(home, trial, RELABELLED, f'relabelled {label}', as_json, label=label, why=why)
 
 
 @experiment.command()
@@ -289,14 +290,14 @@ def exclude(
     why: WhyOption,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Leave a recorded trial out of training and evaluation.
+    """Exclude a recorded trial from training and evaluation.
 
-    Writes a line into the journal; the bags stay as they are. The trial is not recorded again:
+    Writes an entry to the journal; the bags do not change. The trial is not recorded again:
     ``--append`` adds a block to a session.
     """
     from tactile_lab.experiment.journal import EXCLUDED
 
-    _correct(_find_folder(folder), trial, EXCLUDED, 'does not count', as_json, why=why)
+    _correct(_find_folder(folder), trial, EXCLUDED, 'excluded', as_json, why=why)
 
 
 @experiment.command()
@@ -306,10 +307,10 @@ def include(
     why: WhyOption,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Take a trial back in that was excluded."""
+    """Include a recorded trial that was excluded."""
     from tactile_lab.experiment.journal import INCLUDED
 
-    _correct(_find_folder(folder), trial, INCLUDED, 'is not excluded', as_json, why=why)
+    _correct(_find_folder(folder), trial, INCLUDED, 'included', as_json, why=why)
 
 
 def _find_folder(path: Path) -> 'ExperimentFolder':
@@ -318,7 +319,7 @@ def _find_folder(path: Path) -> 'ExperimentFolder':
 
     if not is_experiment(path):
         raise TactileError(
-            f'{path} is no folder of an experiment; `tactile experiment PLAN` makes one'
+            f'{path} is not the folder of an experiment; `tactile experiment PLAN` creates one'
         )
     return ExperimentFolder(path)
 
@@ -335,21 +336,21 @@ def _correct(
 def _summarise(
     folder: 'ExperimentFolder', output: Output, ended: str = '', is_error: bool = False
 ) -> None:
-    """Print what is recorded, why the command ended (an error prints itself), and what is next."""
+    """Print the recorded trials, why the command ended (except errors), and the next step."""
     progress = folder.read_progress()
     found = progress.to_dict()
     parts = [f'{found["done"]} of {found["planned"]} trials recorded']
     for name, what in (
-        ('outliers_kept', 'of them outliers'),
-        ('excluded', 'of them excluded'),
-        ('relabelled', 'of them with another label'),
-        ('failed', 'failed and are left out'),
-        ('interrupted', 'were interrupted and are left out'),
+        ('outliers_kept', 'outliers kept'),
+        ('excluded', 'excluded'),
+        ('relabelled', 'relabelled'),
+        ('failed', 'failed'),
+        ('interrupted', 'interrupted'),
     ):
         if found[name]:
-            parts.append(f'{found[name]} {what}')
+            parts.append(f'{what}: {found[name]}')
     if found['sessions_left']:
-        parts.append(f'left: {", ".join(found["sessions_left"])}')
+        parts.append(f'sessions left: {", ".join(found["sessions_left"])}')
     output.say(f'{folder.path}: {"; ".join(parts)}')
     for attempt in progress.attempts.values():
         if attempt.label:
@@ -359,7 +360,7 @@ def _summarise(
     if ended and not is_error and found['sessions_left']:
         output.say(f'Ended: {ended}')
     if found['sessions_left']:
-        output.say(f'Go on: tactile experiment {folder.path}')
+        output.say(f'Continue: tactile experiment {folder.path}')
     else:
         output.say(f'Complete. Train on it: tactile train {folder.path} -o models')
     trials = [asdict(attempt) for attempt in progress.attempts.values()]

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile export`: raw trials as one long table for other programs, with a dataset card."""
+"""`tactile export`: write raw trials as one long table, with a dataset card."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -46,10 +46,10 @@ def export(
 ) -> None:
     """Write the trials of recordings as one long table, with a dataset card beside it.
 
-    A row a sample: trial, label, session_id, mounting_id, time_s, one column a channel, and what
-    else is known of the trial. Units are in the metadata of Parquet columns. The card is Markdown
-    with the fields that hubs read; its licence is to be filled in. `tactile import` reads the
-    table back. Trials that do not count are left out.
+    One row per sample: trial, label, session_id, mounting_id, time_s, one column per channel, and
+    other known properties of the trial. Units are in the metadata of Parquet columns. The card is
+    Markdown with the fields that dataset hubs read; add the licence yourself. `tactile import`
+    reads the table. Excluded trials are not written.
     """
     from tactile_bags import Recording, SourceOptions
 
@@ -71,7 +71,7 @@ def export(
         f'{file}: {len(counting)} trials, {table.num_rows} samples; columns: '
         f'{", ".join(table.column_names)}',
     )
-    output.say(f'{card}: its dataset card; state the licence before you publish both')
+    output.say(f'{card}: its dataset card; add the licence before you publish both')
     output.result(
         {
             'path': str(file),
@@ -85,7 +85,7 @@ def export(
 
 
 def format_card(file: Path, recording: 'Recording', trials: 'Sequence[Trial]', table: Any) -> str:
-    """Return the dataset card of an exported table: Markdown with a head in YAML."""
+    """Return the dataset card of an exported table: Markdown with a YAML header."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     def stated(name: str) -> list[str]:
@@ -110,7 +110,7 @@ def format_card(file: Path, recording: 'Recording', trials: 'Sequence[Trial]', t
         autoescape=False,
     )
     return environment.get_template('dataset_card.md').render(
-        # JSON values are YAML values, too.
+        # JSON values are valid YAML.
         head='\n'.join(f'{name}: {json.dumps(value)}' for name, value in head.items()),
         title=title,
         simulated=simulated,
@@ -124,7 +124,7 @@ def format_card(file: Path, recording: 'Recording', trials: 'Sequence[Trial]', t
         recording=recording,
         facts=_stated(recording),
         columns=[
-            # The type of a text that stands once in a dictionary is that of its values.
+            # The type in a dictionary of strings that occur once is that of its values.
             (
                 each.name,
                 getattr(each.type, 'value_type', each.type),
@@ -136,7 +136,7 @@ def format_card(file: Path, recording: 'Recording', trials: 'Sequence[Trial]', t
 
 
 def _stated(recording: 'Recording') -> str:
-    """Return what the metadata of the bags state, without paths."""
+    """Return the statements in the metadata of the bags, without paths."""
     found = {
         f'{name}: {value}'
         for bag in recording.bags

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile features`: the features of recordings as a table for other programs."""
+"""`tactile features`: write the features of recordings as a table."""
 
 import json
 from pathlib import Path
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from tactile_classifier.datasets.dataset import FeatureTable
 
 KEY = b'tactile'
-"""Of the schema's metadata that holds the specification of the features, as JSON."""
+"""Key of the schema's metadata with the specification of the features, as JSON."""
 
 
 def features(
@@ -26,15 +26,15 @@ def features(
     features: Annotated[
         Optional[str],
         typer.Option(
-            help='A set of features instead of the recorded one, as in --features glide_waveform; '
-            'or only these features, with commas.'
+            help='Compute this feature set instead of the recorded one, as in '
+            '--features glide_waveform; or only these features, separated by commas.'
         ),
     ] = None,
     group: Annotated[
         Optional[str],
         typer.Option(
-            help='Columns that make the column "group", with commas. Default: mounting_id, where '
-            'there is one.'
+            help='Columns that form the column "group", separated by commas. Default: '
+            'mounting_id, if available.'
         ),
     ] = None,
     over: options.OverOption = None,
@@ -46,9 +46,9 @@ def features(
 ) -> None:
     """Write the features of recordings as a table, for notebooks and other programs.
 
-    One row a trial: source, trial, label, session, group, simulated, then one column a feature.
-    The units are in the metadata of each Parquet column, and in the names of CSV columns. With
-    several tasks or contacts, each has its own file, with its name at the end.
+    One row per trial: source, trial, label, session, group, simulated, then one column per
+    feature. Units are in the metadata of Parquet columns, and in the names of CSV columns. With
+    several tasks or contacts, each has its own file, with task and contact at the end of its name.
     """
     import numpy as np
 
@@ -73,7 +73,7 @@ def features(
             path = file.with_name(f'{file.stem}_{kind}{file.suffix}')
         written.append((path, kind, select_features(table, features)))
     refuse_to_replace([path for path, _, _ in written], force=force)
-    notes = [*source.steps, *(f'left out: {sentence}' for sentence in found.left_out)]
+    notes = [*source.steps, *(f'excluded: {sentence}' for sentence in found.left_out)]
     output.say(*notes)
     for path, kind, table in written:
         columns = _columns(table, group, str(paths[0]))
@@ -102,7 +102,7 @@ def features(
 
 
 def _columns(table: 'FeatureTable', group: Optional[str], source: str) -> dict[str, Any]:
-    """Return what is known of each trial: source, trial, label, session, group."""
+    """Return the properties of each trial: source, trial, label, session, group."""
     import numpy as np
 
     known = table.columns

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile repair`: a closed copy of a bag whose recorder was killed."""
+"""`tactile repair`: write a closed copy of a bag whose recorder was killed."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -14,18 +14,18 @@ from tactile_lab.output import Output
 
 
 def repair(
-    bag: Annotated[Path, typer.Argument(exists=True, help='The bag that was never closed.')],
+    bag: Annotated[Path, typer.Argument(exists=True, help='The bag that was not closed.')],
     target: Annotated[
-        Path, typer.Option('--output', '-o', help='Folder of the copy; must not exist yet.')
+        Path, typer.Option('--output', '-o', help='Folder of the copy; must not exist.')
     ],
     as_json: options.JsonOption = False,
 ) -> None:
     """Write a closed copy of a bag whose recorder was killed.
 
-    Every other command reads such a bag as it is, and says so. Other programs may need the index
-    at the end of the copy. The copy holds the same messages, byte for byte, and names its source.
-    The bag itself is not changed. Exits with 1 when the bag is
-    damaged: the copy holds what could be read.
+    Every other command reads such a bag, and prints a warning. Other programs may need the index
+    at the end of the copy. The copy contains the same messages, byte for byte, and names its
+    source. The bag itself is not changed. Exits with 1 when the bag is
+    damaged; the copy then contains the readable messages.
     """
     from tactile_bags.audit import audit_bag, summarise_audits
     from tactile_bags.bag_repair import repair_bag
@@ -34,13 +34,13 @@ def repair(
     output = Output(as_json)
     repaired = repair_bag(bag, target)
     if not repaired.recovered:
-        output.say(f'{bag} was closed in order; a copy was made all the same')
+        output.say(f'{bag} was closed properly; it was copied anyway')
     if repaired.damage:
-        output.say(f'{repaired.damage}; the copy holds what could be read')
+        output.say(f'{repaired.damage}; the copy contains the readable messages')
     output.say(f'{target}: {repaired.message_count} messages')
     try:
         audits = audit_bag(target)
-    except BagError as error:  # a message that the damage has made unreadable is copied as it is
+    except BagError as error:  # a damaged message is copied without decoding it
         if not repaired.damage:
             raise
         audits = []

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile replay`: a recording run again and compared with itself."""
+"""`tactile replay`: replay a recording and compare the results with the recorded ones."""
 
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -21,15 +21,15 @@ if TYPE_CHECKING:
 
 POLL_S = 0.1
 LINGER_S = 3.0
-"""Time that the page stays after a recording has been played [s]."""
+"""Time that the page stays open after a recording has been played [s]."""
 
 
 @dataclass(frozen=True)
 class ReplayReport:
     """Comparisons of one finger's recording with its replays, by what was compared.
 
-    They are those of the first replay that differs, or of the last one. The audits are of the
-    trials, then of the whole recording.
+    The comparisons are from the first replay that differs, or from the last one. The audits are of
+    each trial, then of the whole recording.
     """
 
     namespace: str
@@ -42,7 +42,7 @@ class ReplayReport:
         return all(c.is_equal for c in self.comparisons.values())
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the report as what JSON can hold."""
+        """Return the report as a dictionary for JSON."""
         from tactile_bags.audit import summarise_audits
 
         return {
@@ -60,22 +60,22 @@ def replay(
         Optional[Path],
         typer.Option(
             exists=True,
-            help='Folder with the model files. Default: where the recording found them.',
+            help='Folder with the model files. Default: the files used during the recording.',
         ),
     ] = None,
     nodes: Annotated[
-        bool, typer.Option(help='Send the bag through real nodes as well as the plain core.')
+        bool, typer.Option(help='Replay through real nodes as well as through the plain core.')
     ] = True,
     times: Annotated[
-        int, typer.Option(min=1, max=100_000, help='How often; ends at the first difference.')
+        int, typer.Option(min=1, max=100_000, help='Number of replays; ends at a difference.')
     ] = 1,
     watch: options.WatchOption = False,
     as_json: options.JsonOption = False,
 ) -> None:
     """Run a recording through features and classification again, and compare.
 
-    Prints *equal*, or the first difference from what was recorded; exits with 1 when
-    there is one. Then says whether samples of the recording are missing, doubled or out of
+    Prints *equal*, or the first difference from the recorded results, and then exits with 1.
+    Also reports whether samples of the recording are missing, duplicate or out of
     order. With ``--watch`` it first plays the recording in real time on a live page.
     """
     output = Output(as_json)
@@ -90,7 +90,7 @@ def replay(
 
 
 def play_and_watch(path: Path, models: Optional[Path], output: Output) -> None:
-    """Play a bag in its own time through fresh nodes, on a domain of their own, on a live page."""
+    """Play a bag in real time through new nodes, on a separate ROS domain, on a live page."""
     from contextlib import ExitStack
     import tempfile
     import time
@@ -117,12 +117,12 @@ def play_and_watch(path: Path, models: Optional[Path], output: Output) -> None:
         while not player.is_finished:
             player.ending.wait(POLL_S)
         if player.has_failed:
-            raise TactileError(f'{path} cannot be played; the log says why')
-        time.sleep(LINGER_S)  # the last answer is still to be seen
+            raise TactileError(f'{path} cannot be played; the log has the reason')
+        time.sleep(LINGER_S)  # so that the last prediction can be seen
 
 
 def replay_graph(path: Path, models: Optional[Path], scratch: Path) -> 'list[NodeDescription]':
-    """Return the nodes that classify a recording in its own time, and its player."""
+    """Return the nodes that classify a recording in real time, and its player."""
     from tactile_bags import TactileBag
     from tactile_bags.recorded_setup import recorded_features
     from tactile_bringup.launch_config.graph import (
@@ -147,7 +147,7 @@ def replay_graph(path: Path, models: Optional[Path], scratch: Path) -> 'list[Nod
 
 
 def print_report(report: ReplayReport, output: Output) -> None:
-    """Print one line for each comparison, and what the audits found."""
+    """Print one line for each comparison, and the findings of the audits."""
     finger = f'{report.namespace}: ' if report.namespace else ''
     times = f', {report.replay_count} times' if report.replay_count > 1 else ''
     for name, comparison in report.comparisons.items():
@@ -167,7 +167,7 @@ def replay_and_compare(
 ) -> list[ReplayReport]:
     """Replay a bag through the core, and through nodes, and compare with the recording.
 
-    ``models`` are a folder of model files, or one file; None: those of the recording.
+    ``models`` is a folder of model files, or one file; None for the models of the recording.
     """
     import tempfile
 
@@ -255,7 +255,7 @@ def _check_has_features(bag: 'RecordedBag', recorded: 'TactileResults') -> None:
     if recorded.windows:
         return
     raise TactileError(
-        f'{bag.path} holds no features: there is nothing to compare a replay with. '
-        'No trial ended while it was recorded, or it was made without nodes '
-        '(tactile simulate); tactile train and tactile evaluate take it all the same'
+        f'{bag.path} contains no features, so a replay has nothing to compare with. '
+        'No trial ended during the recording, or it was made without nodes '
+        '(tactile simulate). tactile train and tactile evaluate can use it anyway'
     )

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile rig`: all nodes of the rig in one process."""
+"""`tactile rig`: run all nodes of the rig in one process."""
 
 from contextlib import ExitStack
 
@@ -20,8 +20,8 @@ def rig(
     """Run all nodes of the rig in this process until Ctrl-C; print each classification.
 
     Starts sensor, guide, tendon, trial runner, features and, with models, a classifier. Start
-    trials with the action ``trial_runner/run_trial``. To run trials without another program, use
-    `tactile trials`.
+    trials with the action ``trial_runner/run_trial``. `tactile trials` runs trials without
+    another program.
     """
     from tactile_bringup.launch_config.graph import ModelChoice, recorder_node, rig_graph
     from tactile_lab.running import open_ports, read_rig_parameters, run_nodes

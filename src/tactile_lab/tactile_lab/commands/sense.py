@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile sense` and `tactile hand`: the nodes of fingers that another program moves."""
+"""`tactile sense` and `tactile hand`: run the nodes of fingers that another program moves."""
 
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ class FingerOptions:
         str,
         typer.Option(
             **options.choice('', *PHASES),
-            help='Source of the phases: stated by trial events, or found in the tension of '
+            help='Source of the phases: stated by trial events, or detected in the tension of '
             'texture or stiffness trials. Default: as in the parameter file, or stated.',
             show_default=False,
         ),
@@ -54,10 +54,10 @@ OF_BOTH = FingerOptions()
 def sense(sensor: options.SensorOption = '', stated: FingerOptions = OF_BOTH) -> None:
     """Run the nodes of one finger that another program moves, in this process until Ctrl-C.
 
-    Starts sensor, features and classifier, as ``ros2 launch tactile_bringup sense.launch.py``
-    does. Prints a line for each classification. The program that moves the finger publishes
-    trial events on ``trial_runner/events``. With ``--phases`` they are found in the tension
-    instead.
+    Starts sensor, features and classifier, like ``ros2 launch tactile_bringup sense.launch.py``.
+    Prints a line for each classification. The program that moves the finger publishes
+    trial events on ``trial_runner/events``. With ``--phases`` the phases are detected in the
+    tension instead.
     """
     run_fingers(None, sensor=sensor, **vars(stated))
 
@@ -74,10 +74,10 @@ def hand(
 ) -> None:
     """Run the nodes of any number of fingers, in this process until Ctrl-C.
 
-    Runs the nodes of `tactile sense` for each finger, in a namespace with the finger's name, as
-    ``ros2 launch tactile_bringup hand.launch.py`` does. What differs between fingers (port or
-    topic, models, phases) stands in the ROS parameter file ``--params``, in
-    blocks for the nodes of each finger. ``--record`` makes one bag a finger.
+    Runs the nodes of `tactile sense` for each finger, in a namespace with the finger's name, like
+    ``ros2 launch tactile_bringup hand.launch.py``. Parameters that differ between fingers (port or
+    topic, models, phases) are in the ROS parameter file ``--params``, in
+    blocks for the nodes of each finger. ``--record`` makes one bag per finger.
     """
     run_fingers(fingers, **vars(stated))
 
@@ -93,11 +93,16 @@ def run_fingers(
     sensor: str = '',
     **choices: Any,
 ) -> None:
-    """Run the nodes of fingers in this process until a signal comes.
+    """Run the nodes of fingers in this process until a signal arrives.
 
-    ``fingers`` are names with commas between them; None: a single finger, without a name.
-    ``simulated`` starts a simulated sensor for each finger without a port. ``choices`` are
-    parameters of `hand_graph`.
+    Parameters
+    ----------
+    fingers : str or None
+        Names separated by commas; None for a single finger without a name.
+    simulated : bool
+        Start a simulated sensor for each finger without a port.
+    choices : dict
+        Parameters of `hand_graph`.
     """
     import tempfile
 

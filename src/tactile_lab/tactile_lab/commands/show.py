@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile show`: what is in a recording or a model file, and plots of trials."""
+"""`tactile show`: list the contents of a recording or a model file, and plot trials."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from tactile_bags import Recording, Trial
 
 SHOWN = 20
-"""Trials in the terminal's table; JSON has all."""
+"""Number of trials in the terminal's table; JSON has all."""
 
 
 class Contents(NamedTuple):
     """Contents of a recording or a model.
 
-    ``facts`` describe the whole. The ``trials`` share their keys; a model has none. ``details``
-    are for JSON.
+    ``facts`` describe the whole. All ``trials`` have the same keys; a model has no trials.
+    ``details`` are only for JSON.
     """
 
     kind: str
@@ -45,14 +45,14 @@ def show(
     ],
     plot: Annotated[
         Optional[Path],
-        typer.Option(metavar='FILE', help='Draw trials into this file: .png, .svg or .pdf.'),
+        typer.Option(metavar='FILE', help='Draw trials to this file: .png, .svg or .pdf.'),
     ] = None,
     trial: Annotated[
         Optional[int],
         typer.Option(
             min=1,
-            help='Which trial to draw, from 1. Default: the first one; of an experiment all: a '
-            'row an object, a colour a session, grey those that do not count.',
+            help='Trial to draw, from 1. Default: the first one; for an experiment all trials, '
+            'with one row per object, one colour per session, and excluded trials in grey.',
         ),
     ] = None,
     as_json: options.JsonOption = False,
@@ -100,7 +100,7 @@ def _open(path: Path) -> 'Recording':
             f'{inside[0]}'
         )
     (leaf, *more) = find_leaves([path])
-    if not more and leaf.kind is Kind.BAG and leaf.path == path:  # without trials, too
+    if not more and leaf.kind is Kind.BAG and leaf.path == path:  # also a bag without trials
         return Recording(OWN, path.name, [path], bags=[RecordedBag(path)])
     return Recording.load(path)
 
@@ -116,7 +116,7 @@ def describe_recording(recording: 'Recording') -> Contents:
         'objects': sorted({each.label for each in recording.trials}) or 'none',
         'sessions': str(len(sessions)),
         'simulated': 'SIMULATED' if any(t.simulated for t in recording.trials) else 'no',
-        'unit': recording.unit or 'not known',
+        'unit': recording.unit or 'unknown',
     }
     topics: dict[str, Any] = {}
     if left_out := sum(bool(each.why_not) for each in recording.trials):
@@ -165,7 +165,7 @@ def _describe_archive(recording: 'Recording') -> Contents:
         'trials': str(len(archive)),
         'labels': [f'{a} ({n})' for a, n in zip(labels, counts, strict=True)],
         'sample rate': f'{archive.rate_hz:g} Hz',
-        'unit': archive.unit or 'not known',
+        'unit': archive.unit or 'unknown',
         'channels': str(archive.x.shape[1]),
         'length': f'{seconds.min():.3g} to {seconds.max():.3g} s',
         'columns': list(archive.columns) or 'none',
@@ -205,7 +205,7 @@ def describe_card(path: Path) -> Contents:
 
 
 def _draw(plot: Path, path: Path, recording: 'Recording', trial: Optional[int]) -> str:
-    """Draw one trial, or all of an experiment; return what was drawn."""
+    """Draw one trial, or all trials of an experiment; return what was drawn."""
     from tactile_bags.experiment_journal import is_experiment
     from tactile_lab.plots import plot_all_trials, plot_signals, plot_strain
 
@@ -253,9 +253,9 @@ def _print(path: Path, contents: Contents, output: Output) -> None:
 
 
 def _split_columns(trials: Sequence[dict[str, Any]]) -> tuple[list[str], str]:
-    """Return the columns of the terminal's table, and what all trials have in common.
+    """Return the columns of the terminal's table, and values that all trials have in common.
 
-    ``trial_id`` is in JSON alone: it would leave no room for the others.
+    ``trial_id`` is only in JSON, because the table has no room for it.
     """
     names = [name for name in trials[0] if name != 'trial_id']
     values = {name: {_format_value(entry[name]) for entry in trials} for name in names}

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile simulate`: bags of simulated trials, made without waiting in real time."""
+"""`tactile simulate`: write bags of simulated trials."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 CROSSED = 'crossed'
 AS_PUBLISHED = 'as-published'
 SESSIONS = 6
-"""Sessions of the crossed design: as many as the unknown objects' threshold needs."""
+"""Number of sessions of the crossed design; the threshold for unknown objects needs several."""
 
 ALL_TRIALS = 60
 """Trials of each plate in the paper (section III.A)."""
@@ -31,14 +31,14 @@ ALL_TRIALS = 60
 def simulate(
     protocol: Annotated[
         str,
-        typer.Argument(**options.choice('texture', 'stiffness'), help='Which kind of trial.'),
+        typer.Argument(**options.choice('texture', 'stiffness'), help='Kind of trial.'),
     ],
-    folder: Annotated[Path, typer.Option('--output', '-o', help='Folder to write the bags into.')],
+    folder: Annotated[Path, typer.Option('--output', '-o', help='Folder for the bags.')],
     contact: Annotated[
         Optional[list[str]],
         typer.Option(
             **options.choice('flexion', 'abduction'),
-            help='How the finger touches; give it twice for both. Default: both.',
+            help='Contact of the finger; give it twice for both. Default: both.',
         ),
     ] = None,
     trials: Annotated[
@@ -54,17 +54,17 @@ def simulate(
         typer.Option(
             min=1,
             max=1000,
-            help='How often the rig is set up anew: trials of one session share its finger and '
-            'temperature. A model needs several to tell unknown objects from new sessions. '
-            'Default: 6; as-published has 1.',
+            help='Number of sessions: trials of one session share the set-up of finger and rig, '
+            'and the temperature. A model needs several to tell unknown objects from new '
+            'sessions. Default: 6; as-published has 1.',
         ),
     ] = None,
     design: Annotated[
         str,
         typer.Option(
             **options.choice(CROSSED, AS_PUBLISHED),
-            help='crossed: the plate or object is fixed anew before each trial. as-published: '
-            'once, for all its trials, in one session: label and mounting coincide.',
+            help='crossed: the plate or object is mounted again before each trial. as-published: '
+            'mounted once for all its trials in one session, so label and mounting coincide.',
         ),
     ] = CROSSED,
     speed: Annotated[
@@ -72,8 +72,8 @@ def simulate(
         typer.Option(
             min=1,
             max=200,
-            help='Sliding speed over the plate in mm/s; give it several times for a bag of each. '
-            'Default: 15.',
+            help='Sliding speed over the plate in mm/s; give it several times for one bag per '
+            'speed. Default: 15.',
         ),
     ] = None,
     seed: options.SeedOption = 1,
@@ -81,15 +81,15 @@ def simulate(
     jobs: options.JobsOption = -1,
     plot: Annotated[
         Optional[Path],
-        typer.Option(help='Draw one of the trials into this PNG file.'),
+        typer.Option(help='Draw one of the trials to this PNG file.'),
     ] = None,
     cluster: options.ClusterOption = '',
     as_json: options.JsonOption = False,
 ) -> None:
     """Make bags of **simulated** trials, without waiting in real time.
 
-    Writes one bag for each kind of contact, with plates or objects times sessions times trials in
-    it. The bags hold the same messages as live recordings, marked as simulated. The same
+    Writes one bag for each contact, with plates or objects times sessions times trials. The bags
+    contain the same messages as live recordings, marked as simulated. The same
     seed gives the same bytes with the same NumPy, whatever the number of processes.
 
     Exits with 3 when the simulator found no equilibrium in some trial: such trials are in
@@ -102,12 +102,12 @@ def simulate(
     if jobs == 0:
         raise TactileError('--jobs is 0; it must be a number of processes, or -1 for all cores')
     if speed and protocol != 'texture':
-        raise TactileError('--speed is for texture: nothing else glides over a plate')
+        raise TactileError('--speed is for texture: only texture trials glide over a plate')
     is_published = design == AS_PUBLISHED
     if is_published and sessions not in (None, 1):
         raise TactileError(
             f'--sessions is {sessions}, but --design {AS_PUBLISHED} has one session, '
-            f'as the paper states none; omit --sessions, or use --design {CROSSED}'
+            f'because the paper states none; omit --sessions, or use --design {CROSSED}'
         )
     sessions = sessions or (1 if is_published else SESSIONS)
     trials = trials or max(1, ALL_TRIALS // sessions)
@@ -139,7 +139,7 @@ def simulate(
         bags = make_bags(folder, plans, output, catalogue=catalogue, jobs=jobs)
     elapsed_s = time.monotonic() - started
     output.say(*(f'{bag.path}: {bag.trials} simulated trials' for bag in bags))
-    output.say(f'{total} trials in {elapsed_s:.1f} s: {total / elapsed_s:.0f} a second')
+    output.say(f'{total} trials in {elapsed_s:.1f} s: {total / elapsed_s:.0f} per second')
     if plot is not None:
         from tactile_lab.simulation.trial_picture import plot_simulated_trial
 
@@ -174,7 +174,7 @@ def make_bags(
     catalogue: 'Catalogue | None' = None,
     jobs: int = -1,
 ) -> 'list[SimulatedBag]':
-    """Write the plans' bags with progress; name the trials that could not be computed.
+    """Write the plans' bags with progress; print the trials that could not be computed.
 
     Nothing is simulated when one of the bags exists already.
     """
@@ -198,7 +198,7 @@ def make_bags(
             nonlocal done
             done += count
             rate = done / max(time.monotonic() - started, 1e-3)
-            show(done, total, f'simulating trials, {rate:.0f} a second')
+            show(done, total, f'simulating trials, {rate:.0f} per second')
 
         bags = [
             write_simulated_bag(
@@ -214,5 +214,5 @@ def make_bags(
             )
         output.say(*(f'   {trial_id} at {at_s:.3f} s' for trial_id, at_s in bag.aborted[:5]))
         if len(bag.aborted) > 5:
-            output.say(f'   and {len(bag.aborted) - 5} more; --json names all of them')
+            output.say(f'   and {len(bag.aborted) - 5} more; --json lists all of them')
     return bags

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile trials`: a session of trials on one plate or object, recorded."""
+"""`tactile trials`: run and record trials on one plate or object."""
 
 from pathlib import Path
 import time
@@ -18,26 +18,22 @@ if TYPE_CHECKING:
 
 def trials(
     protocol: options.ProtocolArgument,
-    label: Annotated[
-        str, typer.Option('--object', help='The plate or object that lies under the finger.')
-    ],
-    bag: Annotated[
-        Path, typer.Option('--output', '-o', help='Bag to record into; must not exist yet.')
-    ],
+    label: Annotated[str, typer.Option('--object', help='The plate or object under the finger.')],
+    bag: Annotated[Path, typer.Option('--output', '-o', help='Bag to record to; must not exist.')],
     contact: options.ContactOption = 'flexion',
-    count: Annotated[int, typer.Option(min=1, max=10_000, help='How many trials.')] = 1,
+    count: Annotated[int, typer.Option(min=1, max=10_000, help='Number of trials.')] = 1,
     session: Annotated[
         str,
         typer.Option(
-            help='Name of the session, also of an earlier one to continue; part of the names of '
-            'the trials. Default: the time.'
+            help='Name of the session; an existing name continues that session. Part of the '
+            'names of the trials. Default: the time.'
         ),
     ] = '',
     mounting: Annotated[
         str,
         typer.Option(
-            help='Name of the mounting; name another each time you fix the plate or object anew. '
-            'Default: none.'
+            help='Name of the mounting; give another name each time you mount the plate or '
+            'object. Default: none.'
         ),
     ] = '',
     models: options.ModelOption = None,
@@ -48,12 +44,12 @@ def trials(
 ) -> None:
     """Run trials on one plate or object, one after the other, and record them.
 
-    Homes the guide, then repeats the protocol. With ``--models`` each trial is classified as
-    well. `tactile train` takes the bags of several such sessions. The simulated rig puts the
+    Homes the guide, then repeats the protocol. With ``--models`` each trial is also classified.
+    `tactile train` accepts the bags of several such sessions. The simulated rig puts the
     named plate or object under the finger. On a real rig, put it there before you run the
-    command. A trial that fails is run once more; one that fails again ends the command.
+    command. A failed trial is repeated once; a second failure ends the command.
 
-    For several objects use `tactile experiment`: with one object a session, a model may learn
+    For several objects use `tactile experiment`: with one object per session, a model may learn
     the session instead of the object.
     """
     from tactile_bringup.trial_protocols import TrialRequest
@@ -61,7 +57,7 @@ def trials(
 
     output = Output(as_json)
     started = time.strftime('%Y%m%d-%H%M%S')
-    # A session that is joined again goes on under names that it does not have yet.
+    # A continued session gets trial names that it does not have yet.
     joined = f'-{started[9:]}' if session else ''
     session = session or started
     name = f'{session}-{protocol}-{contact}-{label}{joined}'

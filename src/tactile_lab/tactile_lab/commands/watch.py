@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile watch`: a live page beside nodes that run elsewhere."""
+"""`tactile watch`: show a live page of nodes that run elsewhere."""
 
 from typing import Annotated
 
@@ -14,7 +14,7 @@ def watch(
     host: Annotated[
         str,
         typer.Option(
-            help='Address to listen on. With another address than the default, everybody on the '
+            help='Address to listen on. With another address than the default, everyone on the '
             'network can see the page and press Stop: see docs/security.md.'
         ),
     ] = '127.0.0.1',
@@ -25,11 +25,11 @@ def watch(
 ) -> None:
     """Show every finger live in a browser, until Ctrl-C.
 
-    Run it beside `tactile rig`, `tactile sense`, `tactile hand` or any launch file: it finds
-    fingers by their topics on the same ROS domain. Those commands also take ``--watch``, which
-    costs less than a process of its own.
+    Run it along with `tactile rig`, `tactile sense`, `tactile hand` or any launch file: it finds
+    fingers by their topics on the same ROS domain. Those commands also accept ``--watch``, which
+    costs less than a separate process.
 
-    For each finger the page shows tension with the phases of the trial, the spectrum of the
+    For each finger the page shows the tension with the phases of the trial, the spectrum of the
     window, the label with its probabilities or *unknown*, and the health of each
     device with its remedy. Its buttons tare the sensor, home the guide and run a trial. They need
     the token in the printed address. Without the token a page can only show and **stop**. Stop

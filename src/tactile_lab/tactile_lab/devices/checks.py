@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks of sensor, guide and tendon, each with the remedy of what it finds."""
+"""Checks of sensor, guide and tendon; each problem is reported with its remedy."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from tendon_sensor_driver.records import Health, TendonSensorConfig
 from tendon_sensor_driver.sensors import make_sensor
 
 MakeSensor = Callable[[TendonSensorConfig, OnBlock, NowNs], SensorClient]
-"""Makes the client of a sensor, as `make_sensor` does."""
+"""Returns the client of a sensor, as `make_sensor` does."""
 
 RATE_TOLERANCE = 0.02
 MOST_STAMP_ERROR_S = 0.005
@@ -37,19 +37,19 @@ MOST_STAMP_ERROR_S = 0.005
 _STATUS_REMEDIES = {
     StrainStatus.SATURATED: (
         'the sensor saturates',
-        'unload the tendon; if it stays, check the wiring of the bridge',
+        'unload the tendon; if the sensor still saturates, check the wiring of the bridge',
     ),
     StrainStatus.STUCK: (
-        'the reading does not change at all',
+        'the reading does not change',
         'check the cable between load cell and amplifier; a coarse sensor needs stuck_s = 0',
     ),
 }
 
 
 def make_config(node: str, stated: Mapping[str, Any]) -> Any:
-    """Return the parameters of a device's node from those stated, without those of every node.
+    """Return the configuration of a device's node; parameters that every node has are ignored.
 
-    Raises `TactileError` when a value is not usable.
+    Raises `TactileError` when a value is invalid.
     """
     known = {field.name for field in fields(CONFIGS[node])}
     try:
@@ -61,10 +61,15 @@ def make_config(node: str, stated: Mapping[str, Any]) -> Any:
 def check_sensor(
     config: TendonSensorConfig, seconds: float, make: MakeSensor = make_sensor
 ) -> CheckReport:
-    """Listen to the sensor.
+    """Read the sensor for a while and check its samples.
 
-    ``seconds``: how long [s]; leave the tendon alone meanwhile, or the noise is not noise.
-    ``make``: makes the client; for a sensor on a topic one that has a node.
+    Parameters
+    ----------
+    seconds : float
+        Duration [s]. The tendon must not be touched during this time, so that only noise is
+        measured.
+    make : callable
+        Returns the client; for a sensor on a topic, a client that has a node.
     """
     link = {'net_ft': config.host, 'topic': config.topic}.get(config.sensor, config.port)
     blocks: list[StrainBlock] = []
@@ -88,17 +93,17 @@ def check_sensor(
     if health.rate_hz:
         facts['rate that the device states [Hz]'] = round(health.rate_hz, 3)
     if health.device_status:
-        problems.append(Problem(f'the sensor says: {health.device_status}', 'power-cycle it'))
+        problems.append(Problem(f'the sensor reports: {health.device_status}', 'power-cycle it'))
     out_of_order = health.duplicates + health.late_samples + health.outliers
     problems += _list_problems(
         (
             out_of_order,
-            f'{out_of_order} readings came twice, too late or at an impossible time',
+            f'readings that are duplicate, late or have an impossible time: {out_of_order}',
             'check time_column and time_unit_s, and the cable',
         ),
         (
             blocks and health.rejected_lines,
-            f'{health.rejected_lines} lines were no readings, the last one '
+            f'lines that are not readings: {health.rejected_lines}, the last one '
             f'"{health.last_rejected}": {health.last_reason}',
             'check ground and shield of the cable, and the columns',
         ),
@@ -109,7 +114,7 @@ def check_sensor(
             if health.last_rejected
             else 'silence'
         )
-        remedy = 'check baud, unit and columns; "tactile devices" says what fits'
+        remedy = 'check baud, unit and columns; "tactile devices" proposes values'
         problems = [Problem(f'no reading in {seconds:g} s: {said}', remedy)]
     return CheckReport('sensor', link, facts, tuple(problems))
 
@@ -122,11 +127,11 @@ def _judge_topic(
             health.last_error
             or health.last_rejected
             or health.advice
-            or 'too few messages to measure the rate; set rate_hz, or listen longer'
+            or 'too few messages to measure the rate; set rate_hz, or increase --seconds'
         )
         return [Problem(f'no reading in {seconds:g} s: {said}')]
     rejected = [Problem(health.last_rejected)] if health.rejected_lines else []
-    # The rate is judged by the blocks already.
+    # The rate is already checked with the blocks.
     advice = [Problem(health.advice)] if health.advice and 'rate_hz' not in health.advice else []
     return [*problems, *rejected, *advice]
 
@@ -134,21 +139,21 @@ def _judge_topic(
 def judge_blocks(
     blocks: list[StrainBlock], config: TendonSensorConfig
 ) -> tuple[dict[str, Any], list[Problem]]:
-    """Return facts and problems of the blocks of a sensor whose tendon is left alone."""
+    """Return facts and problems from the blocks of a sensor whose tendon is not touched."""
     if not blocks:
         return {'samples': 0}, []
     tension_n = np.concatenate([block.tension_n for block in blocks])
     first_ns = blocks[0].stamp_ns
     time_ns = [b.stamp_ns - first_ns + b.period_ns * np.arange(b.tension_n.size) for b in blocks]
     time_s = np.concatenate(time_ns) * 1e-9
-    # The first block may count what was lost before anybody listened.
+    # The first block may count losses from before the check.
     lost = sum(block.lost_before for block in blocks[1:])
     status = functools.reduce(operator.or_, (block.status for block in blocks))
     span_s = float(time_s[-1] - time_s[0])
     rate_hz = (tension_n.size + lost - 1) / span_s if span_s > 0 else 0.0
     noise_n = _compute_noise_n(time_s, tension_n)
     error_s = blocks[-1].stamp_error_s
-    clock = 'none: host time' if status & StrainStatus.HOST_TIME else 'not known yet'
+    clock = 'none: host time' if status & StrainStatus.HOST_TIME else 'unknown yet'
     facts = {
         'samples': int(tension_n.size),
         'rate [Hz]': round(rate_hz, 3),
@@ -168,25 +173,25 @@ def judge_blocks(
         ),
         (
             abs(rate_hz - config.rate_hz) > RATE_TOLERANCE * config.rate_hz,
-            f'the rate is {rate_hz:.2f} Hz and rate_hz is {config.rate_hz:g}',
-            f'set rate_hz to {rate_hz:.4g}, or the sensor to {config.rate_hz:g}',
+            f'the rate is {rate_hz:.2f} Hz, but rate_hz is {config.rate_hz:g}',
+            f'set rate_hz to {rate_hz:.4g}, or set the sensor to {config.rate_hz:g} Hz',
         ),
         (
             lost,
             f'{lost} of {tension_n.size + lost} samples were lost',
-            'check the cable, a higher baud, and what else this computer does',
+            'check the cable, raise the baud rate, or end other programs on this computer',
         ),
         (
             error_s > MOST_STAMP_ERROR_S,
             f'the stamps may be wrong by {error_s * 1e3:.1f} ms',
-            "install the udev rule for the adapter's latency timer; free the computer",
+            "install the udev rule for the adapter's latency timer; end other programs",
         ),
     )
     return facts, problems
 
 
 def _compute_noise_n(time_s: Any, tension_n: Any) -> float:
-    """Standard deviation about a straight line, so that a slow drift is no noise [N]."""
+    """Return the standard deviation about a straight line, which excludes slow drift [N]."""
     if tension_n.size < 3:
         return 0.0
     line = np.polynomial.Polynomial.fit(time_s, tension_n, 1)
@@ -203,14 +208,14 @@ LATE_S = 0.5
 
 @dataclass(frozen=True)
 class Problem:
-    """Something wrong, and what to do about it, when the sentence does not say that itself."""
+    """A problem and its remedy; the remedy is empty if the sentence already contains it."""
 
     what: str
     remedy: str = ''
 
 
 def _list_problems(*cases: tuple[object, str, str]) -> list[Problem]:
-    """Return the problems whose condition, which comes first, holds."""
+    """Return the problems whose condition, the first element of each case, is true."""
     return [Problem(what, remedy) for is_so, what, remedy in cases if is_so]
 
 
@@ -218,8 +223,8 @@ def _list_problems(*cases: tuple[object, str, str]) -> list[Problem]:
 class CheckReport:
     """Result of the check of one device (sensor, guide or tendon) on its port or address.
 
-    ``facts`` are measured or read values, by name with unit. A device without ``problems`` is fit
-    for trials.
+    ``facts`` are measured or read values, by name with unit. A device without ``problems`` is
+    ready for trials.
     """
 
     device: str
@@ -232,7 +237,7 @@ class CheckReport:
 
 
 def check_guide(config: LinearGuideConfig, may_move: bool) -> CheckReport:
-    """Reset the guide's controller, check its settings; home and move a little if allowed."""
+    """Reset the guide's controller and check its settings; if allowed, home it and move it."""
     facts: dict[str, Any] = {}
     problems: list[Problem] = []
     client = LinearGuideClient(config)
@@ -240,16 +245,16 @@ def check_guide(config: LinearGuideConfig, may_move: bool) -> CheckReport:
         client.connect()
         state = client.state
         facts['firmware'] = client.identification
-        facts['settings'] = 'fit'  # or it would not be connected
+        facts['settings'] = 'valid'  # otherwise the connection would have failed
         facts['state'] = state.state if state else 'unknown'
         is_locked = state is not None and state.state == 'Alarm'
-        facts['homed since power-up'] = 'no' if is_locked else 'perhaps; trials home it anyway'
+        facts['homed since power-up'] = 'no' if is_locked else 'unknown; trials home it anyway'
         if may_move:
             problems += _exercise_guide(client, config, facts)
         problems += _list_problems(
             (
                 client.garbage_lines,
-                f'{client.garbage_lines} lines were no Grbl',
+                f'lines that are not from Grbl: {client.garbage_lines}',
                 'check ground and shield of the cable',
             )
         )
@@ -279,7 +284,7 @@ def _exercise_guide(
     return _list_problems(
         (
             abs(rest_m - target_m) > MOVE_TOLERANCE_M,
-            f'the guide rests {off_mm:.2f} mm beside its target',
+            f'the guide stops {off_mm:.2f} mm from its target',
             'check $100 (steps per mm)',
         ),
         (
@@ -294,9 +299,9 @@ def _exercise_guide(
 
 
 def check_tendon(config: TendonActuatorConfig, may_move: bool) -> CheckReport:
-    """Read the servo, hold it where it is, and see whether its watchdog stops it in silence.
+    """Read the servo, hold its position, and check that its watchdog stops it.
 
-    With ``may_move`` it tightens by 2 mm and slackens again.
+    With ``may_move`` it also tightens the tendon by 2 mm and slackens it again.
     """
     facts: dict[str, Any] = {}
     problems: list[Problem] = []
@@ -337,8 +342,8 @@ def _read_servo(bus: DynamixelBus, facts: dict[str, Any]) -> list[Problem]:
         ),
         (
             temperature_c > MOST_TEMPERATURE_C,
-            f'the servo has {temperature_c} degrees Celsius',
-            'let it cool; lower its load',
+            f'the temperature of the servo is {temperature_c} degrees Celsius',
+            'let it cool; reduce its load',
         ),
     )
 
@@ -363,7 +368,7 @@ def _try_watchdog(
 def _tighten(
     servo: TendonServo, config: TendonActuatorConfig, facts: dict[str, Any]
 ) -> list[Problem]:
-    """Tighten by a short way and slacken; each read feeds the watchdog."""
+    """Tighten by a short length and slacken; each read feeds the watchdog."""
     length_m = min(0.002, config.max_displacement_m)
     one_unit_m_s = registers.velocity_to_m_s(1, config.pulley_radius_m)
     most_a = 0.0
@@ -382,8 +387,8 @@ def _tighten(
         else:
             return [
                 Problem(
-                    f'the servo rests {abs(off_m) * 1e3:.2f} mm beside its goal',
-                    'see whether the tendon is caught; check current_limit_a',
+                    f'the servo stops {abs(off_m) * 1e3:.2f} mm from its goal',
+                    'check that the tendon moves freely; check current_limit_a',
                 )
             ]
     facts['tightened and slackened [mm]'] = round(length_m * 1e3, 1)

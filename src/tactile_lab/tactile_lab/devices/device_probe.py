@@ -1,11 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Discovery of connected devices: serial ports, and the device on each.
+"""Discovery of connected devices: serial ports, and the device on each port.
 
-A probe moves no device. It only listens to a port that sends data unasked. To a silent port it
-sends a single ``?``, which Grbl answers with its status and others ignore. After that it sends
-the ping of the Dynamixel protocol.
+A probe moves no device. It only reads from a port that sends data without a request. It sends a
+single ``?`` to a silent port, which Grbl answers with its status and other devices ignore. Then
+it sends the ping of the Dynamixel protocol.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from tendon_sensor_driver.net_ft_protocol import BoxWeb
 from tendon_sensor_driver.records import TendonSensorConfig
 
 LISTEN_S = 2.5
-"""A board that is reset by opening its port needs this to boot and to say its banner."""
+"""Time that a board needs to boot and send its banner, if opening its port resets it [s]."""
 
 NAME_FOLDERS = ('/dev/tactile', '/dev/serial/by-id')
-"""Where udev puts names that stay: ours (see ``udev/60-tactile.rules``), then its own."""
+"""Folders of persistent names: ours (see ``udev/60-tactile.rules``), then those of udev."""
 
 USUAL_BAUD = 115_200
 OTHER_BAUDS = (9600, 57_600, 38_400, 19_200, 1_000_000)
@@ -57,11 +57,11 @@ _match_time = re.compile(rb'\d{1,15}(?:\.(\d{1,9}))?').fullmatch
 
 @dataclass(frozen=True)
 class FoundDevice:
-    """One serial port, Net F/T address or topic, and what is there.
+    """One serial port, Net F/T address or topic, and the device there.
 
-    ``device`` is guide, tendon, sensor, or empty when nothing is recognised; ``usb`` is product,
-    ``vid:pid`` and serial number, as far as known. ``names`` stay when the port is plugged in
-    again. ``parameters`` of the node fit the device.
+    ``device`` is guide, tendon, sensor, or empty if it is unknown. ``usb`` is product, ``vid:pid``
+    and serial number, as far as known. ``names`` are persistent names of the port. ``parameters``
+    are parameters of the device's node.
     """
 
     port: str
@@ -76,9 +76,9 @@ class FoundDevice:
 
 
 def recognise(data: bytes) -> tuple[str, str, dict[str, Any]] | None:
-    """Return device, sentence and parameters for what a line has said; None if unknown.
+    """Return device, description and parameters for the output of a device; None if unknown.
 
-    ``data``: from any point of the stream on.
+    ``data`` may begin anywhere in the stream.
     """
     if banner := _match_banner(data):
         return 'guide', f'Grbl: "{banner.group().decode("ascii", "replace")}"', {}
@@ -90,7 +90,7 @@ def recognise(data: bytes) -> tuple[str, str, dict[str, Any]] | None:
     lines = [line for line in lines if line]
     if len(lines) < _ENOUGH_LINES or any(not 0x20 <= byte < 0x7F for byte in lines[-1]):
         return None
-    rows = [split_line(line) for line in lines[-_ENOUGH_LINES:]]  # after a text at the start
+    rows = [split_line(line) for line in lines[-_ENOUGH_LINES:]]  # there may be text at the start
     width = len(rows[0])
     if any(len(row) != width for row in rows):
         return None
@@ -111,9 +111,9 @@ def _is_value(text: bytes) -> bool:
 
 
 def _find_refusal(lines: list[bytes], parameters: dict[str, Any]) -> str:
-    """Return why the driver with these parameters would read none of the lines."""
+    """Return why the driver with these parameters would reject all lines, or an empty string."""
     try:
-        decoder = LineDecoder(TendonSensorConfig(rate_hz=0.1, **parameters))  # any clock will do
+        decoder = LineDecoder(TendonSensorConfig(rate_hz=0.1, **parameters))  # any rate works
     except ValueError as error:
         return str(error)
     readings = decoder.feed(b'\n' + b'\n'.join(lines) + b'\n', 0)
@@ -136,7 +136,7 @@ def _read_columns(rows: list[list[bytes]], numeric: list[int]) -> dict[str, Any]
 
 
 def _read_time(texts: list[bytes]) -> dict[str, Any]:
-    """Return the parameters of a time that rises in every line; empty if it is no time."""
+    """Return the parameters of a time column that increases with every line, or none."""
     matches = [_match_time(text) for text in texts]
     decimals = {len(match.group(1) or b'') for match in matches if match}
     if not all(matches) or len(decimals) != 1:
@@ -144,7 +144,7 @@ def _read_time(texts: list[bytes]) -> dict[str, Any]:
     if any(float(b) <= float(a) for a, b in pairwise(texts)):
         return {}
     (count,) = decimals
-    # A time with a point is in seconds in all sketches seen.
+    # In all known sketches, a time with a decimal point is in seconds.
     return {'time_unit_s': 1.0, 'time_decimals': count} if count else {'time_unit_s': 0.001}
 
 
@@ -152,7 +152,7 @@ def _read_time(texts: list[bytes]) -> dict[str, Any]:
 
 
 def find_ports() -> list[FoundDevice]:
-    """Return the serial ports of this computer, not asked yet."""
+    """Return the serial ports of this computer, without opening them."""
     return [
         FoundDevice(
             port=port.device,
@@ -179,7 +179,7 @@ def find_names(port: str, folders: Sequence[str] = NAME_FOLDERS) -> tuple[str, .
 
 
 def find_holders(port: str) -> list[str]:
-    """Return the programs of ours that have a port open, as ``name (number)``."""
+    """Return this user's programs that have a port open, as ``name (number)``."""
     target = os.path.realpath(port)
     handles = Path('/proc').glob('[0-9]*/fd/*')
     return sorted({_name_process(h.parent.parent) for h in handles if _leads_to(h, target)})
@@ -188,7 +188,7 @@ def find_holders(port: str) -> list[str]:
 def _leads_to(link: Path, target: str) -> bool:
     try:
         return str(link.readlink()) == target
-    except OSError:  # closed meanwhile, or not ours
+    except OSError:  # closed in the meantime, or of another user
         return False
 
 
@@ -202,18 +202,18 @@ def _name_process(folder: Path) -> str:
 def probe_ports(
     ports: Sequence[FoundDevice], *, listen_s: float = LISTEN_S, is_quiet: bool = False
 ) -> list[FoundDevice]:
-    """Return the ports with what is recognised on each; all are asked at once.
+    """Return the ports with the device on each; all ports are probed in parallel.
 
-    ``listen_s``: how long to wait for a line that speaks by itself [s]. ``is_quiet``: send
-    nothing.
+    ``listen_s`` is the time to wait for a device that sends data without a request [s]. With
+    ``is_quiet`` nothing is sent.
     """
     with ThreadPoolExecutor(_MOST_PORTS_AT_ONCE) as pool:
         return list(pool.map(lambda port: probe_port(port, listen_s, is_quiet), ports))
 
 
 def probe_port(found: FoundDevice, listen_s: float, is_quiet: bool) -> FoundDevice:
-    """Return a port with what is recognised on it."""
-    # The simulated rig holds its own ptys open; a driver on one is seen by its lock.
+    """Return a port with the device on it."""
+    # The simulated rig holds its own ptys open; a driver on a pty is recognised by its lock.
     holders = (
         [] if os.path.realpath(found.port).startswith('/dev/pts/') else find_holders(found.port)
     )
@@ -229,7 +229,7 @@ def probe_port(found: FoundDevice, listen_s: float, is_quiet: bool) -> FoundDevi
     except (*LINE_ERRORS, ValueError) as error:
         return replace(found, what=_format_failure(error))
     if answer is None:
-        what = 'speaks, but in no known way' if spoke else 'silent'
+        what = 'sends data of an unknown device' if spoke else 'silent'
         return replace(found, what=what)
     device, what, parameters = answer
     return replace(found, device=device, what=what, parameters=parameters)
@@ -243,13 +243,13 @@ def _format_failure(error: Exception) -> str:
         return 'no permission; add yourself to its group (usually dialout) and log in again'
     if number == 2:
         return 'no such port; check the cable and the name'
-    return f'cannot be asked: {error}'
+    return f'cannot be opened: {error}'
 
 
 def _ask_line(
     line: serial.Serial, listen_s: float, is_quiet: bool
 ) -> tuple[bool, tuple[str, str, dict[str, Any]] | None]:
-    """Return whether the line speaks by itself, and what is recognised."""
+    """Return whether the device sends data without a request, and the recognised device."""
     data = _listen(line, listen_s)
     answer = recognise(data)
     baud = USUAL_BAUD
@@ -272,20 +272,20 @@ def _ask_line(
 
 
 def _listen(line: serial.Serial, seconds: float) -> bytes:
-    """Return what the line says, until it is recognised or the time is up."""
+    """Return received data, until the device is recognised or the time is up."""
     data = b''
     until_s = time.monotonic() + seconds
     while time.monotonic() < until_s:
         data += line.read(line.in_waiting or 1)
         if recognise(data) is not None:
-            # The rest of a banner, and enough lines to know their columns.
+            # The rest of a banner, and enough lines to recognise the columns.
             time.sleep(_TICK_S)
             return data + line.read(line.in_waiting)
     return data
 
 
 def _ask_build(line: serial.Serial, what: str) -> str:
-    """Ask Grbl for its build, at rest only: while it moves it must not be disturbed."""
+    """Ask Grbl for its version, but only at rest: a moving guide must not be disturbed."""
     line.write(b'?')
     status = _match_status(_listen(line, _ANSWER_S))
     if status is None or status.group(1) not in (b'Idle', b'Alarm'):
@@ -307,7 +307,7 @@ def _ping_servos(port: str) -> tuple[str, str, dict[str, Any]] | None:
             if not handler.setBaudRate(baud):
                 continue
             handler.ser.exclusive = True
-            handler.ser.timeout = READ_WAIT_S  # the SDK asks for bytes in a loop
+            handler.ser.timeout = READ_WAIT_S  # the SDK polls for bytes in a loop
             servos, _ = packets.broadcastPing(handler)
             if servos:
                 return _format_servos(servos, baud)
@@ -329,7 +329,7 @@ def _format_servos(servos: dict[int, list[int]], baud: int) -> tuple[str, str, d
 
 
 def probe_net_ft(host: str, http_port: int = 80) -> FoundDevice:
-    """Return what is at the address of a Net F/T; only its web page is read."""
+    """Return the Net F/T at an address; only its web page is read."""
     try:
         box = BoxWeb(host, http_port).read_configuration()
     except LinkError as error:

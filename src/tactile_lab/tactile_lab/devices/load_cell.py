@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A load cell against known weights: the fit, and the edit of the parameter file."""
+"""Calibration of a load cell with known weights: the fit, and editing of the parameter file."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from tactile_ros.errors import TactileError
 from tactile_ros.yaml_files import load_yaml, read_text
 
 MAX_BYTES = 2**20
-"""Longest file that is edited [byte]."""
+"""Largest file that is edited [byte]."""
 
 _PARAMETERS = 'ros__parameters'
 
 
 def set_parameters(path: Path, node: str, values: Mapping[str, float]) -> None:
-    """Set parameters of a node in its file, at once; make the file if there is none.
+    """Set parameters of a node in its file atomically; create the file if it does not exist.
 
     Raises `TactileError` when the file cannot be read, edited or written.
     """
@@ -38,13 +38,13 @@ def set_parameters(path: Path, node: str, values: Mapping[str, float]) -> None:
 
 
 def edit_parameters(text: str, node: str, values: Mapping[str, float]) -> str:
-    """Return the text of a parameter file with some values of a node set.
+    """Return the text of a parameter file with some values of a node changed.
 
-    Raises `TactileError` when it is no parameter file, or this would change anything else in it.
+    Raises `TactileError` when the text is not a parameter file, or other parts would change.
     """
     before = load_yaml(text)
     if before is not None and not isinstance(before, dict):
-        raise TactileError('it is no ROS parameter file: node names are expected on top')
+        raise TactileError('it is not a ROS parameter file, which has node names at the top level')
     new = text
     for name, value in values.items():
         new = _edit(new, node, name, repr(float(value)))
@@ -55,7 +55,7 @@ def edit_parameters(text: str, node: str, values: Mapping[str, float]) -> str:
         is_right = False
     if not is_right:
         lines = ', '.join(f'{name}: {float(value)!r}' for name, value in values.items())
-        raise TactileError(f'its form is not known here; set under {node} by hand: {lines}')
+        raise TactileError(f'its form is not supported; set under {node} by hand: {lines}')
     return new
 
 
@@ -95,27 +95,28 @@ def _find(parent: yaml.Node | None, name: str) -> yaml.Node | None:
 
 
 FEWEST_WEIGHTS = 3
-"""Different weights; with two there is no residual, and no uncertainty."""
+"""Smallest number of different weights; two would leave no residual and no uncertainty."""
 
 LARGEST_SPREAD_N = 0.1
-"""Standard deviation within a second above which a weight still swings."""
+"""A weight still swings if the standard deviation within a second is larger [N]."""
 
 SMALLEST_CHANGE_N = 0.005
-"""Change over a second below which a reading is at rest, whatever the noise."""
+"""A reading is at rest if it changes by less than this within a second [N]."""
 
 _REJECTED = 5.0 * 1.4826
-"""Median absolute deviations from the median at which a sample is left out: five sigma."""
+"""Samples further from the median are outliers, in median absolute deviations: five sigma."""
 
 
 class CalibrationError(TactileError):
-    """The readings give no calibration; the message says why."""
+    """The readings do not allow a calibration; the message has the reason."""
 
 
 @dataclass(frozen=True)
 class Reading:
     """Sensor reading under one weight: mean and standard deviation of a settled second [N].
 
-    It is taken with scale 1 and offset 0. ``is_rising``: the weight before was smaller.
+    It is taken with scale 1 and offset 0. ``is_rising`` is true if the previous weight was
+    smaller.
     """
 
     mass_kg: float
@@ -126,13 +127,21 @@ class Reading:
 
 @dataclass(frozen=True)
 class LoadCellFit:
-    """The line ``force = scale * reading + offset_n``.
+    """The fitted line ``force = scale * reading + offset_n``.
 
-    ``scale``, ``offset_n``: parameters of the sensor node. ``scale_error``, ``offset_error_n``:
-    their standard uncertainties, from the residuals. ``residuals_n``: calibrated force minus true
-    force of each reading [N]. ``largest_residual_n``: its largest magnitude. ``hysteresis_n``:
-    largest difference at one weight between its readings on the way up and down [N]; None: no
-    weight was measured both ways.
+    Attributes
+    ----------
+    scale, offset_n : float
+        Parameters of the sensor node.
+    scale_error, offset_error_n : float
+        Their standard uncertainties, from the residuals.
+    residuals_n : tuple of float
+        Calibrated force minus true force of each reading [N].
+    largest_residual_n : float
+        Largest absolute residual [N].
+    hysteresis_n : float or None
+        Largest difference at one weight between increasing and decreasing loads [N]; None if no
+        weight was measured in both directions.
     """
 
     scale: float
@@ -146,17 +155,17 @@ class LoadCellFit:
 
 
 def settled_mean(tension_n: ArrayLike) -> tuple[float, float] | None:
-    """Return mean and standard deviation of a second of samples; None while it is not settled.
+    """Return mean and standard deviation of a second of samples, or None if it is not settled.
 
-    Samples far from the median are left out. It is settled when both halves have the same mean
-    within four standard errors of their difference, or `SMALLEST_CHANGE_N`.
+    Samples far from the median are ignored. The second is settled if the means of both halves
+    differ by at most four standard errors of their difference, or by `SMALLEST_CHANGE_N`.
     """
     values = np.asarray(tension_n, dtype=np.float64)
     if values.size < 4 or not np.isfinite(values).all():
         return None
     median = np.median(values)
     spread = np.median(np.abs(values - median))
-    # Half of the samples may be equal, as of a coarse converter: then none is left out.
+    # With a coarse converter, half of the samples may be equal; then no sample is ignored.
     is_near = np.abs(values - median) <= (_REJECTED * spread if spread > 0.0 else np.inf)
     half = values.size // 2
     first, second = values[:half][is_near[:half]], values[half:][is_near[half:]]
@@ -173,10 +182,11 @@ def settled_mean(tension_n: ArrayLike) -> tuple[float, float] | None:
 def fit_load_cell(readings: Sequence[Reading], gravity_m_s2: float) -> LoadCellFit:
     """Fit the line by least squares of the readings over the true forces.
 
-    The weights are known and the readings are noisy, so the readings are regressed; the line is
-    then turned around. Uncertainties: first order in those of slope and intercept.
+    The weights are known and the readings are noisy, so the readings are the dependent variable;
+    the fitted line is then inverted. Uncertainties are of first order.
 
-    Raises `CalibrationError` with too few weights, or readings that do not follow the weights.
+    Raises `CalibrationError` when there are too few weights, or readings do not follow the
+    weights.
     """
     force_n = np.array([reading.mass_kg for reading in readings]) * gravity_m_s2
     value_n = np.array([reading.reading_n for reading in readings])
@@ -187,7 +197,7 @@ def fit_load_cell(readings: Sequence[Reading], gravity_m_s2: float) -> LoadCellF
     count = len(readings)
     middle = float(force_n.mean())
     width = float(((force_n - middle) ** 2).sum())
-    sigma_n = math.sqrt(float((residuals**2).sum()) / (count - 2))  # as a force
+    sigma_n = math.sqrt(float((residuals**2).sum()) / (count - 2))  # in units of force
     return LoadCellFit(
         scale=scale,
         offset_n=offset_n,
@@ -211,8 +221,8 @@ def _check_order(readings: Sequence[Reading]) -> None:
     masses = sorted({reading.mass_kg for reading in readings})
     if len(masses) < FEWEST_WEIGHTS:
         raise CalibrationError(
-            f'{len(masses)} different weights are too few; hang {FEWEST_WEIGHTS} at least, one of '
-            'them none'
+            f'{len(masses)} different weights are too few; use at least {FEWEST_WEIGHTS}, one of '
+            'them zero'
         )
     means = [
         math.fsum(values) / len(values)

@@ -1,4 +1,4 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""An experiment: a plan of trials, its journal, and the trials one after the other."""
+"""Experiments: a plan of trials, its journal, and the loop that runs the trials."""

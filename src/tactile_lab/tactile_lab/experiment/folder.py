@@ -36,14 +36,14 @@ from tactile_ros.yaml_files import read_text
 _OWN = {name for each in (PLAN, ORDER, BAGS) for name in (each, f'.{each}.new')}
 
 MAY_GROW = 'sessions'
-"""The one entry of a plan that may change, upwards, once the experiment has begun."""
+"""The only entry of a plan that may be changed, to a larger value, after the first trial."""
 
 
 @dataclass(frozen=True)
 class ExperimentFolder:
-    """Where an experiment lies.
+    """The folder of an experiment.
 
-    ``order.csv`` holds the order once it is drawn, and is not drawn again.
+    The order of the trials is drawn once and stored in ``order.csv``.
     """
 
     path: Path
@@ -57,18 +57,21 @@ class ExperimentFolder:
         return self.path / BAGS
 
     def set_up(self, plan: ExperimentPlan) -> None:
-        """Make the folder for a plan, or check that it is one for it; draw what lacks.
+        """Create the folder for a plan, or check that it belongs to the plan; draw missing
+        sessions.
 
-        Raises `TactileError` when it cannot be made, holds something else, or its experiment has
-        another plan.
+        Raises `TactileError` when the folder cannot be created, contains something else, or its
+        experiment has another plan.
         """
         with named_errors('make the folder', self.path):
             if not (self.path / PLAN).exists():
                 if self.path.exists() and not {each.name for each in self.path.iterdir()} <= _OWN:
-                    raise ExperimentError(f'{self.path} exists and is no experiment; name another')
+                    raise ExperimentError(
+                        f'{self.path} exists, but is no experiment; name another'
+                    )
                 self.bags.mkdir(parents=True, exist_ok=True)
                 write_atomically(self.path / ORDER, '')
-                # Last: with the plan it is an experiment's folder.
+                # Written last, because the plan marks the folder as an experiment.
                 write_atomically(self.path / PLAN, format_plan(plan))
             self._adopt(plan)
 
@@ -83,8 +86,8 @@ class ExperimentFolder:
             changed.append(f'{MAY_GROW} (was {old.sessions})')
         if changed:
             raise ExperimentError(
-                f'{self.path} was begun with another plan: {", ".join(changed)}; take the change '
-                f'back, or name another folder with --output. Only {MAY_GROW} may grow'
+                f'{self.path} was started with another plan: {", ".join(changed)}; undo the '
+                f'change, or name another folder with --output. Only {MAY_GROW} may be increased'
             )
         order = self.read_order()
         drawn = {trial.session_id for trial in order}
@@ -96,21 +99,21 @@ class ExperimentFolder:
             write_atomically(self.path / PLAN, format_plan(plan))
 
     def draw_block(self, session_id: str) -> list[PlannedTrial]:
-        """Return one more block of a session, each object once in each contact; nothing changes.
+        """Return another block for a session, with each object once in each contact.
 
-        Raises `ExperimentError` when there is no such session.
+        The order is not changed. Raises `ExperimentError` for an unknown session.
         """
         last = self._last_mounting(session_id)
         return list_order(replace(self.read_plan(), mountings=1), session_id, last + 1)
 
     def append(self, block: Sequence[PlannedTrial]) -> None:
-        """Append a block from `draw_block` to the order; the caller holds the journal."""
+        """Append a block from `draw_block` to the order; the caller must hold the journal."""
         write_atomically(self.path / ORDER, format_order([*self.read_order(), *block]))
 
     def appended_left(self, session_id: str) -> int:
-        """Return how many trials are left of blocks that were appended to a session.
+        """Return the number of trials that are left in blocks appended to a session.
 
-        Raises `ExperimentError` when there is no such session.
+        Raises `ExperimentError` for an unknown session.
         """
         self._last_mounting(session_id)
         plan = self.read_plan()
@@ -140,20 +143,28 @@ class ExperimentFolder:
             raise ExperimentError(f'the order {path}: {error}') from error
 
     def read_progress(self) -> Progress:
-        """Return how far the experiment is; another program may be running it."""
+        """Return the progress of the experiment; another program may be running it."""
         entries = read_journal(self.journal) if self.journal.exists() else []
         return Progress(self.read_order(), entries)
 
     def correct(self, trial: str, kind: str, **values: str) -> Attempt:
-        """Write a correction of a recorded trial; return the attempt as it now stands.
+        """Write a correction of a recorded trial to the journal; return the corrected attempt.
 
-        The bags stay as they are. What reads them obeys the journal.
+        The bags are not changed; their readers apply the journal.
 
-        ``trial``: trial id, or the name of a planned trial. ``kind``: `RELABELLED`, `EXCLUDED` or
-        `INCLUDED`. ``values``: ``label`` and ``why``.
+        Parameters
+        ----------
+        trial : str
+            Trial id, or the name of a planned trial.
+        kind : str
+            `RELABELLED`, `EXCLUDED` or `INCLUDED`.
+        **values : str
+            ``label`` and ``why``.
 
-        Raises `ExperimentError` when there is no such trial, or another program runs the
-        experiment.
+        Raises
+        ------
+        ExperimentError
+            When there is no such trial, or another program is running the experiment.
         """
         with self.open_journal() as journal:
             progress = Progress(self.read_order(), journal.entries)
@@ -165,11 +176,11 @@ class ExperimentFolder:
         return Journal(self.journal)
 
     def bag_path(self, session_id: str, run: int) -> Path:
-        """Return where a run of a session is recorded; nothing lies there yet."""
+        """Return an unused path for the bag of a run of a session."""
         names = (f'{session_id}-{number:02d}' for number in itertools.count(run))
-        # The bag of a run that was killed may be there before the journal knows of it.
+        # The bag of a killed run may exist although the journal does not mention it.
         return next(path for name in names if not (path := self.bags / name).exists())
 
     def list_bags(self) -> list[Path]:
-        """Return the bags, by name."""
+        """Return the bags, sorted by name."""
         return sorted(path for path in self.bags.iterdir() if path.is_dir())

@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The journal of an experiment, and the progress that its entries add up to.
+"""The journal of an experiment, and the progress that follows from its entries.
 
-The journal is one line of JSON an entry, on the disk before the next step. Entries are only ever
-appended. Whatever ends the program, the experiment goes on where the last entry stands.
+The journal has one JSON entry per line, which is on the disk before the next step. Entries are
+only appended. After any interruption, the experiment continues after the last entry.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from tactile_ros.errors import TactileError
 Entry = dict[str, Any]
 
 GOOD, OUTLIER, FAILED, ABORTED = 'good', 'outlier', 'failed', 'aborted'
-"""Verdicts on a trial: usable; usable but unlike the others; not usable; interrupted."""
+"""Verdicts on a trial: usable; usable but different from others; unusable; interrupted."""
 
 BEGAN, ENDED, KEPT, MOUNTED, RUN = 'began', 'ended', 'kept', 'mounted', 'run'
 SETUP = 'setup'
@@ -38,25 +38,25 @@ RELABELLED, EXCLUDED, INCLUDED = 'relabelled', 'excluded', 'included'
 
 
 class Notes:
-    """Entries, oldest first, that end with the program."""
+    """Entries in memory, oldest first, which are lost when the program ends."""
 
     def __init__(self) -> None:
         self.entries: list[Entry] = []
 
     def append(self, kind: str, **values: Any) -> Entry:
-        """Add an entry; return it once it is where it stays."""
+        """Add an entry; return it when it is stored."""
         self.entries.append({'kind': kind, **values})
         return self.entries[-1]
 
 
 def note(log: Notes, kind: str, **values: Any) -> Entry:
-    """Add an entry with the time of day."""
+    """Add an entry with the current time."""
     return log.append(kind, at_s=round(time.time(), 3), **values)
 
 
 @contextmanager
 def _named_errors(task: str, path: Path) -> Iterator[None]:
-    """Raise what is wrong with a journal as an `ExperimentError` that names it."""
+    """Convert errors of a journal to an `ExperimentError` that names the file."""
     try:
         yield
     except OSError as error:
@@ -66,11 +66,12 @@ def _named_errors(task: str, path: Path) -> Iterator[None]:
 
 
 class Journal(Notes):
-    """A journal that is open for one program; a context manager.
+    """A journal that this program has locked; a context manager.
 
-    ``path``: made when it is not there. ``entries``: all entries, the oldest first.
+    ``path`` is created if it does not exist. ``entries`` are all entries, oldest first.
 
-    Raises `ExperimentError` when it cannot be read or written, or another program has it open.
+    Raises `ExperimentError` when the journal cannot be read or written, or another program has
+    locked it.
     """
 
     def __init__(self, path: Path) -> None:
@@ -84,7 +85,7 @@ class Journal(Notes):
                 sync_folder(path.parent)
             self._file.seek(0)
             self.entries, length = parse_journal(self._file.read())
-            # A line that was cut off by a power cut must not run into the next one.
+            # The next entry must not be joined to a line that a power cut has truncated.
             self._file.truncate(length)
             stack.pop_all()
 
@@ -99,11 +100,11 @@ class Journal(Notes):
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise ExperimentError(
-                'another program runs this experiment; end that one first'
+                'another program is running this experiment; end that program first'
             ) from None
 
     def append(self, kind: str, **values: Any) -> Entry:
-        """Write an entry, and return it once it is on the disk.
+        """Write an entry; return it when it is on the disk.
 
         Raises `ExperimentError` when it cannot be written.
         """
@@ -116,15 +117,15 @@ class Journal(Notes):
                 self._file.flush()
                 os.fsync(self._file.fileno())
         except ExperimentError:
-            # Nothing may follow half of a line; the next program takes it off.
-            with suppress(OSError):  # closing writes what is left once more
+            # Nothing may follow a truncated line; the next program removes it.
+            with suppress(OSError):  # closing tries to write the rest again
                 self.close()
             raise
         self.entries.append(entry)
         return entry
 
     def close(self) -> None:
-        """Let others open it. Harmless when called twice."""
+        """Unlock the journal. May be called repeatedly."""
         self._file.close()
 
 
@@ -139,11 +140,12 @@ def read_journal(path: Path) -> list[Entry]:
 
 @dataclass
 class Attempt:
-    """One trial that was begun.
+    """One attempt at a trial.
 
-    Its verdict is empty while it is not known, as after a power cut. One attempt is kept for each
-    planned trial's key. The check for outliers compares the statistics. ``label`` is the right
-    one where the recorded one is wrong (``why``), ``excluded`` why it does not count after all.
+    ``verdict`` is empty while it is unknown, for example after a power cut. Each planned trial's
+    ``key`` has at most one attempt that is kept. ``statistics`` are used to find outliers.
+    ``label`` is the corrected label, if the recorded one is wrong, and ``why`` the reason;
+    ``excluded`` is the reason why the trial was excluded later.
     """
 
     key: str
@@ -161,13 +163,23 @@ class Attempt:
 class Progress:
     """The state of an experiment.
 
-    ``entries``: of the journal.
+    Attributes
+    ----------
+    entries : list
+        Entries of the journal.
+    attempts : dict
+        By trial id, in the order of their start.
+    mounting_ids : list of str
+        In the order in which objects were mounted.
+    runs : dict
+        Number of starts of the nodes, by session.
+    setup : dict
+        Set-up of the rig at the last start; empty if unknown.
 
-    ``attempts``: by trial id, in the order in which they were begun. ``mounting_ids``: in the
-    order in which objects were put under the finger. ``runs``: how often the nodes were started,
-    by session. ``setup``: the rig's set-up at the last start; empty: not known.
-
-    Raises `ExperimentError` when an entry is not of the form that it must have.
+    Raises
+    ------
+    ExperimentError
+        When an entry is invalid.
     """
 
     def __init__(
@@ -190,7 +202,7 @@ class Progress:
             raise ExperimentError(f'entry {count} of the journal: {error!r}') from error
 
     def take(self, entry: Mapping[str, Any]) -> None:
-        """Take in an entry."""
+        """Update the state with an entry."""
         kind = entry['kind']
         if kind == RUN:
             session_id = str(entry['session_id'])
@@ -235,31 +247,31 @@ class Progress:
 
     @property
     def outlier_count(self) -> int:
-        """Number of trials that are kept although they are unlike the others."""
+        """Number of outliers that are kept."""
         return sum(attempt.verdict == OUTLIER for attempt in self._kept.values())
 
     @property
     def last(self) -> Attempt:
-        """The attempt that was begun last; there must be one."""
+        """The latest attempt; there must be one."""
         return next(reversed(self.attempts.values()))
 
     def find(self, name: str) -> Attempt:
-        """Return the attempt that counts for a planned trial, or any attempt by its trial id.
+        """Return the kept attempt at a planned trial, or any attempt by its trial id.
 
         Raises `ExperimentError` when there is none.
         """
         if attempt := self._kept.get(name) or self.attempts.get(name):
             return attempt
         near = get_close_matches(name, self.attempts, n=1, cutoff=0.0)
-        hint = f'; did you mean {near[0]}?' if near else '; none was recorded yet'
+        hint = f'; did you mean {near[0]}?' if near else '; no trial is recorded yet'
         raise ExperimentError(f'there is no trial "{name}"{hint}')
 
     def kept(self, key: str) -> Attempt | None:
-        """Return the attempt that counts for a planned trial, if it is done."""
+        """Return the kept attempt at a planned trial, or None."""
         return self._kept.get(key)
 
     def left(self, session_id: str | None = None) -> list[PlannedTrial]:
-        """Return the trials that are left, in their order; of one session or of all."""
+        """Return the remaining trials in their order, of one session or of all sessions."""
         return [
             trial
             for trial in self.order
@@ -267,18 +279,18 @@ class Progress:
         ]
 
     def sessions_left(self) -> list[str]:
-        """Return the sessions that have trials left, in their order."""
+        """Return the sessions with remaining trials, in their order."""
         return list(dict.fromkeys(trial.session_id for trial in self.left()))
 
     def next_trial_id(self, key: str) -> str:
-        """Return a name for the next attempt at a trial; no other attempt has it."""
+        """Return an unused trial id for the next attempt at a trial."""
         count = sum(attempt.key == key for attempt in self.attempts.values())
         return f'{key}-again{count}' if count else key
 
     def next_mounting_id(self, trial: PlannedTrial) -> str:
-        """Return a name for putting a trial's object under the finger now.
+        """Return the id of the next mounting of a trial's object.
 
-        After an interruption that is done once more, and so has another name.
+        After an interruption the object is mounted again, and the new mounting has another id.
         """
         name = f'{trial.session_id}-m{trial.mounting:02d}'
         count = sum(each == name or each.startswith(f'{name}-') for each in self.mounting_ids)
@@ -301,16 +313,16 @@ class Progress:
         ]
 
     def estimate_left_s(self) -> float:
-        """Return how long the trials that are left will take [s], once a trial has been run.
+        """Return the estimated duration of the remaining trials [s]; 0 before the first trial.
 
-        The sum of the median times of trials and mountings until now.
+        It is the sum of the median durations of trials and mountings so far.
         """
         left = self.left()
         mountings = {(trial.session_id, trial.mounting) for trial in left}
         return median(self._trial_s) * len(left) + median(self._mounting_s) * len(mountings)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return a summary, as what JSON can hold."""
+        """Return a summary as a dictionary for JSON."""
         verdicts = [attempt.verdict for attempt in self.attempts.values()]
         return {
             'planned': len(self.order),

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The rig that trials are run on: real nodes in this process, on simulated devices or yours."""
+"""The rig for live trials: real nodes in this process, with simulated or real devices."""
 
 from __future__ import annotations
 
@@ -61,22 +61,22 @@ WINDOW_TIMEOUT_S = 1.0
 """Longest wait for the windows of a trial in the recording [s]."""
 
 AUDIT_TIMEOUT_S = 2.0
-"""Longest wait for the first sample after a trial [s]; the audit of the trial needs it."""
+"""Longest wait for the first sample after a trial [s]; the audit needs that sample."""
 
 DEVICES_TIMEOUT_S = 3.0
-"""Longest wait for the diagnostics of the devices [s]; they come once a second."""
+"""Longest wait for the diagnostics of the devices [s], which are published once a second."""
 
 FEATURES_TIMEOUT_S = 5.0
 """Longest wait for the features of a trial after its end [s]."""
 
 DEVICES = ('tendon_sensor', 'linear_guide', 'tendon_actuator')
 SETUP_NODES = (*DEVICES, 'trial_runner')
-"""Nodes whose parameters belong to the set-up of an experiment."""
+"""Nodes whose parameters are part of an experiment's set-up."""
 
 
 @dataclass(frozen=True)
 class LiveTrial:
-    """A trial with the answers of its models, and the audit of its recording."""
+    """A trial with the predictions of its models, and the audit of its recording."""
 
     request: TrialRequest
     answers: tuple[ClassificationResult, ...] = ()
@@ -84,7 +84,7 @@ class LiveTrial:
 
     @property
     def answer(self) -> ClassificationResult | None:
-        """The answer of the first model; None: no model is for this task and contact."""
+        """The prediction of the first model; None if no model fits this task and contact."""
         return self.answers[0] if self.answers else None
 
     @property
@@ -92,11 +92,11 @@ class LiveTrial:
         return self.answer is not None and self.is_label(self.answer)
 
     def is_label(self, answer: ClassificationResult) -> bool:
-        """Return whether an answer names what lay under the finger."""
+        """Return True if a prediction equals the label of the object under the finger."""
         return answer.label == self.request.object_label
 
     def format_answers(self) -> list[str]:
-        """Return a line for each model: its label with the score, or why it has none."""
+        """Return one line per model: its label with the score, or the reason for none."""
         lines = []
         for answer in self.answers:
             several = len(self.answers) > 1
@@ -104,13 +104,13 @@ class LiveTrial:
             if answer.outcome != AnswerOutcome.LABEL:
                 lines.append(f'no label: {answer.reason}{name}')
                 continue
-            verdict = 'right' if self.is_label(answer) else 'wrong'
+            verdict = 'correct' if self.is_label(answer) else 'wrong'
             score = f'{max(answer.scores):.2f} {answer.score_kind}'
-            lines.append(f'says {answer.label} ({score}), {verdict}{name}')
+            lines.append(f'predicted {answer.label} ({score}), {verdict}{name}')
         return lines
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what JSON can hold."""
+        """Return a dictionary for JSON."""
         names = ('trial_id', 'session_id', 'mounting_id', 'protocol', 'contact', 'object_label')
         no_answer = {'answer': '', 'reason': 'no model for this task and contact', 'model_id': ''}
         first, *further = [
@@ -134,11 +134,19 @@ class LiveTrial:
 class LiveSetup:
     """A rig to run trials on.
 
-    ``models``: folder of model files, or one file; None runs without a classifier.
-    ``simulated_rig``: the rig is this one. It gets what each trial names under its finger; on a
-    real rig that is the experimenter's part. ``parameters``: ROS parameters by node name.
-    ``domain_id``: ROS domain; None takes the environment's. ``watch``: serve a live page
-    meanwhile.
+    Attributes
+    ----------
+    models : Path or None
+        Folder of model files, or one file; None to run without a classifier.
+    simulated_rig : SimulatedRig or None
+        The simulated rig, which mounts the object of each trial; on a real rig, a person does
+        this.
+    parameters : dict
+        ROS parameters by node name.
+    domain_id : int or None
+        ROS domain; None for the domain of the environment.
+    watch : WatchOptions or None
+        Options of a live page to serve.
     """
 
     ports: Ports
@@ -153,9 +161,9 @@ class LiveSetup:
 def open_rig(
     given: RigOptions, models: Path | None, output: Output, *, seed: int, watch: bool
 ) -> Iterator[LiveSetup]:
-    """Give the rig that a command is to run trials on; a simulated one ends after the block.
+    """Provide the rig for a command's trials; a simulated rig ends with the block.
 
-    Raises `TactileError` when ports are missing, or the parameters do not fit.
+    Raises `TactileError` when ports are missing, or parameters are invalid.
     """
     with ExitStack() as stack:
         ports, simulated_rig = open_ports(given, seed, stack)
@@ -170,7 +178,7 @@ def open_rig(
 class LiveRig:
     """A rig whose nodes run in this process, homed, and recorded.
 
-    ``models`` are those that answer.
+    ``models`` are the models in use.
     """
 
     operator: OperatorNode
@@ -180,24 +188,24 @@ class LiveRig:
     nodes: dict[str, Any] = field(default_factory=dict)
 
     def run(self, request: TrialRequest) -> LiveTrial:
-        """Run a trial to its end, its audit and its answer.
+        """Run a trial, and wait for its audit and its prediction.
 
-        Raises `TactileError` when the trial or the recording fails. Raises `StoppedError` when
-        somebody has pressed Stop on a live page.
+        Raises `TactileError` when the trial or the recording fails, and `StoppedError` when Stop
+        was pressed on a live page.
         """
         listening = [
             model
             for model in self.models
             if model.task == request.protocol and model.contact in ('', request.contact)
         ]
-        # One for each specification; without a model that of the feature node.
+        # One window per specification; without models, that of the feature node.
         windows = max(1, len({model.specification_digest for model in listening}))
         wanted = self.recorder.window_count + windows
         try:
             self.operator.run_trial(request)
         finally:
             audit = self.wait_for_audit(request.trial_id)
-            # Windows come some tenths of a second after a trial, also one that was interrupted;
+            # Windows arrive some tenths of a second after a trial, even if it was interrupted;
             # a trial without a phase has none.
             wait_for(
                 lambda: self.recorder.window_count >= wanted or self.recorder.has_failed,
@@ -208,7 +216,7 @@ class LiveRig:
         return LiveTrial(request, self.operator.wait_for_answers(request.trial_id, names), audit)
 
     def wait_for_audit(self, trial_id: str) -> Audit | None:
-        """Wait until a trial's last samples are recorded; return its audit, if it comes."""
+        """Wait until a trial's last samples are recorded; return its audit, or None."""
 
         def find() -> Audit | None:
             audits: list[Audit] = list(self.recorder.audits)
@@ -218,9 +226,9 @@ class LiveRig:
         return find()
 
     def read_setup(self) -> dict[str, str]:
-        """Return the parameters of the devices that run, and what they say they are.
+        """Return the parameters of the running devices, and their identification.
 
-        That is model and firmware, or the serial number, where a device tells it.
+        The identification is model and firmware, or the serial number, if the device provides it.
         """
         devices = self.observer.wait_for_devices(DEVICES)
         found: dict[str, str] = {}
@@ -229,7 +237,7 @@ class LiveRig:
             found |= {
                 f'{name}.{key}': str(value) for key, value in values.items() if key != 'port'
             }
-            # A device without a serial number is known by its port, which may change.
+            # A device without a serial number is identified by its port, which may change.
             if (device := devices.get(name)) and device != values.get('port'):
                 found[f'{name} device'] = device
         return found
@@ -238,7 +246,8 @@ class LiveRig:
 class ObserverNode(Node):  # type: ignore[misc]
     """Keeps the samples since `restart`, the first feature window of each trial, and the devices.
 
-    The loop compares a trial's tension with that of others. Blocking calls, spun elsewhere.
+    The loop compares the tension of a trial with earlier trials. The methods block; another thread
+    spins the node.
     """
 
     def __init__(self, context: Context) -> None:
@@ -246,7 +255,7 @@ class ObserverNode(Node):  # type: ignore[misc]
         self._arrived = threading.Condition()
         self._blocks: list[StrainBlock] = []
         self._windows: dict[str, FeatureWindow] = {}
-        self._judged: dict[str, FeatureSpec] = {}  # by task: whose windows judge a trial
+        self._judged: dict[str, FeatureSpec] = {}  # specification used to judge a trial, by task
         self._devices: dict[str, str] = {}
         self._is_on = False
         guard = MessageGuard(self)
@@ -272,7 +281,7 @@ class ObserverNode(Node):  # type: ignore[misc]
                 self._arrived.notify_all()
 
     def _on_specifications(self, message: FeatureSpecifications) -> None:
-        """Choose the first full window of each task, or where there are none an early one."""
+        """Choose the first full window of each task, or the first early one if there is none."""
         specs = specifications_from_msg(message).specs
         with self._arrived:
             self._judged = {}
@@ -286,7 +295,7 @@ class ObserverNode(Node):  # type: ignore[misc]
             self._arrived.notify_all()
 
     def wait_for_devices(self, names: Sequence[str]) -> dict[str, str]:
-        """Return what the devices of nodes say they are, once all have been heard."""
+        """Return the identification of devices, once all nodes have published diagnostics."""
         with self._arrived:
             self._arrived.wait_for(
                 lambda: all(self._devices.get(name) for name in names), DEVICES_TIMEOUT_S
@@ -294,12 +303,12 @@ class ObserverNode(Node):  # type: ignore[misc]
             return dict(self._devices)
 
     def restart(self, *, is_on: bool) -> None:
-        """Forget what came; keep what comes while it is on: a person may take hours to answer."""
+        """Discard all data; keep new data only while ``is_on``, because prompts may take hours."""
         with self._arrived:
             self._blocks, self._windows, self._is_on = [], {}, is_on
 
     def end(self, trial_id: str) -> tuple[FeatureWindow | None, NDArray[np.float64]]:
-        """Return the feature window of a trial, once it has come, and the tension in it [N]."""
+        """Return the feature window of a trial, once it has arrived, and the tension in it [N]."""
         with self._arrived:
             self._arrived.wait_for(lambda: trial_id in self._windows, FEATURES_TIMEOUT_S)
             window = self._windows.get(trial_id)
@@ -317,9 +326,9 @@ class ObserverNode(Node):  # type: ignore[misc]
 
 @contextmanager
 def live_rig(setup: LiveSetup, bag: Path, output: Output) -> Iterator[LiveRig]:
-    """Start the rig's nodes and its recorder, home the guide, and end them after the block.
+    """Start the rig's nodes and its recorder, and home the guide; end the nodes with the block.
 
-    ``bag``: where to record; must not exist yet. ``output``: prints the address of the live page.
+    ``bag`` is the new bag; it must not exist. ``output`` prints the address of the live page.
 
     Raises `TactileError` when a node cannot be started or a topic has no publisher.
     """
@@ -339,7 +348,7 @@ def live_rig(setup: LiveSetup, bag: Path, output: Output) -> Iterator[LiveRig]:
             recorder = nodes['bag_recorder']
             operator.trial_config = nodes['trial_runner'].config
             wait_until_matched(recorder)
-            if watch is not None and watch.state.was_stopped:  # before there was an operator
+            if watch is not None and watch.state.was_stopped:  # before the operator node existed
                 operator.stop()
             answering = operator.wait_for_models() if models else ()
             operator.home_guide()
@@ -350,11 +359,11 @@ def wait_until_matched(recorder: Any) -> None:
     """Wait until every recorded topic has its publisher."""
     if not wait_for(lambda: not recorder.unmatched_topics(), recorder.config.match_timeout_s):
         missing = ', '.join(recorder.unmatched_topics())
-        raise TactileError(f'no publisher on {missing}; not recording without it')
+        raise TactileError(f'no publisher on {missing}; recording requires all of these topics')
 
 
 def wait_for(condition: Callable[[], bool], timeout_s: float) -> bool:
-    """Wait until a condition holds; return False when the time is over."""
+    """Wait until a condition is true; return False after the timeout."""
     deadline_s = time.monotonic() + timeout_s
     while not condition():
         if time.monotonic() > deadline_s:
@@ -364,21 +373,29 @@ def wait_for(condition: Callable[[], bool], timeout_s: float) -> bool:
 
 
 def check_recording(recorder: Any) -> None:
-    """Raise `ExperimentError` when the recording has failed: a trial without it is worthless."""
+    """Raise `ExperimentError` when the recording has failed, because trials would be lost."""
     if recorder.has_failed:
         raise ExperimentError(recorder.failure)
 
 
 @dataclass
 class LiveBench:
-    """The rig; see `tactile_lab.experiment.loop.Bench`.
+    """Backend that runs trials on live nodes; see `tactile_lab.experiment.loop.Bench`.
 
-    ``output``: prints the address of the live page. ``make_request``: returns the request for an
-    order of the loop. ``numbers``: returns session, mounting and trial of an order, for the
-    deviations of a simulated rig. ``needs_features``: a trial without features cannot be used.
-
-    ``trials``: those that were recorded to their end, by trial id. ``audits``: of the last
-    session's recording.
+    Attributes
+    ----------
+    output : Output
+        Prints the address of the live page.
+    make_request : callable
+        Returns the request for a trial order of the loop.
+    numbers : callable
+        Returns session, mounting and trial of an order, for the deviations of a simulated rig.
+    needs_features : bool
+        True if a trial without features is unusable.
+    trials : dict
+        Completely recorded trials, by trial id.
+    audits : list
+        Audits of the last session's recording.
     """
 
     setup: LiveSetup
@@ -418,7 +435,7 @@ class LiveBench:
             rig.operator.tell_progress(order.number, order.count, request)
             trial = rig.run(request)
             window, tension_n = rig.observer.end(order.trial_id)
-        except StoppedError as error:  # a person said so: it is not offered again by itself
+        except StoppedError as error:  # stopped by a person, so it is not repeated automatically
             raise ExperimentError(str(error)) from error
         finally:
             rig.observer.restart(is_on=False)
@@ -440,16 +457,16 @@ def judge(
     statistics: dict[str, float],
     needs_features: bool = True,
 ) -> TrialResult:
-    """Return whether a trial's recording can be used, with a sentence about it."""
+    """Return whether a trial's recording is usable, with a summary."""
     audit = trial.audit
     if audit is None:
-        return TrialResult('no sample came after the trial, so its recording was not audited')
+        return TrialResult('no sample arrived after the trial, so its recording was not audited')
     if not audit.passed:
         return TrialResult('; '.join(audit.findings))
-    parts = [f'{audit.sample_count} samples, all there']
+    parts = [f'{audit.sample_count} samples, complete']
     lack = ''
     if window is None:
-        lack = 'the features node gave no window; its log says why'
+        lack = 'the features node published no window; its log has the reason'
     elif window.outcome != Outcome.OK:
         lack = f'no features: {window.reason}'
     if lack and needs_features:
@@ -469,13 +486,22 @@ def run_live_trials(
     output: Output,
     live: list[LiveTrial] | None = None,
 ) -> list[LiveTrial]:
-    """Home the guide, run the trials, record them; print a line for each.
+    """Home the guide, run and record the trials; print a line for each.
 
-    ``bag``: where to record; must not exist yet. ``requests``: each with a trial id of its own.
-    ``live``: gets each trial as soon as it is recorded, for who must know them if this raises.
+    Parameters
+    ----------
+    bag : Path
+        The new bag; it must not exist.
+    requests : sequence of TrialRequest
+        Each with a unique trial id.
+    live : list of LiveTrial
+        Each trial is appended when it is recorded, so that the caller has them after an error.
 
-    Raises `TactileError` when a node cannot be started, a topic has no publisher, a trial fails
-    twice, or the recording has failed: no trial is run that would not be recorded.
+    Raises
+    ------
+    TactileError
+        When a node cannot be started, a topic has no publisher, a trial fails twice, or the
+        recording has failed.
     """
     live = [] if live is None else live
     rig = setup.simulated_rig
@@ -511,11 +537,11 @@ def run_live_trials(
 
 
 def format_load() -> str:
-    """Return that this computer may be too busy for live trials; empty where it is not."""
+    """Return a warning if this computer may be too busy for live trials, or an empty string."""
     load, cores = os.getloadavg()[0], os.cpu_count() or 1
     if load <= cores:
         return ''
     return (
-        f'This computer is busy (load {load:.1f}, {cores} cores), and live trials keep real time; '
-        'try again when less runs beside them.'
+        f'This computer is busy (load {load:.1f}, {cores} cores), but live trials run in real '
+        'time; end other programs and try again.'
     )

@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The loop of trials: prompts, journal, quality, and repetition of what failed.
+"""The loop of trials: prompts, journal, quality checks, and repetition of failed trials.
 
-One loop for `tactile trials`, `tactile demo` and `tactile experiment`. The rig is a `Bench`, the
-person at it an `Operator`.
+`tactile trials`, `tactile demo` and `tactile experiment` use this loop. The rig is a `Bench`, the
+person at the rig an `Operator`.
 """
 
 from __future__ import annotations
@@ -44,26 +44,26 @@ from tactile_lab.output import Output
 from tactile_ros.errors import TactileError
 
 FALSE_ALARMS = 0.001
-"""Share of ordinary trials that are called outliers, when the statistics are normal."""
+"""Fraction of ordinary trials that are reported as outliers, if statistics are normal."""
 
 FEWEST = 3
-"""Trials of the same mounting, or other mountings, that a trial is compared with at least."""
+"""Smallest number of trials of the same mounting, or of other mountings, for a comparison."""
 
 SMALLEST_SHARE = 0.02
-"""A deviation of less than this share of the usual value is no outlier."""
+"""A deviation below this fraction of the usual value is not an outlier."""
 
 Statistics = Mapping[str, float]
 
 
 class Range(NamedTuple):
-    """Prediction interval of a statistic of a further trial: ``centre`` +/- ``half_width``."""
+    """Prediction interval of a statistic of the next trial: ``centre`` +/- ``half_width``."""
 
     centre: float
     half_width: float
 
 
 def summarise_tension(tension_n: ArrayLike) -> dict[str, float]:
-    """Return mean and standard deviation of the tension in a window [N]; empty: no samples."""
+    """Return mean and standard deviation of the tension in a window [N]; empty without samples."""
     values = np.asarray(tension_n, dtype=np.float64)
     if values.size == 0 or not np.isfinite(values).all():
         return {}
@@ -73,15 +73,22 @@ def summarise_tension(tension_n: ArrayLike) -> dict[str, float]:
 def usual_range(
     name: str, mounting_id: str, earlier: Sequence[tuple[str, Statistics]], count: int
 ) -> Range | None:
-    """Return the prediction interval of a statistic, or None when too little is known.
+    """Return the prediction interval of a statistic, or None with too few earlier trials.
 
-    A trial is compared with those of its own mounting, where there are `FEWEST`: mean plus and
-    minus t s sqrt(1 + 1/n), with the deviation within all mountings. The first trials of a
-    mounting are compared with the means of other mountings, where there are `FEWEST`.
+    With at least `FEWEST` trials of the same mounting, the interval is their mean plus and minus
+    t s sqrt(1 + 1/n), with the standard deviation s within all mountings. Otherwise the trial is
+    compared with the means of at least `FEWEST` other mountings.
 
-    ``name``: of the statistic. ``mounting_id``: of the trial. ``earlier``: mounting and statistics
-    of earlier trials of the same object and contact. ``count``: number of statistics that are
-    compared; they share the false alarms.
+    Parameters
+    ----------
+    name : str
+        Name of the statistic.
+    mounting_id : str
+        Mounting of the trial.
+    earlier : sequence
+        Mounting and statistics of earlier trials of the same object and contact.
+    count : int
+        Number of statistics that are compared; they share the rate of false alarms.
     """
     known = sorted((m, s[name]) for m, s in earlier if name in s)
     mountings = {
@@ -104,7 +111,7 @@ def usual_range(
 
 
 def _interval(centre: float, spread: float, freedom: int, count: int) -> Range:
-    from scipy.special import stdtrit  # a third of a second that `--help` need not wait
+    from scipy.special import stdtrit  # imported lazily: 0.3 s that `--help` does not need
 
     factor = float(stdtrit(freedom, 1.0 - FALSE_ALARMS / (2 * count)))
     return Range(centre, max(factor * spread, SMALLEST_SHARE * abs(centre)))
@@ -113,7 +120,7 @@ def _interval(centre: float, spread: float, freedom: int, count: int) -> Range:
 def find_outlier(
     statistics: Statistics, mounting_id: str, earlier: Sequence[tuple[str, Statistics]]
 ) -> str:
-    """Return a sentence when a trial is unlike the earlier ones; otherwise an empty text."""
+    """Return a sentence if a trial differs from earlier ones; otherwise an empty string."""
     for name, value in statistics.items():
         usual = usual_range(name, mounting_id, earlier, len(statistics))
         if usual is not None and abs(value - usual.centre) > usual.half_width:
@@ -131,12 +138,12 @@ AGAIN, KEEP, STOP = 'again', 'keep', 'stop'
 """Choices of an operator after a trial."""
 
 MOST_FAILURES = 3
-"""Failures in a row after which an experiment ends, with ``--yes``."""
+"""With ``--yes``, an experiment ends after this number of consecutive failures."""
 
 
 @dataclass(frozen=True)
 class TrialOrder:
-    """Planned trial for a bench, with the ids of this attempt.
+    """A planned trial to be run, with the ids of this attempt.
 
     It is trial ``number`` of ``count``.
     """
@@ -154,8 +161,14 @@ class TrialOrder:
 class TrialResult:
     """Result of a trial that ended as planned.
 
-    ``problem``: reason why the recording cannot be used; empty when it can. ``sentence``: summary
-    of the recording. ``statistics``: values for the check for outliers.
+    Attributes
+    ----------
+    problem : str
+        Reason why the recording is unusable; empty if it is usable.
+    sentence : str
+        Summary of the recording.
+    statistics : dict
+        Values to find outliers.
     """
 
     problem: str = ''
@@ -164,28 +177,28 @@ class TrialResult:
 
 
 RunTrial = Callable[[TrialOrder], TrialResult]
-"""Runs a trial; returns once what it recorded is on the disk.
+"""Runs a trial; returns when its recording is on the disk.
 
-Raises `TactileError` when it does not end as planned, and `ExperimentError` when no further trial
-makes sense, as when the disk is full.
+Raises `TactileError` when the trial does not end as planned, and `ExperimentError` when no further
+trial is possible, for example because the disk is full.
 """
 
 
 class Bench(Protocol):
-    """A rig."""
+    """Backend that runs trials on a rig."""
 
     def session(self, bag: Path) -> AbstractContextManager[RunTrial]:
-        """Start the rig and record into ``bag``; end both after the block."""
+        """Start the rig and record into ``bag``; end both with the block."""
 
     def read_setup(self) -> dict[str, str]:
-        """Return what the rig consists of while it runs: parameters, firmware and so on."""
+        """Return the set-up of the running rig: parameters, firmware and so on."""
 
 
 class Operator:
-    """Mounts plates and objects, and decides after trials that failed or are outliers.
+    """Mounts plates and objects, and decides after failed trials and outliers.
 
-    This one asks nobody: a trial that fails is run once more, and one that fails again is an
-    error.
+    This base class runs without a person: a failed trial is repeated once, and a second failure is
+    an error.
     """
 
     has_given_up = False
@@ -198,27 +211,27 @@ class Operator:
         self._output.say(text)
 
     def begin_session(self, session_id: str, trials: int) -> bool:
-        """Return once finger and rig are set up for a session; False: not today."""
+        """Return True when finger and rig are set up for a session, False to stop before it."""
         return True
 
     def accept_setup(self, changes: Sequence[str]) -> bool:
-        """Return whether to go on with another set-up than at the last start."""
+        """Return True to continue with a set-up that differs from the last start."""
         return True
 
     def mount(self, trial: PlannedTrial, turns_finger: bool) -> None:
-        """Return once the object is under the finger."""
+        """Return when the object is under the finger."""
 
     def choose(self, order: TrialOrder, verdict: str, sentence: str) -> str:
-        """Return what to do about a trial that failed or is an outlier."""
+        """Return what to do about a failed trial or an outlier."""
         if verdict != FAILED:
             return KEEP
-        if order.trial_id != order.planned.key:  # it was the second attempt
+        if order.trial_id != order.planned.key:  # this was the second attempt
             raise TactileError(sentence)
         return AGAIN
 
 
 class Terminal(Operator):
-    """The person at the rig, asked on the terminal."""
+    """The person at the rig, prompted on the terminal."""
 
     def __init__(self, output: Output, accepts_setup: bool = False) -> None:
         super().__init__(output)
@@ -235,36 +248,36 @@ class Terminal(Operator):
 
     def begin_session(self, session_id: str, trials: int) -> bool:
         text = (
-            f'session {session_id}, {trials} trials: set up finger and rig anew, unless it has '
-            'begun; then Enter (s: stop here, go on another day)'
+            f'session {session_id}, {trials} trials: set up finger and rig, unless the session '
+            'has started; then press Enter (s: stop here, continue on another day)'
         )
         return self._ask(text) != 's'
 
     def accept_setup(self, changes: Sequence[str]) -> bool:
-        self._output.say('the set-up is another than at the last start:')
+        self._output.say('the set-up differs from the last start:')
         self._output.say(*(f'   {line}' for line in changes))
         if self._accepts_setup:
             return True
         if not sys.stdin.isatty():
-            self.say('to go on with it: --accept-setup')
+            self.say('to continue with this set-up: --accept-setup')
             self.has_given_up = True
             return False
-        return self._ask('y: go on with it, Enter: stop') == 'y'
+        return self._ask('y: continue with this set-up, Enter: stop') == 'y'
 
     def mount(self, trial: PlannedTrial, turns_finger: bool) -> None:
         turn = f'turn the finger for {trial.contact}, ' if turns_finger else ''
-        self._ask(f'{turn}put {trial.object_label} under the finger, then Enter')
+        self._ask(f'{turn}put {trial.object_label} under the finger, then press Enter')
 
     def choose(self, order: TrialOrder, verdict: str, sentence: str) -> str:
         choices = {'': AGAIN, 's': STOP, **({'k': KEEP} if verdict == OUTLIER else {})}
         keep = ', k: keep it' if verdict == OUTLIER else ''
-        while (answer := self._ask(f'Enter: once more{keep}, s: stop')) not in choices:
-            self.say(f'"{answer}" is none of these')
+        while (answer := self._ask(f'Enter: repeat{keep}, s: stop')) not in choices:
+            self.say(f'"{answer}" is not one of these')
         return choices[answer]
 
 
 class Nobody(Terminal):
-    """Nobody at the rig: what fails is tried again, outliers are kept."""
+    """Operator without a person: failed trials are repeated, outliers are kept."""
 
     _failures = 0
 
@@ -290,15 +303,21 @@ def run_experiment(
     journal: Journal,
     appended: Sequence[PlannedTrial] = (),
 ) -> tuple[Progress, str]:
-    """Run all trials that are left, unless the operator stops; return why it ended.
+    """Run all remaining trials, unless the operator stops; return the progress and the reason.
 
-    Before anything happens, and after, it stands in the journal. A trial counts once its entry
-    is on the disk, which it is after the recording. So no trial is lost, and none counts twice.
+    Every step is written to the journal before and after it happens. A trial is done when its
+    entry is on the disk, which follows its recording. Therefore no trial is lost, and none is
+    counted twice. The reason says why trials remain; it is empty if none do.
 
-    ``appended``: a block that is not in the order yet. It is appended once the rig has started.
-    The text says why trials are left; empty: none is.
+    Parameters
+    ----------
+    appended : sequence of PlannedTrial
+        A block that is appended to the order once the rig has started.
 
-    Raises `TactileError` when the rig cannot be started, or the recording fails.
+    Raises
+    ------
+    TactileError
+        When the rig cannot be started, or the recording fails.
     """
     progress = Progress([*folder.read_order(), *appended], journal.entries)
     loop = TrialLoop(progress, operator, journal)
@@ -320,9 +339,9 @@ def run_experiment(
 
 
 def list_changes(old: dict[str, str], new: dict[str, str]) -> list[str]:
-    """Return a line for each value of a set-up that differs."""
+    """Return one line for each value of a set-up that differs."""
     return [
-        f'{name}: {old.get(name, "not known")} -> {new.get(name, "not known")}'
+        f'{name}: {old.get(name, "unknown")} -> {new.get(name, "unknown")}'
         for name in sorted({*old, *new})
         if old.get(name) != new.get(name)
     ]
@@ -330,7 +349,7 @@ def list_changes(old: dict[str, str], new: dict[str, str]) -> list[str]:
 
 @dataclass
 class TrialLoop:
-    """Runs trials and writes down what becomes of them."""
+    """Runs trials and writes their results to the journal."""
 
     progress: Progress
     operator: Operator
@@ -338,13 +357,13 @@ class TrialLoop:
     contact: str = ''
 
     def note(self, kind: str, **values: Any) -> None:
-        """Write an entry, and take it in."""
+        """Write an entry, and update the progress."""
         self.progress.take(note(self.journal, kind, **values))
 
     def check_setup(self, setup: dict[str, str], session_id: str) -> bool:
-        """Write the set-up down; return False when it differs and the operator does not accept.
+        """Note the set-up; return False when it differs and the operator does not accept it.
 
-        The first set-up needs no answer.
+        The first set-up is accepted without a question.
         """
         changes = list_changes(self.progress.setup, setup) if self.progress.setup else []
         if changes and not self.operator.accept_setup(changes):
@@ -353,7 +372,7 @@ class TrialLoop:
         return True
 
     def run_session(self, session_id: str, run_trial: RunTrial) -> bool:
-        """Run what is left of a session; return whether to go on with the next one."""
+        """Run the remaining trials of a session; return whether to continue with the next one."""
         mounted, mounting_id, count = 0, '', 0
         while left := self.progress.left(session_id):
             trial = left[0]
@@ -389,7 +408,7 @@ class TrialLoop:
         return mounting_id
 
     def _run_trial(self, order: TrialOrder, run_trial: RunTrial) -> bool:
-        """Run one attempt at a trial; return whether to go on."""
+        """Run one attempt at a trial; return whether to continue."""
         trial = order.planned
         names = {'key': trial.key, 'trial_id': order.trial_id, 'mounting_id': order.mounting_id}
         self.note(BEGAN, **names)
@@ -438,7 +457,7 @@ class TrialLoop:
 
 
 def format_seconds(seconds: float) -> str:
-    """Return a duration for people."""
+    """Return a duration as text."""
     if seconds < 90:
         return f'{seconds:.0f} s'
     minutes = round(seconds / 60)

@@ -23,29 +23,43 @@ from tactile_ros.errors import TactileError
 from tactile_ros.yaml_files import load_yaml, read_text
 
 MAX_BYTES = 2**20
-"""Longest file of a plan or an order that is read [byte]; some 10,000 trials."""
+"""Largest file of a plan or an order [byte]; about 10,000 trials."""
 
 MAX_TRIALS = 10_000
-"""Most trials of an experiment."""
+"""Largest number of trials of an experiment."""
 
 _LABEL = re.compile(r'[A-Za-z0-9][A-Za-z0-9_.+-]{0,63}')
 
 
 class ExperimentError(TactileError):
-    """A plan or an experiment's folder cannot be used; the message says why."""
+    """A plan or an experiment's folder is unusable; the message has the reason."""
 
 
 @dataclass(frozen=True)
 class ExperimentPlan:
     """Plan of an experiment: objects, contacts, sessions, mountings and trials.
 
-    ``name``: beginning of the sessions' names. ``objects``: labels of the plates or objects.
-    ``sessions``: number of times finger and rig are set up anew. ``mountings``: number of times
-    each object is mounted in each session and contact. ``trials``: trials in each mounting.
-    ``seed``: seed of the random order. ``glide_speed_m_s``, ``hold_s``: speed [m/s] and time [s];
-    0: the values of the trial runner.
+    Attributes
+    ----------
+    name : str
+        Prefix of the names of sessions.
+    objects : tuple of str
+        Labels of the plates or objects.
+    sessions : int
+        Number of sessions; finger and rig are set up again for each session.
+    mountings : int
+        Number of mountings of each object in each session and contact.
+    trials : int
+        Trials in each mounting.
+    seed : int
+        Seed of the random order.
+    glide_speed_m_s, hold_s : float
+        Speed [m/s] and time [s]; 0 for the values of the trial runner.
 
-    Raises `ExperimentError` when a value is not usable.
+    Raises
+    ------
+    ExperimentError
+        When a value is invalid.
     """
 
     name: str
@@ -68,8 +82,8 @@ class ExperimentPlan:
             for label in value:
                 if not isinstance(label, str) or not _LABEL.fullmatch(label):
                     raise ExperimentError(
-                        f'{item}: {_show(label)} is no name; write letters, digits, "_", ".", '
-                        '"+" or "-", and quotes around numbers and words such as "no"'
+                        f'{item}: {_show(label)} is not a valid name; use letters, digits, "_", '
+                        '".", "+" or "-", and quotes around numbers and words such as "no"'
                     )
         for contact in self.contacts:
             if contact not in CONTACTS:
@@ -80,7 +94,7 @@ class ExperimentPlan:
             if not names:
                 raise ExperimentError(f'{item} is empty; name at least one')
             if len(set(names)) < len(names):
-                raise ExperimentError(f'{item}: {", ".join(names)} names one twice')
+                raise ExperimentError(f'{item}: {", ".join(names)} has a name twice')
         for item in ('sessions', 'mountings', 'trials'):
             _check_count(item, getattr(self, item), 1, MAX_TRIALS)
         _check_count('seed', self.seed, 0, 2**32 - 1)
@@ -91,7 +105,7 @@ class ExperimentPlan:
                 raise ExperimentError(f'{item} is {_show(value)}; it must be 0 or more')
         if self.trial_count > MAX_TRIALS:
             raise ExperimentError(
-                f'the plan has {self.trial_count} trials; make it {MAX_TRIALS} at most'
+                f'the plan has {self.trial_count} trials; the limit is {MAX_TRIALS}'
             )
 
     @property
@@ -111,9 +125,14 @@ class ExperimentPlan:
 class PlannedTrial:
     """One trial of the order.
 
-    ``key``: its name in the journal, such as ``grooves-s01-m03-t02``. ``mounting``: number within
-    the session: the object is put under the finger when it changes. ``trial``: number within the
-    mounting, from 1.
+    Attributes
+    ----------
+    key : str
+        Name in the journal, such as ``grooves-s01-m03-t02``.
+    mounting : int
+        Number within the session; the object is mounted when it changes.
+    trial : int
+        Number within the mounting, from 1.
     """
 
     key: str
@@ -125,15 +144,15 @@ class PlannedTrial:
 
 
 def list_order(plan: ExperimentPlan, session_id: str, first: int = 1) -> list[PlannedTrial]:
-    """Return the order of a session; it depends on plan, session and ``first`` alone.
+    """Return the order of a session, which depends only on plan, session and ``first``.
 
-    A block has each object once, in a random order; so a slow drift of the rig meets all
-    objects alike. All blocks of a contact follow each other, since the finger has to be
-    turned for the other one; which contact comes first is random, too.
+    A block has each object once, in random order, so that slow drift of the rig affects all
+    objects equally. All blocks of a contact follow each other, because the finger has to be turned
+    for the other contact. The order of the contacts is random, too.
 
-    ``first``: number of the first mounting, for blocks that are appended to a session.
+    ``first`` is the number of the first mounting, for blocks that are appended to a session.
     """
-    # Python's own generator: its shuffle of a seeded text is the same in all releases.
+    # Python's generator, because shuffling with a string as seed is stable across its versions.
     generator = random.Random(f'{plan.seed}/{session_id}/{first}')
     contacts = list(plan.contacts)
     generator.shuffle(contacts)
@@ -160,9 +179,9 @@ def list_order(plan: ExperimentPlan, session_id: str, first: int = 1) -> list[Pl
 
 
 def read_plan(path: Path) -> ExperimentPlan:
-    """Read a plan, as YAML.
+    """Read a plan from a YAML file.
 
-    Raises `ExperimentError` when it cannot be read, or a value is not usable.
+    Raises `ExperimentError` when the file cannot be read, or a value is invalid.
     """
     try:
         return parse_plan(load_yaml(read_text(path, MAX_BYTES)), path.stem)
@@ -171,39 +190,39 @@ def read_plan(path: Path) -> ExperimentPlan:
 
 
 def parse_plan(document: Any, name: str) -> ExperimentPlan:
-    """Return the plan that a YAML document describes; ``name`` if it has none itself.
+    """Return the plan in a YAML document; ``name`` is used if the document has none.
 
-    Raises `ExperimentError` when an entry is missing, not known or not usable.
+    Raises `ExperimentError` when an entry is missing, unknown or invalid.
     """
     if not isinstance(document, dict):
-        raise ExperimentError('it is no mapping; `tactile experiment new` writes one')
+        raise ExperimentError('it is not a mapping; `tactile experiment new` writes a plan')
     known = [item.name for item in fields(ExperimentPlan)]
     if unknown := [str(key) for key in document if key not in known]:
-        raise ExperimentError(f'no entry {_show(unknown[0])}; there are {", ".join(known)}')
+        raise ExperimentError(f'unknown entry {_show(unknown[0])}; use {", ".join(known)}')
     if missing := [key for key in ('protocol', 'objects') if key not in document]:
         raise ExperimentError(f'{" and ".join(missing)} missing')
     values: dict[str, Any] = {'name': name, **document}
     for key in ('objects', 'contacts'):
         if key in values:
             if not isinstance(values[key], list):
-                raise ExperimentError(f'{key} is no list; write {key}: [R1, C1]')
+                raise ExperimentError(f'{key} is not a list; write {key}: [R1, C1]')
             values[key] = tuple(values[key])
     return ExperimentPlan(**values)
 
 
 def format_plan(plan: ExperimentPlan) -> str:
-    """Return the plan as YAML, with a comment to each entry."""
+    """Return the plan as YAML, with a comment on each entry."""
     comments: Mapping[str, str] = {
-        'name': 'beginning of the names of sessions and trials',
+        'name': 'prefix of the names of sessions and trials',
         'protocol': ' or '.join(PROTOCOLS),
         'objects': 'labels of the plates or objects',
         'contacts': ' and '.join(CONTACTS),
-        'sessions': 'how often finger and rig are set up anew; on several days is best',
-        'mountings': 'how often each object is put under the finger, in each session and contact',
-        'trials': 'trials each time',
-        'seed': 'of the order',
-        'glide_speed_m_s': 'over the plate [m/s]; 0: as the trial runner is set',
-        'hold_s': 'time to hold the finger on the object [s]; 0: as the trial runner is set',
+        'sessions': 'number of sessions, each with a new set-up of the rig; best on several days',
+        'mountings': 'mountings of each object, in each session and contact',
+        'trials': 'trials in each mounting',
+        'seed': 'seed of the random order',
+        'glide_speed_m_s': 'speed over the plate [m/s]; 0 for the value of the trial runner',
+        'hold_s': 'time to hold the finger on the object [s]; 0 for the value of the trial runner',
     }
     lines = ['# Plan of an experiment; run it with: tactile experiment FILE']
     for item, comment in comments.items():
@@ -226,9 +245,9 @@ def format_order(order: list[PlannedTrial]) -> str:
 
 
 def parse_order(text: str) -> list[PlannedTrial]:
-    """Return the order that `format_order` has written.
+    """Return the order from the text that `format_order` has written.
 
-    Raises `ExperimentError` when it is not of that form, or names a trial twice.
+    Raises `ExperimentError` when the text is invalid, or contains a trial twice.
     """
     order = []
     rows = csv.reader(io.StringIO(text), strict=True)
@@ -237,12 +256,12 @@ def parse_order(text: str) -> list[PlannedTrial]:
             raise ExperimentError(f'its first line must be {",".join(_COLUMNS)}')
         for key, session_id, mounting, trial, contact, label in rows:
             if contact not in CONTACTS:
-                raise ExperimentError(f'line {rows.line_num}: no contact {_show(contact)}')
+                raise ExperimentError(f'line {rows.line_num}: unknown contact {_show(contact)}')
             order.append(PlannedTrial(key, session_id, int(mounting), int(trial), contact, label))
     except (ValueError, csv.Error) as error:
         raise ExperimentError(f'line {rows.line_num}: {error}') from error
     if len({trial.key for trial in order}) < len(order):
-        raise ExperimentError('it names a trial twice; take the change back')
+        raise ExperimentError('it contains a trial twice; undo the change')
     return order
 
 

@@ -1,20 +1,20 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Recordings from the simulated rig, made without waiting in real time.
+"""Recordings from the simulated rig, computed faster than real time.
 
-The bags hold the messages that a live recording holds: strain blocks and trial
-events. All of them are marked as simulated.
+The bags contain the same messages as a live recording: strain blocks and trial events. All of
+them are marked as simulated.
 
-Trials are simulated and turned into bytes by `simulate_chunk`, a plain function of plain
-arguments with a small result, which joblib may run wherever it likes. No back-end is named
-here, so another one takes over by configuration, a cluster for instance:
+Trials are simulated and converted to bytes by `simulate_chunk`, a function of plain arguments
+with a small result, which joblib may run in any worker. No back-end is chosen here, so it can be
+configured, for example to use a cluster:
 
     with joblib.parallel_config(backend='dask'):
         write_simulated_bag(folder, plan, TrialConfig(), FeatureConfig(), jobs=-1)
 
-Its workers need the same workspace; one bag is written by the calling process alone. The
-bytes of a bag do not depend on how many workers there are, nor where.
+The workers need the same workspace; only the calling process writes the bag. The bytes of a bag
+do not depend on the number and place of the workers.
 """
 
 from __future__ import annotations
@@ -44,19 +44,19 @@ from tactile_ros.topics import EVENT, EVENT_TOPIC, STRAIN, STRAIN_TOPIC
 from tactile_sim.descriptions.catalogue import Catalogue
 
 CHUNK_TRIALS = 256
-"""Most trials that a worker simulates at a time."""
+"""Largest number of trials that a worker simulates at a time."""
 
 ROUND_TRIALS = 8192
-"""About how many finished trials may wait to be written: 10 kB each. A round has at least one
-chunk of each label."""
+"""Approximate number of finished trials that may wait to be written, 10 kB each. A round has at
+least one chunk of each label."""
 
 
 @dataclass(frozen=True)
 class SimulatedBag:
-    """Bag that was written, with the number of its trials.
+    """A written bag with the number of its trials.
 
-    ``trials``: number of trials in the bag, including aborted ones. ``aborted``: trials that the
-    simulator aborted: id and time since the first sample [s].
+    ``trials`` is the number of trials in the bag, including aborted ones. ``aborted`` has id and
+    time since the first sample [s] of each trial that the simulator aborted.
     """
 
     path: Path
@@ -65,7 +65,7 @@ class SimulatedBag:
 
 
 def count_trials(plan: SimulationPlan, catalogue: Catalogue) -> int:
-    """Return how many trials a plan has in all its sessions."""
+    """Return the number of trials in all sessions of a plan."""
     return plan.sessions * plan.trials_per_label * len(catalogue.labels(plan.protocol))
 
 
@@ -79,17 +79,26 @@ def write_simulated_bag(
     jobs: int | None = 1,
     on_trials: Callable[[int], None] = lambda count: None,
 ) -> SimulatedBag:
-    """Simulate a plan's trials and write them as one bag below ``folder``.
+    """Simulate a plan's trials and write them to one bag in ``folder``.
 
-    The trials come session after session; within a session the first trial of each label,
-    then the second of each, and so on. A bag that cannot be finished is removed.
+    The trials are ordered by session. Within a session, the first trials of all labels come first,
+    then the second trials, and so on. A bag that cannot be finished is removed.
 
-    ``catalogue``: descriptions of finger, rig, plates and objects; those of the package when left
-    out. ``jobs``: as joblib takes it: -1 is all cores. ``on_trials``: called with the number of
-    trials that have been written since the last call.
+    Parameters
+    ----------
+    catalogue : Catalogue, optional
+        Descriptions of finger, rig, plates and objects; by default the packaged ones.
+    jobs : int
+        Number of processes as in joblib; -1 for all cores.
+    on_trials : callable
+        Called with the number of trials that were written since the last call.
 
-    Raises `BagError` when the bag exists already or cannot be written. Raises `TactileSimError`
-    when a description does not fit.
+    Raises
+    ------
+    BagError
+        When the bag exists or cannot be written.
+    TactileSimError
+        When a description is invalid.
     """
     catalogue = catalogue or Catalogue(None)
     trial_config = plan.configure(trial_config)
@@ -137,11 +146,11 @@ def _simulate(
     catalogue: Catalogue,
     jobs: int | None,
 ) -> Iterator[SimulatedTrial]:
-    """Yield a plan's trials in the order of the bag, round after round."""
+    """Yield a plan's trials in the order of the bag, round by round."""
     labels = catalogue.labels(plan.protocol)
     groups = _chunk_groups(plan, labels)
     largest = min(plan.trials_per_label, CHUNK_TRIALS) * len(labels)
-    # In rounds, since joblib would go on simulating while the writer lags behind.
+    # In rounds, because joblib would simulate far ahead of a slow writer.
     with Parallel(n_jobs=jobs, return_as='generator') as parallel:
         while taken := list(islice(groups, max(1, ROUND_TRIALS // largest))):
             done = parallel(
@@ -159,7 +168,7 @@ def _simulate(
 
 
 def _chunk_groups(plan: SimulationPlan, labels: Sequence[str]) -> Iterator[list[TrialChunk]]:
-    """Yield the chunks of all labels with the same sessions and numbers."""
+    """Yield the chunks of all labels with the same sessions and trial numbers."""
     for session in range(plan.sessions):
         for first in range(0, plan.trials_per_label, CHUNK_TRIALS):
             count = min(CHUNK_TRIALS, plan.trials_per_label - first)
@@ -171,16 +180,16 @@ def _chunk_groups(plan: SimulationPlan, labels: Sequence[str]) -> Iterator[list[
 
 
 def _state_loss(data: bytes, lost_before: int) -> bytes:
-    """Return a strain block that says how many samples before it are missing."""
+    """Return a strain block with the number of missing samples before it."""
     block = message_store().deserialize_cdr(data, STRAIN)
     block.lost_before = lost_before  # type: ignore[attr-defined]
     return bytes(message_store().serialize_cdr(block, STRAIN))
 
 
 def paper_plans(trials: int, sessions: int, seed: int) -> Sequence[SimulationPlan]:
-    """Return the paper's four sets: texture and stiffness, flexion and abduction.
+    """Return the four sets in the paper: texture and stiffness, flexion and abduction.
 
-    ``trials``: on each plate or object in each session.
+    ``trials`` is the number of trials on each plate or object in each session.
     """
     return [
         SimulationPlan(protocol, contact, trials, seed, sessions)

@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Simulated trials as messages: planned, simulated and turned into bytes, some at a time.
+"""Simulated trials as messages: planning, simulation and conversion to bytes, in chunks.
 
-`simulate_chunk` is what a worker does: a plain function of plain arguments with a small
-result, so that it can run in another process or on another computer.
+Workers run `simulate_chunk`, a function of plain arguments with a small result, so that it can
+run in another process or on another computer.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ from tactile_sim.physics.motion import Move, move_duration_s, Timeline
 from tactile_sim.physics.trials import simulate_trials
 
 SAMPLES_PER_BLOCK = 60
-"""Few long blocks: messages, not samples, are what writing and reading a bag costs."""
+"""Samples per block; long blocks are faster to write and to read."""
 
 EPOCH_NS = 1_600_000_000_000_000_000
-"""Where simulated time begins, so that the same seed gives the same bytes."""
+"""Start of simulated time, which is constant so that the same seed gives the same bytes [ns]."""
 
 IDLE_S = 0.2
-"""Rest before and after a trial."""
+"""Rest before and after a trial [s]."""
 
 
 @dataclass(frozen=True)
 class PlannedTrial:
-    """A trial on paper: when each phase begins, what the devices do, how many samples come."""
+    """Plan of a trial: start of each phase, motion of the devices, number of samples."""
 
     phases: tuple[tuple[str, float], ...]
     timeline: Timeline
@@ -56,10 +56,10 @@ class PlannedTrial:
 def plan_trial(
     config: TrialConfig, request: TrialRequest, catalogue: Catalogue | None = None
 ) -> PlannedTrial:
-    """Compute when each step of a trial begins and ends on devices that obey at once.
+    """Compute start and end of each step of a trial, for devices that respond immediately.
 
-    The guide is at the start already; the way back is left out, since nothing is
-    measured on it.
+    The guide is at the start position already; its return is omitted, because nothing is
+    measured during it.
     """
     now_s = IDLE_S
     guide_m, tendon_m = config.guide_start_m, 0.0
@@ -85,7 +85,7 @@ def plan_trial(
             now_s += move_duration_s(distance_m, step.speed_m_s, tendon_m_s2)
             tendon_m = step.displacement_m
     phases.append(('done', now_s))
-    # Whole samples by the sensor's clock, so that trials follow each other without a gap.
+    # Whole numbers of samples of the sensor's clock, so that trials follow without a gap.
     period_s = rig.load_cell.period_s
     sample_count = math.ceil((now_s + IDLE_S) / period_s)
     timeline = Timeline(guide_moves, tendon_moves, sample_count * period_s, config.guide_start_m)
@@ -94,13 +94,20 @@ def plan_trial(
 
 @dataclass(frozen=True)
 class SimulationPlan:
-    """One bag of simulated trials: every label of a protocol, so many times a session.
+    """One bag of simulated trials, with every label of a protocol.
 
-    ``trials_per_label``: in each session. ``seed``: the same seed gives the same bag.
-    ``sessions``: how often the rig is set up anew; trials of a session share its deviations.
-    ``glide_speed_m_s``: speed over the plate [m/s]; None: as the trials are configured.
-    ``trials_per_mounting``: trials of a label and session between one fixing of the plate or
-    object and the next.
+    Attributes
+    ----------
+    trials_per_label : int
+        Trials of each label in each session.
+    seed : int
+        The same seed gives the same bag.
+    sessions : int
+        Number of sessions; trials of a session share the deviations of its set-up.
+    glide_speed_m_s : float or None
+        Speed over the plate [m/s]; None for the configured speed.
+    trials_per_mounting : int
+        Trials of a label and session that share one mounting.
     """
 
     protocol: str
@@ -133,8 +140,8 @@ class SimulationPlan:
 class TrialChunk:
     """Consecutive trials on one plate or object in one session.
 
-    ``first``, ``count``: numbers of the trials: ``first`` to ``first + count - 1``. ``row``,
-    ``row_step``: place of the first trial in the bag, and from each to the next.
+    ``first`` and ``count`` select the trials ``first`` to ``first + count - 1``. ``row`` is the
+    place of the first trial in the bag, and ``row_step`` the distance to the next one.
     """
 
     label: str
@@ -147,11 +154,16 @@ class TrialChunk:
 
 @dataclass(frozen=True)
 class SimulatedTrial:
-    """One trial as it goes into a bag.
+    """One trial of a bag.
 
-    ``messages``: time [ns], type and bytes (CDR) of each message, in the order of time.
-    ``missing_samples``: samples at its end that the simulator could not compute. ``failed_at_s``:
-    when the simulator gave up, since the trial's first sample [s].
+    Attributes
+    ----------
+    messages : list
+        Time [ns], type and bytes (CDR) of each message, in the order of time.
+    missing_samples : int
+        Number of samples at its end that the simulator could not compute.
+    failed_at_s : float
+        Time at which the simulator failed, since the trial's first sample [s].
     """
 
     trial_id: str
@@ -167,7 +179,7 @@ def simulate_chunk(
     catalogue: Catalogue,
     chunk: TrialChunk,
 ) -> list[SimulatedTrial]:
-    """Simulate a chunk's trials and turn them into bytes: what a worker does."""
+    """Simulate the trials of a chunk and convert them to bytes, in a worker."""
     trials = simulate_trials(
         plan.protocol,
         chunk.label,
@@ -184,7 +196,7 @@ def simulate_chunk(
     for i in range(chunk.count):
         failed_at_s = float(trials.failed_at_s[i]) if np.isfinite(trials.failed_at_s[i]) else None
         times_s = trials.sample_times_s
-        # The sample at the very end is the first one of the next trial.
+        # The last sample is also the first sample of the next trial, and is omitted here.
         count = planned.sample_count
         if failed_at_s is not None:
             count = min(count, int(np.searchsorted(times_s, failed_at_s)))
@@ -196,7 +208,7 @@ def simulate_chunk(
 
 
 class _TrialRecorder:
-    """Turns one trial into messages; each has its place in simulated time, end to end."""
+    """Converts one trial to messages; trials follow each other in simulated time without gaps."""
 
     def __init__(
         self,
@@ -233,7 +245,7 @@ class _TrialRecorder:
             items.append((stamp_ns, EVENT, self._event(stamp_ns, phase, message)))
         for first in range(0, len(tension_n), SAMPLES_PER_BLOCK):
             values = tension_n[first : first + SAMPLES_PER_BLOCK]
-            # A block is published when its last sample is there.
+            # A block is published when its last sample is available.
             items.append((self._stamp_ns(first + len(values)), STRAIN, self._block(first, values)))
         return sorted(items, key=lambda item: item[0])
 

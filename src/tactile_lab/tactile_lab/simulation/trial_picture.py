@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One simulated trial as a figure: the finger's shapes to scale, its tension, its spectrum."""
+"""One simulated trial as a figure: shapes of the finger to scale, tension, and spectrum."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ SHAPE_STYLES = {
     'middle': ('#2e8b57', '-'),
     'end': ('#d2691e', '--'),
 }
-"""Colour and line of each moment; start and end of a hold lie on each other."""
+"""Colour and line style of each moment; the shapes at start and end of a hold coincide."""
 
 BODY_DEPTH_M = 0.012
 """Drawn depth of plates and objects [m]; the model has only their surface."""
@@ -49,9 +49,14 @@ BODY_DEPTH_M = 0.012
 class Shape:
     """The finger at one moment.
 
-    ``moment``: ``at rest``, ``start``, ``middle`` or ``end``, of the phase that is measured.
-    ``at_s``: since the trial's first sample [s]. ``curve_m`` (ndarray of shape (points, 2)):
-    centre line in the guide's frame: place along the guide, drop below the base [m].
+    Attributes
+    ----------
+    moment : str
+        ``at rest``, or ``start``, ``middle`` or ``end`` of the measured phase.
+    at_s : float
+        Time since the trial's first sample [s].
+    curve_m : ndarray of shape (points, 2)
+        Centre line in the guide's frame: position along the guide, drop below the base [m].
     """
 
     moment: str
@@ -63,8 +68,8 @@ class Shape:
 class TrialPicture:
     """Data for the drawing of a trial.
 
-    ``times_s`` (ndarray of shape (samples,)): times since the trial's first sample [s]. ``truth``:
-    ground truth of the simulator for this trial only.
+    ``times_s``, of shape (samples,), is relative to the trial's first sample [s]. ``truth`` is the
+    true state in the simulator, for this trial only.
     """
 
     plan: SimulationPlan
@@ -79,14 +84,14 @@ class TrialPicture:
 def simulate_picture(
     plan: SimulationPlan, config: TrialConfig, catalogue: Catalogue
 ) -> TrialPicture:
-    """Simulate the trial that is drawn, and choose the moments at which the finger is."""
+    """Simulate the trial to draw, and choose the moments at which the finger is drawn."""
     label = _choose_label(plan.protocol, catalogue)
     planned = plan_trial(config, plan.request, catalogue)
     scene = build_scene(plan.protocol, label, plan.contact, catalogue)
     motion = simulate_motion(scene, planned.timeline, Variation.none(1), keep_modes=True)
     if np.isfinite(motion.failed_at_s[0]):
         raise TactileError(
-            f'the simulation of a trial on {label}, to draw it, found no equilibrium at '
+            f'the simulation of the drawn trial on {label} found no equilibrium at '
             f'{motion.failed_at_s[0]:.3f} s; check the description'
         )
     times_s, truth = motion.sample_times_s, motion.truth
@@ -101,11 +106,11 @@ def simulate_picture(
 
 
 def _choose_label(protocol: str, catalogue: Catalogue) -> str:
-    """Return something on which there is something to see."""
+    """Return the label with the clearest effect."""
     labels = catalogue.labels(protocol)
     if protocol == 'texture':
         return next((name for name in labels if catalogue.plate(name).groove != 'none'), labels[0])
-    # The softest; without stiffness there is no object.
+    # The softest object; stiffness 0 means that there is no object.
     return min(labels, key=lambda name: catalogue.body(name).stiffness_n_m or math.inf)
 
 
@@ -114,30 +119,30 @@ def find_measured_phase(planned: PlannedTrial) -> str:
 
 
 def _moments(planned: PlannedTrial) -> list[tuple[str, float, float]]:
-    """Return (moment, time, guide position) of the shapes that are drawn."""
+    """Return (moment, time, guide position) of the drawn shapes."""
     starts, measured = dict(planned.phases), find_measured_phase(planned)
     begin_s, end_s = starts[measured], starts['release']
     begin_m = planned.timeline.guide_start_m
     end_m = planned.timeline.guide_moves[-1].target_m
     moments = [('at rest', 0.0, begin_m), ('start', begin_s, begin_m)]
     if measured == 'glide':
-        # It speeds up and slows down alike: half of the way at half of the time.
+        # Acceleration and braking are symmetric, so half of the way takes half of the time.
         moments.append(('middle', (begin_s + end_s) / 2, (begin_m + end_m) / 2))
     return [*moments, ('end', end_s, end_m)]
 
 
 def compute_touching_tip(finger: Finger) -> tuple[float, float]:
-    """Return reach and drop of the tip when it first touches, bent in an arc [m]."""
+    """Return reach and drop of the tip at first contact, for an arc of constant curvature [m]."""
     modes_rad = np.array([np.radians(finger.contact_bend_deg), 0.0, 0.0])
     reach_m, drop_m = compute_curve(finger.length_m, modes_rad)[-1]
     return float(reach_m), float(drop_m)
 
 
 def surface_drop_m(finger: Finger) -> float:
-    """Return how far below the base the top of plates and objects is drawn [m].
+    """Return the distance of the top of plates and objects below the base in the figure [m].
 
-    The model's drop is that of the tip's lowest point; in the figure the centre line ends
-    in the middle of the tip, which moves the top down by its radius and changes nothing else.
+    The drop in the model refers to the lowest point of the tip. In the figure the centre line ends
+    in the middle of the tip, so the top is moved down by the tip's radius; nothing else changes.
     """
     return compute_touching_tip(finger)[1] + finger.tip_radius_m
 
@@ -147,7 +152,7 @@ def plot_simulated_trial(
 ) -> None:
     """Simulate a trial exactly as described, without variation or noise, and draw it.
 
-    ``path``: PNG to write. ``plan``: says protocol and contact.
+    ``path`` is the PNG file. ``plan`` gives protocol and contact.
 
     Raises `TactileError` when the file cannot be written, or the simulator finds no solution.
     """
@@ -159,7 +164,7 @@ def plot_simulated_trial(
 
 
 def draw_picture(picture: TrialPicture) -> Figure:
-    """Draw the finger's shapes, the tension, and what else the protocol has to show."""
+    """Draw the finger's shapes, the tension, and the spectrum or the contact force."""
     extra: dict[str, Callable[[Axes, TrialPicture], None]] = {
         'texture': _draw_spectrum,
         'stiffness': _draw_force,
@@ -208,7 +213,7 @@ def _draw_shapes(axes: Axes, picture: TrialPicture) -> None:
 
 
 def _outline(curve_m: FloatArray, half_width_m: float) -> FloatArray:
-    """Return the finger's outline about its centre line; the model knows no thickness."""
+    """Return the finger's outline about its centre line; the model has no thickness."""
     tangent = np.gradient(curve_m, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     across_m = half_width_m * np.column_stack([-tangent[:, 1], tangent[:, 0]])
@@ -216,7 +221,7 @@ def _outline(curve_m: FloatArray, half_width_m: float) -> FloatArray:
 
 
 def _draw_touched(axes: Axes, picture: TrialPicture) -> None:
-    """Draw the plate or object where it lies under the finger."""
+    """Draw the plate or object at its position under the finger."""
     catalogue, protocol = picture.catalogue, picture.plan.protocol
     finger, place = catalogue.finger(picture.plan.contact), catalogue.rig().placement
     reach_m, top_m = compute_touching_tip(finger)[0], surface_drop_m(finger)
@@ -264,7 +269,7 @@ def _draw_tension(axes: Axes, picture: TrialPicture) -> None:
 
 
 def _texture_window(picture: TrialPicture) -> tuple[FloatArray, FloatArray]:
-    """Return times [s] and tension [N] of the window that texture features come from."""
+    """Return times [s] and tension [N] of the window for texture features."""
     config = FeatureConfig()
     starts = dict(picture.planned.phases)
     first = int(np.searchsorted(picture.times_s, starts['glide'] + config.texture_crop_start_s))
@@ -280,13 +285,13 @@ def _shade_phases(axes: Axes, picture: TrialPicture) -> None:
 
 
 def _draw_spectrum(axes: Axes, picture: TrialPicture) -> None:
-    """Draw the amplitude spectrum of the window that texture features come from."""
+    """Draw the amplitude spectrum of the window for texture features."""
     config = FeatureConfig()
     amplitude_n = compute_spectrum(
         _texture_window(picture)[1], config.spectrum_detrend, config.spectrum_window
     )
     frequency_hz = np.arange(len(amplitude_n)) * config.rate_hz / config.texture_samples
-    # A signal without any change would have nothing to draw.
+    # A constant signal would have an empty logarithmic axis.
     draw_spectrum(axes, frequency_hz, np.maximum(MM * amplitude_n, 1e-3))
     plate = picture.catalogue.plate(picture.label)
     if plate.groove not in ('none', 'profile'):
@@ -309,7 +314,7 @@ def _draw_spectrum(axes: Axes, picture: TrialPicture) -> None:
 
 
 def _draw_force(axes: Axes, picture: TrialPicture) -> None:
-    """Draw the contact force, which no sensor of the rig sees."""
+    """Draw the contact force, which no sensor of the rig measures."""
     _shade_phases(axes, picture)
     axes.plot(picture.times_s, picture.truth['contact_force_n'], color='#2e8b57', lw=1)
     axes.set(xlabel='time [s]', ylabel='true contact force [N]')

@@ -1,4 +1,4 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The live page: every finger in a browser."""
+"""The live page, which shows every finger in a browser."""

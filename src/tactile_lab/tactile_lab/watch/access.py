@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Access rules of the live page and of commands that move the rig; free of any server."""
+"""Access rules of the live page and of commands that move the rig, without a server."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tactile_ros.errors import TactileError
 ACTIONS = ('stop', 'release', 'reset', 'tare', 'home', 'trial')
 
 OF_ALL_FINGERS = ('stop', 'release', 'reset')
-"""Actions that are for the whole rig, and name no finger."""
+"""Actions that affect the whole rig, without a finger's name."""
 
 LONGEST_COMMAND = 4096
 LONGEST_NAME = 200
@@ -31,15 +31,15 @@ HEADERS = {
     'Referrer-Policy': 'no-referrer',
     'Cache-Control': 'no-store',
 }
-"""Headers of every answer: nothing is loaded from elsewhere, no other page shows this one."""
+"""Headers of every response: no external content, and no embedding in other pages."""
 
 
 @dataclass(frozen=True)
 class WatchOptions:
-    """Address and port to listen on, and the token that moving needs.
+    """Address and port to listen on, and the token that is required for motion.
 
-    Port 0 takes the usual one, or any that is free. Servers that follow each other with the same
-    options share the token.
+    Port 0 selects the usual port, or any free one. Consecutive servers with the same options share
+    the token.
     """
 
     host: str = '127.0.0.1'
@@ -48,15 +48,15 @@ class WatchOptions:
 
 
 class CommandError(TactileError):
-    """A page sent what is no command; the message says why."""
+    """A page has sent an invalid command; the message has the reason."""
 
 
 @dataclass(frozen=True)
 class Command:
-    """Command from a page: one of `ACTIONS`, for a finger by its namespace.
+    """Command from a page: one of `ACTIONS`, for the finger with this namespace.
 
-    Those of `OF_ALL_FINGERS` are for all of them. The page knows the token from its address. The
-    sentence about the command's end has its ``id``.
+    Actions in `OF_ALL_FINGERS` apply to all fingers. The page has the token from its address. The
+    message about the result of the command has its ``id``.
     """
 
     action: str
@@ -67,9 +67,9 @@ class Command:
 
 
 def read_command(text: str) -> Command:
-    """Return the command in a page's message, or raise `CommandError`."""
+    """Return the command in a page's message; raise `CommandError` if it is invalid."""
     if len(text) > LONGEST_COMMAND:
-        raise CommandError(f'a command has at most {LONGEST_COMMAND} characters')
+        raise CommandError(f'a command must have at most {LONGEST_COMMAND} characters')
     try:
         document = json.loads(text)
     except (ValueError, RecursionError):
@@ -85,7 +85,7 @@ def read_command(text: str) -> Command:
 
     action = text_of('do')
     if action not in ACTIONS:
-        raise CommandError(f'"{action}" is no command; there are {", ".join(ACTIONS)}')
+        raise CommandError(f'"{action}" is not a command; use {", ".join(ACTIONS)}')
     trial = None
     if action == 'trial':
         try:
@@ -103,9 +103,9 @@ def read_command(text: str) -> Command:
 
 @dataclass(frozen=True)
 class Access:
-    """The rules of a server on a port.
+    """The access rules of a server on a port.
 
-    Pages may be addressed to the computer's name, to addresses and to ``localhost``.
+    Pages may be requested by the computer's name, by IP addresses and as ``localhost``.
     """
 
     port: int
@@ -113,17 +113,17 @@ class Access:
     token: str
 
     def refuse_request(self, host: str, origin: str | None, *, is_socket: bool) -> str:
-        """Return why a request is refused; empty when it is not.
+        """Return why a request is refused, or an empty string.
 
-        A foreign name in ``Host`` is what DNS rebinding needs, and an address cannot be rebound.
-        Browsers send the ``Origin`` of the page with every WebSocket.
+        DNS rebinding needs a foreign name in ``Host``; IP addresses are safe. Browsers send the
+        ``Origin`` of the page with every WebSocket.
         """
         if not self._is_ours(host):
-            return 'this host name is not served; open the address that the command has printed'
+            return 'this host name is not served; open the address that the command printed'
         if origin is None:
-            return 'a socket needs an Origin' if is_socket else ''
+            return 'a WebSocket needs an Origin' if is_socket else ''
         if origin != f'http://{host}':
-            return 'requests of other pages are refused'
+            return 'requests from other pages are refused'
         return ''
 
     def _is_ours(self, host: str) -> bool:
@@ -143,14 +143,14 @@ class Access:
         return True
 
     def refuse_command(self, command: Command) -> str:
-        """Return why a command is refused; empty when it is not.
+        """Return why a command is refused, or an empty string.
 
-        A stop needs no token: whoever can see that something goes wrong must be able to stop it.
+        A stop needs no token, so that everyone who sees the page can stop the rig.
         """
         if command.action == 'stop' or self.is_token(command.token):
             return ''
-        return 'this page may look and stop only; open the full address that the command printed'
+        return 'this page can only show and stop; open the full address that the command printed'
 
     def is_token(self, text: str) -> bool:
-        """Return whether a text is the token, in constant time."""
+        """Compare a text with the token, in constant time."""
         return secrets.compare_digest(text.encode(), self.token.encode())

@@ -30,7 +30,7 @@ REMEDY = 'bring the rig to rest with its switch'
 class WatchControls:
     """Actions of the page's buttons, through services and actions of the fingers' nodes.
 
-    ``before_trial`` is given the request before a trial starts; it mounts the object under a
+    ``before_trial`` is called with the request before a trial starts; it mounts the object under a
     simulated finger.
     """
 
@@ -46,28 +46,28 @@ class WatchControls:
         self._operators: dict[str, tuple[OperatorNode, NodeGroup]] = {}
 
     def close(self) -> None:
-        """Give everything back."""
+        """Destroy all clients and nodes."""
         for _, group in self._operators.values():
             group.close()
         self._operators = {}
 
     async def stop(self) -> str:
-        """End sessions, cancel trials, stop guides and tendons; all at the same time.
+        """End sessions, cancel trials, stop guides and tendons, all in parallel.
 
-        Each rig stays stopped until `reset`. Returns the nodes that have confirmed it. It is an
-        error when there is nothing to stop, or something has not confirmed it.
+        Each rig stays stopped until `reset`. Returns the nodes that have confirmed. Raises
+        `TactileError` when there is nothing to stop, or a node has not confirmed.
         """
         self._node.state.was_stopped = True
         for operator, _ in self._operators.values():
-            with suppress(RuntimeError):  # its executor has ended
+            with suppress(RuntimeError):  # its executor has been shut down
                 operator.stop()
         clients = self._node.stop_clients()
-        # The cancellation goes first: a trial that is cancelled is not repeated.
+        # Sessions are stopped first, because a cancelled trial must not be repeated.
         order = sorted(clients, key=lambda path: not path.endswith(CANCEL))
         answers = await asyncio.gather(
             *(self._stop_one(clients[path], path) for path in order), return_exceptions=True
         )
-        confirmed: dict[str, None] = {}  # a trial runner is asked twice
+        confirmed: dict[str, None] = {}  # without repetitions: trial runners are called twice
         silent: dict[str, None] = {}
         for path, answer in zip(order, answers, strict=True):
             if answer is None:
@@ -75,7 +75,7 @@ class WatchControls:
             is_bad = isinstance(answer, BaseException) or getattr(answer, 'success', True) is False
             (silent if is_bad else confirmed)[_node_name(path)] = None
         if not silent and not confirmed:
-            raise TactileError(f'stop: no node that moves anything is known here; {REMEDY}')
+            raise TactileError(f'stop: no node that can stop is known; {REMEDY}')
         if silent:
             raise TactileError(f'stop: no confirmation from {", ".join(silent)}; {REMEDY}')
         return f'stop: confirmed by {", ".join(confirmed)}'
@@ -85,11 +85,11 @@ class WatchControls:
         return await self._ask_all('release', RELEASES)
 
     async def reset(self) -> str:
-        """End the stopped state of all rigs; nothing moves by it, and no session goes on."""
+        """End the stopped state of all rigs; this moves nothing and continues no session."""
         return await self._ask_all('reset', RESETS)
 
     async def _ask_all(self, action: str, names: tuple[str, ...]) -> str:
-        """Call services of all fingers at the same time; an error when one refuses."""
+        """Call services of all fingers in parallel; raise `TactileError` when one refuses."""
         clients = self._node.clients_of(names)
         answers = await asyncio.gather(
             *(self._stop_one(client, path) for path, client in clients.items()),
@@ -104,7 +104,7 @@ class WatchControls:
             if answer is not None:
                 done.append(_node_name(path))
         if not done:
-            raise TactileError(f'{action}: no node that could do it is known here')
+            raise TactileError(f'{action}: no node with this service is known')
         return f'{action}: done by {", ".join(done)}'
 
     async def tare(self, finger: str) -> str:
@@ -141,13 +141,13 @@ class WatchControls:
         return operator
 
     async def _stop_one(self, client: Any, path: str) -> Any:
-        """Return a service's answer; None where there is no server, and none is missed."""
+        """Return a service's response; None if it has no server and need not confirm."""
         if not self._node.must_confirm(path) and not await _is_there(client, FIND_TIMEOUT_S):
             return None
         return await self._call(client, path, repeats=True)
 
     async def _call(self, client: Any, path: str, repeats: bool = False) -> Any:
-        """Call a service; with ``repeats`` again while no answer comes."""
+        """Call a service; with ``repeats``, call it again until it responds."""
 
         async def call() -> Any:
             await _is_there(client, ANSWER_TIMEOUT_S)
@@ -161,11 +161,11 @@ class WatchControls:
         try:
             return await asyncio.wait_for(call(), ANSWER_TIMEOUT_S)
         except asyncio.TimeoutError:
-            raise TactileError(f'{path} does not answer within {ANSWER_TIMEOUT_S:g} s') from None
+            raise TactileError(f'{path} has not responded within {ANSWER_TIMEOUT_S:g} s') from None
 
 
 async def _is_there(client: Any, timeout_s: float) -> bool:
-    """Wait for the server of a client, which finds it a moment after it is made."""
+    """Wait for the server of a client, which is discovered a moment after its creation."""
     deadline_s = time.monotonic() + timeout_s
     while not client.service_is_ready():
         if time.monotonic() > deadline_s:
@@ -175,7 +175,7 @@ async def _is_there(client: Any, timeout_s: float) -> bool:
 
 
 def _node_name(path: str) -> str:
-    """Return a node's name with its namespace, from the name of one of its services."""
+    """Return the name of a node with its namespace, from the name of one of its services."""
     path = path.strip('/').removesuffix('/run_trial/_action/cancel_goal')
     for service in ('/stop', '/release', '/reset'):
         path = path.removesuffix(service)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One finger on the live page: samples thinned for a plot, phases, answers. Free of ROS."""
+"""One finger on the live page: samples reduced for a plot, phases, predictions; without ROS."""
 
 from __future__ import annotations
 
@@ -31,37 +31,37 @@ from tactile_features.records import (
 from tactile_ros.strain import StrainBlock, StrainStatus
 
 BUCKET_NS = 10_000_000
-"""Time that two points stand for, where samples come faster: a pixel of a plot of 10 s."""
+"""Time per two points of a plot, if samples are faster: one pixel of a plot of 10 s [ns]."""
 
 
 class Point(NamedTuple):
-    """One point of a plot. Without a tension, the line breaks: samples were lost or no numbers."""
+    """One point of a plot. Without a tension, the line is broken: samples are missing or NaN."""
 
     stamp_ns: int
     tension_n: float | None
 
 
 class Decimator:
-    """Turns blocks of samples into points of a plot.
+    """Reduces blocks of samples to points of a plot.
 
-    Up to two samples in a bucket of time are passed on as they are. Of more samples, the smallest
-    and the largest are passed on, each at its own time. Where a bucket begins does not depend on
-    how samples are grouped in blocks.
+    Up to two samples in a time bucket are passed on unchanged. Of more samples, the smallest and
+    the largest are passed on, each at its own time. The buckets do not depend on the grouping of
+    samples in blocks.
     """
 
     def __init__(self) -> None:
         self.clear()
 
     def clear(self) -> None:
-        """Forget the samples of the bucket that still fills."""
+        """Discard the samples of the incomplete bucket."""
         self._open: list[tuple[int, float]] = []
         self._next_sequence: int | None = None
         self.last_ns: int | None = None
 
     def add(self, block: StrainBlock) -> list[Point]:
-        """Return the points that a block completes, in order of time.
+        """Return the points that a block completes, in the order of time.
 
-        A block that is older than the samples before it gives none.
+        A block that is older than earlier samples yields no points.
         """
         count = len(block.tension_n)
         if not count or (self.last_ns is not None and block.stamp_ns <= self.last_ns):
@@ -77,14 +77,14 @@ class Decimator:
             if self._open and self._open[0][0] // BUCKET_NS != buckets[start]:
                 points += self._close()
             self._take(stamps_ns[start:end], block.tension_n[start:end])
-        if block.period_ns * 2 > BUCKET_NS:  # slow: each sample is a point, at once
+        if block.period_ns * 2 > BUCKET_NS:  # slow: each sample is a point
             points += self._close()
         self._next_sequence = block.sequence + count
         self.last_ns = int(stamps_ns[-1])
         return points
 
     def _take(self, stamps_ns: NDArray[np.int64], tension_n: NDArray[np.float64]) -> None:
-        """Add samples of one bucket; keep two of those that it has, and one that is no number."""
+        """Add samples of one bucket; keep the smallest, the largest and one that is NaN."""
         known = [*self._open, *zip(stamps_ns.tolist(), tension_n.tolist(), strict=True)]
         numbers = [sample for sample in known if math.isfinite(sample[1])]
         breaks = [sample for sample in known if not math.isfinite(sample[1])][:1]
@@ -104,16 +104,16 @@ class Decimator:
 
 
 SHOWN_S = 12.0
-"""Time that points are kept for; a page shows a little less."""
+"""Time that points are kept [s]; a page shows slightly less."""
 
 SPECTRUM_S = 3.0
-"""Longest window of the spectrum, as in the paper."""
+"""Longest window of the spectrum, as in the paper [s]."""
 
 FEWEST_SAMPLES = 16
-"""A spectrum of fewer samples says nothing."""
+"""Smallest number of samples of a spectrum."""
 
 HIGHEST_HZ = 60.0
-"""The spectrum of a fast sensor is shown up to here."""
+"""Highest frequency of the displayed spectrum of a fast sensor [Hz]."""
 
 MOST_POINTS = round(SHOWN_S * 1e9 / BUCKET_NS) * 3
 MOST_SAMPLES = 32_768
@@ -125,30 +125,30 @@ SIGNAL_FAULTS = (
         StrainStatus.STUCK,
         'The tension has not changed for too long: check the sensor and its cable.',
     ),
-    (StrainStatus.DEVICE_ERROR, 'The sensor reports an error of its own.'),
+    (StrainStatus.DEVICE_ERROR, 'The sensor reports an internal error.'),
     (
         StrainStatus.CLOCK_STEP,
-        "The computer's clock was set: times before and after do not compare.",
+        "The computer's clock was set: times before and after it cannot be compared.",
     ),
 )
 
 _Kept = TypeVar('_Kept')
 
 MEASURED = (PHASE_GLIDE, PHASE_HOLD, PHASE_PULL)
-"""Phases that a window is cut from."""
+"""Phases from which windows are cut."""
 
 
 class Finger:
-    """The samples, phases and answers of one finger of the last seconds.
+    """The latest samples, phases and predictions of one finger.
 
     Attributes
     ----------
     name : str
-        Its namespace; empty: the root.
+        Its namespace; empty for the root namespace.
     version : int
-        Grows with every change but new samples.
+        Increases with every change except new samples.
     epoch : int
-        Grows when the time begins anew: what was drawn before is to be forgotten.
+        Increases when the time restarts; pages then discard what they have drawn.
     """
 
     def __init__(self, name: str) -> None:
@@ -159,20 +159,20 @@ class Finger:
         self.status = 0
         self.simulated = False
         self._points: deque[Point] = deque(maxlen=MOST_POINTS)
-        self.point_count = 0  # all since the epoch began
+        self.point_count = 0  # since the start of the epoch
         self._base_ns = 0
         self._decimator = Decimator()
-        self._samples: NDArray[np.float64] = np.empty(0)  # those that a spectrum may be of
+        self._samples: NDArray[np.float64] = np.empty(0)  # samples for the spectrum
         self._sample_ns = 0  # time of the last sample
         self._spans: deque[TrialEvent] = deque(maxlen=64)
         self._answers: dict[str, tuple[ClassificationResult, str]] = {}  # by model
         self._models: tuple[ModelInfo, ...] = ()
-        self._windows: dict[str, FeatureWindow] = {}  # of the trial, by specification
+        self._windows: dict[str, FeatureWindow] = {}  # of the current trial, by specification
 
-    # -- what comes ----------------------------------------------------------------
+    # -- input ---------------------------------------------------------------------
 
     def take_block(self, block: StrainBlock) -> None:
-        """Take samples."""
+        """Add samples."""
         count = len(block.tension_n)
         if not count:
             return
@@ -180,7 +180,7 @@ class Finger:
         if last_ns is None or block.stamp_ns <= last_ns:
             is_step = block.status & StrainStatus.CLOCK_STEP
             if last_ns is not None and not is_step and last_ns - block.stamp_ns < 1_000_000_000:
-                return  # a late message, which only repeats the last seconds
+                return  # a late message, which only repeats earlier samples
             self._begin_anew(block.stamp_ns)
         points = self._decimator.add(block)
         self._points.extend(points)
@@ -207,7 +207,7 @@ class Finger:
     def _keep(self, block: StrainBlock) -> None:
         known, new = self._samples, block.tension_n
         if block.lost_before:
-            known = np.empty(0)  # a spectrum over a gap would be wrong
+            known = np.empty(0)  # a spectrum must not contain a gap
         if len(breaks := np.flatnonzero(~np.isfinite(new))):
             known, new = np.empty(0), new[breaks[-1] + 1 :]
         count = min(MOST_SAMPLES, max(1, round(SPECTRUM_S * self.rate_hz)))
@@ -215,7 +215,7 @@ class Finger:
         self._sample_ns = block.stamp_ns + (len(block.tension_n) - 1) * block.period_ns
 
     def take_event(self, event: TrialEvent) -> None:
-        """Take the start of a phase."""
+        """Add the start of a phase."""
         if self._spans and self._spans[-1].trial_id != event.trial_id:
             self._windows = {}
         self._spans.append(event)
@@ -223,11 +223,11 @@ class Finger:
         self.version += 1
 
     def take_models(self, models: Sequence[ModelInfo]) -> None:
-        """Take the models that a classifier answers with."""
+        """Set the models of the classifier."""
         self._models = tuple(models)
 
     def names_model(self, answer: ClassificationResult) -> bool:
-        """Return whether other models answer the same question, so that its model is named."""
+        """Return True if several models answer the same question, so that names are needed."""
         same = (
             model.task == answer.task and len({model.contact, answer.contact} - {''}) < 2
             for model in self._models
@@ -235,7 +235,7 @@ class Finger:
         return sum(same) > 1
 
     def take_answer(self, answer: ClassificationResult) -> str:
-        """Take the answer of a model; return the stated label of what lay under the finger."""
+        """Add the prediction of a model; return the stated label of the object, or ''."""
         stated = (e.object_label for e in reversed(self._spans) if e.trial_id == answer.trial_id)
         true_label = next(stated, '')
         _keep_newest(self._answers, answer.model_id, (answer, true_label))
@@ -244,15 +244,15 @@ class Finger:
         return true_label
 
     def take_window(self, window: FeatureWindow) -> None:
-        """Take the features of a window."""
+        """Add the features of a window."""
         _keep_newest(self._windows, window.specification_digest, window)
         self.simulated = self.simulated or window.simulated
         self.version += 1
 
-    # -- what is shown ---------------------------------------------------------------
+    # -- output ----------------------------------------------------------------------
 
     def points_since(self, count: int) -> tuple[list[float], list[float | None]]:
-        """Return times [s] since the epoch began, and tensions [N], of points after ``count``."""
+        """Return times since the epoch began [s] and tensions [N] of points after ``count``."""
         known = max(0, min(len(self._points), len(self._points) - (self.point_count - count)))
         new = list(islice(self._points, known, None))
         return (
@@ -262,11 +262,11 @@ class Finger:
 
     @property
     def event(self) -> TrialEvent | None:
-        """The phase that began last."""
+        """The latest phase."""
         return self._spans[-1] if self._spans else None
 
     def describe(self) -> dict[str, Any]:
-        """Return all but samples and spectrum, as what JSON can hold."""
+        """Return all except samples and spectrum, as a dictionary for JSON."""
         event = self.event
         return {
             'name': self.name,
@@ -292,7 +292,7 @@ class Finger:
         return round((stamp_ns - self._base_ns) * 1e-9, 3)
 
     def _describe_spans(self) -> list[dict[str, Any]]:
-        """Return the phases of the last seconds, in order; the last one may be open."""
+        """Return the latest phases, in order; the last one may be open."""
         events = list(self._spans)
         ends: list[int | None] = [*(event.stamp_ns for event in events[1:]), None]
         oldest_ns = self._sample_ns - round(2 * SHOWN_S * 1e9)
@@ -317,10 +317,10 @@ class Finger:
         }
 
     def spectrum(self) -> dict[str, Any] | None:
-        """Return amplitudes [N] and what they are of; None without enough samples.
+        """Return amplitudes [N] with their source; None if there are too few samples.
 
-        During a trial and after it they are those of the trial's window, as the classifier got
-        them. Without one, they are those of the last seconds, within the phase that runs.
+        During a trial and after it, the source is the window of the trial, as used by the
+        classifier. Without a window, it is the last seconds within the current phase.
         """
         spectra = (
             window
@@ -348,7 +348,7 @@ class Finger:
 
 
 def _keep_newest(kept: dict[str, _Kept], key: str, value: _Kept) -> None:
-    """Put a value at the end of a dictionary of at most `MOST_ANSWERS`."""
+    """Append a value to a dictionary, and limit the dictionary to `MOST_ANSWERS` values."""
     kept.pop(key, None)
     kept[key] = value
     while len(kept) > MOST_ANSWERS:
@@ -365,12 +365,12 @@ def _describe_spectrum(values: NDArray[np.float64], step_hz: float, part: str) -
 
 
 def rounded(value: float) -> float:
-    """Return a number with four significant digits, as the page gets it."""
+    """Return a number with four significant digits, to keep frames small."""
     return float(f'{value:.4g}')
 
 
 def describe_answer(answer: ClassificationResult, true_label: str) -> dict[str, Any]:
-    """Return an answer as what JSON can hold, with the likeliest labels first."""
+    """Return a prediction as a dictionary for JSON, with the most probable labels first."""
     scores = sorted(zip(answer.labels, answer.scores, strict=False), key=lambda x: -x[1])
     is_right = None
     if true_label and answer.outcome == Answered.LABEL:
@@ -395,7 +395,7 @@ def describe_answer(answer: ClassificationResult, true_label: str) -> dict[str, 
 def format_answer(
     finger: str, answer: ClassificationResult, true_label: str, *, names_model: bool = False
 ) -> str:
-    """Return one line about an answer: finger, task, label with its score or *unknown*."""
+    """Return one line about a prediction: finger, task, label with its score or *unknown*."""
     parts = [finger] if finger else []
     parts.append(f'{answer.task:9} {answer.contact or "any contact":9}')
     parts.append(f'{answer.window_s:.1f} s')
@@ -403,11 +403,11 @@ def format_answer(
         score = f'({max(answer.scores):.2f} {answer.score_kind})' if answer.scores else ''
         parts.append(f'{answer.label:13} {score}')
         if true_label:
-            parts.append('right' if answer.label == true_label else f'wrong, it is {true_label}')
+            parts.append('correct' if answer.label == true_label else f'wrong, it is {true_label}')
     elif answer.outcome == Answered.UNKNOWN:
         parts.append(f'unknown: {answer.reason}')
     else:
-        parts.append(f'no answer: {answer.reason}')
+        parts.append(f'no label: {answer.reason}')
     if names_model:
         parts.append(answer.model_id)
     if answer.simulated:

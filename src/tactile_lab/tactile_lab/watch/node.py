@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The ROS side of the live page: finds fingers by their topics."""
+"""ROS node of the live page, which finds fingers by their topics."""
 
 from __future__ import annotations
 
@@ -45,10 +45,10 @@ LOOK_PERIOD_S = 0.5
 """Period of the search for new topics and services [s]."""
 
 POLL_S = 0.04
-"""Period at which topics are polled [s]; a page gets fewer frames a second."""
+"""Period at which topics are polled [s]; a page gets fewer frames per second."""
 
 ANSWERS_POLL_S = 0.1
-"""The same for answers that are printed alone."""
+"""Period of polling if predictions are only printed [s]."""
 
 SESSION_STOP = 'operator/stop'
 CANCEL = 'trial_runner/run_trial/_action/cancel_goal'
@@ -87,11 +87,11 @@ KINDS: dict[str, type] = {
 
 
 class WatchNode(Node):  # type: ignore[misc]
-    """Subscribes to what fingers publish, wherever it is, and passes it on to a `WatchState`.
+    """Subscribes to the topics of all fingers in any namespace, for a `WatchState`.
 
-    It asks its topics for messages on a thread of its own, and has no parameters or lifecycle.
-    Whatever goes wrong here is logged: a page must not end the rig that it looks at.
-    ``answers_only`` takes events and answers alone.
+    It polls its topics in its own thread, and has no parameters and no lifecycle. Errors are
+    logged, because a page must not end the rig that it shows. ``answers_only`` subscribes only to
+    events and predictions.
     """
 
     is_quiet = True
@@ -107,7 +107,7 @@ class WatchNode(Node):  # type: ignore[misc]
         self._polled: tuple[PolledSubscription, ...] = ()
         self._topics: set[str] = set()
         self._service_clients: dict[str, Any] = {}
-        self._heard: set[str] = set()  # services that have had a server
+        self._heard: set[str] = set()  # services that had a server at some time
         self._looking = threading.Lock()
         if not answers_only:
             self._listen_to(
@@ -145,10 +145,10 @@ class WatchNode(Node):  # type: ignore[misc]
         for subscription in self._polled:
             subscription.poll()
 
-    # -- what is there -----------------------------------------------------------------
+    # -- discovery ---------------------------------------------------------------------
 
     def _look(self) -> None:
-        """Subscribe to topics that are new; find what can be asked of each finger."""
+        """Subscribe to new topics; find the services of each finger."""
         if not self.context.ok():
             return
         for topic, types in self.get_topic_names_and_types():
@@ -157,7 +157,7 @@ class WatchNode(Node):  # type: ignore[misc]
                 continue
             if kind is None or topic in self._topics or len(self._topics) >= MOST_SUBSCRIPTIONS:
                 continue
-            if self.count_publishers(topic):  # others listen to what nobody sends
+            if self.count_publishers(topic):  # a topic may have only other subscribers
                 self._topics.add(topic)
                 self._listen(topic, kind)
         if not self._answers_only:
@@ -171,7 +171,7 @@ class WatchNode(Node):  # type: ignore[misc]
                 self.state.set_controls(finger.name, can)
 
     def _look_for_services(self) -> dict[str, list[str]]:
-        """Make clients of new services, of any namespace; return the types of all by name."""
+        """Create clients of new services in any namespace; return the types of all by name."""
         services = dict(self.get_service_names_and_types())
         with self._looking:
             for path, types in services.items():
@@ -185,31 +185,32 @@ class WatchNode(Node):  # type: ignore[misc]
         return services
 
     def client_of(self, path: str) -> Any:
-        """Return the client of a service of a finger; None where there is no such service."""
+        """Return the client of a finger's service, or None if there is no such service."""
         self._look_for_services()
         return self._service_clients.get(path)
 
     def stop_clients(self) -> dict[str, Any]:
-        """Return clients by name for all that can move, whether or not it has sent samples."""
+        """Return clients by name for all nodes that can move, even without samples from them."""
         return self.clients_of(STOPS)
 
     def clients_of(self, names: tuple[str, ...]) -> dict[str, Any]:
         """Return clients by path for services of these names, of any finger.
 
-        Some may have no server: clients of other pages bear the same names.
+        Some may have no server, because clients of other pages create the same names.
         """
         self._look_for_services()
         ends = tuple(f'/{name}' for name in names)
         return {p: c for p, c in self._service_clients.items() if p.endswith(ends)}
 
     def must_confirm(self, path: str) -> bool:
-        """Return whether a stop without this service's answer is not confirmed.
+        """Return True if a stop needs the response of this service.
 
-        The device of a driver that is gone may still move. A session that is gone starts no trial.
+        A driver that has ended may leave a moving device. A session that has ended starts no
+        trial.
         """
         return path in self._heard and not path.endswith(f'/{SESSION_STOP}')
 
-    # -- what comes ------------------------------------------------------------------------
+    # -- input -----------------------------------------------------------------------------
 
     def _listen_to(
         self, kind: type, topic: str, callback: Callable[[Any], None], profile: QoSProfile
@@ -217,7 +218,7 @@ class WatchNode(Node):  # type: ignore[misc]
         def take(message: Any, _: Any) -> None:
             try:
                 callback(message)
-            except Exception as error:  # what it cannot take is logged now and then
+            except Exception as error:  # invalid messages are logged at a limited rate
                 reason = error if isinstance(error, MessageError) else repr(error)
                 self.message_guard.refuse(topic, reason)
 
@@ -225,7 +226,7 @@ class WatchNode(Node):  # type: ignore[misc]
         self._polled = (*self._polled, subscription)
 
     def _listen(self, topic: str, kind: type) -> None:
-        """Pass what comes on a topic on to the finger or device that its name states."""
+        """Pass messages on a topic to the finger or device in the topic's name."""
         state, (finger, source) = self.state, _split(topic)
         update = functools.partial(state.update, finger)
         device = f'{finger}/{source}' if finger else source

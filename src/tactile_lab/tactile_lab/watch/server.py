@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Serves the live page: one page, its files, one WebSocket. Free of ROS."""
+"""Server of the live page: one page, its files, one WebSocket; without ROS."""
 
 from __future__ import annotations
 
@@ -42,33 +42,33 @@ FILES = {
 }
 
 PORT = 8642
-"""Taken if it is free; another one otherwise."""
+"""Default port; if it is in use, any free port."""
 
 FRAMES_HZ = 20.0
-"""Frames a second that pages get, whatever the sensor's rate."""
+"""Frames per second that pages get, independent of the sensor's rate."""
 
 IDLE_FRAME_S = 0.5
-"""A page gets a frame at least so often, so that one without frames knows that it is cut off."""
+"""Longest time between frames [s]; a page without frames for longer shows that it is offline."""
 
 MOST_PAGES = 16
-"""The last place is for a page that has the token."""
+"""The last connection is reserved for a page with the token."""
 
 PROTOCOL = 'tactile'
-"""Subprotocol of the WebSocket; a page with the token offers the token as the second one."""
+"""Subprotocol of the WebSocket; a page with the token sends the token as the second one."""
 
 MOST_WAITING = 64
 WAITING_S = 10.0
-"""Bounds of connections that are no page: above the number the oldest is cut off."""
+"""Limits for connections that are not pages yet: beyond the number, the oldest is closed."""
 
 SEND_TIMEOUT_S = 5.0
 START_TIMEOUT_S = 10.0
 
 
 class WatchServer:
-    """A web server on a thread of its own; a context manager.
+    """A web server in its own thread; a context manager.
 
-    ``address`` is that of the page, with the token for what moves. It is an error when it cannot
-    be listened on.
+    ``address`` is the address of the page, with the token that is required for motion. Raises
+    `TactileError` when the port cannot be opened.
     """
 
     def __init__(
@@ -81,11 +81,11 @@ class WatchServer:
         self._sockets = _listen(host, options.port)
         self.port = int(self._sockets.getsockname()[1])
         self._access = Access(self.port, socket.gethostname(), options.token)
-        is_everywhere = host in ('0.0.0.0', '::', '')  # noqa: S104 - asked for by the user
+        is_everywhere = host in ('0.0.0.0', '::', '')  # noqa: S104 - requested by the user
         shown = socket.gethostname() if is_everywhere else f'[{host}]' if ':' in host else host
         self.address = f'http://{shown}:{self.port}/#{self._access.token}'
         self._pages: set[_Page] = set()
-        self._waiting: dict[web.RequestHandler, asyncio.TimerHandle] = {}  # the oldest first
+        self._waiting: dict[web.RequestHandler, asyncio.TimerHandle] = {}  # oldest first
         self._tasks: set[asyncio.Task[Any]] = set()
         self._sending: asyncio.Task[Any] | None = None
         self._loop = asyncio.new_event_loop()
@@ -101,7 +101,7 @@ class WatchServer:
         self.close()
 
     def close(self) -> None:
-        """End the server. Harmless when called twice."""
+        """Stop the server. May be called repeatedly."""
         if self._thread.is_alive():
             self._loop.call_soon_threadsafe(self._ending.set)
             self._thread.join(START_TIMEOUT_S)
@@ -135,7 +135,7 @@ class WatchServer:
     # -- connections -------------------------------------------------------------------
 
     def _connect(self, server: web.Server) -> web.RequestHandler:
-        """Return the handler of a new connection, which must become a page or end in time."""
+        """Return the handler of a new connection, which must become a page before a timeout."""
         if len(self._waiting) >= MOST_WAITING:
             self._cut(next(iter(self._waiting)))
         handler = server()
@@ -149,7 +149,7 @@ class WatchServer:
             if handler.transport is not None:
                 handler.transport.abort()
 
-        self._loop.call_soon(abort)  # of many that come at once, the first have none yet
+        self._loop.call_soon(abort)  # a new connection may not have its transport yet
 
     # -- requests ----------------------------------------------------------------------
 
@@ -193,14 +193,14 @@ class WatchServer:
                     self._keep(self._obey(message.data))
         finally:
             self._pages.discard(page)
-            if transport is not None:  # a browser that reads nothing would keep it open
+            if transport is not None:  # otherwise a browser that does not read would keep it open
                 self._loop.call_later(WAITING_S, transport.abort)
         return page.socket
 
-    # -- what goes out ------------------------------------------------------------------
+    # -- output -------------------------------------------------------------------------
 
     async def _send_frames(self) -> None:
-        """Send frames as long as a page is open. A page that gets none must not look connected."""
+        """Send frames while a page is open; on an error, close the pages, so that they show it."""
         frames = Frames(self._state)
         sent_s = self._loop.time()
         try:
@@ -216,11 +216,11 @@ class WatchServer:
                     sent_s = self._loop.time()
                 await asyncio.sleep(1.0 / FRAMES_HZ)
         finally:
-            while self._pages:  # one that comes meanwhile would wait for frames
+            while self._pages:  # also pages that are opened in the meantime
                 await self._pages.pop().socket.close(code=1011)
 
     def _send_to_all(self, frame: dict[str, Any], *, begin: bool) -> None:
-        """Send a frame to all pages that keep up; the others begin anew when they are ready."""
+        """Send a frame to all pages that are ready; the others get a complete frame later."""
         text = json.dumps(frame, separators=(',', ':'), allow_nan=False)
         for page in self._pages:
             if not page.is_ready:
@@ -230,7 +230,7 @@ class WatchServer:
             page.needs_all = False
             page.sending = self._keep(page.send(text))
 
-    # -- what comes in -------------------------------------------------------------------
+    # -- input ---------------------------------------------------------------------------
 
     async def _obey(self, text: str) -> None:
         command = None
@@ -239,7 +239,7 @@ class WatchServer:
             if refusal := self._access.refuse_command(command):
                 raise TactileError(refusal)
             sentence, level = await self._carry_out(command), 'ok'
-        except Exception as error:  # whatever it is, the page must hear of it
+        except Exception as error:  # any error must be shown on the page
             sentence, level = str(error) or type(error).__name__, 'error'
         of_one = command is not None and command.action not in OF_ALL_FINGERS
         finger = command.finger if command and of_one else None
@@ -262,7 +262,7 @@ class WatchServer:
         return await controls.trial(finger, command.trial)
 
     def _keep(self, work: Any) -> asyncio.Task[Any]:
-        """Run a coroutine beside the others; the loop itself keeps only weak references."""
+        """Run a coroutine as a task and keep a reference, because the loop has only weak ones."""
         task = self._loop.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
@@ -276,7 +276,7 @@ class _Page:
         self.socket = web.WebSocketResponse(
             heartbeat=5.0, max_msg_size=LONGEST_COMMAND, compress=False, protocols=(PROTOCOL,)
         )
-        self.needs_all = True  # it has nothing yet, or has missed a frame
+        self.needs_all = True  # it has no data yet, or has missed a frame
         self.sending: asyncio.Task[Any] | None = None
 
     @property

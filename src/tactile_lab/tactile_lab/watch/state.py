@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""State shown on all pages: fingers, devices, progress and the last messages. Free of ROS."""
+"""State shown on all pages: fingers, devices, progress and messages; without ROS."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ MOST_FINGERS = 16
 MOST_DEVICES = 64
 MOST_SENTENCES = 30
 STALE_S = 5.0
-"""A device whose health has not come for so long counts as silent."""
+"""A device without diagnostics for this time counts as silent [s]."""
 
 SPECTRUM_PERIOD_S = 0.2
-"""Least time between two spectra of a finger."""
+"""Shortest time between two spectra of a finger [s]."""
 
 LEVELS = ('ok', 'warning', 'error', 'stale')
 """Names of the levels of diagnostics, by number."""
 
 
 class WatchState:
-    """Present state. Records may come from any thread; one thread takes the frames.
+    """Current state. Any thread may add records; one thread takes the frames.
 
     Attributes
     ----------
     on_answer : callable
-        Given a line about every answer on a full window.
+        Called with one line about every prediction on a full window.
     was_stopped : bool
-        Somebody has pressed Stop on a page.
+        True if Stop was pressed on a page.
     """
 
     def __init__(
@@ -46,11 +46,16 @@ class WatchState:
         *,
         simulated: bool = False,
     ) -> None:
-        """Begin without fingers.
+        """Start without fingers.
 
-        ``where`` is the place of the search for them, such as ``ROS domain 3``, shown while there
-        are none. ``objects`` are the labels that can be chosen for a trial, by protocol; empty:
-        they are typed in. ``clock`` gives monotonic time [s].
+        Parameters
+        ----------
+        where : str
+            Where fingers are searched, such as ``ROS domain 3``; shown while there are none.
+        objects : mapping
+            Labels that can be chosen for a trial, by protocol; if empty, they are typed in.
+        clock : callable
+            Returns monotonic time [s].
         """
         self._lock = threading.RLock()
         self._clock = clock
@@ -69,10 +74,10 @@ class WatchState:
         self.was_stopped = False
         self.on_answer: Callable[[str], None] = lambda _: None
 
-    # -- what comes ------------------------------------------------------------------
+    # -- input -----------------------------------------------------------------------
 
     def finger(self, name: str) -> Finger | None:
-        """Return the finger in a namespace, a new one if need be; None beyond the limit."""
+        """Return the finger in a namespace, created if necessary; None beyond the limit."""
         with self._lock:
             if name not in self._fingers and len(self._fingers) < MOST_FINGERS:
                 self._fingers[name] = Finger(name)
@@ -80,13 +85,13 @@ class WatchState:
             return self._fingers.get(name)
 
     def update(self, name: str, take: Callable[..., object], *values: Any) -> None:
-        """Let a finger take values by one of its methods, unless it is beyond the limit."""
+        """Call a method of a finger with values, unless the finger is beyond the limit."""
         with self._lock:
             if finger := self.finger(name):
                 take(finger, *values)
 
     def take_answer(self, name: str, answer: ClassificationResult) -> None:
-        """Take the answer of a model."""
+        """Add the prediction of a model."""
         with self._lock:
             finger = self.finger(name)
             if finger is None:
@@ -99,7 +104,7 @@ class WatchState:
     def take_health(
         self, device: str, level: int, message: str, values: Mapping[str, str]
     ) -> None:
-        """Take the health of a device or node; ``level`` is that of diagnostics."""
+        """Set the health of a device or node; ``level`` is a level of diagnostics."""
         with self._lock:
             if device not in self._devices and len(self._devices) >= MOST_DEVICES:
                 return
@@ -108,21 +113,21 @@ class WatchState:
             if self._devices.get(device, (0.0, {}))[1] != health:
                 self._version += 1
             self._devices[device] = (self._clock(), health)
-            if 'trials' in values:  # an operator counts them
+            if 'trials' in values:  # diagnostics of an operator
                 self._progress = message
 
     def take_readiness(self, device: str, missing: Sequence[str]) -> None:
-        """Take what keeps a device from accepting a goal, a sentence with its remedy each."""
+        """Set the reasons why a device accepts no goal, each with its remedy."""
         with self._lock:
             if device in self._missing or len(self._missing) < MOST_DEVICES:
                 self._missing[device] = tuple(missing)
                 self._version += 1
 
     def take_stop(self, namespace: str, reason: str) -> None:
-        """Take the stopped state of the rig in a namespace; an empty reason: not stopped.
+        """Set the stopped state of the rig in a namespace; without a reason it is not stopped.
 
-        The last message counts, not the one with the highest number: a rig that has started again
-        counts from 0.
+        The latest message is valid, not the one with the highest number: a restarted rig counts
+        from 0.
         """
         with self._lock:
             if reason != self._stops.get(namespace, '') and len(self._stops) < MOST_DEVICES:
@@ -137,7 +142,7 @@ class WatchState:
                 self._version += 1
 
     def set_controls(self, name: str, controls: Sequence[str]) -> None:
-        """Set what can be asked of a finger: ``stop``, ``tare``, ``home``, ``trial``."""
+        """Set the available actions of a finger: ``stop``, ``tare``, ``home``, ``trial``."""
         with self._lock:
             if self._controls.get(name) != tuple(controls):
                 self._controls[name] = tuple(controls)
@@ -146,26 +151,26 @@ class WatchState:
     def say(
         self, text: str, level: str = 'ok', command_id: str = '', finger: str | None = None
     ) -> None:
-        """Add a sentence to those that every page shows.
+        """Add a message that every page shows.
 
-        ``command_id`` is the command that it answers, ``finger`` the finger that it is about;
-        None: all.
+        ``command_id`` is the command that it answers; ``finger`` is the finger that it is about,
+        or None for all.
         """
         with self._lock:
             sentence = {'at': time.time(), 'level': level, 'text': text, 'id': command_id}
             self._sentences.append({**sentence, 'finger': finger})
             self._version += 1
 
-    # -- what is shown ------------------------------------------------------------------
+    # -- output -------------------------------------------------------------------------
 
     @property
     def fingers(self) -> list[Finger]:
-        """The fingers, by name."""
+        """The fingers, sorted by name."""
         with self._lock:
             return [self._fingers[name] for name in sorted(self._fingers)]
 
     def describe(self) -> dict[str, Any]:
-        """Return all but samples and spectra, as what JSON can hold."""
+        """Return all except samples and spectra, as a dictionary for JSON."""
         with self._lock:
             return {
                 'where': self._where,
@@ -187,14 +192,14 @@ class WatchState:
             }
 
     def _describe_devices(self) -> list[dict[str, Any]]:
-        """Return the health of each device, by name."""
+        """Return the health of each device, sorted by name."""
         now_s = self._clock()
         rows = []
         for name, (at_s, health) in sorted(self._devices.items()):
             row = {'name': name, **health, 'missing': list(self._missing.get(name, ()))}
             if now_s - at_s > STALE_S:
                 row['level'] = 'stale'
-                row['message'] = 'says nothing any more; start its node again'
+                row['message'] = 'silent; start its node again'
             rows.append(row)
         return rows
 
@@ -205,10 +210,10 @@ class WatchState:
 
 
 class Frames:
-    """Makes the frames that pages get, one after the other.
+    """Creates the consecutive frames for pages.
 
-    The first frame after `restart` holds everything. Each later one holds the new points of each
-    finger, and the rest only if it has changed.
+    The first frame after `restart` is complete. Each later frame contains the new points of each
+    finger, and other parts only if they have changed.
     """
 
     def __init__(self, state: WatchState) -> None:
@@ -216,15 +221,15 @@ class Frames:
         self.restart()
 
     def restart(self) -> None:
-        """Let the next frame hold everything."""
+        """Make the next frame complete."""
         self._known: dict[str, tuple[int, int]] = {}
         self._versions: tuple[Any, ...] | None = None
         self._spectra_s: dict[str, float] = {}
 
     def next(self) -> dict[str, Any] | None:
-        """Return the next frame, as what JSON can hold; None if nothing is new."""
+        """Return the next frame as a dictionary for JSON; None if nothing is new."""
         state = self._state
-        with state._lock:  # noqa: SLF001 - both are the state's
+        with state._lock:  # noqa: SLF001 - both belong to the state
             now_s = state._clock()  # noqa: SLF001
             frame: dict[str, Any] = {}
             versions = state._versions()  # noqa: SLF001

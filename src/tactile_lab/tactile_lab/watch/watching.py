@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The live page beside running nodes: what every command calls in one line."""
+"""The live page of commands that run nodes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tactile_ros.node_group import NodeGroup
 
 @dataclass
 class Watch:
-    """State of the fingers, and address of the page; empty where no page is served."""
+    """State of the fingers, and address of the page; empty if no page is served."""
 
     state: WatchState
     address: str = ''
@@ -39,10 +39,16 @@ def watching(
 ) -> Iterator[Watch]:
     """Watch the fingers of a ROS context until the block ends; with ``options`` serve a page.
 
-    ``simulated`` says from the beginning that the rig is; its trials say it by themselves.
-    ``objects`` are the labels that a page offers for a trial, by protocol. ``before_trial`` is
-    given the request of a trial that a page starts, before it starts. ``answers_only`` takes
-    events and answers alone, for lines in the terminal.
+    Parameters
+    ----------
+    simulated : bool
+        True if the rig is known to be simulated; trials also state this themselves.
+    objects : mapping
+        Labels that a page offers for a trial, by protocol.
+    before_trial : callable
+        Called with the request of a trial before the page starts it.
+    answers_only : bool
+        Subscribe only to events and predictions, to print them in the terminal.
     """
     reach = os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE', 'SUBNET').lower()
     where = f'ROS domain {context.get_domain_id()}, range {reach}'
@@ -51,7 +57,7 @@ def watching(
         node = WatchNode(watch.state, context, answers_only=answers_only)
         stack.enter_context(NodeGroup([node], context))
         if options is not None:
-            # 15 MB of web server, only where a page is served
+            # Imported lazily: the web server takes 15 MB.
             from tactile_lab.watch.controls import WatchControls
             from tactile_lab.watch.server import WatchServer
 

@@ -81,7 +81,7 @@ def test_import_draws_says_first_what_it_could_not_know_and_last_what_to_do(tmp_
     found = ask_tactile('import', table, '-o', archive, '--plot', picture)
     assert found['unit'] == 'N'
     assert 'force: converted from mN to N' in found['notes']
-    assert not any(note.startswith('not known') for note in found['notes'])
+    assert not any(note.startswith('unknown') for note in found['notes'])
     stated = f'tactile evaluate {archive} --task texture (or stiffness) --group session_id'
     assert found['next'] == stated
     drawn = picture.read_text()

@@ -336,7 +336,7 @@ def test_report_goes_to_a_file_or_into_a_folder(tmp_path):
     [
         ('N', 'amplitude [mN]', r'coarse: [\d.]{3} mN, 5 Hz'),
         ('mV', 'amplitude [mV]', r'coarse: 0\.7\d* mV, 5 Hz'),
-        ('', 'amplitude (unit not known)', r'coarse: 0\.7\d*, 5 Hz'),
+        ('', 'amplitude (unit unknown)', r'coarse: 0\.7\d*, 5 Hz'),
     ],
 )
 def test_figures_have_the_unit_of_the_recordings_or_say_that_it_is_not_known(

@@ -73,9 +73,9 @@ def test_what_cannot_be_calibrated_is_refused(tmp_path, monkeypatch):
     path = tmp_path / 'params.yaml'
     given = 'sensor: net_ft\n    use_sim_time: false\n'  # the latter is a parameter of every node
     path.write_text(f'tendon_sensor:\n  ros__parameters:\n    {given}')
-    with pytest.raises(TactileError, match='calibration of its maker'):
+    with pytest.raises(TactileError, match='calibrated by its manufacturer'):
         run(simulated=False, params=path)
-    with pytest.raises(TactileError, match='leave --sensor out'):
+    with pytest.raises(TactileError, match='omit --sensor'):
         run(sensor='/dev/ttyUSB0')
     monkeypatch.setattr('sys.stdin', io.StringIO(''))
     with WeightStand() as stand, pytest.raises(TactileError, match='standard input has ended'):

@@ -53,4 +53,4 @@ def test_two_workers_give_the_bits_of_one_process(address, tmp_path):
 
 def test_an_address_where_nobody_answers_is_one_sentence(tmp_path):
     wrong = ('simulate', 'texture', '-o', tmp_path / 'x', '--cluster', 'nonsense://1')
-    assert 'tactile: no Dask scheduler answers at nonsense://1' in hear_tactile(*wrong, code=2)
+    assert 'tactile: no Dask scheduler responds at nonsense://1' in hear_tactile(*wrong, code=2)

@@ -87,7 +87,7 @@ def test_silence_asked_or_not_and_nonsense_are_said_to_be_that(faulty, monkeypat
     faulty.fault('sensor', 'wrong_baud', ratio=3.0)
     guide, sensor, missing = probe(ports.guide, ports.sensor, ports.guide + '9')
     assert guide.what == 'silent'
-    assert sensor.what == 'speaks, but in no known way'
+    assert sensor.what == 'sends data of an unknown device'
     assert missing.what == 'no such port; check the cable and the name'
 
 
@@ -158,11 +158,11 @@ def test_faults_of_the_sensor_are_told_with_a_remedy(faulty, parameter_file):
     assert 'rate_hz is 80' in problems
     faulty.fault('sensor', 'saturate')
     _, problems = check('--sensor', faulty.ports.sensor)
-    assert 'does not change at all' in problems
+    assert 'the reading does not change' in problems
     faulty.fault('sensor', 'none')
     faulty.fault('sensor', 'garbage', share=0.5)
     facts, problems = check('--sensor', faulty.ports.sensor)
-    assert 'lines were no readings' in problems
+    assert 'lines that are not readings' in problems
     assert 'samples were lost' in problems
     assert facts['lost samples'] > 10
     faulty.fault('sensor', 'none')
@@ -195,4 +195,4 @@ def test_faults_of_guide_and_tendon_are_told(faulty):
 
 
 def test_nothing_named_is_refused():
-    assert 'name what to check' in hear_tactile('check', code=2)
+    assert 'choose what to test' in hear_tactile('check', code=2)

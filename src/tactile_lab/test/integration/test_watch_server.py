@@ -155,7 +155,7 @@ def test_without_the_token_a_page_can_stop_and_not_move(controls, server):
     async def work():
         async with page(server) as socket:
             await socket.send_json({'do': 'home', 'finger': 'index'})
-            await until(socket, lambda f: any('look and stop only' in s for s in sentences(f)))
+            await until(socket, lambda f: any('only show and stop' in s for s in sentences(f)))
             await socket.send_json({'do': 'stop'})
             await until(socket, lambda f: 'stopped' in sentences(f))
             await socket.send_json({'do': 'home', 'finger': 'index', 'token': token_of(server)})
@@ -175,8 +175,8 @@ def test_what_fails_and_what_is_no_command_is_said_to_all_pages(controls, server
                     ({'do': 'tare', 'token': token}, 'tare: the finger is loaded'),
                     ({**TRIAL, 'token': token}, 'a fault of the program'),
                     ({'do': 'trial', 'token': token}, 'no protocol ""'),
-                    ({'do': 'home'}, 'look and stop only'),
-                    ({'do': 'dance'}, '"dance" is no command'),
+                    ({'do': 'home'}, 'only show and stop'),
+                    ({'do': 'dance'}, '"dance" is not a command'),
                     ({'do': 'stop'}, 'stopped'),
                 )
             ):

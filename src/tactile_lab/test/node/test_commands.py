@@ -128,10 +128,10 @@ def has_begun(bag, trial, phase):
 @pytest.mark.parametrize(
     ('arguments', 'sentence'),
     [
-        (['rig'], 'name the ports'),
+        (['rig'], 'state the ports'),
         (['simulate', 'texture', '-o', '/proc/nowhere'], 'cannot make the folder'),
         (['simulate', 'texture', '-o', 'out', '--seed', '-1'], '--seed'),
-        (['rig', '--simulated', '--guide', '/dev/ttyACM0'], 'brings its own ports'),
+        (['rig', '--simulated', '--guide', '/dev/ttyACM0'], 'uses its own ports'),
         (['demo', '-o', '.'], 'exists already'),
         (['hand'], 'name the fingers'),
         (['hand', '--fingers', '2nd'], 'no name for a finger'),

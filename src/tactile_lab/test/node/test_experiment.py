@@ -67,12 +67,12 @@ def test_an_experiment_survives_ctrl_c_and_kill_and_its_trials_are_read(
     options = ['--task', 'stiffness', '--objects', 'pla', '--sessions', 2]
     hear_tactile('experiment', 'new', plan, *options, '--mountings', 1, '--trials', 1)
     folder = ExperimentFolder(tmp_path / 'soft')
-    assert '--yes is for --simulated' in hear_tactile('experiment', plan, '--yes', code=2)
+    assert '--yes requires --simulated' in hear_tactile('experiment', plan, '--yes', code=2)
     assert not folder.path.exists()
 
     out, errors, code = run_until_done(folder, quick, 0, signal.SIGINT)
     assert code == 130, errors
-    assert '0 of 2 trials recorded; 1 were interrupted' in out
+    assert '0 of 2 trials recorded; interrupted: 1' in out
     out, _, code = run_until_done(folder, quick, 1, signal.SIGKILL)
     assert code == -signal.SIGKILL
     assert 'trial 1 of 2: ' in out

@@ -112,7 +112,7 @@ def test_stop_ends_a_session_of_another_process_between_two_trials(context, butt
         with pytest.raises(StoppedError):
             operator.home_guide()
     # A session that has ended needs no stop.
-    with pytest.raises(TactileError, match='no node that moves anything is known'):
+    with pytest.raises(TactileError, match='no node that can stop is known'):
         asyncio.run(buttons.stop())
 
 
@@ -127,7 +127,7 @@ def test_a_driver_that_is_gone_is_missed_by_those_who_knew_it(context, buttons, 
     late = WatchNode(WatchState(), context)  # it hears of the name from the other page's client
     with NodeGroup([late], context):
         wait_until(late.stop_clients)
-        with pytest.raises(TactileError, match='no node that moves anything is known'):
+        with pytest.raises(TactileError, match='no node that can stop is known'):
             asyncio.run(WatchControls(late, context).stop())
 
 
@@ -151,5 +151,5 @@ def test_release_and_reset_reach_all_fingers_and_say_what_was_refused(context, b
 
 
 def test_nothing_to_release_is_said(buttons):
-    with pytest.raises(TactileError, match='release: no node that could do it is known'):
+    with pytest.raises(TactileError, match='release: no node with this service is known'):
         asyncio.run(buttons.release())

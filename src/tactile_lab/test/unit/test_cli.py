@@ -46,7 +46,7 @@ def test_what_is_mistyped_is_named_once(arguments):
 
 def test_help_describes_arguments():
     # Click 8.5 keeps a help of its own for arguments, and Typer's was lost.
-    for command, text in (('import', 'CSV'), ('show', '(.npz)'), ('repair', 'never closed')):
+    for command, text in (('import', 'CSV'), ('show', '(.npz)'), ('repair', 'not closed')):
         found = CliRunner().invoke(program.app, [command, '--help'])
         assert text in ' '.join(found.output.split('Options')[0].split())
 

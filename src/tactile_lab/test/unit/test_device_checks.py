@@ -89,7 +89,7 @@ def test_a_constant_zero_is_no_tension():
 def test_another_rate_than_the_configured_one_is_told():
     config = TendonSensorConfig(rate_hz=80.0)
     _, problems = judge_blocks([block(i, i % 7) for i in range(60)], config)
-    assert texts(problems) == 'the rate is 60.00 Hz and rate_hz is 80'
+    assert texts(problems) == 'the rate is 60.00 Hz, but rate_hz is 80'
 
 
 def test_a_sensor_without_a_clock_has_no_error_of_stamps():

@@ -267,7 +267,7 @@ def test_another_setup_goes_on_only_when_it_is_accepted(folder):
     person = Person(world, [False])
     progress, ended = run_to_end(folder, world, person)
     assert person.changes == [
-        'tendon_sensor device: not known -> A5',
+        'tendon_sensor device: unknown -> A5',
         'tendon_sensor.scale: 1.0 -> 1.1',
     ]
     assert ended == 'the set-up was not accepted'

@@ -144,7 +144,7 @@ def test_a_trial_is_followed_from_contact_to_label(state):
     [
         (answer('C1'), False, 'wrong, it is R1'),
         (answer(outcome=Answered.UNKNOWN), None, 'unknown: unlike all'),
-        (answer(outcome=Answered.NO_FEATURES), None, 'no answer: '),
+        (answer(outcome=Answered.NO_FEATURES), None, 'no label: '),
         (answer(trial='another'), None, 'R1            (0.90 probability)'),
     ],
 )
