@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tactile_bringup.trial_protocols import TrialConfig, TrialRequest
 from tactile_features.config import FeatureConfig
-from tactile_lab.simulation.simulated_trials import plan_trial, PlannedTrial
+from tactile_lab.simulation.simulated_trials import plan_trial, TrialSchedule
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.physics.motion import Timeline
 from tactile_sim.physics.scene import build_scene, Scene
@@ -39,7 +39,7 @@ class TrialSet:
     """
 
     scene: Scene
-    planned: PlannedTrial
+    planned: TrialSchedule
     variation: Variation
     window: slice
 
@@ -68,7 +68,7 @@ def draw_trials(protocol: str, label: str, contact: str, count: int) -> TrialSet
     return TrialSet(scene, planned, Variation(**drawn), find_window(protocol, planned))
 
 
-def find_window(protocol: str, planned: PlannedTrial) -> slice:
+def find_window(protocol: str, planned: TrialSchedule) -> slice:
     """Samples from which features come: of the glide, or of the hold."""
     config, phases = FeatureConfig(), dict(planned.phases)
     if protocol == 'texture':
@@ -79,7 +79,7 @@ def find_window(protocol: str, planned: PlannedTrial) -> slice:
     return slice(first, int(end_s * planned.rate_hz))
 
 
-def cut_after_window(planned: PlannedTrial, window: slice) -> Timeline:
+def cut_after_window(planned: TrialSchedule, window: slice) -> Timeline:
     """A trial's timeline without what comes after the window."""
     moves = planned.timeline
     until_s = (window.stop + 1) / planned.rate_hz

@@ -193,7 +193,7 @@ Result = FeatureWindow | ClassificationResult
 
 
 @dataclass(frozen=True)
-class Comparison:
+class ReplayComparison:
     """Result of the comparison of two passes over a recording.
 
     Attributes
@@ -221,7 +221,7 @@ class Comparison:
 
 def compare_with_recorded(
     recorded: TactileResults, core: TactileResults, end_ns: int, begin_ns: int = 0
-) -> Comparison:
+) -> ReplayComparison:
     """Compare recorded results with results that the core computes from samples and events.
 
     Numbers may differ by the relative error `ROUNDING`. An interrupted recording may lack results
@@ -324,7 +324,7 @@ def _count(results: Sequence[Result]) -> str:
 
 def compare(
     one: TactileResults, other: TactileResults, names: tuple[str, str], *, rounding: float = 0.0
-) -> Comparison:
+) -> ReplayComparison:
     """Compare two passes: every feature, label, score and stamp. ``names`` are their names.
 
     Numbers may differ by the relative error ``rounding``; values of an array may differ by that
@@ -344,7 +344,7 @@ def compare(
     if difference and rounding:
         difference = find_difference(rounding)
     counts = len(one.windows), len(one.classifications)
-    return Comparison(difference, *counts, is_exact=is_exact)
+    return ReplayComparison(difference, *counts, is_exact=is_exact)
 
 
 def _first_difference(

@@ -1,4 +1,4 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Recordings that others made, as labelled trials: arrays, tables, bags without our events."""
+"""Recordings of other software as labelled trials: arrays, tables, and bags without our events."""

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Trials of ``.npy`` files: all with their labels beside them, or a file a trial."""
+"""Trials of ``.npy`` files: one file with labels beside it, or one file per trial."""
 
 from __future__ import annotations
 
@@ -31,22 +31,22 @@ _LABEL_SUFFIXES = ('.npy', '.txt', '.csv')
 def _load_array(path: Path) -> NDArray[Any]:
     """Return the array of a ``.npy`` file."""
     try:
-        # Mapped, so that nothing is read before the header is known.
+        # Memory-mapped, so that only the header is read before the size is checked.
         array = np.load(path, mmap_mode='r', allow_pickle=False)
-    except Exception as error:  # NumPy has several, and those of the operating system
+    except Exception as error:  # NumPy raises several types, and so does the file system
         raise SourceError(f'{path} is not a readable .npy file: {error}') from error
     if not isinstance(array, np.ndarray):
-        raise SourceError(f'{path} is not a .npy file; is its ending right?')
+        raise SourceError(f'{path} is not a .npy file; check its suffix')
     if math.prod(array.shape) * array.dtype.itemsize > MAX_ARCHIVE_BYTES:
         raise SourceError(f'{path} is larger than {MAX_ARCHIVE_BYTES >> 20} MiB')
     return np.array(array)
 
 
 def read_labelled_array(leaf: Leaf, options: SourceOptions) -> dict[str, NDArray[Any]] | None:
-    """Return ``x`` and ``label`` of a file with a row a trial, as an archive holds them.
+    """Return ``x`` and ``label`` of a file with one row per trial, as in an archive.
 
-    None when there is no file of labels beside it: ``NAME_labels``, ``NAME_y``, ``labels`` or
-    ``y``, with the ending ``.npy``, ``.txt`` or ``.csv``, or the one that is stated.
+    Returns None if there is no file of labels: the stated one, or ``NAME_labels``, ``NAME_y``,
+    ``labels`` or ``y`` beside the file, with the suffix ``.npy``, ``.txt`` or ``.csv``.
     """
     path = options.labels or _find_labels(leaf.path)
     if path is None:
@@ -54,11 +54,11 @@ def read_labelled_array(leaf: Leaf, options: SourceOptions) -> dict[str, NDArray
     x = _load_array(leaf.path)
     labels = _load_array(path) if path.suffix == '.npy' else _read_lines(path)
     if path.suffix == '.csv' and len(labels) == len(x) + 1:
-        labels = labels[1:]  # its first line is the name of the column
+        labels = labels[1:]  # the first line is the name of the column
     if labels.shape != x.shape[:1]:
         raise SourceError(
-            f'{leaf.path} has shape {x.shape}, and {path} {len(labels)} labels; '
-            'the first number must be that of the trials'
+            f'{leaf.path} has shape {x.shape}, but {path} has {len(labels)} labels; '
+            'the first dimension must be the number of trials'
         )
     return {'x': x, 'label': labels}
 
@@ -80,11 +80,11 @@ def _read_lines(path: Path) -> NDArray[np.str_]:
 def read_array_trials(
     leaves: Sequence[Leaf], options: SourceOptions, notes: Notes
 ) -> list[RawTrial]:
-    """Read a file a trial, of shape (samples,) or (channels, samples)."""
+    """Read files with one trial each, of shape (samples,) or (channels, samples)."""
     if len(leaves) == 1 and not (options.label or options.label_from):
         raise SourceError(
-            f'{leaves[0].path} has no labels: put them into {leaves[0].path.stem}_labels.npy, or '
-            f'name their file with --labels\n{LAYOUT}'
+            f'{leaves[0].path} has no labels: write them to {leaves[0].path.stem}_labels.npy, or '
+            f'state their file with --labels\n{LAYOUT}'
         )
     trials = []
     named = name_labels(leaves, options, notes)
@@ -97,7 +97,7 @@ def read_array_trials(
             )
         values = np.atleast_2d(values).astype(np.float64)
         if len(values) > values.shape[1]:
-            notes.add('took the longer side of an array as its samples')
+            notes.add('the longer side of an array was used as its samples')
             values = values.T
         trials.append(RawTrial(leaf.name, values, None, {**columns, 'source': leaf.name}))
     return trials

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Files and bags below the named paths, and the labels that their names give."""
+"""Files and bags of the given paths, and labels from their names."""
 
 from __future__ import annotations
 
@@ -16,46 +16,46 @@ from tactile_features.model_container import is_model_file
 from tactile_ros.errors import TactileError
 
 LAYOUT = """recordings can be, all with their sample rate or with times:
-  R1/01.csv, R1/02.csv, C1/01.csv ...   a file a trial, in folders named as the label
-  one CSV or Parquet table              columns trial, label, time_s, and one a channel
-  x.npy and x_labels.npy, or one .npz   numbers (trials, samples), and one label a trial
-  R1/bag_1, C1/bag_2 ...                a bag a trial, with --topic and --field
+  R1/01.csv, R1/02.csv, C1/01.csv ...   one file per trial, in folders named like the label
+  one CSV or Parquet table              columns trial, label, time_s, and one per channel
+  x.npy and x_labels.npy, or one .npz   numbers (trials, samples), and one label per trial
+  R1/bag_1, C1/bag_2 ...                one bag per trial, with --topic and --field
   bags of this package                  with strain and trial events
-  recordings.txt                        a list: one of these paths a line"""
+  recordings.txt                        a list with one of these paths per line"""
 
 
 class SourceError(TactileError):
-    """A recording cannot be taken as labelled trials; says what to do."""
+    """A recording cannot be read as labelled trials; the message has the remedy."""
 
 
 @dataclass(frozen=True)
 class SourceOptions:
-    """Statements about recordings; each is empty or None where nothing is stated.
+    """Statements about recordings; each is empty or None if it is not stated.
 
     Attributes
     ----------
     force_column, time_column, trial_column, label_column : str
-        Names of columns of a table. Several channels of force have commas between them.
+        Names of columns of a table. Several channels of force are separated by commas.
     time_unit : str
         Unit of the times: ``s``, ``ms``, ``us``, ``ns`` or ``min``; ``iso`` for texts such as
         ``2026-11-28T12:00:00.5``, ``day-first`` for texts such as ``28.11.2026 12:00:00.5``.
     rate_hz : float, optional
-        Sample rate of recordings without times [Hz]. With times it must fit them.
+        Sample rate of recordings without times [Hz]. With times it must match them.
     unit : str
-        Unit of the signal, such as ``N``, where no heading says it.
+        Unit of the signal, such as ``N``, if no heading states it.
     label : str
         The label of all trials.
     label_from : str
-        ``folder``, ``file``, or a regular expression for the path with the label in brackets.
+        ``folder``, ``file``, or a regular expression for the path with the label in parentheses.
     labels : Path, optional
-        File with one label a trial, for a ``.npy`` file.
+        File with one label per trial, for a ``.npy`` file.
     topic, field : str
-        Topic of a bag of others, and field of its messages.
+        Topic of a bag of other software, and field of its messages.
     separator, decimal : str
-        Of the columns of a text table, and in its numbers. Empty: a comma (in ``.tsv`` a tab), and
-        a point.
+        Column separator and decimal mark of a text table. Empty for a comma (in ``.tsv`` a tab)
+        and a point.
     header_rows : int, optional
-        Lines of a text table above its numbers; the last one names the columns. None: 1.
+        Number of header lines of a text table; the last one names the columns. None for 1.
     """
 
     force_column: str = ''
@@ -75,31 +75,31 @@ class SourceOptions:
     header_rows: int | None = None
 
     def compile_label_pattern(self) -> re.Pattern[str] | None:
-        """Return ``label_from`` as a pattern with a group; None where it is none."""
+        """Return ``label_from`` as a pattern with a group; None if it is not a pattern."""
         if self.label_from in ('', 'folder', 'file'):
             return None
         try:
             pattern = re.compile(self.label_from)
         except re.error as error:
             raise SourceError(
-                f'--label-from: "{self.label_from}" is no pattern: {error}'
+                f'--label-from: "{self.label_from}" is not a regular expression: {error}'
             ) from error
         if not pattern.groups:
             raise SourceError(
                 f'--label-from: "{self.label_from}" must be folder, file, or a regular '
-                r'expression with the label in brackets, as in "(\w+)_\d+"'
+                r'expression with the label in parentheses, as in "(\w+)_\d+"'
             )
         return pattern
 
 
 @dataclass
 class Notes:
-    """Sentences on what was taken for what, each once."""
+    """Sentences about assumptions that were made, without repetitions."""
 
     lines: list[str] = field(default_factory=list)
 
     def add(self, sentence: str) -> None:
-        """Keep a sentence, once."""
+        """Add a sentence, unless it was added before."""
         if sentence not in self.lines:
             self.lines.append(sentence)
 
@@ -112,24 +112,24 @@ def ambiguity(
     *,
     with_layout: bool = True,
 ) -> SourceError:
-    """Return the refusal of a recording that does not say something.
+    """Return the error for a recording with a missing statement.
 
-    ``sentence`` has no end yet, ``option`` is that of the command line, with its value.
+    ``sentence`` has no full stop; ``option`` is the option of the command line with its value.
     """
     offered = f': {", ".join(choices[:12])}' if choices else ''
-    guess = f'; likely is {likely}' if likely else ''
+    guess = f'; probably {likely}' if likely else ''
     layout = f'\n{LAYOUT}' if with_layout else ''
     return SourceError(f'{sentence}{offered}. State it with {option}{guess}{layout}')
 
 
 BAG_SUFFIXES = ('.mcap', '.db3')
 MAX_LIST_BYTES = 2**20
-"""Largest file that lists recordings [byte]."""
+"""Largest file with a list of recordings [byte]."""
 
 _LABEL_FILES = re.compile(r'^(labels?|y|.+_(labels?|y))$')
 _NUMBER_AT_END = re.compile(r'[-_ .]*\d*$')
 MAX_LEAVES = 100_000
-"""Most files in the named folders."""
+"""Largest number of files in the given folders."""
 
 
 class Kind(Enum):
@@ -151,7 +151,7 @@ _KINDS = {
 
 @dataclass(frozen=True)
 class Leaf:
-    """One file or bag; ``root`` is the path that was named, in which it lies."""
+    """One file or bag; ``root`` is the given path that contains it."""
 
     path: Path
     root: Path
@@ -159,26 +159,26 @@ class Leaf:
 
     @property
     def name(self) -> str:
-        """The path below the named folder, the folder included."""
+        """The path relative to the given folder, with the name of that folder."""
         if self.path == self.root:
             return self.path.name
         return f'{self.root.name}/{self.path.relative_to(self.root).as_posix()}'.lstrip('/')
 
     @property
     def folder(self) -> str:
-        """Name of the folder that it lies in."""
+        """Name of the folder that contains the file."""
         return self.path.absolute().parent.name
 
     @property
     def word(self) -> str:
-        """Name of the file without ending and number."""
+        """Name of the file without suffix and number."""
         return _NUMBER_AT_END.sub('', self.path.stem)
 
 
 def find_leaves(paths: Sequence[Path]) -> list[Leaf]:
-    """Return the files and bags of the named paths, in the order of names within each.
+    """Return the files and bags of the given paths, sorted by name within each path.
 
-    A path that does not exist, holds nothing that is known, or too much, is a `SourceError`.
+    Raises `SourceError` for a path that does not exist, has no known recordings, or too many.
     """
     leaves: list[Leaf] = []
     for path in expand_lists(paths):
@@ -187,7 +187,7 @@ def find_leaves(paths: Sequence[Path]) -> list[Leaf]:
             what = (
                 'there are no recordings in it'
                 if path.is_dir()
-                else f'files of the kind "{path.suffix}" are not known'
+                else f'files of type "{path.suffix}" are not supported'
             )
             raise SourceError(f'{path}: {what}\n{LAYOUT}')
         leaves += found
@@ -195,10 +195,10 @@ def find_leaves(paths: Sequence[Path]) -> list[Leaf]:
 
 
 def expand_lists(paths: Sequence[Path]) -> list[Path]:
-    """Return the paths, with those that a list file names in its place.
+    """Return the paths, with list files replaced by the paths that they contain.
 
-    A list file ends in ``.txt`` and holds one path a line, relative to itself; empty lines and
-    those that begin with ``#`` do not count.
+    The name of a list file ends in ``.txt``. It has one path per line, relative to the file; empty
+    lines and lines that begin with ``#`` are ignored.
     """
     found: list[Path] = []
     for path in paths:
@@ -214,7 +214,7 @@ def expand_lists(paths: Sequence[Path]) -> list[Path]:
 
 
 def _read_list(path: Path) -> Mapping[int, str]:
-    """Return the paths in a list file by line number; none where it is a table."""
+    """Return the paths in a list file by line number; empty if the file is a table."""
     if path.suffix.lower() != '.txt' or not path.is_file():
         return {}
     if path.stat().st_size > MAX_LIST_BYTES:
@@ -224,11 +224,11 @@ def _read_list(path: Path) -> Mapping[int, str]:
     except (OSError, UnicodeDecodeError):
         return {}
     named = {n: line.strip() for n, line in lines if line.strip() and line.strip()[0] != '#'}
-    # The first line of a table is no path of a file that exists.
+    # The first line of a table is not the path of an existing file.
     first = next(iter(named.values()), '')
     try:
         return named if first and (path.parent / first).exists() else {}
-    except OSError:  # such as a name that is too long
+    except OSError:  # for example, the name is too long
         return {}
 
 
@@ -239,11 +239,11 @@ def _walk(path: Path, root: Path) -> Iterator[Leaf]:
         kind = _KINDS.get(path.suffix.lower())
         is_model = kind is Kind.ARCHIVE and is_model_file(path)
         if is_model and path == root:
-            raise SourceError(f'{path} is a model file; name recordings')
+            raise SourceError(f'{path} is a model file; give recordings')
         if kind is not None and not is_model:
             yield Leaf(path, root, kind)
         return
-    if not path.is_dir():  # a pipe, which would never end
+    if not path.is_dir():  # reading a pipe would never end
         return
     if is_experiment(path):
         bags = sorted(each for each in (path / BAGS).glob('*') if each.is_dir())
@@ -253,7 +253,7 @@ def _walk(path: Path, root: Path) -> Iterator[Leaf]:
         return
     inside = sorted(path.iterdir())
     if len(inside) > MAX_LEAVES:
-        raise SourceError(f'{path} holds {len(inside)} files; the limit is {MAX_LEAVES}')
+        raise SourceError(f'{path} contains {len(inside)} files; the limit is {MAX_LEAVES}')
     if any(p.name == 'metadata.yaml' or p.name.endswith(BAG_SUFFIXES) for p in inside):
         yield Leaf(path, root, Kind.BAG)
         return
@@ -265,9 +265,9 @@ def _walk(path: Path, root: Path) -> Iterator[Leaf]:
 def name_labels(
     leaves: Sequence[Leaf], options: SourceOptions, notes: Notes
 ) -> list[dict[str, str]]:
-    """Return the label of each file, and what else a pattern finds in its path.
+    """Return the label of each file, and other named groups of a pattern in its path.
 
-    Names that do not say it are a `SourceError`.
+    Raises `SourceError` if the names do not contain labels.
     """
     if options.label:
         notes.add(f'label: "{options.label}" for all, as stated')
@@ -284,10 +284,10 @@ def name_labels(
         notes.add(f'label: the name of each file without its number ({_name_some(labels)})')
     if '' in labels:
         empty = leaves[labels.index('')].name
-        raise SourceError(f'{empty} has no name beside its number; --label-from folder or --label')
+        raise SourceError(f'{empty} has a name of digits only; --label-from folder or --label')
     outer = [leaf.path.absolute().parent.parent.name for leaf in leaves]
     if how == 'folder' and len(set(outer)) > 1:
-        notes.add(f'column folder: the folder around those ({_name_some(outer)})')
+        notes.add(f'column folder: the parent folder of those ({_name_some(outer)})')
         return [{'label': a, 'folder': b} for a, b in zip(labels, outer, strict=True)]
     return [{'label': label} for label in labels]
 
@@ -300,7 +300,7 @@ def _how_labelled(leaves: Sequence[Leaf]) -> str:
     first = leaves[0]
     example = f' ({first.path.name} would be {first.word})' if guess else ''
     raise ambiguity(
-        f'the label of each file is not known{example}',
+        f'the label of each file is unknown{example}',
         ('folder', 'file'),
         '--label-from folder, --label-from file, --label-from PATTERN, or --label NAME',
         guess,
@@ -308,7 +308,7 @@ def _how_labelled(leaves: Sequence[Leaf]) -> str:
 
 
 def _match(pattern: re.Pattern[str], leaf: Leaf) -> dict[str, str]:
-    # Of a file that is named itself, the folder counts as well.
+    # For a file that was given itself, the folder is part of the path to match.
     path = leaf.name if leaf.path != leaf.root else f'{leaf.folder}/{leaf.path.name}'
     found = pattern.search(path)
     if found is None:
@@ -326,7 +326,7 @@ def _name_some(names: Sequence[str]) -> str:
 
 
 def decode_text(data: bytes) -> str:
-    """Return the text of a file: UTF-8 or UTF-16 by its mark, otherwise Latin-1."""
+    """Return the text of a file: UTF-8 or UTF-16 by its byte order mark, otherwise Latin-1."""
     if data[:2] in (b'\xff\xfe', b'\xfe\xff'):
         return data.decode('utf-16')
     try:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Trials of bags that others recorded: a bag a trial, of one topic with a force."""
+"""Trials of bags of other software: one trial per bag, from one topic with a force."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from tactile_ros.topics import JOINT_STATE, STRAIN, WRENCH
 
 FLOATS = ('std_msgs/msg/Float64', 'std_msgs/msg/Float32')
 TYPES = (WRENCH, *FLOATS, JOINT_STATE, STRAIN)
-"""Types of message that hold a force."""
+"""Message types that contain a force."""
 
 _AXES = ('x', 'y', 'z', 'norm')
 _WRENCH_FIELDS = tuple(f'{part}.{axis}' for part in ('force', 'torque') for axis in _AXES)
@@ -35,9 +35,10 @@ _WRENCH_FIELDS = tuple(f'{part}.{axis}' for part in ('force', 'torque') for axis
 def read_bag_trials(
     leaves: Sequence[Leaf], options: SourceOptions, notes: Notes
 ) -> list[RawTrial]:
-    """Read bags of which each is one trial.
+    """Read bags with one trial each.
 
-    Time is the stamp in the header of a message; where it has none, that of its arrival.
+    Times are the stamps in the headers of the messages, or arrival times for messages without a
+    header.
     """
     named = name_labels(leaves, options, notes)
     topic, fields = options.topic, [f.strip() for f in options.field.split(',') if f.strip()]
@@ -48,7 +49,7 @@ def read_bag_trials(
             found = bag.topics.get(topic)
             if found is None or found[0] not in TYPES:
                 raise SourceError(
-                    f'{leaf.path} has no topic {topic} of a known type; it has: '
+                    f'{leaf.path} has no topic {topic} of a supported type; it has: '
                     f'{_format_topics(bag)}'
                 )
             of_topic = [m for m in bag.messages(found[0]) if m.topic == topic]
@@ -63,7 +64,7 @@ def read_bag_trials(
         known = {**columns, 'source': leaf.name}
         units = tuple(_unit(found[0], field) for field in fields)
         trials.append(RawTrial(leaf.name, values, time_s, known, tuple(fields), units))
-    notes.add(f'took {", ".join(fields)} of the messages on {topic}; a bag is a trial')
+    notes.add(f'used {", ".join(fields)} of the messages on {topic}; each bag is one trial')
     return trials
 
 
@@ -96,7 +97,7 @@ def _choose_fields(type_name: str, message: Any) -> list[str]:
         if len(choices) == 1:
             return list(choices)
     raise ambiguity(
-        f'which field of {type_name} is the signal is not known',
+        f'the field of {type_name} with the signal is unknown',
         choices,
         '--field NAME[,NAME...]',
         with_layout=False,
@@ -142,7 +143,7 @@ def _stamp_ns(message: Any, received_at_ns: int) -> int:
 
 
 def _unit(type_name: str, field: str) -> str:
-    """Return the unit that the definition of the message states; empty: it states none."""
+    """Return the unit in the definition of the message; empty if it states none."""
     if type_name == STRAIN:
         return 'N'
     if type_name != WRENCH:
@@ -169,10 +170,10 @@ def _find_reader(type_name: str, field: str) -> Callable[[Any], float]:
 def _put_in_order(
     values: NDArray[np.float64], stamps_ns: NDArray[np.int64], notes: Notes
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return samples by their stamps, each stamp once."""
+    """Return samples sorted by their stamps, without repeated stamps."""
     in_order, first = np.unique(stamps_ns, return_index=True)
     if len(in_order) < len(stamps_ns):
-        notes.add('left out messages whose stamp came before: the first one counts')
+        notes.add('messages with repeated stamps were ignored, except the first one')
     if (np.diff(first) < 0).any():
-        notes.add('messages that came out of order were put in the order of their stamps')
+        notes.add('messages out of order were sorted by their stamps')
     return values[:, first], in_order

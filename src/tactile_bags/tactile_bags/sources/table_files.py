@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables by pyarrow: columns of CSV and Parquet files; trials as one long table.
+"""Tables read with pyarrow: columns of CSV and Parquet files; trials as one long table.
 
-The form of a text is stated, never guessed; cells that do not fit it are an error.
+The format of a text table is stated, not guessed; cells with another format are errors.
 """
 
 from __future__ import annotations
@@ -31,25 +31,25 @@ MAX_TABLE_BYTES = 2**30
 """Largest file or table that is read [byte]."""
 
 CHECKED_ROWS = 1000
-"""Rows of a column of texts that are searched for numbers of another form."""
+"""Number of rows of a text column that are searched for numbers in another format."""
 
 METADATA_KEY = b'tactile'
-"""Entry of a table's metadata that holds what `Recording.to_table` states, as JSON."""
+"""Metadata entry of a table with the statements of `Recording.to_table`, as JSON."""
 
 UNIT, ROLE = b'unit', b'role'
-"""Entries of the metadata of a column."""
+"""Metadata entries of a column."""
 
 _FIRST = ('trial', 'label', 'session_id', 'mounting_id')
 """First columns of a long table."""
 
 _UNITS_OF_ENDINGS = (('_mm_s', 'mm/s'), ('_m_s', 'm/s'))
-"""Units of columns by how their names end."""
+"""Units of columns by the suffix of their names."""
 
 _CODE_BYTES = 8
-"""Of a number in NumPy, or of a code into a dictionary, at most [byte]."""
+"""Largest size of a number in NumPy, or of a code of a dictionary [byte]."""
 
 _CODED = frozenset(('PLAIN', 'RLE', 'BIT_PACKED', 'PLAIN_DICTIONARY', 'RLE_DICTIONARY'))
-"""Encodings of texts that pyarrow can read as codes into a dictionary."""
+"""Text encodings that pyarrow can read as dictionary codes."""
 
 _CHARACTER_BYTES = np.dtype('U1').itemsize
 
@@ -59,25 +59,25 @@ _NUMBERS = {
     for mark in '.,'
 }
 _REMEDY = (
-    'state the form of the text with --separator (comma, semicolon, tab, space), --decimal (. or '
-    ',) and --header-rows (lines above the numbers)'
+    'state the format of the text with --separator (comma, semicolon, tab, space), --decimal '
+    '(. or ,) and --header-rows (lines above the numbers)'
 )
 _MISREAD = (
     (re.compile(r'[+-]?\d+,\d+([eE][+-]?\d+)?'), 'numbers with a decimal comma'),
     (re.compile(r'[+-]?\d+\.\d+([eE][+-]?\d+)?'), 'numbers with a decimal point'),
     (re.compile(r'(?=.*\d[;\t ])[-+.,;\t\d eE]+'), 'several numbers'),
 )
-"""Texts that are numbers of another form, and what they are."""
+"""Patterns of numbers in another format, with a description."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """The columns of one file, each of shape (rows,), and what it states of them.
+    """The columns of one file, each of shape (rows,), and its statements about them.
 
-    In ``columns``, a missing number is not a number, and a missing string empty. ``times`` names
-    those that are points in time, as integer nanoseconds, ``nested`` those that were not read
-    because they hold lists or structures, ``values`` those that the file states to be the signal.
-    ``units`` are by column.
+    In ``columns``, a missing number is NaN, and a missing string is empty. ``times`` names columns
+    that are points in time, as integer nanoseconds. ``nested`` names columns that were not read
+    because they contain lists or structures. ``values`` names columns that the file declares as
+    the signal. ``units`` are by column.
     """
 
     path: Path
@@ -95,7 +95,8 @@ class Table:
 def read_table(path: Path, options: SourceOptions = SourceOptions()) -> Table:  # noqa: B008
     """Read a CSV or Parquet file.
 
-    One that is no table of the stated form, too large or damaged is a `SourceError`.
+    Raises `SourceError` for a file that is damaged, too large, or not a table of the stated
+    format.
     """
     nested: tuple[str, ...] = ()
     if path.stat().st_size > MAX_TABLE_BYTES:
@@ -110,7 +111,7 @@ def read_table(path: Path, options: SourceOptions = SourceOptions()) -> Table:  
         raise SourceError(f'{path} cannot be read as a table: {sentence}') from error
     if len(set(found.column_names)) < len(found.column_names):
         ((name, _),) = Counter(found.column_names).most_common(1)
-        raise SourceError(f'{path} has several columns of one name: {name}')
+        raise SourceError(f'{path} has several columns named {name}')
     if not found.num_rows or not found.num_columns:
         raise SourceError(f'{path} has no rows')
     times = {f.name for f in found.schema if pyarrow.types.is_timestamp(f.type)}
@@ -123,7 +124,7 @@ def read_table(path: Path, options: SourceOptions = SourceOptions()) -> Table:  
 
 
 def _stated_rate_hz(metadata: Any) -> float | None:
-    """Return the sample rate in the metadata of a table that `Recording.to_table` made."""
+    """Return the sample rate in the metadata of a table from `Recording.to_table`, or None."""
     try:
         rate_hz = float(json.loads((metadata or {}).get(METADATA_KEY, b'{}'))['rate_hz'])
     except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
@@ -132,17 +133,18 @@ def _stated_rate_hz(metadata: Any) -> float | None:
 
 
 def _read_parquet(path: Path) -> tuple[pyarrow.Table, tuple[str, ...]]:
-    """Return the columns of one value a row, and the names of the others.
+    """Return the columns with one value per row, and the names of the other columns.
 
-    What they take in memory is known from the file's metadata, before anything is read. Runs and
-    codes of a dictionary pack values without limit, so the packed size says nothing.
+    The memory that they need is known from the file's metadata, before anything is read.
+    Run-length and dictionary encoding compress without limit, so the compressed size does not
+    limit it.
     """
     with pyarrow.parquet.ParquetFile(path) as file:
         kinds = {f.name: _value_type(f.type) for f in file.schema_arrow}
         flat = {name: kind for name, kind in kinds.items() if not pyarrow.types.is_nested(kind)}
         if not flat:
-            raise SourceError(f'{path} has lists in every column; write a row for each sample')
-        # Read as codes into a dictionary, a text takes no more than it does in the file.
+            raise SourceError(f'{path} has lists in every column; write one row per sample')
+        # As dictionary codes, texts need no more memory than in the file.
         as_codes = {name for name, kind in flat.items() if _is_text(kind)}
         chunks = [c for c in _column_chunks(file.metadata) if c.path_in_schema in flat]
         as_codes -= {c.path_in_schema for c in chunks if not _CODED.issuperset(c.encodings)}
@@ -162,11 +164,11 @@ def _column_chunks(metadata: Any) -> Iterator[Any]:
 
 
 def _decoded_bytes(chunk: Any, kind: Any, as_codes: Set[str]) -> int:
-    """Return what a part of a column takes in memory at most [byte]."""
+    """Return the largest amount of memory that a part of a column can need [byte]."""
     packed, count = chunk.total_uncompressed_size, chunk.num_values
     if chunk.path_in_schema in as_codes or pyarrow.types.is_null(kind):
         return int(packed + count * _CODE_BYTES)
-    if _is_text(kind):  # in an encoding in which a text may repeat the one before
+    if _is_text(kind):  # in an encoding in which a text may refer to the previous one
         return int(packed * count + count * _CODE_BYTES)
     return int(packed + count * max(_CODE_BYTES, kind.bit_width // 8))
 
@@ -207,7 +209,7 @@ def _read_text(path: Path, options: SourceOptions) -> pyarrow.Table:
 
 
 def _check_quotes(path: Path, lines: Sequence[str], separator: str) -> None:
-    """Refuse text behind a closing quotation mark, which pyarrow would join: ``"1"5`` as 15."""
+    """Refuse text after a closing quotation mark, which pyarrow would join: ``"1"5`` as 15."""
     if not any('"' in line for line in lines):
         return
     reader = csv.reader(lines, delimiter=separator, strict=True)
@@ -219,27 +221,27 @@ def _check_quotes(path: Path, lines: Sequence[str], separator: str) -> None:
 
 
 def _check_cells(path: Path, name: str, column: Any) -> None:
-    """Refuse a column of texts of which each is a number, or several, of another form."""
+    """Refuse a text column in which every cell is a number, or several, in another format."""
     if not _is_text(column.type):
         return
     cells = [cell.strip() for cell in column.slice(0, CHECKED_ROWS).to_pylist() if cell.strip()]
     for pattern, found in _MISREAD if cells else ():
         if all(pattern.fullmatch(cell) for cell in cells):
             raise SourceError(
-                f'{path}: column "{name}" holds {found}, as in "{cells[0][:40]}"; {_REMEDY}'
+                f'{path}: column "{name}" contains {found}, as in "{cells[0][:40]}"; {_REMEDY}'
             )
 
 
 def _read_form(path: Path, options: SourceOptions) -> tuple[str, str]:
-    """Return separator and decimal mark, as stated or usual."""
+    """Return separator and decimal mark, as stated or by default."""
     usual = '\t' if path.suffix.lower() == '.tsv' else ','
     separator = _SEPARATORS.get(options.separator, options.separator) or usual
     decimal = options.decimal or '.'
     if len(separator) != 1 or decimal not in ('.', ',') or decimal == separator:
         raise SourceError(
-            f'--separator "{options.separator}" and --decimal "{decimal}" do not go together: '
+            f'--separator "{options.separator}" and --decimal "{decimal}" cannot be combined: '
             f'a separator is one character or one of {", ".join(_SEPARATORS)}, a decimal mark is '
-            '. or , and another than the separator'
+            '. or , and must differ from the separator'
         )
     return separator, decimal
 
@@ -247,7 +249,7 @@ def _read_form(path: Path, options: SourceOptions) -> tuple[str, str]:
 def _read_names(
     path: Path, lines: Sequence[str], separator: str, decimal: str, count: int
 ) -> list[str]:
-    """Return the names in the last of the first ``count`` lines; without them ``column 1`` etc."""
+    """Return the names in line ``count``; without header lines ``column 1`` and so on."""
     if not count:
         first = next((line for line in lines if line.strip()), '')
         width = len(next(csv.reader([first], delimiter=separator), []))
@@ -255,11 +257,10 @@ def _read_names(
     last = (line.lstrip('#% ') for line in lines[count - 1 : count])
     names = [cell.strip() for cell in next(csv.reader(last, delimiter=separator), [])]
     if not any(names):
-        raise SourceError(f'{path}: line {count} has no names of columns; {_REMEDY}')
+        raise SourceError(f'{path}: line {count} has no column names; {_REMEDY}')
     if all(_NUMBERS[decimal].fullmatch(name) for name in names):
         raise SourceError(
-            f'{path}: line {count} holds numbers, and should hold the names of the columns; '
-            f'{_REMEDY}'
+            f'{path}: line {count} contains numbers instead of column names; {_REMEDY}'
         )
     return names
 
@@ -285,7 +286,7 @@ def _to_numpy(path: Path, name: str, column: Any) -> NDArray[Any]:
 
 
 def _texts_to_numpy(path: Path, name: str, column: Any) -> NDArray[Any]:
-    """Return a column of texts; NumPy makes each as wide as the longest."""
+    """Return a column of texts; in NumPy, each needs as much memory as the longest."""
     if not pyarrow.types.is_dictionary(column.type):
         column = column.dictionary_encode()
     codes = column.unify_dictionaries().combine_chunks()
@@ -294,8 +295,8 @@ def _texts_to_numpy(path: Path, name: str, column: Any) -> NDArray[Any]:
     longest = max(map(len, known), default=0)
     if longest * len(codes) * _CHARACTER_BYTES > MAX_TABLE_BYTES:
         raise SourceError(
-            f'{path}: column {name} has a text of {longest} characters, and {len(codes)} rows as '
-            'wide as that are too large; leave the column out'
+            f'{path}: column {name} has a text of {longest} characters, which needs too much '
+            f'memory for {len(codes)} rows; remove the column'
         )
     rows = codes.indices.fill_null(len(known)).to_numpy()
     return np.asarray(np.array([*known, ''])[rows])
@@ -304,15 +305,13 @@ def _texts_to_numpy(path: Path, name: str, column: Any) -> NDArray[Any]:
 def build_long_table(trials: Sequence[tuple[Trial, str]], rate_hz: float | None) -> pyarrow.Table:
     """Return the table of some trials, each with its name; see `Recording.to_table`."""
     if not trials:
-        raise SourceError('no trial counts, so there is nothing to write')
+        raise SourceError('no trial is included, so there is nothing to write')
     signals = [trial.signal for trial, _ in trials]
     channels = {signal.channels for signal in signals}
     if len(channels) > 1:
         raise SourceError(f'the trials have different channels: {sorted(channels)[:2]}')
     if any(signal.time_s is None for signal in signals):
-        raise SourceError(
-            'the recordings have no times, so the sample rate is not known: --rate-hz'
-        )
+        raise SourceError('the recordings have no times, so the sample rate is unknown: --rate-hz')
     counts = [signal.values.shape[1] for signal in signals]
     known = join_columns([({**t.columns, 'label': t.label}, name) for t, name in trials])
     names = [*(n for n in _FIRST if n in known), *(n for n in known if n not in _FIRST)]

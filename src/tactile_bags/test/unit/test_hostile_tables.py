@@ -96,7 +96,7 @@ def test_lists_are_left_out_and_named(tmp_path):
     assert list(table.columns) == ['force_n']
     assert table.nested == ('x', 'y')
     pq.write_table(pa.table({'x': lists}), path)
-    with pytest.raises(SourceError, match='lists in every column; write a row for each sample'):
+    with pytest.raises(SourceError, match='lists in every column; write one row per sample'):
         read_table(path)
 
 

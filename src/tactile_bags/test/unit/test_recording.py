@@ -210,7 +210,7 @@ def test_rates_that_files_state_agree_or_are_named(tmp_path):
 
 def test_a_pipe_is_no_recording(tmp_path):
     os.mkfifo(tmp_path / 'pipe.csv')
-    with pytest.raises(SourceError, match='are not known'):
+    with pytest.raises(SourceError, match='are not supported'):
         Recording.load(tmp_path / 'pipe.csv')
     with pytest.raises(SourceError, match='there are no recordings in it'):
         Recording.load(tmp_path)

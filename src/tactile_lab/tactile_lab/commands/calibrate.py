@@ -23,7 +23,7 @@ from tactile_lab.output import Output
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
-    from tactile_lab.devices.load_cell import LoadCellFit, Reading
+    from tactile_lab.devices.load_cell import LoadCellFit, WeightReading
     from tactile_ros.strain import StrainBlock
     from tendon_sensor_driver.records import TendonSensorConfig
 
@@ -139,9 +139,9 @@ def measure(
     output: Output,
     *,
     goes_down: bool,
-) -> list['Reading']:
+) -> list['WeightReading']:
     """Return a settled reading under each weight, optionally also on the way down."""
-    from tactile_lab.devices.load_cell import Reading
+    from tactile_lab.devices.load_cell import WeightReading
     from tendon_sensor_driver.errors import TendonSensorError
     from tendon_sensor_driver.sensors import make_sensor
 
@@ -156,7 +156,7 @@ def measure(
             hang(mass_kg)
             mean_n, noise_n = listener.wait_settled(mass_kg)
             output.say(f'{mass_kg:g} kg: {mean_n:.4f} N read, noise {noise_n:.2g} N')
-            readings.append(Reading(mass_kg, mean_n, noise_n, is_rising))
+            readings.append(WeightReading(mass_kg, mean_n, noise_n, is_rising))
     except TendonSensorError as error:
         raise TactileError(str(error)) from error
     finally:

@@ -101,8 +101,8 @@ def run(
     """
     from tactile_bags.experiment_journal import is_experiment
     from tactile_lab.experiment.folder import ExperimentFolder
-    from tactile_lab.experiment.live_rig import LiveBench, open_rig
-    from tactile_lab.experiment.loop import Nobody, run_experiment, Terminal
+    from tactile_lab.experiment.live_rig import LiveTrialBackend, open_rig
+    from tactile_lab.experiment.loop import NonInteractive, run_experiment, Terminal
     from tactile_lab.experiment.plan import read_plan
 
     output = Output(as_json)
@@ -120,7 +120,7 @@ def run(
             default_catalogue().check_mount(planned.protocol, label, contact)
     if not is_experiment(home.path):
         home.set_up(planned)
-    operator = (Nobody if yes else Terminal)(output, accept_setup)
+    operator = (NonInteractive if yes else Terminal)(output, accept_setup)
     ended, is_error = 'interrupted', False
     # The order changes only while the journal is locked. A block is appended when the rig
     # runs, so that a refused call appends nothing.
@@ -134,7 +134,7 @@ def run(
                         partial(_make_request, planned),
                         partial(_number, planned),
                     )
-                    bench = LiveBench(setup, output, make_request, number)
+                    bench = LiveTrialBackend(setup, output, make_request, number)
                     _, ended = run_experiment(home, bench, operator, journal, block)
             else:
                 ended = ''

@@ -16,7 +16,7 @@ from tactile_ros.errors import TactileError
 if TYPE_CHECKING:
     from tactile_bags import RecordedBag
     from tactile_bags.audit import Audit
-    from tactile_bags.replay import Comparison, TactileResults
+    from tactile_bags.replay import ReplayComparison, TactileResults
     from tactile_bringup.launch_config.graph import NodeDescription
 
 POLL_S = 0.1
@@ -33,7 +33,7 @@ class ReplayReport:
     """
 
     namespace: str
-    comparisons: dict[str, 'Comparison']
+    comparisons: dict[str, 'ReplayComparison']
     audits: 'tuple[Audit, ...]' = ()
     replay_count: int = 1
 
@@ -226,7 +226,7 @@ def _replay_finger(
     _check_has_features(bag, recorded)
     infos = recorded_models(bag, namespace)
     contact = next((info.contact_filter for info in infos), '')
-    comparisons: dict[str, Comparison] = {}
+    comparisons: dict[str, ReplayComparison] = {}
     count = 0
     while count < times and all(c.is_equal for c in comparisons.values()):
         count += 1

@@ -112,7 +112,7 @@ class CalibrationError(TactileError):
 
 
 @dataclass(frozen=True)
-class Reading:
+class WeightReading:
     """Sensor reading under one weight: mean and standard deviation of a settled second [N].
 
     It is taken with scale 1 and offset 0. ``is_rising`` is true if the previous weight was
@@ -151,7 +151,7 @@ class LoadCellFit:
     residuals_n: tuple[float, ...]
     largest_residual_n: float
     hysteresis_n: float | None
-    readings: tuple[Reading, ...]
+    readings: tuple[WeightReading, ...]
 
 
 def settled_mean(tension_n: ArrayLike) -> tuple[float, float] | None:
@@ -179,7 +179,7 @@ def settled_mean(tension_n: ArrayLike) -> tuple[float, float] | None:
     return float(kept.mean()), deviation
 
 
-def fit_load_cell(readings: Sequence[Reading], gravity_m_s2: float) -> LoadCellFit:
+def fit_load_cell(readings: Sequence[WeightReading], gravity_m_s2: float) -> LoadCellFit:
     """Fit the line by least squares of the readings over the true forces.
 
     The weights are known and the readings are noisy, so the readings are the dependent variable;
@@ -217,7 +217,7 @@ def _fit_line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, fl
     return slope, y_mean - slope * x_mean
 
 
-def _check_order(readings: Sequence[Reading]) -> None:
+def _check_order(readings: Sequence[WeightReading]) -> None:
     masses = sorted({reading.mass_kg for reading in readings})
     if len(masses) < FEWEST_WEIGHTS:
         raise CalibrationError(
@@ -239,7 +239,7 @@ def _check_order(readings: Sequence[Reading]) -> None:
         )
 
 
-def _find_hysteresis(readings: Sequence[Reading], scale: float) -> float | None:
+def _find_hysteresis(readings: Sequence[WeightReading], scale: float) -> float | None:
     found = []
     for mass in {reading.mass_kg for reading in readings}:
         ways = [

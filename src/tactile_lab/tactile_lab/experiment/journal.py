@@ -37,7 +37,7 @@ RELABELLED, EXCLUDED, INCLUDED = 'relabelled', 'excluded', 'included'
 """Kinds of entries."""
 
 
-class Notes:
+class EntryLog:
     """Entries in memory, oldest first, which are lost when the program ends."""
 
     def __init__(self) -> None:
@@ -49,7 +49,7 @@ class Notes:
         return self.entries[-1]
 
 
-def note(log: Notes, kind: str, **values: Any) -> Entry:
+def note(log: EntryLog, kind: str, **values: Any) -> Entry:
     """Add an entry with the current time."""
     return log.append(kind, at_s=round(time.time(), 3), **values)
 
@@ -65,7 +65,7 @@ def _named_errors(task: str, path: Path) -> Iterator[None]:
         raise ExperimentError(f'the journal {path}: {error}') from error
 
 
-class Journal(Notes):
+class Journal(EntryLog):
     """A journal that this program has locked; a context manager.
 
     ``path`` is created if it does not exist. ``entries`` are all entries, oldest first.

@@ -35,7 +35,7 @@ from tactile_features.conversions import (
 )
 from tactile_features.records import FeatureWindow, Outcome
 from tactile_features.spec import FeatureSpec
-from tactile_lab.experiment.journal import Notes, Progress
+from tactile_lab.experiment.journal import EntryLog, Progress
 from tactile_lab.experiment.loop import (
     Operator,
     summarise_tension,
@@ -379,8 +379,8 @@ def check_recording(recorder: Any) -> None:
 
 
 @dataclass
-class LiveBench:
-    """Backend that runs trials on live nodes; see `tactile_lab.experiment.loop.Bench`.
+class LiveTrialBackend:
+    """Backend that runs trials on live nodes; see `tactile_lab.experiment.loop.TrialBackend`.
 
     Attributes
     ----------
@@ -513,14 +513,14 @@ def run_live_trials(
         PlannedTrial(r.trial_id, r.session_id, number, number, r.contact, r.object_label)
         for number, r in enumerate(requests, 1)
     ]
-    bench = LiveBench(
+    bench = LiveTrialBackend(
         setup,
         output,
         lambda order: replace(of_trial[order.planned.key], trial_id=order.trial_id),
         needs_features=False,
     )
     progress = Progress(order, [])
-    loop = TrialLoop(progress, Operator(output), Notes())
+    loop = TrialLoop(progress, Operator(output), EntryLog())
     try:
         with bench.session(bag) as run_trial:
             for session_id in progress.sessions_left():

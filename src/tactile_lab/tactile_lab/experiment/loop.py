@@ -3,8 +3,8 @@
 
 """The loop of trials: prompts, journal, quality checks, and repetition of failed trials.
 
-`tactile trials`, `tactile demo` and `tactile experiment` use this loop. The rig is a `Bench`, the
-person at the rig an `Operator`.
+`tactile trials`, `tactile demo` and `tactile experiment` use this loop. The rig is a
+`TrialBackend`, the person at the rig an `Operator`.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from tactile_lab.experiment.journal import (
     ABORTED,
     BEGAN,
     ENDED,
+    EntryLog,
     FAILED,
     GOOD,
     Journal,
     KEPT,
     MOUNTED,
     note,
-    Notes,
     OUTLIER,
     Progress,
     RUN,
@@ -184,7 +184,7 @@ trial is possible, for example because the disk is full.
 """
 
 
-class Bench(Protocol):
+class TrialBackend(Protocol):
     """Backend that runs trials on a rig."""
 
     def session(self, bag: Path) -> AbstractContextManager[RunTrial]:
@@ -276,7 +276,7 @@ class Terminal(Operator):
         return choices[answer]
 
 
-class Nobody(Terminal):
+class NonInteractive(Terminal):
     """Operator without a person: failed trials are repeated, outliers are kept."""
 
     _failures = 0
@@ -298,7 +298,7 @@ class Nobody(Terminal):
 
 def run_experiment(
     folder: ExperimentFolder,
-    bench: Bench,
+    bench: TrialBackend,
     operator: Operator,
     journal: Journal,
     appended: Sequence[PlannedTrial] = (),
@@ -353,7 +353,7 @@ class TrialLoop:
 
     progress: Progress
     operator: Operator
-    journal: Notes
+    journal: EntryLog
     contact: str = ''
 
     def note(self, kind: str, **values: Any) -> None:

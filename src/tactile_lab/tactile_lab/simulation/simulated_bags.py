@@ -34,11 +34,11 @@ from tactile_classifier.records import CONTACTS
 from tactile_features.config import FeatureConfig
 from tactile_lab.simulation.simulated_trials import (
     plan_trial,
-    PlannedTrial,
     simulate_chunk,
     SimulatedTrial,
     SimulationPlan,
     TrialChunk,
+    TrialSchedule,
 )
 from tactile_ros.topics import EVENT, EVENT_TOPIC, STRAIN, STRAIN_TOPIC
 from tactile_sim.descriptions.catalogue import Catalogue
@@ -141,7 +141,7 @@ def write_simulated_bag(
 
 def _simulate(
     plan: SimulationPlan,
-    planned: PlannedTrial,
+    planned: TrialSchedule,
     config: TrialConfig,
     catalogue: Catalogue,
     jobs: int | None,

@@ -44,7 +44,7 @@ IDLE_S = 0.2
 
 
 @dataclass(frozen=True)
-class PlannedTrial:
+class TrialSchedule:
     """Plan of a trial: start of each phase, motion of the devices, number of samples."""
 
     phases: tuple[tuple[str, float], ...]
@@ -55,7 +55,7 @@ class PlannedTrial:
 
 def plan_trial(
     config: TrialConfig, request: TrialRequest, catalogue: Catalogue | None = None
-) -> PlannedTrial:
+) -> TrialSchedule:
     """Compute start and end of each step of a trial, for devices that respond immediately.
 
     The guide is at the start position already; its return is omitted, because nothing is
@@ -89,7 +89,7 @@ def plan_trial(
     period_s = rig.load_cell.period_s
     sample_count = math.ceil((now_s + IDLE_S) / period_s)
     timeline = Timeline(guide_moves, tendon_moves, sample_count * period_s, config.guide_start_m)
-    return PlannedTrial(tuple(phases), timeline, rig.load_cell.rate_hz, sample_count)
+    return TrialSchedule(tuple(phases), timeline, rig.load_cell.rate_hz, sample_count)
 
 
 @dataclass(frozen=True)
@@ -174,7 +174,7 @@ class SimulatedTrial:
 
 def simulate_chunk(
     plan: SimulationPlan,
-    planned: PlannedTrial,
+    planned: TrialSchedule,
     config: TrialConfig,
     catalogue: Catalogue,
     chunk: TrialChunk,
@@ -213,7 +213,7 @@ class _TrialRecorder:
     def __init__(
         self,
         plan: SimulationPlan,
-        planned: PlannedTrial,
+        planned: TrialSchedule,
         config: TrialConfig,
         chunk: TrialChunk,
         i: int,

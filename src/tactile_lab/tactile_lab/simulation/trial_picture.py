@@ -21,7 +21,7 @@ from tactile_bringup.trial_protocols import TrialConfig
 from tactile_features.config import FeatureConfig
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_lab.plots import draw_spectrum, shade_phases
-from tactile_lab.simulation.simulated_trials import plan_trial, PlannedTrial, SimulationPlan
+from tactile_lab.simulation.simulated_trials import plan_trial, SimulationPlan, TrialSchedule
 from tactile_ros.errors import TactileError
 from tactile_sim.descriptions.catalogue import Catalogue
 from tactile_sim.descriptions.description import Finger
@@ -75,7 +75,7 @@ class TrialPicture:
     plan: SimulationPlan
     label: str
     catalogue: Catalogue
-    planned: PlannedTrial
+    planned: TrialSchedule
     times_s: FloatArray
     truth: Mapping[str, FloatArray]
     shapes: Sequence[Shape]
@@ -114,11 +114,11 @@ def _choose_label(protocol: str, catalogue: Catalogue) -> str:
     return min(labels, key=lambda name: catalogue.body(name).stiffness_n_m or math.inf)
 
 
-def find_measured_phase(planned: PlannedTrial) -> str:
+def find_measured_phase(planned: TrialSchedule) -> str:
     return next(name for name, _ in planned.phases if name in ('glide', 'hold'))
 
 
-def _moments(planned: PlannedTrial) -> list[tuple[str, float, float]]:
+def _moments(planned: TrialSchedule) -> list[tuple[str, float, float]]:
     """Return (moment, time, guide position) of the drawn shapes."""
     starts, measured = dict(planned.phases), find_measured_phase(planned)
     begin_s, end_s = starts[measured], starts['release']

@@ -155,7 +155,7 @@ def test_arrays_with_labels_beside_them(tmp_path):
     x = np.stack([tension_n[:240] for _, _, _, tension_n in all_holds()])
     labels = [label for label, *_ in all_holds()]
     np.save(tmp_path / 'x.npy', x)
-    assert 'put them into x_labels.npy' in refusal(tmp_path, tmp_path / 'x.npy')
+    assert 'write them to x_labels.npy' in refusal(tmp_path, tmp_path / 'x.npy')
     np.save(tmp_path / 'x_labels.npy', labels)
     assert '--rate-hz' in refusal(tmp_path, tmp_path / 'x.npy')
     _, trials = import_json(tmp_path, tmp_path / 'x.npy', '--rate-hz', 100)
@@ -248,7 +248,7 @@ def test_messages_twice_and_out_of_order_are_said(tmp_path):
         trials.x[:, 1], np.hypot(5.0, trials.x[:, 0]) * (trials.x[:, 0] != 0)
     )
     assert any('out of order' in note for note in found['notes'])
-    assert any('whose stamp came before' in note for note in found['notes'])
+    assert any('with repeated stamps' in note for note in found['notes'])
 
 
 EVEN_S = np.arange(200) / RATE_HZ

@@ -9,7 +9,7 @@ import pytest
 
 from tactile_bringup.nodes.operator_node import StoppedError
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_lab.experiment.live_rig import LiveBench, ObserverNode
+from tactile_lab.experiment.live_rig import LiveTrialBackend, ObserverNode
 from tactile_lab.experiment.loop import Operator, TrialOrder
 from tactile_lab.experiment.plan import ExperimentError, PlannedTrial
 from tactile_lab.output import Output
@@ -23,7 +23,7 @@ PLANNED = PlannedTrial('t', 's', 1, 1, 'flexion', 'R1')
 def bench(context):
     """Return a bench whose rig runs what `bench.fail` raises."""
     observer = ObserverNode(context)
-    bench = LiveBench(
+    bench = LiveTrialBackend(
         SimpleNamespace(simulated_rig=None),
         None,
         lambda order: TrialRequest('texture', 'flexion', 'R1', order.trial_id, 's'),

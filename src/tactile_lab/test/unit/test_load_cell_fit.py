@@ -17,16 +17,16 @@ from tactile_lab.devices.load_cell import (
     CalibrationError,
     edit_parameters,
     fit_load_cell,
-    Reading,
     set_parameters,
     settled_mean,
+    WeightReading,
 )
 from tactile_ros.errors import TactileError
 
 
 def readings(masses, values, rising=None):
     rising = rising or [True] * len(masses)
-    return [Reading(m, v, 0.0, up) for m, v, up in zip(masses, values, rising, strict=True)]
+    return [WeightReading(m, v, 0.0, up) for m, v, up in zip(masses, values, rising, strict=True)]
 
 
 def exact_fit(masses, values, gravity):

@@ -4,16 +4,16 @@
 (() => {
   const $ = (id) => document.getElementById(id);
   const token = location.hash.slice(1);
-  const protocols = [...new Set(['tactile', token])].filter((name) => /^[\w-]+$/.test(name));  // others throw
+  const protocols = [...new Set(['tactile', token])].filter((name) => /^[\w-]+$/.test(name));  // WebSocket rejects other names
   const fingers = new Map();
   const SILENT_MS = 1500;
-  const RETRY_MS = 5000;  // a connection that has been silent for so long is made anew
-  const CONFIRMED_MS = 20000;  // a confirmed stop is shown for so long
+  const RETRY_MS = 5000;  // a silent connection is replaced after this time
+  const CONFIRMED_MS = 20000;  // time for which a confirmed stop is shown
   let state = null;
   let socket = null;
-  let heard = -Infinity;  // when the last frame came
-  let tried = 0;  // when the connection was last made
-  let stopped = null;  // the last stop from here
+  let heard = -Infinity;  // time of the last frame
+  let tried = 0;  // time of the last attempt to connect
+  let stopped = null;  // the last stop from this page
   let dirty = false;
 
   function set(element, text) {
@@ -60,7 +60,7 @@
       const phase = this.find('.phase');
       const name = trial ? trial.phase : 'no trial';
       phase.className = `phase ${trial ? name : ''}`;
-      set(phase, trial && trial.detected ? `${name} (found)` : name);
+      set(phase, trial && trial.detected ? `${name} (detected)` : name);
       set(this.find('.rate'), finger.rate_hz ? `${finger.rate_hz} Hz` : '');
       this.tension.spans = finger.spans;
       this.tension.window = finger.window;
@@ -158,7 +158,7 @@
         const sensor = devices.find((d) => d.name === path);
         const seconds = this.heard === null ? '' : ` for ${((performance.now() - this.heard) / 1000).toFixed(0)} s`;
         sentences.push(`Waiting for samples${seconds}: ` + (sensor && sensor.level !== 'ok'
-          ? sensor.message : 'is the sensor plugged in? `tactile devices` lists what answers.'));
+          ? sensor.message : 'is the sensor plugged in? `tactile devices` lists the connected devices.'));
       }
       const element = this.find('.fault');
       element.hidden = !sentences.length;
@@ -248,7 +248,7 @@
     which.hidden = names.length < 2;
     const can = (chosen() || { can: [] }).can;
     $('release').hidden = !(token && state.can_release);
-    $('reset').hidden = !(token && (state.can_release || state.stopped.length));  // no button moves by a stop
+    $('reset').hidden = !(token && (state.can_release || state.stopped.length));  // a stop must not move other buttons
     for (const action of ['tare', 'home', 'trial']) {
       $(action).hidden = !(token && can.includes(action));
     }

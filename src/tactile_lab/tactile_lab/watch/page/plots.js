@@ -164,7 +164,7 @@ class SpectrumPlot {
     this.spectrum = spectrum;
     const values = (spectrum ? spectrum.values : []).map((v) => 1000 * v);
     const high = Math.max(2, ...values) * 1.1;
-    this.high = isOther ? high : Math.max(high, 0.8 * this.high);  // it falls slowly: the eye can follow
+    this.high = isOther ? high : Math.max(high, 0.8 * this.high);  // it decreases slowly, so that the eye can follow
     this.plot.setData([values.map((_, k) => k * spectrum.step_hz), values]);
   }
 }
