@@ -73,8 +73,7 @@ def test_with_a_taut_tendon_the_guide_moves_in_a_glide_only(guide, grbl, servo, 
     assert guide.result(pull(guide, 0.004))[0] == 'succeeded'
     before = grbl.mpos, len(grbl.lines)
     for send_goal in (home, lambda bench: move(bench, 0.05)):
-        message = guide.aborts(send_goal(guide), 'The tendon is taut: tightened by ')
-        assert 'ros2 service call /tendon_actuator/release std_srvs/srv/Trigger' in message
+        guide.aborts(send_goal(guide), 'ros2 service call /tendon_actuator/release')
     assert (grbl.mpos, len(grbl.lines)) == before, 'nothing was sent to the controller'
     assert guide.result(move(guide, 0.02, allow_taut=True))[0] == 'succeeded'  # a glide
     assert guide.call('/tendon_actuator/release').success
@@ -88,8 +87,8 @@ def test_a_tendon_that_is_tightened_in_an_approach_stops_the_guide(guide, grbl, 
     handle = move(guide, 0.19, 0.01)
     wait_until(lambda: grbl.is_moving)
     assert guide.result(pull(guide, 0.004))[0] == 'succeeded'
-    message = guide.aborts(handle, 'The tendon is taut')
-    assert 'the position is kept' in message
+    guide.aborts(handle, 'taut')
+    assert guide.node._client.state.position_m is not None
     assert not grbl.is_moving
 
 
@@ -104,17 +103,17 @@ def test_the_end_of_a_release_is_followed_by_a_move_at_once(guide, tendon):
 def test_without_reports_the_guide_moves_by_hand_only(guide, grbl, report):
     readiness = []
     guide.peer.create_subscription(Readiness, '/linear_guide/ready', readiness.append, LATEST)
-    message = guide.aborts(home(guide), 'Nothing was heard on tendon_actuator/slack yet')
+    message = guide.aborts(home(guide), 'tendon_actuator/slack')
     assert 'allow_taut' in message
     assert guide.result(home(guide, allow_taut=True))[0] == 'succeeded'
     report(Slack.UNKNOWN, reason='the servo is silent')
-    guide.aborts(move(guide, 0.01), 'unknown whether the tendon is slack: the servo is silent')
+    guide.aborts(move(guide, 0.01), 'the servo is silent')
     wait_until(lambda: 'the servo is silent' in ' '.join(readiness[-1].missing))
     assert guide.result(move(guide, 0.01, allow_taut=True))[0] == 'succeeded'
     report(Slack.SLACK)
     handle = move(guide, 0.19, 0.01)  # longer than reports may be silent
-    message = guide.aborts(handle, f'tendon_actuator/slack for {REPORT_AGE_S:g} s')
-    assert 'the position is kept' in message
+    guide.aborts(handle, f'tendon_actuator/slack for {REPORT_AGE_S:g} s')
+    assert guide.node._client.state.position_m is not None
     assert not grbl.is_moving
 
 
@@ -124,7 +123,7 @@ def test_a_homing_ends_when_the_tendon_becomes_taut(guide, grbl, report):
     handle = home(guide)
     wait_until(lambda: grbl.state == 'Home')
     report(Slack.TAUT, 0.004)
-    guide.aborts(handle, 'The tendon is taut')
+    guide.aborts(handle, 'taut')
 
 
 def test_a_guide_without_a_tendon_needs_no_report(bench, grbl):
@@ -140,7 +139,7 @@ def test_an_unknown_zero_is_no_slack_tendon_until_it_was_slackened(bench, servo)
     wait_until(lambda: heard and heard[-1].state == TendonSlack.SLACK)
     client.safety.set_zero(Zero.UNKNOWN, 'it was lost')
     wait_until(lambda: heard[-1].state == TendonSlack.UNKNOWN)
-    assert 'the zero of the tendon is unknown' in heard[-1].reason
+    assert 'zero' in heard[-1].reason
     assert bench.call('/tendon_actuator/release').success  # without a sensor: by a length
     wait_until(lambda: heard[-1].state == TendonSlack.SLACK)
     assert client.state.displacement_m == pytest.approx(-0.02, abs=0.0006)

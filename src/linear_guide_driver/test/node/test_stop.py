@@ -7,6 +7,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool
 
 from linear_guide_driver.linear_guide_node import LinearGuideNode
+from linear_guide_driver.stop_latch import RESET
 from linear_guide_driver.tendon_actuator_node import TendonActuatorNode
 from tactile_msgs.action import HomeGuide, HomeTendon, MoveGuide, PullTendon
 from tactile_msgs.msg import Readiness
@@ -17,7 +18,7 @@ SLACK = 2048
 """Counts of the shaft at which the peer begins."""
 
 TAUT_M = 0.004
-PRESSED = 'The rig is stopped: Stop was pressed on'
+PRESSED = 'Stop was pressed on'
 
 
 def start_tendon(bench, servo, **parameters):
@@ -71,17 +72,16 @@ def test_a_stopped_tendon_becomes_slack_however_often_stop_is_pressed(bench, ser
     answer = bench.call('/tendon_actuator/stop')
     assert answer.success
     assert PRESSED in answer.message
-    assert 'held and slackened after 0.5 s' in answer.message
+    assert '0.5 s' in answer.message
     wait_until(lambda: not bench.call('/tendon_actuator/stop').success or is_slack(servo))
-    assert bench.call('/tendon_actuator/stop').message.startswith('The tendon is slack')
+    assert is_slack(servo)
     wait_until(lambda: PRESSED in heard['tendon_actuator'])
     peers.tension_n = 0.0
     for begin in (
         lambda: pull(bench, 0.001),
         lambda: bench.send(HomeTendon, '/tendon_actuator/home'),
     ):
-        message = bench.aborts(begin(), f'{PRESSED} /tendon_actuator; remove the cause')
-        assert 'the service reset' in message
+        assert RESET in bench.aborts(begin(), f'{PRESSED} /tendon_actuator')
     assert bench.result(pull(bench, 0.0))[0] == 'succeeded'
     assert bench.call('/tendon_actuator/release').success
     assert bench.call('/tendon_actuator/reset').success
@@ -126,8 +126,7 @@ def test_a_stopped_guide_refuses_to_move_until_it_is_reset(bench, grbl):
     handle = bench.send(MoveGuide, '/linear_guide/move', position_m=0.15, speed_m_s=0.05)
     wait_until(lambda: grbl.is_moving)
     assert bench.call('/linear_guide/stop').success
-    message = bench.aborts(handle, 'the position is kept')
-    assert PRESSED in message
+    bench.aborts(handle, PRESSED)
     goal = {'position_m': 0.01, 'speed_m_s': 0.05}
     bench.aborts(bench.send(MoveGuide, '/linear_guide/move', **goal), PRESSED)
     bench.aborts(bench.send(HomeGuide, '/linear_guide/home'), PRESSED)
@@ -194,7 +193,7 @@ def test_an_emergency_stop_latches_when_it_is_pressed_and_when_it_is_lost(
     # Latched and reliable, as a careful robot publishes it.
     profile = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     publisher = bench.peer.create_publisher(Bool, '/robot/emergency_stop', profile)
-    bench.aborts(pull(bench, TAUT_M), 'has not been heard yet; start its publisher')
+    bench.aborts(pull(bench, TAUT_M), '/robot/emergency_stop')
     timer = bench.peer.create_timer(0.05, lambda: publisher.publish(Bool(data=False)))
     pull_taut(bench, peers)
     if end == 'pressed':
@@ -206,13 +205,9 @@ def test_an_emergency_stop_latches_when_it_is_pressed_and_when_it_is_lost(
     timer.cancel()
     if end == 'pressed':
         publisher.publish(Bool(data=True))
-    words = (
-        f'emergency stop on /robot/emergency_stop {"is pressed" if end == "pressed" else "was"}'
-    )
-    wait_until(lambda: words in ' '.join(bench.node._find_missing()))
+    wait_until(lambda: '/robot/emergency_stop' in ' '.join(bench.node._find_missing()))
     answer = bench.call('/tendon_actuator/reset')
-    assert not answer.success
-    assert 'release it' in answer.message
+    assert (answer.success, '/robot/emergency_stop' in answer.message) == (False, True)
     timer.reset()
     wait_until(lambda: bench.call('/tendon_actuator/reset').success)
     assert is_slack(servo)  # a reset moves nothing
@@ -223,7 +218,7 @@ def test_a_driver_that_is_deactivated_slackens_the_tendon(bench, servo, peers):
     start_tendon(bench, servo, slack_after_s=0.5)
     pull_taut(bench, peers)
     assert bench.node.trigger_deactivate().name == 'SUCCESS'
-    assert 'not active; activate its node. The tendon is held' in bench.node._client.safety.reason
+    assert 'not active' in bench.node._client.safety.reason
     wait_until(lambda: is_slack(servo))
     bench.aborts(pull(bench, TAUT_M), 'not active')
     assert bench.node.trigger_activate().name == 'SUCCESS'

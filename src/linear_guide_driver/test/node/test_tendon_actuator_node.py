@@ -51,7 +51,6 @@ def test_pull_and_release_succeed_with_feedback_joint_states_and_diagnostics(
     tendon.peer.create_subscription(JointState, '/tendon_actuator/joint_states', joints.append, 10)
     status, result = tendon.result(pull(tendon, 0.008))
     assert (status, result.stopped_by_tension) == ('succeeded', False)
-    assert result.message.startswith('The tendon rests at 0.0')
     assert result.displacement_m == pytest.approx(0.008, abs=0.0005)
     assert result.duration_s > 0.3
     assert 1 <= len(tendon.feedback) <= result.duration_s / FEEDBACK_PERIOD_S + 2
@@ -61,7 +60,7 @@ def test_pull_and_release_succeed_with_feedback_joint_states_and_diagnostics(
     assert len(joints[-1].effort) == 0
     wait_until(lambda: diagnostics)
     assert diagnostics[-1].hardware_id == 'Dynamixel XM430-W350 firmware 45'
-    assert 'not guarded' in diagnostics[-1].message
+    assert diagnostics[-1].level == WARN  # not guarded
     assert tendon.result(pull(tendon, 0.0, 0.04))[0] == 'succeeded'
     wait_until(lambda: servo.position == 2048)
 
@@ -87,7 +86,7 @@ def test_a_stop_tension_ends_the_pull_as_a_success(tendon, servo, sensor):
     status, result = tendon.result(pull(tendon, 0.02, 0.01, stop_tension_n=3.0))
     assert (status, result.stopped_by_tension) == ('succeeded', True)
     assert 0.003 <= result.displacement_m < 0.006
-    assert 'The tension reached 3.' in result.message
+    assert ' 3.' in result.message
     wait_until(lambda: servo.goal == servo.position)
 
 
@@ -132,15 +131,16 @@ def test_a_lost_goal_that_seems_to_be_answered_is_written_again(tendon, servo, s
 
 
 def test_the_health_tells_of_a_dead_sensor_and_a_hot_servo(tendon, servo, sensor):
-    def wait_for_health(level, sentence):
-        wait_until(lambda: sentence in tendon.node._health().message)
-        assert tendon.node._health().level == level
+    def wait_for_health(level, named=''):
+        wait_until(
+            lambda: (health := tendon.node._health()).level == level and named in health.message
+        )
 
-    wait_for_health(OK, 'ready')
+    wait_for_health(OK)
     sensor.status = StrainBlock.STATUS_STUCK
-    wait_for_health(WARN, 'No valid strain sample arrives')
+    wait_for_health(WARN, 'sample')
     servo.put(146, 1, 71)
-    wait_for_health(WARN, 'shuts down at 80 C')
+    wait_for_health(WARN, '80 C')
 
 
 def test_a_second_life_works_like_the_first(tendon, servo):
@@ -154,10 +154,7 @@ def test_a_second_life_works_like_the_first(tendon, servo):
 
 
 def test_a_stop_holds_the_tendon_where_it_is_and_ends_the_goal(tendon, servo):
-    for way, end, words in (
-        ('cancel', 'canceled', 'was stopped'),
-        ('stop', 'aborted', 'Stop was pressed on /tendon_actuator'),
-    ):
+    for way, end, named in (('cancel', 'canceled', ''), ('stop', 'aborted', '/tendon_actuator')):
         handle = pull(tendon, 0.02, 0.01)
         before = servo.position
         wait_until(lambda before=before: servo.position > before + 50)
@@ -166,18 +163,18 @@ def test_a_stop_holds_the_tendon_where_it_is_and_ends_the_goal(tendon, servo):
         else:
             assert tendon.call('/tendon_actuator/stop').success
         status, result = tendon.result(handle)
-        assert (status, words in result.message) == (end, True), result.message
+        assert (status, named in result.message) == (end, True), result.message
         wait_until(lambda: servo.goal == servo.position)
         assert servo.position < 3300
 
 
 def test_bad_goals_are_aborted_with_a_sentence(tendon, servo):
-    for fields, text in (
-        ({'displacement_m': 0.03}, 'between 0 and max_displacement_m'),
-        ({'displacement_m': 0.01, 'contact': 'sideways'}, 'must be one of flexion, abduction'),
-        ({'displacement_m': 0.01, 'stop_tension_n': 5.0}, 'needs the tendon sensor'),
+    for fields, named in (
+        ({'displacement_m': 0.03}, 'max_displacement_m'),
+        ({'displacement_m': 0.01, 'contact': 'sideways'}, 'flexion, abduction'),
+        ({'displacement_m': 0.01, 'stop_tension_n': 5.0}, 'unguarded'),
     ):
-        tendon.aborts(pull(tendon, **fields), text)
+        tendon.aborts(pull(tendon, **fields), named)
     assert servo.position == 2048
 
 
@@ -212,24 +209,24 @@ def test_homing_finds_where_the_tendon_is_taut_and_counts_from_there(tendon, ser
 
 
 def test_homing_is_refused_or_fails_with_a_sentence(tendon, servo):
-    tendon.aborts(home(tendon), 'start the sensor')
+    tendon.aborts(home(tendon), 'sensor')
     with Peers(tendon):
         wait_until(lambda: tendon.node._client.safety.tension.latest_n is not None)
-        for taut_n, text in ((4.0, 'between 0 and the abduction limit'), (-1.0, 'between 0')):
-            tendon.aborts(home(tendon, taut_n), text)
+        for taut_n in (4.0, -1.0):
+            tendon.aborts(home(tendon, taut_n), f'{taut_n} N')
         handle = home(tendon)
         wait_until(lambda: servo.position > 2060)
-    tendon.aborts(handle, 'No valid strain sample')
+    tendon.aborts(handle, 'sample')
     wait_until(lambda: servo.goal == servo.position)
 
 
 def test_without_sensor_and_heartbeats_nothing_tightens(bench, servo):
     start(bench, servo, heartbeat_topics=['heart'], heartbeat_timeout_s=0.5, guard_timeout_s=0.5)
-    bench.aborts(pull(bench, 0.01), 'Nothing has been heard on heart yet')
+    bench.aborts(pull(bench, 0.01), 'heart')
     with Peers(bench) as peers:
         peers.samples = False
         wait_until(lambda: 'unguarded' in ' '.join(bench.node._find_missing()))
-        bench.aborts(pull(bench, 0.01), 'set the parameter unguarded')
+        bench.aborts(pull(bench, 0.01), 'unguarded')
         assert servo.position == 2048
         peers.samples = True
         wait_until(lambda: not bench.node._find_missing())
@@ -238,7 +235,7 @@ def test_without_sensor_and_heartbeats_nothing_tightens(bench, servo):
     assert bench.result(handle)[0] == 'aborted'
     wait_until(lambda: servo.goal == servo.position)
     assert servo.position < 2048 + 1304
-    assert 'Nothing was heard' in bench.result(pull(bench, 0.02))[1].message
+    bench.aborts(pull(bench, 0.02), 'heart')
 
 
 def test_a_line_that_is_lost_while_holding_is_told_at_once(tendon, servo, sensor, diagnostics):
@@ -249,7 +246,7 @@ def test_a_line_that_is_lost_while_holding_is_told_at_once(tendon, servo, sensor
     wait_until(lambda: beats)
     assert tendon.result(pull(tendon, 0.002))[0] == 'succeeded'
     servo.close()
-    wait_until(lambda: any(d.level == ERROR and 'is lost' in d.message for d in diagnostics))
+    wait_until(lambda: any(d.level == ERROR and servo.port in d.message for d in diagnostics))
     wait_until(lambda: tendon.node._client.trouble)
     tendon.call('/tendon_actuator/stop')  # what was sent before has arrived by now
     beats.clear()

@@ -119,9 +119,9 @@ def test_an_emergency_stop_that_was_never_heard_refuses_but_does_not_latch():
     latch = make_with_emergency()
     latch.check(10_000 * MS)
     assert not latch.was_heard
-    assert 'has not been heard yet; start its publisher' in str(latch.find_loss(10_000 * MS))
+    assert TOPIC in str(latch.find_loss(10_000 * MS))
     assert not latch.state.is_stopped
-    assert 'not been heard yet' in str(latch.reset(0))
+    assert TOPIC in str(latch.reset(0))
     latch.hear_emergency(False, 0)
     assert latch.was_heard
     assert latch.find_loss(0) is None
@@ -130,8 +130,8 @@ def test_an_emergency_stop_that_was_never_heard_refuses_but_does_not_latch():
 def test_a_pressed_emergency_stop_latches_although_the_next_message_ends_it():
     latch = make_with_emergency()
     latch.hear_emergency(True, 0)
-    assert f'the emergency stop on {TOPIC} is pressed' in str(latch.find_loss(0))
-    assert 'is pressed; release it' in str(latch.reset(0))
+    assert TOPIC in str(latch.find_loss(0))
+    assert 'release it' in latch.reset(0).remedy
     latch.hear_emergency(False, 10 * MS)
     assert latch.find_loss(10 * MS) is not None
     assert latch.reset(10 * MS) is None
@@ -145,7 +145,7 @@ def test_a_lost_emergency_stop_latches_and_forbids_a_reset():
     assert latch.find_loss(500 * MS) is None
     latch.check(501 * MS)
     assert 'was not heard for 0.5 s' in latch.state.reason
-    assert 'was not heard for 0.5 s; release it' in str(latch.reset(600 * MS))
+    assert '0.5 s' in latch.reset(600 * MS).reason
     latch.hear_emergency(False, 700 * MS)
     assert latch.state.is_stopped
     assert latch.reset(700 * MS) is None
@@ -157,7 +157,7 @@ def test_a_silence_that_only_a_motion_has_seen_latches_too():
     changes = []
     latch.join(lambda: changes.append(latch.state), lambda: 0)
     latch.hear_emergency(False, 0)
-    assert 'was not heard' in str(latch.find_loss(600 * MS))
+    assert '0.5 s' in str(latch.find_loss(600 * MS))
     assert not changes  # it may be asked under any lock
     latch.hear_emergency(False, 601 * MS)
     assert changes == [

@@ -134,7 +134,7 @@ class Tendon(RuleBasedStateMachine):
         if found == 'foreign':
             self.servo.put(98, 1, 0)
             self.servo.put(11, 1, 3)
-            with pytest.raises(DeviceRefusedError, match='was not set up by this driver'):
+            with pytest.raises(DeviceRefusedError):
                 self.connect()
             assert not self.servo.writes, 'a foreign servo was written to'
             self.servo.put(64, 1, 0)

@@ -87,7 +87,7 @@ def test_the_lower_limit_counts_for_a_pull_that_does_not_tighten(safety, displac
     safety.admit(Pull(displacement_m, 'abduction'), TAUT_M, 10 * MS)
     assert sensor.send(20 * MS, 4.0)
     assert safety.decide(TAUT_M, 20 * MS) is Order.RELEASE
-    assert '4.00 N, is above the limit, 3.0 N' in safety.reason
+    assert '4.00 N' in safety.reason
 
 
 # -- one publisher ------------------------------------------------------------------------------
@@ -100,7 +100,7 @@ def test_two_publishers_are_a_loss_as_long_as_both_publish(safety, first):
     orders = run(safety, [own, other], 10 * MS, 1000 * MS)
     assert orders[30 * MS] is Order.HOLD
     assert safety.reason
-    with pytest.raises(MotionRefusedError, match='Two nodes publish tendon_sensor/strain'):
+    with pytest.raises(MotionRefusedError, match='tendon_sensor/strain'):
         safety.admit(Pull(0.006), TAUT_M, 990 * MS)
     own.tension_n = other.tension_n = 0.0
     run(safety, [own], 1000 * MS, 8000 * MS, 0.0)
@@ -113,7 +113,7 @@ def test_publishers_are_named_even_if_one_is_silent(safety):
     hold_taut(safety, sensor)
     safety.tension.set_publishers({b'1': '/tendon_sensor', b'2': '/player'})
     assert safety.decide(TAUT_M, 0) is Order.HOLD
-    assert 'Two nodes publish tendon_sensor/strain (/player, /tendon_sensor); end' in safety.reason
+    assert '(/player, /tendon_sensor)' in safety.reason
 
 
 def test_a_driver_that_was_killed_stays_in_the_graph_and_is_no_second_publisher(safety):
@@ -157,10 +157,10 @@ def test_another_tare_is_a_loss_until_a_still_reading_of_a_slack_tendon(safety, 
     orders = run(safety, [sensor], 10 * MS, 2500 * MS)
     assert orders[10 * MS] is Order.HOLD
     assert orders[2490 * MS] is Order.RELEASE
-    assert 'The tare of the tendon sensor is not confirmed' in safety.reason
+    assert 'tare' in safety.reason
     sensor.tension_n = 0.1
     run(safety, [sensor], 2500 * MS, 2900 * MS, 0.0)
-    with pytest.raises(MotionRefusedError, match='is not confirmed'):
+    with pytest.raises(MotionRefusedError, match='tare'):
         safety.admit(Pull(TAUT_M), 0.0, 2900 * MS)
     run(safety, [sensor], 2900 * MS, 3100 * MS, 0.0)
     safety.admit(Pull(TAUT_M), 0.0, 3100 * MS)
@@ -171,9 +171,9 @@ def test_a_tare_that_is_wrong_is_not_confirmed_by_waiting(safety):
     run(safety, [sensor], 0, 100 * MS, 0.0)
     sensor.sequence, sensor.tension_n = 0, -1.9
     run(safety, [sensor], 100 * MS, 5000 * MS, 0.0)
-    with pytest.raises(MotionRefusedError, match=r'reading now: -1\.90 N\).* tare the sensor'):
+    with pytest.raises(MotionRefusedError, match=r'-1\.90 N.* tare the sensor'):
         safety.admit(Pull(TAUT_M), 0.0, 5000 * MS)
-    with pytest.raises(MotionRefusedError, match='a tendon cannot push'):
+    with pytest.raises(MotionRefusedError, match=r'-1\.90 N.* sign'):
         safety.admit(Pull(0.02, 'abduction', is_homing=True), 0.0, 5000 * MS)
     sensor.tension_n = 0.0
     run(safety, [sensor], 5000 * MS, 5600 * MS, 0.0)
@@ -189,7 +189,7 @@ def test_a_reading_that_does_not_stay_still_confirms_nothing(safety):
         run(safety, [sensor], begin_ms * MS, (begin_ms + 20) * MS, 0.0)
         sensor.tension_n = 0.0
         run(safety, [sensor], (begin_ms + 20) * MS, (begin_ms + 200) * MS, 0.0)
-    with pytest.raises(MotionRefusedError, match='is not confirmed'):
+    with pytest.raises(MotionRefusedError, match='tare'):
         safety.admit(Pull(TAUT_M), 0.0, 3000 * MS)
 
 
@@ -199,7 +199,7 @@ def test_without_a_known_zero_only_homing_confirms_a_tare(safety):
     sensor.sequence = 0
     safety.set_zero(Zero.UNKNOWN, 'the torque went off')
     run(safety, [sensor], 100 * MS, 3000 * MS, 0.0)
-    assert 'is not confirmed' in str(safety.tension.find_loss(2990 * MS))
+    assert 'tare' in str(safety.tension.find_loss(2990 * MS))
     assert not safety.is_slack(0.0, 2990 * MS)  # the sensor cannot tell either
     safety.admit(Pull(0.02, 'abduction', is_homing=True), 0.0, 2990 * MS)
     assert run(safety, [sensor], 3000 * MS, 3100 * MS, 0.001)[3090 * MS] is Order.FOLLOW
@@ -267,7 +267,7 @@ def test_blocks_that_are_never_whole_are_no_live_ones(safety):
     for now_ns in range(10 * MS, 400 * MS, PERIOD_NS):
         sensor.send(now_ns, 1.0, math.nan)
     assert safety.decide(TAUT_M, 390 * MS) is Order.HOLD
-    assert 'No valid strain sample arrives' in safety.reason
+    assert 'sample' in safety.reason
 
 
 # -- age ----------------------------------------------------------------------------------------
@@ -275,7 +275,7 @@ def test_blocks_that_are_never_whole_are_no_live_ones(safety):
 
 @pytest.mark.parametrize(
     ('delay_s', 'text'),
-    [(1.0, 'arrive 1.00 s late by their stamps'), (-1.0, 'with stamps 1.00 s in the future')],
+    [(1.0, '1.00 s late'), (-1.0, '1.00 s in the future')],
 )
 def test_a_delay_from_the_start_is_seen_by_the_stamps(delay_s, text):
     safety = make()

@@ -4,6 +4,7 @@
 """Audits of streams and trials: losses, doubles, order, and steps of the clock."""
 
 import random
+import re
 import tracemalloc
 
 from hypothesis import given
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 from tactile_bags.audit import FingerAuditor
+from tactile_features.extraction.phase_window import format_clock_step
 from tactile_features.records import TrialEvent
 from tactile_ros.strain import StrainBlock, StrainStatus
 
@@ -104,10 +106,9 @@ def second_block(*, at_ns=START_NS + 5 * PERIOD_NS, sequence=5, **fields):
 @pytest.mark.parametrize(
     ('second', 'finding'),
     [
-        (second_block(lost_before=2), 'samples lost: 2'),  # the driver alone knows of it
-        # A restart is not a duplicate.
-        (second_block(at_ns=START_NS + 10**9, sequence=0), 'restarts of the numbering'),
-        (second_block(status=StrainStatus.RECONNECTED), 'reconnections of the sensor'),
+        (second_block(lost_before=2), '2'),  # the driver alone knows of it
+        (second_block(at_ns=START_NS + 10**9, sequence=0), 'anew'),  # a restart: no duplicate
+        (second_block(status=StrainStatus.RECONNECTED), 'reached anew'),
     ],
 )
 def test_what_a_block_states_is_a_finding(second, finding):
@@ -119,9 +120,9 @@ def test_what_a_block_states_is_a_finding(second, finding):
 
 def test_a_wrong_rate_names_the_remedy_and_nothing_at_all_is_a_finding():
     audit = whole(blocks_of([100]), rate_hz=60.0)
-    assert 'the rate is 100 Hz, not 60 Hz' in audit.findings[0]
+    assert re.search('100 Hz.*60 Hz', audit.findings[0])
     assert whole(blocks_of([100]), rate_hz=0.0).passed
-    assert whole([]).findings == ('no tension samples were recorded',)
+    assert not whole([]).passed
 
 
 @pytest.mark.parametrize('events_first', [True, False])
@@ -148,9 +149,9 @@ def test_a_sample_lost_at_the_edge_of_a_trial_is_found(lost):
 def test_a_trial_that_the_samples_do_not_cover_is_found():
     events = [event('approach', 1.0), event('done', 9.0)]
     (audit,) = trial_audits(blocks_of([400]), events)
-    assert 'the samples end 5.010 s before the trial' in audit.findings
+    assert any('5.010 s' in finding for finding in audit.findings)
     (audit,) = trial_audits(blocks_of([900], start=500), events)
-    assert 'the samples begin 4.000 s after the trial' in audit.findings
+    assert any('4.000 s' in finding for finding in audit.findings)
 
 
 @pytest.mark.parametrize('lost', [150, 800, 1_450])
@@ -165,7 +166,7 @@ def test_a_trial_longer_than_events_may_be_late_is_audited_whole(lost):
             audits += auditor.add_event(event('done', 15.0))
     (audit,) = audits
     assert audit.sample_count == 1_400
-    assert audit.findings[0].startswith('samples lost: 1 (')
+    assert (audit.lost_count, audit.gap_count) == (1, 1)
 
 
 def test_events_that_come_too_late_for_their_samples_are_a_finding():
@@ -173,10 +174,8 @@ def test_events_that_come_too_late_for_their_samples_are_a_finding():
     (audit,) = trial_audits(
         blocks, [event('contact', 10.0), event('done', 12.0)], events_first=False
     )
-    assert audit.findings == (
-        'its events arrived more than 10 s after its samples; '
-        'the number of missing samples is unknown',
-    )
+    assert not audit.passed
+    assert '10 s' in audit.findings[0]
     (audit,) = trial_audits(
         blocks, [event('contact', 95.0), event('done', 97.0)], events_first=False
     )
@@ -191,7 +190,7 @@ def test_trials_without_any_samples_do_not_pile_up(monkeypatch):
         for phase in ('contact', 'done'):
             audits += auditor.add_event(event(phase, i, f't{i}'))
     assert [audit.trial_id for audit in audits] == [f't{i}' for i in range(5)]
-    assert {audit.findings for audit in audits} == {('no tension samples were recorded',)}
+    assert not any(audit.passed for audit in audits)
 
 
 @pytest.mark.parametrize('with_trials', [False, True])
@@ -225,7 +224,7 @@ def test_samples_that_come_late_are_no_clock_step():
     blocks.insert(800, blocks.pop(300))
     blocks.insert(900, blocks[100])
     audit = whole(blocks)
-    assert audit.findings == ('duplicate samples: 1', 'samples received after a newer one: 1')
+    assert (audit.duplicate_count, audit.disordered_count, len(audit.findings)) == (1, 1, 2)
 
 
 PHASES = ('approach', 'contact', 'hold', 'release', 'done')
@@ -270,11 +269,6 @@ def stepped_recording(
     return audits
 
 
-def step_finding(step_s):
-    way = 'forward' if step_s > 0 else 'back'
-    return f"the host's clock was set {way} by {abs(step_s):.3f} s during the "
-
-
 @pytest.mark.parametrize(('step_s', 'status'), STEPS)
 @pytest.mark.parametrize(
     ('starts', 'late_s'),
@@ -290,7 +284,7 @@ def test_a_clock_step_outside_of_trials_fails_none(step_s, status, starts, late_
         assert audit.passed, audit.format()
         assert audit.sample_count == 400
         assert audit.rate_hz == pytest.approx(100.0)
-    assert recording.findings == (step_finding(step_s) + 'recording',)
+    assert recording.findings == (format_clock_step(round(step_s * 1e9), 'recording'),)
     assert (recording.sample_count, recording.lost_count) == (6_600, 0)
 
 
@@ -299,7 +293,7 @@ def test_a_clock_step_outside_of_trials_fails_none(step_s, status, starts, late_
 def test_a_clock_step_in_a_trial_fails_only_this_one(step_s, status, at):
     starts = [1_000, 3_900, 4_400, 6_000]
     before, during, *after, _ = stepped_recording(step_s, status, at=at, starts=starts)
-    assert during.findings == (step_finding(step_s) + 'trial',)
+    assert during.findings == (format_clock_step(round(step_s * 1e9), 'trial'),)
     assert during.sample_count == 400
     span_ns = during.end_ns - during.start_ns
     assert span_ns == 399 * PERIOD_NS + round(step_s * 1e9)
@@ -311,9 +305,9 @@ def test_a_loss_beside_a_clock_step_is_counted(step_s, status):
     _, during, after, _ = stepped_recording(
         step_s, status, starts=[1_000, 3_900, 5_000], lost={3_950, 4_100, 5_100}
     )
-    assert during.findings[0] == step_finding(step_s) + 'trial'
+    assert during.findings[0] == format_clock_step(round(step_s * 1e9), 'trial')
     assert (during.lost_count, after.lost_count) == (2, 1)
-    assert [finding.split(' (')[0] for finding in after.findings] == ['samples lost: 1']
+    assert (after.gap_count, len(after.findings)) == (1, 1)
 
 
 @pytest.mark.parametrize(('step_s', 'status'), STEPS)
@@ -342,8 +336,8 @@ def test_many_clock_steps_take_little_memory():
     finally:
         tracemalloc.stop()
     trial, recording = auditor.finish()
-    assert 'during the trial, the first of' in trial.findings[0]
-    assert 'during the recording, the first of 499 steps' in recording.findings[0]
+    assert '499' in recording.findings[0]
+    assert not trial.passed
 
 
 @pytest.mark.parametrize('step_s', [-60, -15, 60, 10**9])

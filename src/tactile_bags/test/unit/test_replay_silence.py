@@ -114,7 +114,6 @@ def test_a_replay_gives_up_what_the_node_gave_up(tmp_path, inputs, end_s, count)
     assert compare(recorded, core, NAMES).first_difference == ''
     if count:
         assert recorded.windows[0].outcome == Outcome.GAP
-        assert 'no samples arrived within 5 s' in recorded.windows[0].reason
 
 
 @pytest.mark.parametrize(

@@ -74,7 +74,7 @@ def test_fields_that_are_gone_are_left_out_and_missing_ones_have_their_default(t
 def test_a_field_of_another_type_is_refused(tmp_path):
     definition = of_another_release(('string path\n', 'uint8 path\n'))
     path = write_bag(tmp_path / 'bag', definition, path=1)
-    with pytest.raises(BagError, match='path of tactile_msgs/msg/ModelInfo has another type'):
+    with pytest.raises(BagError, match='path of tactile_msgs/msg/ModelInfo'):
         read_one(path)
 
 
@@ -104,5 +104,5 @@ def test_hostile_definitions_are_not_used(tmp_path, change):
     with BagWriter(tmp_path / 'hostile', {}) as writer:
         writer.add_topic(STRAIN_TOPIC)
         writer.write_raw(writer.add_stored_topic(topic), 1, message.data)
-    with TactileBag(tmp_path / 'hostile') as bag, pytest.raises(BagError, match='a definition of'):
+    with TactileBag(tmp_path / 'hostile') as bag, pytest.raises(BagError, match='definition'):
         list(bag.messages(MODELS))

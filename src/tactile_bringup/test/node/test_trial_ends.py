@@ -27,7 +27,7 @@ from tactile_testing.waiting import wait_until
 
 
 def test_an_unknown_protocol_is_refused_before_anything_moves(bench):
-    assert 'no protocol "smell"' in bench.end(bench.start('smell')).message
+    assert '"smell"' in bench.end(bench.start('smell')).message
     assert (bench.guide.goals, bench.tendon.goals, bench.phases) == ([], [], [])
 
 
@@ -37,7 +37,7 @@ def test_a_device_whose_action_server_goes_away_ends_the_trial(bench):
     wait_until(lambda: len(bench.guide.goals) == 2)
     # The result of the goal is never told, as when the process is killed.
     bench.guide._runner._server.destroy()
-    assert 'the linear guide went away' in bench.end(goal).message
+    assert 'linear guide' in bench.end(goal).message
     bench.wait_until_released()
 
 
@@ -63,7 +63,7 @@ def test_no_lost_answer_ends_a_trial(bench, monkeypatch):
 def test_a_driver_that_never_ends_its_goal_does_not_keep_the_trial(bench, monkeypatch):
     monkeypatch.setattr(trial_runner_node, 'longest_trial_s', lambda *_: 1.0)
     bench.guide.waits_in = (1,)
-    assert 'it did not end within 1 s' in bench.end(bench.start('stiffness')).message
+    assert '1 s' in bench.end(bench.start('stiffness')).message
 
 
 @pytest.mark.parametrize(('protocol', 'dead'), [('texture', 'guide'), ('stiffness', 'tendon')])
@@ -74,7 +74,7 @@ def test_a_driver_that_falls_silent_ends_the_trial_with_its_reason(bench, protoc
     device.beats = False  # as when it is killed: its action server seems to be there for long
     bench.wait_for_phase('aborted')
     message = bench.end(goal).message
-    assert f'Nothing was heard on {device.get_name()}/heartbeat' in message
+    assert f'{device.get_name()}/heartbeat' in message
     assert message.endswith('It does not answer; check its cable.')
     bench.wait_until_released()  # by a tendon driver without heartbeat, too, if it still hears
 
@@ -94,25 +94,21 @@ def second_node(bench, context, name):
 def test_a_second_tendon_driver_ends_the_trial_and_refuses_the_next(bench, context):
     goal = bench.touch('stiffness')
     goals = len(bench.tendon.goals)
-    sentence = (
-        '2 nodes are alive on tendon_actuator/presence (/tendon_actuator, /tendon_actuator): two'
-    )
+    named = 'tendon_actuator/presence (/tendon_actuator, /tendon_actuator)'
     with second_node(bench, context, 'tendon_actuator'):
-        assert sentence in bench.end(goal).message
+        assert named in bench.end(goal).message
         bench.wait_until_released()
         assert goals + 1 == len(bench.tendon.goals)
-        assert sentence in bench.end(bench.start('stiffness')).message
+        assert named in bench.end(bench.start('stiffness')).message
         assert all(goal.displacement_m == 0.0 for goal in bench.tendon.goals[goals:])
     wait_until(lambda: bench.readiness[-1].ready)
 
 
 def test_of_two_trial_runners_none_runs_a_trial(bench, context):
     with second_node(bench, context, 'trial_runner'):
-        wait_until(
-            lambda: bench.readiness and 'two rigs share' in ' '.join(bench.readiness[-1].missing)
-        )
-        message = bench.end(bench.start('stiffness')).message
-    assert '2 nodes are alive on trial_runner/presence (/trial_runner, /trial_runner)' in message
+        named = 'trial_runner/presence (/trial_runner, /trial_runner)'
+        wait_until(lambda: bench.readiness and named in ' '.join(bench.readiness[-1].missing))
+        assert named in bench.end(bench.start('stiffness')).message
     assert (bench.guide.goals, bench.tendon.goals) == ([], [])
 
 
@@ -149,7 +145,7 @@ def test_a_trial_waits_for_a_tendon_that_is_still_being_slackened_after_the_last
     bench.tendon.slowness = {2: 3.0}  # it is slackened in 0.5 s
     goal = bench.touch('stiffness')
     bench.tendon.beats = False
-    assert 'Nothing was heard on tendon_actuator/heartbeat' in bench.end(goal).message
+    assert 'tendon_actuator/heartbeat' in bench.end(goal).message
     bench.tendon.beats = True
     assert 'done' in bench.end(bench.start('stiffness', hold_s=0.5)).message
     assert [goal.displacement_m > 0 for goal in bench.tendon.goals] == [True, False, True, False]
@@ -158,8 +154,7 @@ def test_a_trial_waits_for_a_tendon_that_is_still_being_slackened_after_the_last
 def test_strain_that_ends_in_contact_ends_the_trial(bench):
     goal = bench.touch('stiffness')
     bench.sensor.is_alive = False
-    message = bench.end(goal).message
-    assert 'No valid sample came on tendon_sensor/strain for 0.5 s' in message
+    assert 'tendon_sensor/strain for 0.5 s' in bench.end(goal).message
     bench.wait_for_phase('aborted')
     assert 'tendon_sensor/strain' in bench.events[-1].message
     bench.wait_until_released()
@@ -183,7 +178,7 @@ def test_a_tendon_that_is_let_go_in_contact_ends_the_trial_with_its_reason(bench
     wait_until(lambda: not bench.runner._trial.is_watched)
     bench.tendon.say_ready('The tension exceeded 15 N.')
     result = bench.end(goal)
-    assert 'instead of 0.0049 m' in result.message
+    assert '0.0049 m' in result.message
     assert result.message.endswith('The tension exceeded 15 N.')
     assert result.displacement_error_m == pytest.approx(0.0029)
     bench.wait_until_released()
@@ -198,7 +193,7 @@ def test_a_clock_that_is_set_back_in_the_hold_hides_nothing(bench):
         bench.tendon.states.publish(state)
 
     bench.tendon.publish = publish
-    assert "the tendon actuator's host was set back by" in bench.end(goal).message
+    assert 'tendon actuator' in bench.end(goal).message
     bench.wait_for_phase('aborted')
 
 
@@ -210,7 +205,9 @@ def test_a_runner_that_stood_still_while_it_looked_blames_nobody_else(bench):
         return 'The tendon is lost.'
 
     bench.runner._contact.find_loss = stand_still
-    assert 'the trial runner stood still for' in bench.end(goal).message
+    message = bench.end(goal).message
+    assert 'trial runner' in message
+    assert 'The tendon is lost.' not in message
 
 
 @pytest.mark.parametrize('phase', ['glide', 'hold'])
@@ -225,11 +222,7 @@ def test_a_phase_in_which_the_runner_was_frozen_does_not_succeed(bench_apart, ph
     bench.process.send_signal(signal.SIGCONT)
     message = bench.end(goal).message
     # As the trial's own watch says, or that of its goal, whichever looks first.
-    assert re.search(
-        rf'stood still for \d\.\d+ s in the {phase}|ended in {phase}: This process '
-        r'stood still for \d\.\d s',
-        message,
-    ), message
+    assert re.search(rf'\d\.\d+ s .*{phase}|{phase}.* \d\.\d s', message), message
     bench.wait_for_phase('aborted')
     bench.wait_until_released()
 
@@ -237,7 +230,7 @@ def test_a_phase_in_which_the_runner_was_frozen_does_not_succeed(bench_apart, ph
 def test_a_hold_whose_tendon_is_reported_no_more_does_not_succeed(bench):
     goal = bench.touch('stiffness')
     bench.tendon.publish = lambda now: None  # and its heartbeat goes on
-    assert 'No position came on tendon_actuator/joint_states' in bench.end(goal).message
+    assert 'tendon_actuator/joint_states' in bench.end(goal).message
     bench.wait_for_phase('aborted')
 
 
@@ -285,7 +278,7 @@ def call(bench, name):
 def test_a_stop_ends_the_trial_and_refuses_the_next_until_it_is_reset(bench, protocol):
     goal = bench.touch(protocol)
     assert call(bench, 'trial_runner/stop').success
-    stopped = 'The rig is stopped: Stop was pressed on /trial_runner; remove the cause'
+    stopped = 'Stop was pressed on /trial_runner'
     assert stopped in bench.end(goal).message
     assert not bench.guide._runner.is_busy
     bench.wait_until_released()
@@ -350,13 +343,12 @@ def test_a_guide_that_moves_or_says_no_position_in_a_hold_ends_the_trial(bench):
     goal = bench.touch('stiffness')
     bench.wait_for_phase('hold')
     bench.guide.position_m += 0.001
-    assert 'ended in hold: the guide moved from 0.0100 m to 0.0110 m' in bench.end(goal).message
+    assert re.search('hold.* 0.0100 m .*0.0110 m', bench.end(goal).message)
     bench.wait_until_released()
     bench.guide.position_m = 0.0
     bench.events.clear()
     goal = bench.start('stiffness')
     bench.wait_for_phase('hold')
     bench.guide.publish = lambda _: None
-    message = bench.end(goal).message
-    assert 'No position came on linear_guide/joint_states for 1.5 s' in message
+    assert 'linear_guide/joint_states for 1.5 s' in bench.end(goal).message
     bench.wait_until_released()

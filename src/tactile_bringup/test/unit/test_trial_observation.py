@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -90,7 +91,7 @@ def test_a_slow_pull_that_leaves_the_tolerance_begins_anew():
 
 def test_a_tendon_that_leaves_its_displacement_is_told_with_the_numbers():
     watched = contact(*PULL, (3, 0.0049, 0.0), (4, 0.0043, -0.01))
-    assert 'tightened by 0.0043 m instead of 0.0049 m' in str(watched.find_loss())
+    assert re.search('0.0043 m .*0.0049 m', watched.find_loss().reason)
     watched.end()
     watched.take(5, 0.0, 0.0)
     assert (watched.find_loss(), watched.error_m) == (None, 0.0)
@@ -99,7 +100,7 @@ def test_a_tendon_that_leaves_its_displacement_is_told_with_the_numbers():
 @pytest.mark.parametrize('back_s', [0.3, 0.99, 1.01, 3600.0])
 def test_a_loss_is_told_after_the_clock_was_set_back(back_s):
     watched = contact(*PULL, (10**13, 0.0049, 0.0), (10**13 - round(back_s * S), 0.0043, -0.01))
-    assert 'tightened by 0.0043 m instead of 0.0049 m' in str(watched.find_loss())
+    assert re.search('0.0043 m .*0.0049 m', watched.find_loss().reason)
 
 
 @pytest.mark.parametrize(('back_s', 'is_step'), [(0.99, False), (1.01, True), (3600.0, True)])
@@ -108,8 +109,7 @@ def test_a_clock_that_is_set_back_ends_the_trial(back_s, is_step):
     for poll in range(3):
         watched.take(10**13 - round(back_s * S) + poll, 0.0049, 0.0)
     assert watched.error_m == 0.0
-    sentence = f'set back by {back_s:.2f} s'
-    assert (sentence in str(watched.find_loss())) == is_step
+    assert (f'{back_s:.2f} s' in str(watched.find_loss())) == is_step
     assert (watched.find_loss() is None) != is_step
     watched.begin(0.0049, CONFIG.displacement_tolerance_m)
     watched.take(0, 0.0, 0.0)
@@ -117,18 +117,18 @@ def test_a_clock_that_is_set_back_ends_the_trial(back_s, is_step):
 
 
 @pytest.mark.parametrize(
-    ('summary', 'sentence'),
+    ('summary', 'named'),
     [
         (MotionSummary(0.01501, 0.005), ''),
-        (MotionSummary(0.0152, 0.0), 'at 0.01520 m/s instead of 0.015 m/s'),
-        (MotionSummary(0.0148, 0.04), 'at 0.01480 m/s instead of 0.015 m/s'),
-        (MotionSummary(0.0149, 0.04), 'fell 0.040 s behind'),
-        (None, 'too few positions'),
+        (MotionSummary(0.0152, 0.0), '0.01520 m/s'),
+        (MotionSummary(0.0148, 0.04), '0.01480 m/s'),
+        (MotionSummary(0.0149, 0.04), '0.040 s'),
+        (None, 'positions'),
     ],
 )
-def test_a_glide_is_judged_by_speed_and_lag(summary, sentence):
+def test_a_glide_is_judged_by_speed_and_lag(summary, named):
     fault = find_glide_fault(summary, 0.015, CONFIG)
-    assert (sentence in str(fault)) if sentence else fault is None
+    assert (named in str(fault)) if named else fault is None
 
 
 def test_the_tolerances_are_those_that_move_a_spectral_line_by_a_bin():
@@ -149,6 +149,6 @@ def test_a_guide_that_moves_while_it_should_rest_is_seen_and_late_reports_are_no
         assert rest.find_motion() is None
     rest.take(0, 0.0605, 0.0)
     rest.take(0, 0.06, 0.0)
-    assert 'moved from 0.0600 m to 0.0605 m' in str(rest.find_motion())
+    assert re.search('0.0600 m .*0.0605 m', str(rest.find_motion()))
     rest.end()
     assert rest.find_motion() is None
