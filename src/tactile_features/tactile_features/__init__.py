@@ -25,6 +25,7 @@ _HOMES = {
     'UndefinedFeatureError': '.errors',
     'WindowSamples': '.feature_sets.feature_set',
     'WindowSpec': '.feature_sets.feature_set',
+    'check_feature_set': '.checks',
     'compute_regression': '.feature_sets.stiffness',
     'compute_spatial': '.feature_sets.texture_spatial',
     'compute_spectrum': '.feature_sets.texture_spectrum',

@@ -35,3 +35,14 @@ def extract(config, *inputs, wanted=()):
     """Return all windows, also those that still wait at the end."""
     extractor = TrialFeatureExtractor(config, wanted)
     return [*feed(extractor, *inputs), *extractor.finish()]
+
+
+def hard_windows(samples):
+    """Noise, a steep line, an offset of 1e9 times the signal, steps, a tiny and a huge signal."""
+    noise = np.random.default_rng(4).standard_normal((6, samples)).cumsum(axis=1)
+    noise[1] += 1e3 * np.arange(samples)
+    noise[2] += 1e9
+    noise[3] = np.sign(np.sin(np.arange(samples) / 9.0)) + 1e-3 * noise[3]
+    noise[4] *= 1e-150
+    noise[5] *= 1e60
+    return noise

@@ -76,7 +76,7 @@ class SampleWindow:
 
     def _check(self, samples: npt.ArrayLike, rate_hz: float) -> Matrix:
         """Return samples of shape (channels, n)."""
-        rows = np.array(samples, dtype=np.float64)
+        rows = np.array(samples, dtype=np.float64, order='C')
         if self._channels == 1 and rows.ndim == 1:
             rows = rows[np.newaxis]
         if rows.ndim != 2 or len(rows) != self._channels or rows.shape[1] < 2:

@@ -484,7 +484,7 @@ def features_from_trials(
             When the shape, the rate or the speeds are invalid, a value is not finite or a feature
             is undefined; the message names the trial.
     """
-    tension = np.asarray(x, dtype=np.float64)
+    tension = np.asarray(x, dtype=np.float64, order='C')  # as in the stream: bits depend on it
     if tension.ndim != 2 or tension.shape[1] < 2:
         raise FeatureError(
             f'the trials have shape {tension.shape}; it must be (trials, samples), samples >= 2'

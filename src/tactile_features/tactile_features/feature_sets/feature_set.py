@@ -146,7 +146,7 @@ class WindowSamples:
     time_ns : ndarray of int, shape (n,)
         Times of the samples [ns].
     tension_n : ndarray of shape (..., n)
-            Tension [N]; must be finite.
+            Tension [N], finite and in C order.
     rate_hz : float
         Nominal sample rate [Hz].
     speed_m_s : float

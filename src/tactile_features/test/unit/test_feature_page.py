@@ -15,11 +15,10 @@ import re
 
 from hypothesis import given
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 import numpy as np
 import pytest
 from scipy.stats.mstats import mquantiles
-from trials import event, extract, make_block
+from trials import event, extract, hard_windows, make_block
 
 from tactile_features import (
     compute_spectrum,
@@ -149,17 +148,6 @@ def check(values, expected, scale_n):
     np.testing.assert_allclose(values, expected.astype(float), rtol=1e-9, atol=1e-9 * scale_n)
 
 
-def hard_windows(samples):
-    """Noise, a steep line, an offset of 1e9 times the signal, steps, a tiny and a huge signal."""
-    noise = np.random.default_rng(4).standard_normal((6, samples)).cumsum(axis=1)
-    noise[1] += 1e3 * np.arange(samples)
-    noise[2] += 1e9
-    noise[3] = np.sign(np.sin(np.arange(samples) / 9.0)) + 1e-3 * noise[3]
-    noise[4] *= 1e-150
-    noise[5] *= 1e60
-    return noise
-
-
 def task_of(feature_set):
     return {'glide': 'texture', 'hold': 'stiffness'}[feature_set.phase]
 
@@ -179,15 +167,11 @@ SETS = [pytest.param(each, id=each.name) for each in BUILT_IN]
 
 
 def compare(feature_set, windows, rate_hz, config, speed_m_s=0.0):
-    """Compare a batch with the page, and each of its windows with itself alone, bit for bit."""
-    task, before = task_of(feature_set), windows.copy()
+    """Compare a batch with the page."""
+    task = task_of(feature_set)
     fields = {'config': config, 'speeds_m_s': [speed_m_s] * len(windows)}
     values, spec = features_from_trials(task, windows, rate_hz, **fields)
     assert len(spec.names) == values.shape[1]
-    fields['speeds_m_s'] = [speed_m_s]
-    alone = [features_from_trials(task, x[None], rate_hz, **fields)[0] for x in windows]
-    assert np.concatenate(alone).tobytes() == values.tobytes()
-    assert np.array_equal(windows, before)
     for x, row in zip(windows, values, strict=True):
         if feature_set.needs_speed:  # the middle of each row
             length_m, step_m = config.spatial_length_m, speed_m_s / rate_hz
@@ -348,28 +332,6 @@ def test_extreme_magnitudes_neither_overflow_nor_vanish(scale):
     np.testing.assert_allclose(
         compute_spectrum(x * scale) / scale, compute_spectrum(x), rtol=1e-12
     )
-
-
-@given(
-    arrays(
-        np.float64, st.tuples(st.integers(1, 6), st.integers(2, 60)), elements=st.floats(-1e9, 1e9)
-    ),
-    st.sampled_from(WAYS),
-)
-def test_a_row_has_the_same_spectrum_alone_and_in_a_batch(x, way):
-    batch = compute_spectrum(x, *way)
-    alone = [compute_spectrum(row.copy(), *way) for row in x]
-    assert np.array(alone).tobytes() == batch.tobytes()
-    assert compute_spectrum(x[None], *way).tobytes() == batch.tobytes()
-    assert compute_spectrum(np.asfortranarray(x), *way).tobytes() == batch.tobytes()
-
-
-@pytest.mark.parametrize('rows', [1, 128, 129, 300])
-def test_the_place_in_a_large_batch_changes_no_bit(rows):
-    x = 5.0 + np.random.default_rng(rows).normal(size=(rows, 180))
-    whole = compute_spectrum(x)
-    for start, stop in ((0, 1), (rows - 1, rows), (rows // 3, rows)):
-        assert compute_spectrum(x[start:stop]).tobytes() == whole[start:stop].tobytes()
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from tactile_classifier.model_file.model import load_model
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features import (
+    check_feature_set,
     FeatureConfig,
     FeatureError,
     features_from_trials,
@@ -43,7 +44,8 @@ def install(monkeypatch, folder, value='roughness:Roughness', name='roughness'):
     metadata.mkdir(parents=True)
     (metadata / 'METADATA').write_text(f'Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n')
     (metadata / 'entry_points.txt').write_text(f'[{GROUP}]\n{name} = {value}\n')
-    *_, example = re.findall(r'```python\n(.*?)```', PAGE.read_text(), re.S)
+    examples = re.findall(r'```python\n(.*?)```', PAGE.read_text(), re.S)
+    (example,) = (each for each in examples if 'class Roughness' in each)
     (folder / 'roughness.py').write_text(example)
     monkeypatch.syspath_prepend(str(folder))
     importlib.invalidate_caches()
@@ -73,6 +75,7 @@ def stream(config, tension_n):
 def test_stream_and_arrays_give_the_same_bits(roughness):
     assert list_feature_sets('glide')[-1] == 'roughness'
     assert 'roughness' not in list_feature_sets('hold')
+    check_feature_set(find_feature_set('roughness'), roughness)
     tension_n = np.random.default_rng(1).normal(5.0, 1.0, 300)
     (window,) = stream(roughness, tension_n)
     assert (window.outcome, window.feature_set) == (Outcome.OK, 'roughness')
@@ -117,18 +120,16 @@ def test_a_model_of_it_answers_and_is_refused_where_the_set_is_missing(
 
 
 @pytest.mark.parametrize(
-    ('name', 'value', 'sentence'),
+    ('name', 'value'),
     [
-        ('other', 'roughness:Roughness', 'the name must equal its entry point, "other"'),
-        ('gone', 'no_such_module:Set', 'gone of gone cannot be loaded from no_such_module:Set'),
-        ('list', 'builtins:list', 'builtins:list of list is not a subclass of FeatureSet'),
+        ('other', 'roughness:Roughness'),
+        ('gone', 'no_such_module:Set'),
+        ('list', 'builtins:list'),
     ],
 )
-def test_an_entry_point_that_is_no_feature_set_is_refused(
-    monkeypatch, tmp_path, name, value, sentence
-):
+def test_an_entry_point_that_is_no_feature_set_is_refused(monkeypatch, tmp_path, name, value):
     install(monkeypatch, tmp_path / 'site', value, name)
-    with pytest.raises(FeatureError, match=re.escape(sentence)):
+    with pytest.raises(FeatureError, match=value):
         FeatureConfig(texture_features=name)
 
 

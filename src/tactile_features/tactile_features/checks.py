@@ -1,0 +1,244 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Check that a feature set keeps the contract of `FeatureSet`; for tests of sets of your own."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_features.config import FeatureConfig
+from tactile_features.errors import FeatureError, UndefinedFeatureError
+from tactile_features.feature_sets.feature_set import (
+    FeatureSet,
+    WindowParameters,
+    WindowSamples,
+    WindowSpec,
+)
+from tactile_features.feature_sets.registry import CHOOSER
+
+FloatArray = NDArray[np.float64]
+
+SAMPLES = 180
+"""Samples of a window where neither the set nor its speed decides."""
+
+SPEED_M_S = 0.015
+"""Sliding speed of the windows [m/s]."""
+
+FEW = 10
+"""Batches of fewer windows are computed several times."""
+
+BATCHES = (1, 6, 129, 481)
+"""Numbers of windows; linear algebra takes other ways in large batches."""
+
+
+class FeatureSetCheckError(FeatureError):
+    """A feature set breaks the contract of `FeatureSet`.
+
+    Attributes
+    ----------
+    code : str
+        The check that failed: ``attributes``, ``names``, ``window``, ``shape``, ``finite``,
+        ``input``, ``repeatable``, ``batch`` or ``undefined``.
+    """
+
+    def __init__(self, code: str, message: str) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+def check_feature_set(
+    feature_set: type[FeatureSet],
+    config: WindowParameters | None = None,
+    windows: FloatArray | None = None,
+) -> None:
+    """Check that a feature set keeps the contract of `FeatureSet`.
+
+    It checks that the attributes are valid, that names are distinct, that `compute` returns one
+    finite float64 for each name and leaves its input as it is, that a window gives the same bits
+    alone and anywhere in a batch, and that windows without a value are named. It does not check
+    that the values are right.
+
+    Parameters
+    ----------
+    feature_set : subclass of FeatureSet
+    config : FeatureConfig, optional
+        Its parameters; the defaults where none are given.
+    windows : ndarray of shape (m, n), optional
+        Further windows [N]. For a set whose window has a fixed length, n must be that length.
+
+    Raises
+    ------
+    FeatureSetCheckError
+        The message says what is wrong; ``code`` names the check.
+    """
+    name = getattr(feature_set, 'name', feature_set.__name__)
+    _check_attributes(feature_set, name)
+    bound = feature_set(FeatureConfig() if config is None else config)
+    rate_hz = bound.config.rate_hz
+    speed_m_s = SPEED_M_S if feature_set.needs_speed else 0.0
+    spec = bound.window(rate_hz, speed_m_s)
+    _check_window(spec, name)
+    count = spec.sample_count or SAMPLES
+    names = _check_names(bound, name, rate_hz, bound.sample_count)
+    kinds = [_make_windows(rows, count) for rows in BATCHES]
+    if windows is not None:
+        kinds.append(np.array(windows, dtype=np.float64))
+    for batch in kinds:
+        _check_values(bound, name, batch, rate_hz, speed_m_s, len(names))
+    _check_undefined(bound, name, _make_windows(5, count), rate_hz, speed_m_s)
+
+
+def _require(is_kept: bool, code: str, message: str) -> None:
+    if not is_kept:
+        raise FeatureSetCheckError(code, message)
+
+
+def _check_attributes(feature_set: type[FeatureSet], name: str) -> None:
+    for attribute, kind in (('name', str), ('version', int), ('phase', str)):
+        value = getattr(feature_set, attribute, None)
+        _require(
+            isinstance(value, kind),
+            'attributes',
+            f'{name}: the class attribute {attribute} is {value!r}; set it to a {kind.__name__}',
+        )
+    _require(
+        feature_set.phase in CHOOSER,
+        'attributes',
+        f'{name}: phase is "{feature_set.phase}"; it must be {" or ".join(CHOOSER)}',
+    )
+    known = {field.name for field in fields(WindowParameters)}
+    counted = (feature_set.count_field,) if feature_set.count_field else ()
+    unknown = {*feature_set.cut, *feature_set.options, *counted} - known
+    _require(
+        not unknown,
+        'attributes',
+        f'{name}: cut, options and count_field must name fields of FeatureConfig that feature '
+        f'sets see; {", ".join(sorted(unknown))} is none of them',
+    )
+    _require(
+        bool(counted) or not feature_set.can_be_early,
+        'attributes',
+        f'{name}: can_be_early needs count_field: early windows have a fixed number of samples',
+    )
+
+
+def _check_window(spec: WindowSpec, name: str) -> None:
+    lengths = (spec.crop_start_s, spec.crop_end_s, spec.shortest_s, spec.sample_count)
+    _require(
+        all(np.isfinite(length) and length >= 0 for length in lengths),
+        'window',
+        f'{name}: window() returned {spec}; lengths must be finite and not negative',
+    )
+
+
+def _check_names(bound: FeatureSet, name: str, rate_hz: float, count: int) -> list[str]:
+    described = bound.describe(count, rate_hz)
+    names = [feature.name for feature in described]
+    again = type(bound)(bound.config).describe(count, rate_hz)
+    is_text = all(isinstance(part, str) and part for feature in described for part in feature)
+    _require(
+        bool(names) and is_text and len(set(names)) == len(names) and described == again,
+        'names',
+        f'{name}: describe() must return the same distinct names with units at each call',
+    )
+    return names
+
+
+def _compute(
+    bound: FeatureSet, tension_n: FloatArray, rate_hz: float, speed_m_s: float
+) -> FloatArray:
+    count, period_ns = tension_n.shape[-1], 1e9 / rate_hz
+    jitter = np.random.default_rng(count).uniform(-0.1, 0.1, count)
+    time_ns = np.rint((np.arange(count) + jitter) * period_ns).astype(np.int64)
+    return bound.compute(WindowSamples(time_ns, tension_n, rate_hz, speed_m_s))
+
+
+def _check_values(
+    bound: FeatureSet,
+    name: str,
+    batch: FloatArray,
+    rate_hz: float,
+    speed_m_s: float,
+    features: int,
+) -> None:
+    before = batch.copy()
+    values = _compute(bound, batch, rate_hz, speed_m_s)
+    found = f'{values.dtype} of shape {values.shape}'
+    _require(
+        values.dtype == np.float64 and values.shape == (len(batch), features),
+        'shape',
+        f'{name}: compute() returned {found} for {len(batch)} windows and {features} names; '
+        f'return float64 of shape {(len(batch), features)}',
+    )
+    _require(
+        bool(np.isfinite(values).all()),
+        'finite',
+        f'{name}: compute() returned values that are not finite; raise UndefinedFeatureError for '
+        'windows without a value',
+    )
+    _require(
+        np.array_equal(batch, before) and not np.shares_memory(values, batch),
+        'input',
+        f'{name}: compute() changed or returned its input; work on a copy',
+    )
+    last = len(batch) - 1
+    if last < FEW:
+        again = (bound, type(bound)(bound.config))
+        _require(
+            all(
+                _compute(each, batch, rate_hz, speed_m_s).tobytes() == values.tobytes()
+                for each in again
+            ),
+            'repeatable',
+            f'{name}: compute() returned other bits at the second call; keep no state',
+        )
+        one = _compute(bound, batch[last].copy(), rate_hz, speed_m_s)
+        is_same = one.shape == (features,) and one.tobytes() == values[last].tobytes()
+    else:
+        is_same = all(
+            _compute(bound, batch[part].copy(), rate_hz, speed_m_s).tobytes()
+            == values[part].tobytes()
+            for part in (slice(1), slice(last, None), slice(last // 3, last // 3 + 20))
+        )
+    _require(
+        is_same,
+        'batch',
+        f'{name}: a window gives other bits alone than in a batch of {len(batch)}; use sums along '
+        'the last axis instead of products of matrices',
+    )
+
+
+def _check_undefined(
+    bound: FeatureSet, name: str, batch: FloatArray, rate_hz: float, speed_m_s: float
+) -> None:
+    """Check that constant windows have values, or are all named."""
+    batch[1], batch[3] = 5.0, 0.0
+    try:
+        values = _compute(bound, batch, rate_hz, speed_m_s)
+    except UndefinedFeatureError as error:
+        _require(
+            error.windows == (1, 3),
+            'undefined',
+            f'{name}: windows 1 and 3 of a batch are constant, and UndefinedFeatureError.windows '
+            f'is {error.windows}; name all windows without a value',
+        )
+    else:
+        _require(
+            bool(np.isfinite(values).all()),
+            'undefined',
+            f'{name}: a constant window has values that are not finite; raise '
+            'UndefinedFeatureError for it',
+        )
+
+
+def _make_windows(rows: int, count: int) -> FloatArray:
+    """Return windows of a random walk at several offsets and scales [N]."""
+    generator = np.random.default_rng(rows)
+    walk = generator.standard_normal((rows, count)).cumsum(axis=1)
+    walk *= np.array([1.0, 1e-3, 10.0])[np.arange(rows) % 3, None]
+    walk += np.array([5.0, 0.0, 1e6])[np.arange(rows) % 3, None]
+    return walk
