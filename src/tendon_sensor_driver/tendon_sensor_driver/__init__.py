@@ -23,6 +23,7 @@ _HOMES = {
     'TendonSensorClient': '.line_sensor',
     'TendonSensorConfig': '.records',
     'TendonSensorError': '.errors',
+    'check_sensor': '.checks',
     'encode_reading': '.line_sensor',
     'make_sensor': '.sensors',
 }

@@ -205,9 +205,12 @@ class SensorClient(ABC):
             raise TendonSensorError('this client has been opened before; make a new one')
 
     def _deliver(self, blocks: list[StrainBlock]) -> None:
+        for block in blocks:
+            self._hand_out(block)
+
+    def _hand_out(self, block: StrainBlock) -> None:
         try:
-            for block in blocks:
-                self._on_block(block)
+            self._on_block(block)
         except Exception as error:
             # The stream outlives a fault of its consumer, which is told once.
             text = f'the consumer of the blocks failed: {error}'

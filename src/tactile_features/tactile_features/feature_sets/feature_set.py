@@ -146,11 +146,11 @@ class WindowSamples:
     time_ns : ndarray of int, shape (n,)
         Times of the samples [ns].
     tension_n : ndarray of shape (..., n)
-            Tension [N], finite and in C order.
+        Tension [N], finite and in C order.
     rate_hz : float
         Nominal sample rate [Hz].
     speed_m_s : float
-            Sliding speed [m/s]; 0 if the feature set does not need it.
+        Sliding speed [m/s]; 0 if the feature set does not need it.
     """
 
     time_ns: NDArray[np.int64]
