@@ -41,8 +41,8 @@ REPETITION = ('repetition',)
 OVER_MM = {'spatial_length_m': 0.048, 'spatial_finest_m': 0.003}
 
 
-def read_fabrics(channel: int | None = None) -> dict[str, FeatureTable]:
-    """Return the tables of the fabrics by set of features; None: mean of the channels."""
+def read_fabrics(channel: int | str = 'mean') -> dict[str, FeatureTable]:
+    """Return the tables of the fabrics by set of features."""
     trials = load_archive(find_recording(FABRIC_SLIDE) or '').where('balanced')
     speeds_m_s = trials.columns['speed_mm_s'] / 1e3
     sets = ('texture_spectrum', 'texture_spatial', 'glide_waveform', 'spatial_waveform')
@@ -170,8 +170,8 @@ def run_unlearned(quick: bool) -> Report:
     rows = [Row(say_missing(FABRIC_SLIDE))]
     if find_recording(PHAC_HOLD) and find_recording(FABRIC_SLIDE):
         cases = [(f'holds, {name}', table, REPETITION) for name, table in read_holds().items()]
-        for channel in () if quick else (None, 9, 12):
-            title = 'mean of 16' if channel is None else f'channel {channel}'
+        for channel in () if quick else ('mean', 9, 12):
+            title = 'mean of 16' if channel == 'mean' else f'channel {channel}'
             for name, table in read_fabrics(channel).items():
                 cases.append((f'fabrics, {title}, {name}', table, CELLS))
         rows = [Row(case, more=_measure_unlearned(*what)) for case, *what in cases]

@@ -148,7 +148,7 @@ def run_speeds(quick: bool) -> Report:
         speed_m_s = trials.columns['speed_mm_s'] / 1e3
         channels = [
             Glides(trials.signal(channel), trials.label, speed_m_s, trials.rate_hz)
-            for channel in (None, *range(trials.x.shape[1]))
+            for channel in ('mean', *range(trials.x.shape[1]))
         ]
         rows = _measure(channels, tuple(ESTIMATORS)[: 2 if quick else None])
     return Report(

@@ -225,8 +225,7 @@ class Recording:
             def load(i: int = i) -> Signal:
                 values = whole.x[i, :, : whole.lengths[i]].astype(np.float64)
                 times_s = np.arange(values.shape[1]) / whole.rate_hz
-                channels = tuple(f'channel_{k}' for k in range(len(values)))
-                return Signal(times_s, values, channels, whole.unit, whole.rate_hz)
+                return Signal(times_s, values, whole.channels, whole.unit, whole.rate_hz)
 
             trials.append(_other_trial(name, str(self.paths[0]), known, load))
         for each in whole.skipped:

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 import dataclasses
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -27,7 +27,12 @@ from tactile_features.feature_sets.registry import (
 EARLY = 'early_windows'
 """Parameter of the specifications whose windows are given out when their samples are there."""
 
+MEAN, ALL = 'mean', 'all'
+"""In place of the name of a channel: the mean of all channels; each channel, one after another."""
+
 _DIGEST_DIGITS = 16
+
+_MOST_CHANNELS = 8  # that are listed by name
 
 
 @dataclass(frozen=True)
@@ -51,6 +56,11 @@ class FeatureSpec:
         the names of `FeatureConfig`. Ready-cut windows state the last alone. What refuses a
         window but changes no value is not among them. ``early_windows`` is stated (as 1) where
         windows are early.
+    channel : str
+        Name of the channel that the features are computed from, `MEAN` or `ALL`, for recordings
+        with several channels. Empty: the signal is the only one, as in a live node.
+    channels : tuple of str
+        Names of all channels of these recordings; empty where ``channel`` is.
     """
 
     feature_set: str
@@ -60,19 +70,24 @@ class FeatureSpec:
     names: tuple[str, ...]
     units: tuple[str, ...]
     parameters: Mapping[str, float | str] = field(default_factory=dict)
+    channel: str = ''
+    channels: tuple[str, ...] = ()
 
     @cached_property
     def digest(self) -> str:
         """The first 16 hex digits of the SHA-256 of the specification as canonical JSON.
 
         Canonical: keys in order, no spaces, ASCII, each number as the shortest text of its
-        double. So it is the same on every platform, and for 60 as for 60.0.
+        double. So it is the same on every platform, and for 60 as for 60.0. Channels that are not
+        used do not count.
         """
         parameters = {  # the sum takes the sign from a zero
             name: value if isinstance(value, str) else float(value) + 0.0
             for name, value in self.parameters.items()
         }
         values = {**self.to_dict(), 'parameters': parameters}
+        if self.channel not in (MEAN, ALL):
+            values.pop('channels', None)
         text = json.dumps(values, sort_keys=True, separators=(',', ':'), ensure_ascii=True)
         return hashlib.sha256(text.encode()).hexdigest()[:_DIGEST_DIGITS]
 
@@ -89,8 +104,11 @@ class FeatureSpec:
         return tuple(name for name in names if name not in self.parameters)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the specification for JSON."""
-        return dataclasses.asdict(self)
+        """Return the specification for JSON, without channels where there is only one."""
+        values = dataclasses.asdict(self)
+        if not self.channel:
+            del values['channel'], values['channels']
+        return values
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> FeatureSpec:
@@ -111,6 +129,10 @@ class FeatureSpec:
             rate_hz = float(data['rate_hz'])
             if not 0.0 < rate_hz < math.inf:
                 raise ValueError(f'rate_hz is {rate_hz:g}')
+            channel = str(data.get('channel', ''))
+            channels = tuple(str(name) for name in data.get('channels', ()))
+            if channel not in ((MEAN, ALL, *channels) if channels else ('',)):
+                raise ValueError(f'channel is "{channel}", and channels are {channels}')
             return cls(
                 feature_set=str(data['feature_set']),
                 version=int(data['version']),
@@ -119,6 +141,8 @@ class FeatureSpec:
                 names=tuple(str(name) for name in data['names']),
                 units=tuple(str(unit) for unit in data['units']),
                 parameters=parameters,
+                channel=channel,
+                channels=channels,
             )
         except KeyError as error:
             raise FeatureError(f'the feature specification has no entry {error}') from error
@@ -189,8 +213,8 @@ class FeatureSpec:
     def mismatch(self, other: FeatureSpec) -> str:
         """Return why features of ``other`` must not be taken for these, or an empty string.
 
-        A parameter that only one of the two states is not compared: ready-cut
-        windows do not know how they were cut.
+        A parameter or channel that only one of the two states is not compared: ready-cut
+        windows do not know how they were cut, nor a live signal which channel it would be.
         """
         pairs = [
             ('feature set', self.feature_set, other.feature_set),
@@ -204,12 +228,30 @@ class FeatureSpec:
             for name, mine in self.parameters.items()
             if name in other.parameters and name != EARLY
         ]
+        if self.channel and other.channel:
+            pairs.append(('channel', self.channel, other.channel))
+            if self.channel in (MEAN, ALL):
+                pairs.append(
+                    ('list of channels', ', '.join(self.channels), ', '.join(other.channels))
+                )
         for what, mine, theirs in pairs:
             if mine != theirs:
                 return f'the {what} differs: {mine} here, {theirs} there'
         if self.names != other.names or self.units != other.units:
             return 'the names or units of the features differ'
         return ''
+
+    def describe_channel(self) -> str:
+        """Return which channel of several was used and what the others are; empty: one only."""
+        if self.channel in (MEAN, ALL):
+            return f'{self.channel} of {len(self.channels)} ({_list_some(self.channels)})'
+        unused = [name for name in self.channels if name != self.channel]
+        return f'{self.channel}; not used: {_list_some(unused)}' if unused else ''
+
+
+def _list_some(names: Sequence[str]) -> str:
+    more = len(names) - _MOST_CHANNELS
+    return ', '.join(names[:_MOST_CHANNELS]) + (f' and {more} more' if more > 0 else '')
 
 
 @dataclass(frozen=True)

@@ -107,7 +107,10 @@ class ArchiveOptions:
 
     channel: Annotated[
         Optional[str],
-        typer.Option(help='Channel of the recordings, "mean" of all, or "all"; default: 0.'),
+        typer.Option(
+            help='Channel of the recordings, by its name or its number from 0; "mean" of all, or '
+            '"all". Default: the first one.'
+        ),
     ] = None
     where: Annotated[
         Optional[str],

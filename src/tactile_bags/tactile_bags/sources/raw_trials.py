@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 import math
+import re
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,8 +24,17 @@ GAP_PERIODS = 3.5
 RATE_TOLERANCE = 0.01
 """Largest relative difference between a stated rate and that of the stamps."""
 
-RESERVED = ('x', 'rate_hz', 'length', 'offsets', 'unit')
+RESERVED = ('x', 'rate_hz', 'length', 'offsets', 'unit', 'channel_names')
 """Names of arrays that are no columns in an archive."""
+
+GROUP_WORDS = (
+    'session', 'day', 'date', 'subject', 'participant', 'specimen', 'mounting', 'batch', 'run',
+    'block', 'folder',
+)  # fmt: skip
+"""Words for groups of trials that a test should hold out, the most likely one first."""
+
+_NUMBERING = ('id', 'no', 'nr', 'number', 'name')
+_WORDS = re.compile(r'[A-Z]+(?![a-z])|[A-Z]?[a-z]+')
 
 Floats = NDArray[np.float64]
 
@@ -136,8 +146,15 @@ def arrays_from_trials(
             f'the trials have {" and ".join(map(str, sorted(channels)))} channels; '
             'all must have the same'
         )
+    names = list(dict.fromkeys(trial.channels for trial in kept if trial.channels))
+    if len(names) > 1 and channels != {1}:
+        raise SourceError(
+            f'the channels of the trials differ: {", ".join(names[0])}, and '
+            f'{", ".join(names[1])}; state them with --force-column or --field'
+        )
     lengths = np.array([values.shape[1] for values in signals])
-    x = np.zeros((len(kept), channels.pop(), int(lengths.max())))
+    count = channels.pop()
+    x = np.zeros((len(kept), count, int(lengths.max())))
     for row, values in enumerate(signals):
         x[row, :, : values.shape[1]] = values
     arrays = {
@@ -145,6 +162,8 @@ def arrays_from_trials(
         'rate_hz': np.array(rate_hz),
         **join_columns([(t.columns, t.name) for t in kept], notes),
     }
+    if names and count > 1:
+        arrays['channel_names'] = np.array(names[0])
     if (lengths != lengths[0]).any():
         arrays['length'] = lengths
     return arrays
@@ -270,6 +289,17 @@ def _make_even(trial: RawTrial, rate_hz: float) -> tuple[Floats, bool]:
         return trial.values, False
     grid = np.arange(math.floor(places[-1] + 1e-6) + 1, dtype=np.float64)
     return np.stack([np.interp(grid, places, channel) for channel in trial.values]), True
+
+
+def find_group_word(name: str) -> str:
+    """Return which of `GROUP_WORDS` the name of a column is; empty: none.
+
+    ``subject``, ``Subject ID``, ``sessionNumber`` and ``day_2`` are, ``session_length`` is not.
+    """
+    words = [word.lower() for word in _WORDS.findall(name)]
+    first = words[0] if words else ''
+    is_group = first in GROUP_WORDS and all(word in _NUMBERING for word in words[1:])
+    return first if is_group else ''
 
 
 def join_columns(

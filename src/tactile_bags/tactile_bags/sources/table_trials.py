@@ -21,7 +21,7 @@ from tactile_bags.sources.files import (
     SourceError,
     SourceOptions,
 )
-from tactile_bags.sources.raw_trials import RawTrial
+from tactile_bags.sources.raw_trials import find_group_word, RawTrial
 from tactile_bags.sources.table_files import read_table, Table
 from tactile_classifier.datasets.archive import NEWTONS
 
@@ -32,11 +32,6 @@ NAMES: Mapping[str, frozenset[str]] = {
     'force': frozenset(('force', 'tension')),
 }
 """Names of columns that need no option, in small letters and without their unit."""
-
-GROUPS = frozenset(
-    ('session', 'session_id', 'day', 'mounting', 'mounting_id', 'subject', 'specimen', 'block')
-)
-"""Names of columns that no trial goes across, and within which trials are numbered."""
 
 UNITS_S = {'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'µs': 1e-6, 'μs': 1e-6, 'ns': 1e-9, 'min': 60.0}
 """Units of time [s]."""
@@ -211,13 +206,14 @@ def _group_rows(
 ) -> list[tuple[tuple[Any, ...], NDArray[np.intp]]]:
     """Return name and rows of each trial, by their first row.
 
-    Where trials of several labels or sessions share a name, all these together are the trial.
+    Where trials of several labels or sessions share a name, all these together are the trial: no
+    trial goes across a column that `find_group_word` finds, and trials are numbered within it.
     """
     if not roles.trial:
         return [((), np.arange(len(table)))]
     names: tuple[str, ...] = (roles.trial,)
     numbers = _number_groups(table, names)
-    groups = (name for name in table.columns if split_unit(name)[0] in GROUPS)
+    groups = (name for name in table.columns if find_group_word(name))
     for name in dict.fromkeys((roles.label, *groups)):
         if name and name not in (*names, *roles.values):
             finer = _number_groups(table, (name, *names))

@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tactile_classifier.errors import DatasetError
+from tactile_features.spec import ALL, MEAN
 
 MAX_ARCHIVE_BYTES = 2**30
 """Archives whose arrays take more than this are not loaded [byte]."""
@@ -45,6 +46,7 @@ LAYOUT = """an archive holds, with one entry a trial where not said otherwise:
   label    strings or integers; or y
   rate_hz  one number; or fs, or --rate-hz
   unit     optional, one string: of x, as in N; forces are converted to N
+  channel_names  optional, one string for each channel
   and any further columns
 For trials of unequal length, either pad x with anything and add
   length   samples of each trial that count
@@ -56,6 +58,9 @@ _OTHER_NAMES = {
     'label': ('y', 'Y', 'labels', 'target', 'y_train'),
     'rate_hz': ('fs', 'rate', 'sample_rate', 'sampling_rate', 'frequency'),
 }
+
+Channel = int | str
+"""Number of a channel from 0, its name, ``'mean'`` or ``'all'``."""
 
 Array = npt.NDArray[Any]
 Indices = npt.NDArray[np.intp]
@@ -99,6 +104,8 @@ class LabelledTrials:
         What was done to the signals, in words.
     unit : str
         Of the signals, such as ``N``; empty: not known.
+    channels : tuple of str
+        Names of the channels. Left out: ``channel_0`` and so on.
     """
 
     x: Array
@@ -111,28 +118,47 @@ class LabelledTrials:
     skipped: tuple[Skipped, ...] = ()
     steps: tuple[str, ...] = ()
     unit: str = ''
+    channels: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not len(self.lengths):
             object.__setattr__(self, 'lengths', np.full(len(self.x), self.x.shape[2]))
         if not len(self.rows):
             object.__setattr__(self, 'rows', np.arange(len(self.x)))
+        if not self.channels:
+            names = tuple(f'channel_{i}' for i in range(self.x.shape[1]))
+            object.__setattr__(self, 'channels', names)
 
     def __len__(self) -> int:
         return len(self.label)
 
-    def signal(self, channel: int | None = None) -> npt.NDArray[np.float64]:
+    def name_channel(self, channel: Channel) -> str:
+        """Return the name of a channel, `MEAN` or `ALL`.
+
+        Raises DatasetError when there is no such channel.
+        """
+        name = str(channel)
+        if name in (MEAN, ALL, *self.channels):
+            return name
+        if name.isdecimal() and int(name) < len(self.channels):
+            return self.channels[int(name)]
+        raise DatasetError(
+            f'there is no channel {name}; there are {len(self.channels)}: '
+            f'{", ".join(self.channels)}. Take one by its name, or by its number from 0; or '
+            f'"{MEAN}" or "{ALL}"'
+        )
+
+    def signal(self, channel: Channel = 0) -> npt.NDArray[np.float64]:
         """Return one channel, or the mean of all, shape (trials, samples).
 
         Raises DatasetError when there is no such channel.
         """
-        if channel is None:
+        name = self.name_channel(channel)
+        if name == MEAN:
             return np.asarray(self.x.mean(axis=1, dtype=np.float64))
-        if not 0 <= channel < self.x.shape[1]:
-            raise DatasetError(
-                f'there is no channel {channel}: the archive has {self.x.shape[1]}, from 0'
-            )
-        return self.x[:, channel].astype(np.float64)
+        if name == ALL:
+            raise DatasetError('a signal is that of one channel, or the mean of all')
+        return self.x[:, self.channels.index(name)].astype(np.float64)
 
     def where(self, column: str, value: object = True) -> LabelledTrials:
         """Return the trials whose column has this value.
@@ -310,6 +336,8 @@ def save_archive(path: Path, trials: LabelledTrials) -> None:
     }
     if trials.unit:
         arrays['unit'] = np.array(trials.unit)
+    if len(trials.channels) > 1:
+        arrays['channel_names'] = np.array(trials.channels)
     if (trials.lengths != trials.x.shape[2]).any():
         arrays['length'] = trials.lengths
     # Not by numpy.savez: it cannot hold a column that is named as one of its arguments.
@@ -374,6 +402,7 @@ def trials_from_arrays(
             f'label in {path} is {label.dtype} of shape {label.shape}; '
             f'it must be strings or integers of shape ({trials},), one a trial'
         )
+    channels = _take_channels(path, arrays, x.shape[1])
     own_unit = _take_unit(path, arrays)
     if unit and own_unit not in ('', unit):
         raise DatasetError(f'{path} is in {own_unit}, and --unit is {unit}; leave the option out')
@@ -400,6 +429,7 @@ def trials_from_arrays(
         skip_bad,
         steps=steps,
         unit=unit,
+        channels=channels,
     )
     loaded = loaded.drop(_find_unusable(path, x, lengths, unit))
     if folds and len(np.unique(loaded.label)) < 2:
@@ -448,6 +478,20 @@ def _take_unit(path: Path, arrays: dict[str, Array]) -> str:
     if unit.dtype.kind != 'U':
         raise DatasetError(f'unit in {path} must be one string, as in N')
     return str(unit.item())
+
+
+def _take_channels(path: Path, arrays: dict[str, Array], count: int) -> tuple[str, ...]:
+    """Take the names of the channels out of the arrays; none: they are not named."""
+    if 'channel_names' not in arrays:
+        return ()
+    names = _decode_text(path, 'channel_names', arrays.pop('channel_names'))
+    different = set(names.ravel().tolist()) - {'', MEAN, ALL}
+    if names.shape != (count,) or names.dtype.kind != 'U' or len(different) < count:
+        raise DatasetError(
+            f'channel_names in {path} must be {count} different strings, one for each channel, '
+            f'and none of them "{MEAN}" or "{ALL}"'
+        )
+    return tuple(names.tolist())
 
 
 def _find_name(key: str, arrays: dict[str, Array]) -> str:

@@ -10,23 +10,18 @@ import dataclasses
 import hashlib
 import json
 import re
-from typing import Any, Final, Literal
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from tactile_classifier.datasets.archive import LabelledTrials
+from tactile_classifier.datasets.archive import Channel, LabelledTrials
 from tactile_classifier.errors import DatasetError
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError, UndefinedFeatureError
 from tactile_features.extraction.extractor import features_from_trials
 from tactile_features.feature_sets.registry import find_feature_set, task_of
-from tactile_features.spec import FeatureSpec
-
-ALL: Final = 'all'
-"""In place of a channel: every one."""
-
-Channel = int | Literal['all'] | None
+from tactile_features.spec import ALL, FeatureSpec
 
 _CHANNEL = 'channel_'
 
@@ -171,7 +166,7 @@ def plain_name(column: str) -> str:
 def table_from_trials(
     task: str,
     trials: LabelledTrials,
-    channel: Channel = None,
+    channel: Channel = 0,
     *,
     config: FeatureConfig | None = None,
     speeds_m_s: npt.NDArray[Any] | None = None,
@@ -188,9 +183,9 @@ def table_from_trials(
     trials : LabelledTrials
         Each trial one window: crop with `LabelledTrials.between` before. A feature set over
         distance takes the middle of each.
-    channel : int, ``'all'`` or None
-        Which channel. ``'all'`` takes the features of each, one after another; None those of the
-        mean of all.
+    channel : int or str
+        Number of the channel, from 0, or its name. ``'all'`` takes the features of each channel,
+        one after another; ``'mean'`` those of the mean of all.
     config : FeatureConfig, optional
         Names the feature set and its options; the defaults where not given.
     speeds_m_s : ndarray of shape (trials,), optional
@@ -207,16 +202,16 @@ def table_from_trials(
 def usable_table(
     task: str,
     trials: LabelledTrials,
-    channel: Channel = None,
+    channel: Channel = 0,
     *,
     config: FeatureConfig | None = None,
     speeds_m_s: npt.NDArray[Any] | None = None,
 ) -> tuple[FeatureTable, LabelledTrials]:
     """Return the features as `table_from_trials` does, and the trials that gave them."""
     trials = trials.cut_to_shortest()
-    channels = range(trials.x.shape[1]) if channel == ALL else [channel]
+    channel, channels = trials.name_channel(channel), trials.channels
     while True:
-        signals = [trials.signal(one) for one in channels]
+        signals = [trials.signal(one) for one in (channels if channel == ALL else [channel])]
         try:
             found = [
                 features_from_trials(
@@ -234,8 +229,10 @@ def usable_table(
         except FeatureError as error:
             raise DatasetError(f'no features from these trials: {error}') from error
         else:
-            values, spec = found[0] if channel != ALL else _join(found)
+            values, spec = found[0] if len(found) == 1 else _join(found)
             spec = _in_unit(spec, trials.unit)
+            if len(channels) > 1:
+                spec = dataclasses.replace(spec, channel=channel, channels=channels)
             return FeatureTable(values, trials.label, spec, trials.columns), trials
 
 

@@ -243,6 +243,7 @@ def list_facts(manifest: Manifest) -> dict[str, str]:
         + ('the first ' if spec.is_early else '')
         + (f'{spec.sample_count} samples' if spec.sample_count else 'windows of any length')
         + f' at {spec.rate_hz:g} Hz',
+        **({'channel': spec.describe_channel()} if spec.channel else {}),
         'trained on': f'{manifest.trials} {_format_origin(manifest)} trials, '
         f'{_format_conditions(manifest)}; {manifest.created}',
         'cross-validation': f'{100 * score["mean"]:.1f} % ± {100 * score["spread"]:.1f} over '

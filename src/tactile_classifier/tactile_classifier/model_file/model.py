@@ -217,8 +217,9 @@ class TactileModel:
         ----------
         samples : array_like of shape (n,)
             Tension in the unit of the training [N], evenly spaced: the part of a trial that the
-            model was trained on (``spec.sample_count`` samples; 0: of any length). A model of
-            several channels takes shape (channels, n).
+            model was trained on (``spec.sample_count`` samples; 0: of any length). A model that
+            was trained on recordings with several channels takes all of them, shape
+            (channels, n); unless it uses all, also the channel that it uses, ``spec.channel``.
         rate_hz : float
             Must be the model's, ``spec.rate_hz`` [Hz].
         speed_m_s : float

@@ -17,7 +17,7 @@ from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError, UndefinedFeatureError
 from tactile_features.feature_sets.feature_set import WindowSamples
 from tactile_features.model_contract import LONGEST_BUFFER_S
-from tactile_features.spec import FeatureSpec, set_for
+from tactile_features.spec import FeatureSpec, MEAN, set_for
 
 Matrix = npt.NDArray[np.float64]
 
@@ -77,6 +77,10 @@ class SampleWindow:
     def _check(self, samples: npt.ArrayLike, rate_hz: float) -> Matrix:
         """Return samples of shape (channels, n)."""
         rows = np.array(samples, dtype=np.float64, order='C')
+        channels = self._spec.channels
+        if self._channels == 1 and channels and rows.ndim == 2 and len(rows) == len(channels):
+            is_mean = self._spec.channel == MEAN
+            rows = rows.mean(axis=0) if is_mean else rows[channels.index(self._spec.channel)]
         if self._channels == 1 and rows.ndim == 1:
             rows = rows[np.newaxis]
         if rows.ndim != 2 or len(rows) != self._channels or rows.shape[1] < 2:

@@ -15,7 +15,7 @@ from tactile_classifier.confidence.fit_calibration import (
     make_group_folds,
 )
 from tactile_classifier.datasets.archive import LabelledTrials
-from tactile_classifier.datasets.dataset import ALL, table_from_trials
+from tactile_classifier.datasets.dataset import table_from_trials
 from tactile_classifier.errors import EvaluationError
 from tactile_classifier.estimators import random_convolutions
 from tactile_classifier.estimators.classifiers import build_estimator, compute_raw_scores
@@ -97,7 +97,7 @@ def test_random_convolutions_of_several_channels_are_those_of_the_model_file(mon
     x[:, 1] += level
     trials = LabelledTrials(x, label, 60.0, {'session_id': session})
     config = FeatureConfig(texture_features='glide_waveform')
-    table = table_from_trials('texture', trials, ALL, config=config)
+    table = table_from_trials('texture', trials, 'all', config=config)
     assert table.channels == 3
     found = evaluate_open_set(table, 'rocket', false_alarm_rate=0.1)
     classes, true = np.unique(table.labels, return_inverse=True)

@@ -20,7 +20,8 @@ from tactile_features.config import FeatureConfig
 @pytest.fixture(scope='module')
 def fabrics(load_recording):
     trials = load_recording('fabric_slide.npz').where('balanced')
-    return table_from_trials('texture', trials, config=FeatureConfig(spectrum_detrend='mean'))
+    config = FeatureConfig(spectrum_detrend='mean')
+    return table_from_trials('texture', trials, 'mean', config=config)
 
 
 @pytest.fixture(scope='module')
@@ -43,7 +44,7 @@ def test_fabrics(fabrics):
 def test_fabrics_without_their_trend(load_recording):
     trials = load_recording('fabric_slide.npz').where('balanced')
     evaluation = evaluate(
-        table_from_trials('texture', trials), ['svm_linear'], ['none'], repetitions=3
+        table_from_trials('texture', trials, 'mean'), ['svm_linear'], ['none'], repetitions=3
     )
     assert percent(evaluation, 'svm_linear', 'none') == pytest.approx(88, abs=3)  # 79 with it
 

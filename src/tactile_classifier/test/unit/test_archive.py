@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tactile_classifier.datasets import archive
-from tactile_classifier.datasets.archive import load_archive
+from tactile_classifier.datasets.archive import load_archive, save_archive
 from tactile_classifier.errors import DatasetError
 
 
@@ -44,9 +44,10 @@ def test_signal_is_one_channel_or_the_mean_of_all(save):
     assert set(trials.columns) == {'balanced', 'speed_mm_s'}
     x = good_arrays()['x'].astype(float)
     np.testing.assert_array_equal(trials.signal(1), x[:, 1])
-    np.testing.assert_array_equal(trials.signal(), x.mean(axis=1))
+    np.testing.assert_array_equal(trials.signal('mean'), x.mean(axis=1))
+    np.testing.assert_array_equal(trials.signal(), x[:, 0])
     assert trials.signal(0).dtype == np.float64
-    with pytest.raises(DatasetError, match='no channel 2: the archive has 2'):
+    with pytest.raises(DatasetError, match='no channel 2; there are 2: channel_0, channel_1'):
         trials.signal(2)
 
 
@@ -253,3 +254,20 @@ def test_damaged_archive_never_raises_anything_else(good_bytes, tmp_path_factory
     except DatasetError:
         return
     assert np.isfinite(trials.x).all()
+
+
+def test_channels_have_names(save, tmp_path):
+    trials = load_archive(save(channel_names=np.array(['fx', 'fy'])))
+    assert trials.channels == ('fx', 'fy')
+    np.testing.assert_array_equal(trials.signal('fy'), trials.signal(1))
+    assert [trials.name_channel(each) for each in ('0', 1, 'fy', 'mean')] == [
+        'fx', 'fy', 'fy', 'mean',
+    ]  # fmt: skip
+    with pytest.raises(DatasetError, match='no channel fz; there are 2: fx, fy'):
+        trials.signal('fz')
+    save_archive(tmp_path / 'again.npz', trials)
+    assert load_archive(tmp_path / 'again.npz').channels == ('fx', 'fy')
+    assert load_archive(save()).channels == ('channel_0', 'channel_1')
+    for names in (['fx'], ['fx', 'fx'], ['fx', 'mean'], [1, 2]):
+        with pytest.raises(DatasetError, match='must be 2 different strings'):
+            load_archive(save(channel_names=np.array(names)))

@@ -13,6 +13,7 @@ from tactile_classifier import load_model, write_model
 from tactile_classifier.datasets.archive import LabelledTrials
 from tactile_classifier.datasets.dataset import FeatureTable, table_from_trials
 from tactile_classifier.errors import DatasetError, ModelFileError
+from tactile_classifier.model_file.manifest import list_facts
 from tactile_classifier.model_file.model import TactileModel
 from tactile_classifier.records import NO_ANSWER, UNKNOWN
 from tactile_classifier.training.trainer import train
@@ -174,6 +175,32 @@ def test_a_model_of_several_channels_takes_all_of_them(tmp_path):
         assert list(model.classify(row, 60).scores.values()) == expected
     with pytest.raises(DatasetError, match=r'one window has shape \(2, n\)'):
         model.classify(x[0, 0], 60)
+
+
+def test_one_channel_of_several_is_stated_and_found_again(tmp_path):
+    rows = np.concatenate([make_rows(i, i, 20, 60.0, 180) for i in range(3)])
+    x = np.stack([rows, 0.5 * rows[::-1]], axis=1)
+    label = np.repeat(['a', 'b', 'c'], 20)
+    trials = LabelledTrials(x, label, 60.0, {}, channels=('fx', 'fy'))
+    specs, facts = {}, {}
+    for channel in (0, 'fy', 'mean'):
+        table = table_from_trials('texture', trials, channel)
+        model = write_model(tmp_path / 'm.npz', train(table, 'knn'))
+        specs[channel], facts[channel] = model.spec, list_facts(model.manifest)['channel']
+        used = x.mean(axis=1) if channel == 'mean' else trials.signal(channel)
+        for row, one in zip(x[::7], used[::7], strict=True):
+            assert model.classify(row, 60).scores == model.classify(one, 60).scores
+        if channel != 'mean':
+            with pytest.raises(ModelFileError, match='the channel differs'):
+                model.check_fits(table_from_trials('texture', trials, 'mean').spec)
+    assert len({spec.digest for spec in specs.values()}) == 3
+    assert facts == {
+        0: 'fx; not used: fy', 'fy': 'fy; not used: fx', 'mean': 'mean of 2 (fx, fy)',
+    }  # fmt: skip
+    assert table_from_trials('texture', trials).spec == specs[0]
+    alone = LabelledTrials(x[:, :1], label, 60.0, {})
+    digests = {table_from_trials('texture', alone, c).spec.digest for c in (0, 'mean', 'all')}
+    assert len(digests) == 1
 
 
 @pytest.mark.parametrize('sessions', [1, 3])

@@ -217,3 +217,38 @@ def test_each_parameter_that_changes_a_value_changes_the_digest(task, base, name
             if spec_for(task, another).digest != digest:
                 changed.add(field.name)
     assert changed == names
+
+
+def test_the_channel_is_part_of_the_specification():
+    alone = array_spec('texture', 180, 60.0)
+    of = {
+        channel: dataclasses.replace(alone, channel=channel, channels=('fx', 'fy'))
+        for channel in ('fx', 'fy', 'mean', 'all')
+    }
+    assert len({alone.digest, *(spec.digest for spec in of.values())}) == 5
+    for spec in (alone, *of.values()):
+        assert FeatureSpec.from_dict(json.loads(json.dumps(spec.to_dict()))) == spec
+        assert alone.mismatch(spec) == spec.mismatch(alone) == ''
+    assert of['fx'].mismatch(of['mean']) == 'the channel differs: fx here, mean there'
+    more = {
+        channel: dataclasses.replace(spec, channels=('fx', 'fy', 'fz'))
+        for channel, spec in of.items()
+    }
+    assert more['fx'].digest == of['fx'].digest
+    assert more['fx'].mismatch(of['fx']) == ''
+    assert more['mean'].digest != of['mean'].digest
+    assert more['mean'].mismatch(of['mean']) == (
+        'the list of channels differs: fx, fy, fz here, fx, fy there'
+    )
+    assert more['fx'].describe_channel() == 'fx; not used: fy, fz'
+    assert more['all'].describe_channel() == 'all of 3 (fx, fy, fz)'
+    assert alone.describe_channel() == ''
+    damaged = {**of['fx'].to_dict(), 'channel': 'fz'}
+    with pytest.raises(FeatureError, match='channel is "fz"'):
+        FeatureSpec.from_dict(damaged)
+
+
+def test_a_specification_of_the_only_channel_says_nothing_of_channels():
+    spec = array_spec('stiffness', 240, 60.0)
+    assert not {'channel', 'channels'} & set(spec.to_dict())
+    assert spec.digest == '0ef242ef6e5156ab'

@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 
 SHOWN_LABELS = 12
 
+SHOWN_GROUPS = 6
+"""Columns that are proposed as groups at most."""
+
 DRAWN = 3
 """Trials in the picture."""
-
-GROUPS = ('session_id', 'day', 'subject', 'specimen', 'mounting_id', 'block', 'folder')
-"""Columns that a test should hold out, the most likely one first."""
 
 
 def import_recordings(
@@ -77,7 +77,7 @@ def import_recordings(
         save_archive(archive, trials)
     shortest, longest = int(trials.lengths.min()), int(trials.lengths.max())
     samples = f'{shortest}' if shortest == longest else f'{shortest} to {longest}'
-    channels = trials.x.shape[1]
+    channels = len(trials.channels)
     shown = ', '.join(f'{name} {count}' for name, count in list(found.items())[:SHOWN_LABELS])
     output.say(
         f'{archive}: {len(trials)} trials of {len(found)} labels ({shown}), '
@@ -87,14 +87,20 @@ def import_recordings(
     )
     if plot is not None:
         output.say(f'{plot}: {min(DRAWN, len(trials))} trials')
-    command = next_command(archive, trials)
-    output.say(f'next: {command}')
+    if channels > 1:
+        output.say(
+            f'features take channel {trials.channels[0]}; not used: '
+            f'{", ".join(trials.channels[1:])}; --channel NAME, mean or all takes others'
+        )
+    command, *remarks = next_command(archive, trials)
+    output.say(*remarks, f'next: {command}')
     output.result(
         {
             'path': str(archive),
             'trials': len(trials),
             'labels': found,
             'channels': channels,
+            'channel_names': list(trials.channels),
             'samples': [shortest, longest],
             'rate_hz': trials.rate_hz,
             'unit': trials.unit or None,
@@ -102,21 +108,45 @@ def import_recordings(
             'notes': list(trials.steps),
             'skipped': skipped,
             'next': command,
+            'remarks': remarks,
         }
     )
 
 
-def next_command(archive: Path, trials: 'LabelledTrials') -> str:
-    """Return the command that evaluates an archive, with sessions or mountings held out."""
-    import numpy as np
+def next_command(archive: Path, trials: 'LabelledTrials') -> list[str]:
+    """Return the command that evaluates an archive with groups held out, then remarks on it."""
+    from tactile_bags.sources.raw_trials import find_group_word, GROUP_WORDS
 
     command = f'tactile evaluate {archive} --task texture (or stiffness)'
-    for name in GROUPS:
-        if len(np.unique(trials.columns.get(name, []))) > 1:
-            return f'{command} --group {name}'
-    return (
-        f'{command}; no column names sessions or mountings, so random folds alone are possible, '
-        'which are optimistic'
+    words = {name: find_group_word(name) for name in trials.columns}
+    named = sorted(filter(words.get, words), key=lambda name: GROUP_WORDS.index(words[name]))
+    groups = [name for name in named if _can_hold_out(trials, name)]
+    remarks = [
+        f'column {name} cannot be held out: all trials of some label have the same {name}'
+        for name in named
+        if name not in groups and len(set(trials.columns[name].tolist())) > 1
+    ]
+    if groups[1:]:
+        options = ', '.join(f'--group {name}' for name in groups[1:])
+        remarks.append(f'possible beside or instead of --group {groups[0]}: {options}')
+    if groups:
+        return [f'{command} --group {groups[0]}', *remarks]
+    text = 'no column is named like sessions, days, subjects or specimens'
+    others = [name for name in trials.columns if name not in named and _can_hold_out(trials, name)]
+    if others:
+        names = ' or '.join(others[:SHOWN_GROUPS])
+        return [command, *remarks, f'{text}; does one divide the trials: --group {names}?']
+    return [command, *remarks, f'{text}: random folds only, which are optimistic']
+
+
+def _can_hold_out(trials: 'LabelledTrials', name: str) -> bool:
+    """Return whether groups have two trials or more, and every label is in two groups or more."""
+    import numpy as np
+
+    column = trials.columns[name]
+    groups = len(np.unique(column))
+    return 2 * groups <= len(trials) and all(
+        len(np.unique(column[trials.label == label])) > 1 for label in np.unique(trials.label)
     )
 
 

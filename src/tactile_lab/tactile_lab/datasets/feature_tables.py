@@ -24,11 +24,11 @@ from tactile_bags.recording import Recording
 from tactile_bags.sources.files import SourceOptions
 from tactile_bags.trial import Trial
 from tactile_classifier.datasets.archive import LabelledTrials, Skipped
-from tactile_classifier.datasets.dataset import ALL, Channel, FeatureTable, usable_table
+from tactile_classifier.datasets.dataset import FeatureTable, usable_table
 from tactile_classifier.errors import DatasetError
 from tactile_features.config import FeatureConfig
 from tactile_features.records import PHASE_GLIDE, PROTOCOL_TEXTURE
-from tactile_features.spec import set_for
+from tactile_features.spec import ALL, MEAN, set_for
 from tactile_lab.datasets.reading import parse_span, Reading, select_trials
 from tactile_ros.errors import TactileError
 
@@ -176,7 +176,7 @@ class TrialFeatures(RecordingFeatures):
                 f'say what {recording.name} is about: --task texture or --task stiffness'
             )
         self._task = reading.task
-        self._channel = reading.parse_channel()
+        self._channel = reading.channel or '0'
         self._config = FeatureConfig(
             **reading.choose_fields(), early_windows=reading.window_s is not None
         )
@@ -198,12 +198,14 @@ class TrialFeatures(RecordingFeatures):
         )
         self._table, self._trials = self._usable(trials, self._config)
         self.steps, self.skipped = self._trials.steps, self._trials.skipped
+        if used := self._table.spec.describe_channel():
+            self.steps += (f'channel: {used} (--channel NAME, mean or all)',)
 
     def title(self, key: Key, table: FeatureTable) -> str:
         reading = self.reading
-        names: dict[Channel, str] = {None: 'mean of all channels', ALL: 'all channels'}
-        channel = names.get(self._channel, f'channel {self._channel}')
-        parts = [self._task, self.recording.name, channel, reading.where]
+        names = {'': '', MEAN: 'mean of all channels', ALL: 'all channels'}
+        used = table.spec.channel
+        parts = [self._task, self.recording.name, names.get(used, used), reading.where]
         if reading.resample_hz is not None:
             parts.append(f'at {reading.resample_hz:g} Hz')
         if reading.crop is not None:
@@ -259,6 +261,6 @@ class TrialFeatures(RecordingFeatures):
         )
 
     def windows(self, table: FeatureTable, rows: Sequence[int]) -> list[Samples]:
-        signals = self._trials.signal(None if self._channel == ALL else self._channel)
+        signals = self._trials.signal(MEAN if self._channel == ALL else self._channel)
         time_s = np.asarray(np.arange(signals.shape[1]) / self._trials.rate_hz, dtype=np.float64)
         return [(time_s, signals[row]) for row in rows]

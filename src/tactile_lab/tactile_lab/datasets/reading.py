@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_classifier.datasets.archive import LabelledTrials
-from tactile_classifier.datasets.dataset import ALL, Channel, FeatureTable, find_column
+from tactile_classifier.datasets.dataset import FeatureTable, find_column
 from tactile_classifier.datasets.splits import Split, stated_split
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
@@ -90,22 +90,6 @@ class Reading:
                 raise TactileError(
                     f'--{option} is for archives; a bag says itself what a trial is'
                 )
-
-    def parse_channel(self) -> Channel:
-        """Return the number of the channel, ``all``, or None for ``mean``; default: 0.
-
-        Raises `TactileError` when it is none of these.
-        """
-        text = self.channel or '0'
-        if text == 'mean':
-            return None
-        if text == ALL:
-            return ALL
-        if not text.isdecimal():
-            raise TactileError(
-                f'--channel is "{text}"; it must be a number from 0, "mean" or "all"'
-            )
-        return int(text)
 
     def select_stated(
         self, columns: Columns

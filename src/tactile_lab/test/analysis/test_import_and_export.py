@@ -12,6 +12,8 @@ import yaml
 
 from tactile_bags import Recording
 from tactile_classifier.datasets.archive import load_archive
+from tactile_classifier.datasets.dataset import table_from_trials
+from tactile_classifier.model_file.model import load_model
 
 
 def test_trials_of_our_bags_come_back_equal(stiffness_bag, tmp_path):
@@ -94,10 +96,65 @@ def test_import_draws_says_first_what_it_could_not_know_and_last_what_to_do(tmp_
     assert '--rate-hz' in hear_tactile('import', table, '-o', tmp_path / 'b.npz', code=2)
 
 
-@pytest.mark.parametrize('group', ['day', 'subject', 'specimen'])
+GROUP_COLUMNS = (
+    'day',
+    'subject',
+    'specimen',
+    'Subject ID',
+    'sessionNumber',
+    'participant',
+    'run_1',
+)
+
+
+@pytest.mark.parametrize('group', GROUP_COLUMNS)
 def test_import_suggests_to_hold_out_what_looks_like_a_group(tmp_path, group):
     found = ask_tactile('import', write_trials(tmp_path, group=group), '-o', tmp_path / 'a.npz')
     assert found['next'].endswith(f'--group {group}')
+
+
+def test_import_says_which_other_columns_may_divide_the_trials(tmp_path):
+    found = ask_tactile('import', write_trials(tmp_path, group='rig'), '-o', tmp_path / 'a.npz')
+    assert '--group' not in found['next']
+    assert found['remarks'][0].endswith('does one divide the trials: --group rig?')
+    label = np.repeat(['a', 'b'], 8)
+    arrays = {'x': np.random.default_rng(1).normal(size=(16, 60)), 'label': label, 'rate_hz': 60.0}
+    groups = {'specimen': label, 'day': np.arange(16) % 4, 'subject': np.arange(16) % 2}
+    np.savez(tmp_path / 'groups.npz', **arrays, **groups)
+    found = ask_tactile('import', tmp_path / 'groups.npz', '-o', tmp_path / 'b.npz')
+    assert found['next'].endswith('--group day')
+    assert found['remarks'] == [
+        'column specimen cannot be held out: all trials of some label have the same specimen',
+        'possible beside or instead of --group day: --group subject',
+    ]
+
+
+def test_the_channel_that_was_used_is_said_with_the_others(tmp_path):
+    rng = np.random.default_rng(3)
+    lines = ['label,trial,time_s,fx_N,fy_N,fz_N']
+    for trial in range(12):
+        for i, (a, b, c) in enumerate(rng.normal(size=(60, 3)).tolist()):
+            lines.append(f'{"pla" if trial % 2 else "rubber"},{trial},{i / 60},{a},{b},{c}')
+    (tmp_path / 'table.csv').write_text('\n'.join(lines))
+    columns = ('--force-column', 'fx_N,fy_N,fz_N')
+    said = hear_tactile('import', tmp_path / 'table.csv', '-o', tmp_path / 'a.npz', *columns)
+    assert 'features take channel fx_N; not used: fy_N, fz_N' in said
+    options = ('--task', 'texture', '--repetitions', 1)
+    used = 'channel: fx_N; not used: fy_N, fz_N'
+    assert used in hear_tactile('evaluate', tmp_path / 'a.npz', *options)
+    for path in (tmp_path / 'table.csv', tmp_path / 'a.npz'):  # a table needs no archive
+        more = columns if path.suffix == '.csv' else ()
+        train = (path, '-o', tmp_path / 'm', *options, *more, '--force')
+        assert used in hear_tactile('train', *train, '--features', 'texture_spectrum')
+        assert used in hear_tactile('show', tmp_path / 'm' / 'texture.npz')
+    default = load_model(tmp_path / 'm' / 'texture.npz').spec
+    assert (
+        default.digest
+        == table_from_trials('texture', load_archive(tmp_path / 'a.npz')).spec.digest
+    )
+    hear_tactile('train', *train, '--classifier', 'knn', '--channel', 'mean')
+    mean = load_model(tmp_path / 'm' / 'texture.npz').spec
+    assert (mean.channel, mean.digest != default.digest) == ('mean', True)
 
 
 def test_import_says_what_may_be_the_label(tmp_path):

@@ -32,7 +32,7 @@ def archive(tmp_path):
         ([], '--task'),
         (['--task', 'texture', '--group', 'colour'], 'no column "colour"'),
         (['--task', 'texture', '--channel', '1'], 'no channel 1'),
-        (['--task', 'texture', '--channel', 'one'], '--channel'),
+        (['--task', 'texture', '--channel', 'one'], 'no channel one'),
         (['--task', 'texture', '--crop', '4'], 'START:STOP'),
         (['--task', 'texture', '--features', 'loudness'], 'loudness'),
     ],
