@@ -12,6 +12,7 @@ from functools import cached_property, lru_cache
 import hashlib
 import json
 import math
+import re
 from typing import Any
 
 from tactile_features.config import FeatureConfig
@@ -30,9 +31,27 @@ EARLY = 'early_windows'
 MEAN, ALL = 'mean', 'all'
 """In place of the name of a channel: the mean of all channels; each channel, one after another."""
 
+SAME_RATE = 1e-3
+"""Relative difference below which two sample rates are the same, as stamps cannot tell them."""
+
 _DIGEST_DIGITS = 16
 
 _MOST_CHANNELS = 8  # that are listed by name
+_NUMBER_AT_END = re.compile(r'\d+(\.\d+)?$')
+
+
+def is_same_rate(first_hz: float, second_hz: float) -> bool:
+    """Return whether two sample rates [Hz] differ by less than `SAME_RATE`."""
+    return abs(first_hz - second_hz) < SAME_RATE * abs(second_hz)
+
+
+def format_rates(first_hz: float, second_hz: float) -> tuple[str, str]:
+    """Return two rates [Hz] with the digits in which they differ."""
+    for digits in range(6, 17):
+        texts = f'{first_hz:.{digits}g}', f'{second_hz:.{digits}g}'
+        if texts[0] != texts[1]:
+            break
+    return texts
 
 
 @dataclass(frozen=True)
@@ -214,12 +233,12 @@ class FeatureSpec:
         """Return why features of ``other`` must not be taken for these, or an empty string.
 
         A parameter or channel that only one of the two states is not compared: ready-cut
-        windows do not know how they were cut, nor a live signal which channel it would be.
+        windows do not know how they were cut, nor a live signal which channel it would be. Rates
+        are compared with `is_same_rate`.
         """
         pairs = [
             ('feature set', self.feature_set, other.feature_set),
             ('version of the feature set', self.version, other.version),
-            ('rate in Hz', self.rate_hz, other.rate_hz),
             ('window in samples', self.sample_count, other.sample_count),
             (f'window ({EARLY})', self.is_early, other.is_early),
         ]
@@ -234,12 +253,22 @@ class FeatureSpec:
                 pairs.append(
                     ('list of channels', ', '.join(self.channels), ', '.join(other.channels))
                 )
+        if not is_same_rate(self.rate_hz, other.rate_hz):
+            pairs.insert(2, ('rate in Hz', *format_rates(self.rate_hz, other.rate_hz)))
         for what, mine, theirs in pairs:
             if mine != theirs:
                 return f'the {what} differs: {mine} here, {theirs} there'
-        if self.names != other.names or self.units != other.units:
+        if not self._has_names_of(other) or self.units != other.units:
             return 'the names or units of the features differ'
         return ''
+
+    def _has_names_of(self, other: FeatureSpec) -> bool:
+        """Return whether the names are equal, apart from frequencies of nearly equal rates."""
+        if self.names == other.names:
+            return True
+        if self.rate_hz == other.rate_hz or len(self.names) != len(other.names):
+            return False
+        return all(map(_differ_by_rate, self.names, other.names))
 
     def describe_channel(self) -> str:
         """Return which channel of several was used and what the others are; empty: one only."""
@@ -247,6 +276,19 @@ class FeatureSpec:
             return f'{self.channel} of {len(self.channels)} ({_list_some(self.channels)})'
         unused = [name for name in self.channels if name != self.channel]
         return f'{self.channel}; not used: {_list_some(unused)}' if unused else ''
+
+
+def _differ_by_rate(first: str, second: str) -> bool:
+    found = [_NUMBER_AT_END.search(name) for name in (first, second)]
+    if (
+        found[0] is None
+        or found[1] is None
+        or first[: found[0].start()] != second[: found[1].start()]
+    ):
+        return first == second
+    values = [float(each.group()) for each in found if each]
+    # Names have three decimals.
+    return abs(values[0] - values[1]) <= SAME_RATE * max(values) + 1e-3
 
 
 def _list_some(names: Sequence[str]) -> str:
@@ -300,8 +342,8 @@ def spec_of(feature_set: FeatureSet) -> FeatureSpec:
 
 def shared_rate_hz(specs: Iterable[FeatureSpec]) -> float:
     """Return the sample rate that all specifications have [Hz]; 0: they differ, or are none."""
-    rates = {spec.rate_hz for spec in specs}
-    return rates.pop() if len(rates) == 1 else 0.0
+    rates = [spec.rate_hz for spec in specs]
+    return rates[0] if rates and all(is_same_rate(each, rates[0]) for each in rates) else 0.0
 
 
 def spec_for(task: str, config: FeatureConfig) -> FeatureSpec:

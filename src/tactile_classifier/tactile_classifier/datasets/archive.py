@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tactile_classifier.errors import DatasetError
-from tactile_features.spec import ALL, MEAN
+from tactile_features.spec import ALL, format_rates, is_same_rate, MEAN
 
 MAX_ARCHIVE_BYTES = 2**30
 """Archives whose arrays take more than this are not loaded [byte]."""
@@ -292,8 +292,8 @@ def load_archive(
     ----------
     path : str or Path
     folds : int
-        Fewer trials than this are refused: they cannot be cross-validated. 0: trials that are
-        not for that, of which one label is enough.
+        Trials of one label only are refused, because they cannot be cross-validated. 0: trials
+        that are not for that.
     skip_bad : bool
         Leave out trials that cannot be used, with the reason in ``skipped``.
     rate_hz : float, optional
@@ -388,12 +388,14 @@ def trials_from_arrays(
     skip_bad: bool,
     rate_hz: float | None = None,
     unit: str = '',
+    needs_label: bool = True,
 ) -> LabelledTrials:
     """Return the trials of arrays as `load_archive` does; ``path`` names their source.
 
-    ``unit`` is that of the signals, where it is stated. Forces are converted to N.
+    ``unit`` is that of the signals, where it is stated. Forces are converted to N. Without
+    ``needs_label``, trials may have no label, which is empty then, and hold no signal.
     """
-    x, label, rate, steps = _find_arrays(path, arrays, rate_hz)
+    x, label, rate, steps = _find_arrays(path, arrays, rate_hz, needs_label=needs_label)
     x, lengths = _unpack_signals(path, x, arrays)
     trials = len(x)
     label = _decode_text(path, 'label', label)
@@ -434,14 +436,18 @@ def trials_from_arrays(
     loaded = loaded.drop(_find_unusable(path, x, lengths, unit))
     if folds and len(np.unique(loaded.label)) < 2:
         raise DatasetError(f'{path} has one class only, "{loaded.label[0]}"; record at least two')
-    if len(loaded) < folds:
-        raise DatasetError(f'{path} has {len(loaded)} trials, fewer than the {folds} folds')
+    if not needs_label:
+        return loaded
     doubts = _format_doubts(path, loaded.x, loaded.lengths, loaded.rows)
     return dataclasses.replace(loaded, steps=(*loaded.steps, *doubts))
 
 
 def _find_arrays(
-    path: Path, arrays: dict[str, Array], rate_hz: float | None = None
+    path: Path,
+    arrays: dict[str, Array],
+    rate_hz: float | None = None,
+    *,
+    needs_label: bool = True,
 ) -> tuple[Array, Array, Array, tuple[str, ...]]:
     """Take signals, labels and rate out of the arrays, under our names or other usual ones.
 
@@ -451,6 +457,10 @@ def _find_arrays(
     named = {key: _find_name(key, arrays) for key in ('x', 'label', 'rate_hz')}
     if rate_hz is not None and not named['rate_hz']:
         arrays['rate_hz'], named['rate_hz'] = np.array(rate_hz), 'rate_hz'
+    if not named['label'] and named['x'] and not needs_label:
+        joined = arrays.get('offsets')
+        count = len(arrays[named['x']]) if joined is None else joined.size - 1
+        arrays['label'], named['label'] = np.full(count, ''), 'label'
     missing = [key for key, name in named.items() if not name]
     if missing:
         text = f'{path} has no {" and no ".join(missing)}'
@@ -459,9 +469,12 @@ def _find_arrays(
         raise DatasetError(f'{text}\n{LAYOUT}')
     x, label, rate = (arrays.pop(name) for name in named.values())
     steps = [f'took {name} of {path.name} as {key}' for key, name in named.items() if name != key]
-    if rate_hz is not None and (rate.size != 1 or float(rate.item()) != rate_hz):
+    if rate_hz is not None and not (rate.size == 1 and is_same_rate(float(rate.item()), rate_hz)):
+        own, stated = (
+            format_rates(float(rate.item()), rate_hz) if rate.size == 1 else (rate, rate_hz)
+        )
         raise DatasetError(
-            f'{path} says {named["rate_hz"]} = {rate}, and --rate-hz says {rate_hz:g}; '
+            f'{path} says {named["rate_hz"]} = {own}, and --rate-hz says {stated}; '
             'to change the rate, use --resample-hz'
         )
     if x.ndim == 2 and 'offsets' not in arrays:

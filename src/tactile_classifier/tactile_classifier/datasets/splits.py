@@ -10,7 +10,7 @@ import dataclasses
 
 import numpy as np
 import numpy.typing as npt
-from sklearn.model_selection import KFold, LeaveOneGroupOut, StratifiedKFold
+from sklearn.model_selection import KFold, LeaveOneGroupOut, LeaveOneOut, StratifiedKFold
 
 from tactile_classifier.datasets.dataset import divide_groups, FeatureTable, plain_name
 from tactile_classifier.errors import EvaluationError
@@ -24,6 +24,8 @@ REPETITIONS = 10
 """Folds and how often the trials are divided anew, as in the paper (section IV)."""
 
 _INNER_FOLDS = 3
+
+_LEAST_TO_TRAIN = 3  # for three neighbours
 
 
 @dataclasses.dataclass(frozen=True)
@@ -129,18 +131,25 @@ def stratified_split(
 ) -> Split:
     """Return random folds in which each class has its share, several times.
 
-    Raises EvaluationError when a class has fewer trials than there are folds, or too few would be
-    left.
+    With fewer trials of a class than folds there are as many folds as it has trials. Where these
+    would leave fewer than three trials to train on, each trial is held out in turn, once. The name
+    of the split says so. Raises EvaluationError when a class has one trial only.
     """
     if folds < 2 or repetitions < 1:
         raise EvaluationError('cross-validation takes two folds or more, once or more often')
     _check_classes(table)
-    for name, count in zip(*np.unique(table.labels, return_counts=True), strict=True):
-        if count < folds:
-            raise EvaluationError(
-                f'class "{name}" has {count} trials, fewer than the {folds} folds: '
-                'record more of it, leave it out, or use fewer folds'
-            )
+    names, counts = np.unique(table.labels, return_counts=True)
+    fewest, rarest = int(counts.min()), names[counts.argmin()]
+    if fewest < 2:
+        raise EvaluationError(
+            f'class "{rarest}" has one trial only, which would be tested without one to train on: '
+            'record more of it, or leave it out'
+        )
+    why = f' ("{rarest}" has {fewest} trials)' if fewest < folds else ''
+    folds = min(folds, fewest)
+    if len(table) - -(-len(table) // folds) < _LEAST_TO_TRAIN:
+        each = tuple(LeaveOneOut().split(table.values))
+        return _checked(Split(f'leave-one-out{why}', (each,)))
     repeats = tuple(
         tuple(
             StratifiedKFold(folds, shuffle=True, random_state=random_state + i).split(
@@ -150,7 +159,7 @@ def stratified_split(
         for i in range(repetitions)
     )
     times = 'once' if repetitions == 1 else f'{repetitions} times'
-    return _checked(Split(f'stratified {folds}-fold, {times}', repeats))
+    return _checked(Split(f'stratified {folds}-fold{why}, {times}', repeats))
 
 
 def grouped_split(table: FeatureTable, columns: Sequence[str]) -> Split:
@@ -222,7 +231,7 @@ def _checked(split: Split) -> Split:
 
 def _check_training_size(folds: Sequence[Fold]) -> None:
     smallest = min(len(train) for train, _ in folds)
-    if smallest < 3:
+    if smallest < _LEAST_TO_TRAIN:
         raise EvaluationError(
             f'{smallest} trials would be left to train on; three neighbours need three'
         )

@@ -33,7 +33,7 @@ from tactile_features.model_container import read_limited
 from tactile_features.model_contract import refusals_of
 from tactile_features.records import contacts_agree, FeatureWindow
 from tactile_features.records import Outcome as FeatureOutcome
-from tactile_features.spec import FeatureSpec
+from tactile_features.spec import FeatureSpec, format_rates, is_same_rate
 
 _REMEDY = 'name its file in the parameter models of the feature node, or train it again'
 
@@ -63,12 +63,12 @@ class Answer:
 
     label: str
     reason: str
-    probabilities: Mapping[str, float]
-    scores: Mapping[str, float]
-    novelty: float | None
-    novelty_threshold: float | None
-    p_value: float | None
-    missing: tuple[str, ...]
+    probabilities: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    scores: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    novelty: float | None = None
+    novelty_threshold: float | None = None
+    p_value: float | None = None
+    missing: tuple[str, ...] = ()
 
 
 class _Judged(NamedTuple):
@@ -172,15 +172,17 @@ class TactileModel:
 
         A model of ready-cut windows does not state how they were cut: it answers those of each
         announced specification that does not contradict its own; of any while none is announced.
+        Others answer those of their own digest, or of an announced one that differs in its rate by
+        less than `SAME_RATE`.
         """
         self._announced = {spec.digest: spec for spec in specs}
 
     def fits(self, digest: str) -> bool:
         """Return whether the features of a specification are those it was trained on."""
-        if not self.spec.missing_parameters:
-            return digest == self.spec.digest
-        if not self._announced:
+        if digest == self.spec.digest:
             return True
+        if not self._announced:
+            return bool(self.spec.missing_parameters)
         return digest in self._announced and not self.spec.mismatch(self._announced[digest])
 
     def compute(self, values: npt.ArrayLike) -> Predictions:
@@ -209,7 +211,7 @@ class TactileModel:
         return self.predictor.compute(np.ascontiguousarray(rows))
 
     def classify(
-        self, samples: npt.ArrayLike, rate_hz: float, *, speed_m_s: float = 0.0
+        self, samples: npt.ArrayLike, rate_hz: float, *, speed_m_s: float = 0.0, cut: bool = False
     ) -> Answer:
         """Return the answer on one window of samples, as the live classifier gives it.
 
@@ -221,9 +223,12 @@ class TactileModel:
             was trained on recordings with several channels takes all of them, shape
             (channels, n); unless it uses all, also the channel that it uses, ``spec.channel``.
         rate_hz : float
-            Must be the model's, ``spec.rate_hz`` [Hz].
+            Must be the model's, ``spec.rate_hz`` [Hz], with a difference of less than 0.1 %.
         speed_m_s : float
             Sliding speed, for features that need it [m/s].
+        cut : bool
+            Take the window out of more samples, as training does from whole trials: from where the
+            model states that windows begin, else from the first sample; over distance the middle.
 
         Raises
         ------
@@ -234,7 +239,7 @@ class TactileModel:
             When this installation computes other features than the model was trained on.
         """
         try:
-            found = self._samples.compute(samples, rate_hz, speed_m_s)
+            found = self._samples.compute(samples, rate_hz, speed_m_s, cut=cut)
         except DatasetError as error:
             raise DatasetError(f'model {self.model_id}: {error}') from error
         if found.reason:
@@ -276,11 +281,7 @@ class TactileModel:
 
         A window whose novelty is above the threshold is unknown.
         """
-        reason = self._why_not(window)
-        if reason:
-            judged = _Judged(Outcome.NO_FEATURES, reason=reason)
-        else:
-            judged = self._judge(window.values)
+        judged = self._judge_window(window)
         return ClassificationResult(
             task=self.manifest.task,
             trial_id=window.trial_id,
@@ -300,6 +301,16 @@ class TactileModel:
             frame_id=window.frame_id,
             false_alarm_rate=self.manifest.false_alarm_rate,
         )
+
+    def answer(self, window: FeatureWindow) -> Answer:
+        """Return the answer of `classify_window` in the form of `classify`."""
+        return self._answer_of(self._judge_window(window))
+
+    def _judge_window(self, window: FeatureWindow) -> _Judged:
+        reason = self._why_not(window)
+        if reason:
+            return _Judged(Outcome.NO_FEATURES, reason=reason)
+        return self._judge(window.values)
 
     def _judge(self, values: npt.NDArray[np.float64]) -> _Judged:
         """Return the answer on the features of one window, shape (k,)."""
@@ -339,8 +350,9 @@ class TactileModel:
         pairs = [
             ('feature set', window.feature_set, spec.feature_set),
             ('version of the feature set', window.feature_set_version, spec.version),
-            ('rate in Hz', window.rate_hz, spec.rate_hz),
         ]
+        if not is_same_rate(window.rate_hz, spec.rate_hz):
+            pairs.append(('rate in Hz', *format_rates(window.rate_hz, spec.rate_hz)))
         if window.outcome == FeatureOutcome.OK:
             if spec.sample_count:
                 pairs.append(('window in samples', window.sample_count, spec.sample_count))

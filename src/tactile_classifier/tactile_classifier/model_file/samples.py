@@ -17,7 +17,7 @@ from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError, UndefinedFeatureError
 from tactile_features.feature_sets.feature_set import WindowSamples
 from tactile_features.model_contract import LONGEST_BUFFER_S
-from tactile_features.spec import FeatureSpec, MEAN, set_for
+from tactile_features.spec import FeatureSpec, format_rates, is_same_rate, MEAN, set_for
 
 Matrix = npt.NDArray[np.float64]
 
@@ -49,14 +49,20 @@ class SampleWindow:
         config = one.bind(FeatureConfig(buffer_s=LONGEST_BUFFER_S))
         self._set = set_for(task, config)
 
-    def compute(self, samples: npt.ArrayLike, rate_hz: float, speed_m_s: float) -> Found:
+    def compute(
+        self, samples: npt.ArrayLike, rate_hz: float, speed_m_s: float, *, cut: bool = False
+    ) -> Found:
         """Return the features of evenly spaced samples, shape (n,) or (channels, n).
 
-        The rate is that of the specification [Hz]; a sliding speed of 0 is not known [m/s]. Raises
-        DatasetError when shape, length, rate or speed do not fit; the message tells the remedy.
+        The rate is that of the specification [Hz]; a sliding speed of 0 is not known [m/s]. With
+        ``cut``, more samples than a window has are cut. Raises DatasetError when shape, length,
+        rate or speed do not fit; the message tells the remedy.
         """
         rows = self._check(samples, rate_hz)
-        count, whole = rows.shape[1], self._count(speed_m_s)
+        whole = self._count(speed_m_s)
+        if cut:
+            rows = self._cut(rows, whole)
+        count = rows.shape[1]
         if whole and count != whole:
             raise DatasetError(self._format_length(count, whole))
         if not np.isfinite(rows).all():
@@ -89,10 +95,11 @@ class SampleWindow:
                 f'the samples have shape {np.shape(samples)}; one window has shape {wanted}: '
                 'for many windows call it once for each'
             )
-        if rate_hz != self._spec.rate_hz:
+        if not is_same_rate(rate_hz, self._spec.rate_hz):
+            given, wanted = format_rates(rate_hz, self._spec.rate_hz)
             raise DatasetError(
-                f'the rate is {rate_hz:g} Hz; it was trained at {self._spec.rate_hz:g} Hz: '
-                'resample the samples, for example with LabelledTrials.resample'
+                f'the rate is {given} Hz; it was trained at {wanted} Hz: '
+                'resample the samples (--resample-hz, LabelledTrials.resample)'
             )
         return rows
 
@@ -115,11 +122,25 @@ class SampleWindow:
         text = f'{count} samples; a window has {whole} ({whole / rate_hz:g} s at {rate_hz:g} Hz)'
         if count < whole:
             return f'{text}: give that many'
-        crop_s = self._spec.parameters.get('texture_crop_start_s')
-        if not isinstance(crop_s, float):
+        crop_s = self._crop_s
+        if crop_s is None:
             return f'{text}: give the part that the training trials were cut to'
         first = math.ceil(crop_s * rate_hz)
         return (
             f'{text}: give that part; the live node takes samples[{first}:{first + whole}] of a '
             f'glide, from {crop_s:g} s after its start'
         )
+
+    @property
+    def _crop_s(self) -> float | None:
+        """Time after the start of a glide at which a window begins [s]; None: not stated."""
+        crop_s = self._spec.parameters.get('texture_crop_start_s')
+        return crop_s if isinstance(crop_s, float) else None
+
+    def _cut(self, rows: Matrix, whole: int) -> Matrix:
+        """Return the window of ``whole`` samples, or all samples where they are too few."""
+        spare = rows.shape[1] - whole
+        first = math.ceil((self._crop_s or 0.0) * self._spec.rate_hz)
+        if self._set.needs_speed:
+            first = max(spare, 0) // 2
+        return rows[:, first : first + whole] if whole and spare >= first else rows

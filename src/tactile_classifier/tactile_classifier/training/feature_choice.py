@@ -16,8 +16,12 @@ import numpy.typing as npt
 
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import Fold, Split
-from tactile_classifier.errors import DatasetError
-from tactile_classifier.estimators.classifiers import build_estimator, RANDOM_STATE
+from tactile_classifier.errors import ClassifierError, DatasetError, EvaluationError
+from tactile_classifier.estimators.classifiers import (
+    build_estimator,
+    default_scaling,
+    RANDOM_STATE,
+)
 from tactile_classifier.evaluation.cross_validation import (
     chance_level,
     find_tested_cells,
@@ -33,6 +37,9 @@ INNER_FOLDS, INNER_REPEATS = 6, 3
 """Folds inside a fold, and how often its training trials are divided anew: with three folds, once,
 the choice on 60 trials was 6 points worse than the best set; docs/evaluation.md has the numbers.
 """
+
+FEW_TRIALS = 'svm_linear'
+"""The classifier where trials are too few to choose by, with its usual scaling."""
 
 MANY_TRIALS = 300
 """More trials than these are divided once: more repetitions would change little."""
@@ -66,7 +73,8 @@ class FeatureChoice(Result):
     The ``ranking`` has all candidates, the best first; of equals the one that was named first.
     ``nested_accuracy``, with its ``interval``, is that when each fold's training trials choose
     [1]; ``picks`` are what the folds chose, and how many of them. ``chance`` is the accuracy of
-    always naming the commonest label [1].
+    always naming the commonest label [1]. ``left_out`` has a sentence for each candidate that
+    cannot be fitted.
     """
 
     split: str
@@ -75,6 +83,7 @@ class FeatureChoice(Result):
     interval: Interval
     chance: float
     picks: tuple[tuple[Candidate, int], ...]
+    left_out: tuple[str, ...] = ()
 
     @property
     def best(self) -> CandidateScore:
@@ -128,9 +137,10 @@ class ChoicePlan:
     is.
 
     Of equally good tables the first is chosen, so cheap ones come first. ``random_state`` is that
-    of the folds inside the folds; ``scaling`` the only one that is tried; empty: all. Raises
-    DatasetError when the tables are not of the same trials, EvaluationError when a fold's training
-    trials cannot be divided once more.
+    of the folds inside the folds; ``scaling`` the only one that is tried; empty: all. Where a
+    fold's training trials cannot be divided once more, there is no choice: the only candidate is
+    `FEW_TRIALS` on the first table, and ``no_choice`` says why. Raises DatasetError when tables
+    are not of the same trials.
     """
 
     def __init__(
@@ -146,21 +156,29 @@ class ChoicePlan:
             if not np.array_equal(table.labels, self._first.labels):
                 raise DatasetError(f'the table of {name} is not of the same trials')
         repeats = INNER_REPEATS if len(self._first) <= MANY_TRIALS else 1
-        self._inner = [
-            [
-                fold
-                for i in range(repeats)
-                for fold in split.divide_again(
-                    train, self._first.labels, random_state + i, INNER_FOLDS
-                )
-            ]
-            for train, _ in split.repeats[0]
-        ]
         self._candidates = [
             Candidate(name, *pair)
             for name, table in tables.items()
             for pair in _list_pairs(table, scaling)
         ]
+        self._inner: list[list[Fold]] = []
+        self.no_choice = ''
+        try:
+            self._inner = [
+                [
+                    fold
+                    for i in range(repeats)
+                    for fold in split.divide_again(
+                        train, self._first.labels, random_state + i, INNER_FOLDS
+                    )
+                ]
+                for train, _ in split.repeats[0]
+            ]
+        except EvaluationError as error:
+            usual = scaling or default_scaling(self._first.task, FEW_TRIALS)
+            same = [c for c in self._candidates if c[1:] == (FEW_TRIALS, usual)]
+            self._candidates = (same or self._candidates)[:1]
+            self.no_choice = f'nothing is chosen: {error}'
 
     def tasks(self) -> list[Task]:
         """Return one task a candidate and fold."""
@@ -178,6 +196,18 @@ class ChoicePlan:
         folds = split.repeats[0]
         size = len(answers) // len(candidates)
         of_candidate = [answers[i : i + size] for i in range(0, len(answers), size)]
+        faults = [
+            next((answer.fault for answer in found if answer.fault), '') for found in of_candidate
+        ]
+        left_out = tuple(
+            f'{", ".join(candidate)} is left out: {fault}'
+            for candidate, fault in zip(candidates, faults, strict=True)
+            if fault
+        )
+        candidates = [c for c, fault in zip(candidates, faults, strict=True) if not fault]
+        of_candidate = [a for a, fault in zip(of_candidate, faults, strict=True) if not fault]
+        if not candidates:
+            raise EvaluationError(f'no classifier can be fitted: {left_out[0]}')
         scores = [
             CandidateScore(
                 candidate,
@@ -200,16 +230,21 @@ class ChoicePlan:
             split_interval(split, find_tested_cells(self._first, split), named),
             chance_level(self._first, split),
             tuple(Counter(candidates[pick] for pick in picked).most_common()),
+            left_out,
         )
 
 
 @dataclasses.dataclass(frozen=True)
 class FoldAnswer:
-    """One candidate in one fold: right tests, how many inside the training, the time [s]."""
+    """One candidate in one fold: right tests, how many inside the training, the time [s].
+
+    ``fault`` is why it cannot be fitted; empty: it can.
+    """
 
     right: npt.NDArray[np.bool_]
     inner_right: int
     time_s: float
+    fault: str = ''
 
 
 def check_candidate(
@@ -218,7 +253,18 @@ def check_candidate(
     """Return the answers of a candidate in one fold and in those inside it.
 
     Random convolutions are fitted once to the fold's training trials; the folds inside share them.
+    A candidate that cannot be fitted has a ``fault``.
     """
+    try:
+        return _check(candidate, table, fold, inner)
+    except (ClassifierError, ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
+        fault = str(error).partition('\n')[0]
+        return FoldAnswer(np.zeros(len(fold[1]), dtype=bool), 0, 0.0, fault)
+
+
+def _check(
+    candidate: Candidate, table: FeatureTable, fold: Fold, inner: Sequence[Fold]
+) -> FoldAnswer:
     train, test = fold
     pair = candidate.classifier, candidate.scaling
     start_s = time.perf_counter()

@@ -91,9 +91,8 @@ def test_groups_of_two_columns(noisy_table):
     ('trials', 'options', 'message'),
     [
         (np.arange(12), {}, 'one class only, "pla"'),
-        (np.r_[0:4, 12:36], {}, 'class "pla" has 4 trials, fewer than the 6 folds'),
+        (np.r_[0, 12:36], {}, 'class "pla" has one trial only'),
         (np.arange(36), {'folds': 1}, 'two folds or more'),
-        ([0, 1, 12, 13], {'folds': 2}, '2 trials would be left to train on'),
         (np.arange(36), {'hold_out': ['all']}, 'all trials have the same all'),
         (np.arange(36), {'hold_out': ['speed']}, 'no column "speed"'),
         (np.r_[0:24, 25:36:2], {'hold_out': ['day']}, 'class "sponge" have the same day'),
@@ -103,6 +102,20 @@ def test_groups_of_two_columns(noisy_table):
 def test_what_cannot_be_split_or_held_out_is_refused(noisy_table, trials, options, message):
     with pytest.raises((EvaluationError, DatasetError, ValueError), match=message):
         evaluate(noisy_table.take(trials), **options)
+
+
+@pytest.mark.parametrize(
+    ('trials', 'split', 'folds'),
+    [
+        (np.r_[0:4, 12:36], 'stratified 4-fold ("pla" has 4 trials), 10 times', 40),
+        (np.r_[0:3, 12:15], 'stratified 3-fold ("pla" has 3 trials), 10 times', 30),
+        (np.r_[0:2, 12:14], 'leave-one-out ("pla" has 2 trials)', 4),
+    ],
+)
+def test_few_trials_are_divided_into_the_folds_that_they_allow(noisy_table, trials, split, folds):
+    evaluation = evaluate(noisy_table.take(trials), ['knn'], ['none'])
+    assert evaluation.split == split
+    assert evaluation.scores[0].fold_accuracies.size == folds
 
 
 def test_choice_inside_the_folds_is_that_done_by_hand(noisy_table):

@@ -153,11 +153,6 @@ def test_a_window_without_features_gives_the_reason(model, tmp_path):
     answer = model.classify(np.full(180, np.nan), 60)
     assert (answer.label, answer.reason) == (NO_ANSWER, 'the samples are not all finite')
     assert (answer.scores, answer.novelty, answer.p_value) == ({}, None, None)
-    task, config, _, samples = CASES['stiffness']
-    hold = write_model(tmp_path / 'm.npz', train(table_of_rows(task, config, samples), 'knn'))
-    flat = hold.classify(np.full(300, 5.0), 100)
-    assert flat.label == NO_ANSWER
-    assert 'constant' in flat.reason
     task, config, _, samples = CASES['over distance']
     spatial = write_model(tmp_path / 'm.npz', train(table_of_rows(task, config, samples), 'tree'))
     with pytest.raises(DatasetError, match='needs the sliding speed: give speed_m_s, above 0'):
@@ -201,6 +196,26 @@ def test_one_channel_of_several_is_stated_and_found_again(tmp_path):
     alone = LabelledTrials(x[:, :1], label, 60.0, {})
     digests = {table_from_trials('texture', alone, c).spec.digest for c in (0, 'mean', 'all')}
     assert len(digests) == 1
+
+
+def test_a_hold_without_any_change_has_an_answer(tmp_path):
+    task, config, _, samples = CASES['stiffness']
+    hold = write_model(tmp_path / 'm.npz', train(table_of_rows(task, config, samples), 'knn'))
+    assert hold.classify(np.full(300, 5.0), 100).label != NO_ANSWER
+
+
+def test_a_rate_that_differs_by_less_than_a_thousandth_is_the_same(model):
+    samples = make_rows(1, 5, 1, 60.0, 180)[0]
+    answer = model.classify(samples, 60.0)
+    for rate_hz in (60.03, 59.95, float(np.float32(60.001)), 1.0 / np.diff([0.0, 1.0 / 60.0])[0]):
+        assert model.classify(samples, rate_hz).label == answer.label
+    with pytest.raises(DatasetError, match=r'the rate is 60\.07 Hz; it was trained at 60 Hz'):
+        model.classify(samples, 60.07)
+    other = features_from_trials('texture', samples[np.newaxis], 59.95)[1]
+    assert other.names != model.spec.names
+    model.check_fits(other)
+    with pytest.raises(ModelFileError, match=r'the rate in Hz differs: 60 here, 60\.07 there'):
+        model.check_fits(features_from_trials('texture', samples[np.newaxis], 60.07)[1])
 
 
 @pytest.mark.parametrize('sessions', [1, 3])

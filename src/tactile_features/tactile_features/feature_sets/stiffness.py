@@ -58,7 +58,7 @@ def compute_regression(time_ns: ArrayLike, tension_n: ArrayLike) -> FloatArray:
     ``correlation = S_tx / sqrt(S_tt * S_xx)``. Times are subtracted as integers, and one sample
     is subtracted from the tensions, so that neither the time since 1970 nor an offset of the
     sensor costs precision. A single window takes the same path as a window in a batch, so that
-    both give the same bits.
+    both give the same bits. A constant window, as without contact, has slope 0 and correlation 0.
 
     Parameters
     ----------
@@ -75,9 +75,6 @@ def compute_regression(time_ns: ArrayLike, tension_n: ArrayLike) -> FloatArray:
 
     Raises
     ------
-    UndefinedFeatureError
-        When a window is constant, so that its correlation is undefined. ``windows`` of the error
-        has the indices of all such windows in the batch.
     FeatureError
         When shapes do not match, times are all equal or not integers, or a value is not finite.
     """
@@ -95,7 +92,7 @@ def compute_regression(time_ns: ArrayLike, tension_n: ArrayLike) -> FloatArray:
     out = _fit(axis, rows)
     doubtful = np.flatnonzero(~np.isfinite(out).all(axis=1))
     if len(doubtful):
-        out[doubtful] = _fit_scaled(axis, rows[doubtful], doubtful)
+        out[doubtful] = _fit_scaled(axis, rows[doubtful])
     return out.reshape(*tension.shape[:-1], 3)
 
 
@@ -166,20 +163,14 @@ def _sum(
     return mean, s_tx, square - total * mean
 
 
-def _fit_scaled(axis: _TimeAxis, tension: FloatArray, places: NDArray[np.intp]) -> FloatArray:
-    """Fit windows of extreme magnitude, and report windows without a line.
+def _fit_scaled(axis: _TimeAxis, tension: FloatArray) -> FloatArray:
+    """Fit windows of extreme magnitude, and constant windows.
 
     Tensions are divided by a power of two: squares neither overflow nor underflow, without loss of
     precision.
     """
     if not np.isfinite(tension).all():
         raise FeatureError('the tension has values that are not finite')
-    constant = places[(tension == tension[:, :1]).all(axis=1)]
-    if len(constant):
-        raise UndefinedFeatureError(
-            'the tension is constant, so its correlation with time is undefined',
-            windows=tuple(constant.tolist()),
-        )
     first = tension[:, :1]
     with np.errstate(over='ignore', under='ignore', invalid='ignore'):
         change = tension - first
@@ -187,6 +178,9 @@ def _fit_scaled(axis: _TimeAxis, tension: FloatArray, places: NDArray[np.intp]) 
         out = _fit(axis, np.ldexp(change, -exponent[:, None]))
         out[:, :2] = np.ldexp(out[:, :2], exponent[:, None])
         out[:, 1] += first[:, 0]
+    constant = (change == 0.0).all(axis=1)
+    out[constant] = 0.0
+    out[constant, 1] = first[constant, 0]
     if not np.isfinite(out).all():
         raise FeatureError('the tension is too large for its regression to be represented')
     return out
@@ -210,7 +204,7 @@ class StiffnessRelaxation(StiffnessRegression):
     def compute(self, samples: WindowSamples) -> FloatArray:
         line = super().compute(samples)
         with np.errstate(divide='ignore', over='ignore', invalid='ignore'):
-            relative = line[..., :1] / line[..., 1:2]
+            relative = np.where(line[..., :1] == 0.0, 0.0, line[..., :1] / line[..., 1:2])
         bad = np.flatnonzero(~np.isfinite(relative))
         if len(bad):
             raise UndefinedFeatureError(

@@ -176,7 +176,6 @@ def replaced(value, at=slice(None)):
         (glide, marked(StrainStatus.DEVICE_ERROR), Outcome.BAD_SIGNAL, 'faulty'),
         (glide, replaced(np.nan, 30), Outcome.BAD_SIGNAL, 'not finite'),
         (hold, replaced(np.inf, 30), Outcome.BAD_SIGNAL, 'not finite'),
-        (hold, replaced(3.0), Outcome.UNDEFINED, 'constant'),
         *(
             (make, [block(0, 100, period_ns=S // rate_hz)], Outcome.BAD_SIGNAL, 'features need')
             for make in (glide, hold)

@@ -387,13 +387,23 @@ def test_a_batch_names_what_is_wrong_with_it(task, x, fields, message):
 
 
 def test_a_trial_without_a_value_is_named():
-    x = np.where(np.arange(5)[:, None] == 3, 2.0, TRIALS)
-    with pytest.raises(UndefinedFeatureError, match='trial 3: the tension is constant'):
-        features_from_trials('stiffness', x, 60.0)
-    assert not features_from_trials('texture', x, 60.0)[0][3].any()
     config = FeatureConfig(stiffness_features='stiffness_relaxation')
     with pytest.raises(UndefinedFeatureError, match='trial 1: the intercept is zero'):
         features_from_trials('stiffness', [[1.0, 2.0, 3.0], [0.0, 1.0, 2.0]], 50.0, config=config)
+
+
+@pytest.mark.parametrize('level', [0.0, 2.0, -1e-300, 1e200])
+def test_a_trial_without_any_change_has_features(level):
+    x = np.where(np.arange(5)[:, None] == 3, level, TRIALS)
+    assert not features_from_trials('texture', x, 60.0)[0][3].any()
+    assert features_from_trials('stiffness', x, 60.0)[0][3].tolist() == [0.0, level, 0.0]
+    for name, expected in (
+        ('stiffness_relaxation', [0.0, level, 0.0, 0.0]),
+        ('hold_waveform', None),
+    ):
+        config = FeatureConfig(stiffness_features=name)
+        row = features_from_trials('stiffness', x, 60.0, config=config)[0][3]
+        assert row.tolist() == (expected or [level] * len(row))
 
 
 def test_no_trials_give_no_rows():

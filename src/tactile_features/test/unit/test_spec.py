@@ -9,7 +9,7 @@ import re
 import pytest
 
 from tactile_features import FeatureConfig, FeatureError, FeatureSpec, spec_for
-from tactile_features.spec import array_spec
+from tactile_features.spec import array_spec, format_rates, shared_rate_hz
 
 WAYS = [
     {'spectrum_detrend': detrend, 'spectrum_window': window}
@@ -246,6 +246,20 @@ def test_the_channel_is_part_of_the_specification():
     damaged = {**of['fx'].to_dict(), 'channel': 'fz'}
     with pytest.raises(FeatureError, match='channel is "fz"'):
         FeatureSpec.from_dict(damaged)
+
+
+def test_rates_that_stamps_cannot_tell_apart_are_the_same():
+    specs = [array_spec('texture', 180, rate_hz) for rate_hz in (60.0, 60.05, 60.07)]
+    assert specs[0].mismatch(specs[1]) == specs[1].mismatch(specs[0]) == ''
+    assert specs[0].mismatch(specs[2]) == 'the rate in Hz differs: 60 here, 60.07 there'
+    precise = [array_spec('texture', 180, rate_hz) for rate_hz in (1000.0001, 1002.0003)]
+    assert precise[0].mismatch(precise[1]) == 'the rate in Hz differs: 1000 here, 1002 there'
+    assert format_rates(100.0, 100.00000001) == ('100', '100.00000001')
+    assert shared_rate_hz(specs[:2]) == 60.0
+    assert shared_rate_hz(specs) == 0.0
+    one = dataclasses.replace(specs[0], names=specs[0].names[8:9], units=('N',))
+    other = dataclasses.replace(specs[1], names=specs[1].names[9:10], units=('N',))
+    assert one.mismatch(other) == 'the names or units of the features differ'
 
 
 def test_a_specification_of_the_only_channel_says_nothing_of_channels():

@@ -80,7 +80,10 @@ def choose_automatically(
     )
     of_these = f'; chosen on trials with {reading.train_where}' if reading.train_where else ''
     picked = {}
-    for key, choice in choices.items():
+    for (key, choice), plan in zip(choices.items(), plans, strict=True):
+        kind = name_table(key, next(iter(tables[key].values())))
+        for sentence in (*choice.left_out, *filter(None, [plan.no_choice])):
+            say(f'{kind}: {sentence}')
         same = [other for another, other in choices.items() if another[0] == key[0]]
         shared = [name for name in tables[key] if all(each.find_best(name) for each in same)]
         name = max(shared, key=lambda n: sum(_best(each, n).accuracy for each in same))
@@ -137,9 +140,8 @@ def _divide(
     except (DatasetError, EvaluationError):  # one session only, or none is stated
         if must_hold_out:
             raise
-        fewest = int(np.unique(table.labels, return_counts=True)[1].min())
         repeats = INNER_REPEATS if len(table) <= MANY_TRIALS else 1
-        return stratified_split(table, max(2, min(folds, fewest)), repeats, random_state)
+        return stratified_split(table, folds, repeats, random_state)
 
 
 def _read_stated(features: RecordingFeatures) -> dict[Key, dict[str, FeatureTable]]:

@@ -114,11 +114,12 @@ def test_import_suggests_to_hold_out_what_looks_like_a_group(tmp_path, group):
 
 
 def test_import_says_which_other_columns_may_divide_the_trials(tmp_path):
-    found = ask_tactile('import', write_trials(tmp_path, group='rig'), '-o', tmp_path / 'a.npz')
-    assert '--group' not in found['next']
-    assert found['remarks'][0].endswith('does one divide the trials: --group rig?')
     label = np.repeat(['a', 'b'], 8)
     arrays = {'x': np.random.default_rng(1).normal(size=(16, 60)), 'label': label, 'rate_hz': 60.0}
+    np.savez(tmp_path / 'rigs.npz', **arrays, rig=np.arange(16) % 4)
+    found = ask_tactile('import', tmp_path / 'rigs.npz', '-o', tmp_path / 'a.npz')
+    assert '--group' not in found['next']
+    assert found['remarks'][0].endswith('does one divide the trials: --group rig?')
     groups = {'specimen': label, 'day': np.arange(16) % 4, 'subject': np.arange(16) % 2}
     np.savez(tmp_path / 'groups.npz', **arrays, **groups)
     found = ask_tactile('import', tmp_path / 'groups.npz', '-o', tmp_path / 'b.npz')

@@ -185,3 +185,37 @@ def test_what_would_give_too_large_a_file_is_refused_before_the_folds(tmp_path):
         assert (
             '12 trials of 2400 features (glide_waveform) would give a model file of 88 MiB' in said
         )
+
+
+def save_tones(path, each, samples):
+    """Save trials of three labels, ``each`` of these, as sines of different frequencies."""
+    rng = np.random.default_rng(2)
+    label = np.repeat(['a', 'b', 'c'], each)
+    phase = 2 * np.pi * np.arange(samples) / 8
+    rows = [np.sin((1 + ord(name) - ord('a')) * phase + rng.random()) for name in label]
+    x = np.array(rows) + 0.05 * rng.normal(size=(len(label), samples))
+    np.savez(path, x=x, label=label, rate_hz=60.0)
+    return path
+
+
+@pytest.mark.parametrize('each', [2, 3, 4])
+def test_few_trials_train_with_the_folds_that_they_allow(tmp_path, each):
+    archive = save_tones(tmp_path / 'few.npz', each, 16)
+    options = ('--task', 'texture', '--repetitions', 1)
+    said = hear_tactile('train', archive, '-o', tmp_path / 'models', *options)
+    assert f'{each}-fold ("a" has {each} trials)' in said
+    assert ('nothing is chosen: one trial of class' in said) == (each == 2)
+    model = load_model(tmp_path / 'models' / 'texture.npz')
+    trials = np.load(archive)
+    answers = [model.classify(row, 60.0) for row in trials['x']]
+    assert {answer.label for answer in answers} <= {'a', 'b', 'c', 'unknown'}
+    assert sum(a.label == b for a, b in zip(answers, trials['label'], strict=True)) > each
+
+
+def test_a_candidate_that_cannot_be_fitted_is_left_out_with_one_line(tmp_path):
+    archive = save_tones(tmp_path / 'short.npz', 6, 8)  # convolutions need 9 samples
+    options = ('--task', 'texture', '--repetitions', 1)
+    said = hear_tactile('train', archive, '-o', tmp_path / 'models', *options)
+    (line,) = [each for each in said.splitlines() if 'rocket' in each]
+    assert 'glide_waveform, rocket, none is left out: the signals have shape' in line
+    assert (tmp_path / 'models' / 'texture.npz').is_file()
