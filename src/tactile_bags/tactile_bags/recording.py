@@ -100,9 +100,10 @@ class Recording:
         Parameters
         ----------
         paths : path or sequence of paths
-                Paths of recordings, all of the same kind.
+            Paths of recordings, all of the same kind.
         options : SourceOptions, optional
-                Statements that complete the recording; bags of this package need none.
+            Statements that complete the recording; bags of this package need none. Labels that
+            are unknown are empty, and `to_arrays` raises an error that says how to state them.
 
         Raises
         ------
@@ -189,9 +190,9 @@ class Recording:
     def _whole(self) -> LabelledTrials:
         """All usable trials of an archive."""
         assert self._arrays is not None
-        return self._from_arrays(folds=0, skip_bad=True)
+        return self._from_arrays(folds=0, skip_bad=True, needs_label=False)
 
-    def _from_arrays(self, *, folds: int, skip_bad: bool) -> LabelledTrials:
+    def _from_arrays(self, *, folds: int, skip_bad: bool, needs_label: bool) -> LabelledTrials:
         return trials_from_arrays(
             self.paths[0],
             dict(self._arrays or {}),
@@ -199,6 +200,7 @@ class Recording:
             skip_bad=skip_bad,
             rate_hz=self._options.rate_hz,
             unit=self._options.unit,
+            needs_label=needs_label,
         )
 
     def _raw_trial(self, raw: RawTrial) -> Trial:
@@ -235,7 +237,9 @@ class Recording:
 
     # -- conversions -------------------------------------------------------------------------
 
-    def to_arrays(self, *, folds: int = 0, skip_bad: bool = False) -> LabelledTrials:
+    def to_arrays(
+        self, *, folds: int = 0, skip_bad: bool = False, needs_label: bool = True
+    ) -> LabelledTrials:
         """Return the included trials at one constant rate, in the form of an archive.
 
         Parameters
@@ -244,22 +248,29 @@ class Recording:
             Refuse fewer trials than this; 0 accepts any number.
         skip_bad : bool
             Skip unusable trials; otherwise the first of them raises an error.
+        needs_label : bool
+            If False, trials without a label have an empty one.
 
         Raises
         ------
         SourceError
-            When rates or channels of the trials differ, or a trial is unusable.
+            When rates or channels of the trials differ, a trial is unusable, or labels are
+            missing.
         DatasetError
             When the trials are unusable as a data set.
         """
         if self._arrays is not None:
-            trials = self._from_arrays(folds=folds, skip_bad=skip_bad)
+            trials = self._from_arrays(folds=folds, skip_bad=skip_bad, needs_label=needs_label)
             return replace(trials, steps=(*self.notes, *trials.steps))
+        if needs_label and self._found.no_label is not None:
+            raise self._found.no_label
         raw, notes = self._raw, Notes(self.notes)
         if self.is_own:
             raw = tuple(_raw_of(trial, name) for trial, name in self._named_trials())
         arrays = arrays_from_trials(raw, self._options.rate_hz, notes, skip_bad=skip_bad)
-        trials = trials_from_arrays(Path(self.name), arrays, folds, skip_bad=skip_bad)
+        trials = trials_from_arrays(
+            Path(self.name), arrays, folds, skip_bad=skip_bad, needs_label=needs_label
+        )
         return replace(trials, unit=self.unit, steps=(*notes.lines, *trials.steps))
 
     def _named_trials(self) -> list[tuple[Trial, str]]:

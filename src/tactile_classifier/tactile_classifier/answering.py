@@ -95,11 +95,15 @@ class ModelSet:
         """
         if not contacts_agree(self._contact, window.contact):
             return []
+        return [model.classify_window(window) for model in self.find(window)]
+
+    def find(self, window: FeatureWindow) -> list[TactileModel]:
+        """Return the models that answer a window; see `classify`."""
         takers = [model for model in self.models if model.accepts(window)]
         fitting = [model for model in takers if model.fits(window.specification_digest)]
         if not fitting:
             fitting = [model for model in takers if not self._is_fed(model)]
-        return [model.classify_window(window) for model in fitting]
+        return fitting
 
     def _is_fed(self, model: TactileModel) -> bool:
         return any(model.fits(digest) for digest in self._digests)

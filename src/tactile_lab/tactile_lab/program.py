@@ -37,6 +37,7 @@ COMMANDS = {
     'import': 'Make one archive of recordings that other programs made.',
     'export': 'Write the trials of recordings as one long table, with a dataset card beside it.',
     'train': 'Choose features and classifier by the folds, write a model file.',
+    'classify': 'Classify the trials of recordings with a model file.',
     'evaluate': 'Cross-validate the four classifiers on recordings, and write a report.',
     'compare': (
         'Say which of two models is better, and whether the difference is more than chance.'

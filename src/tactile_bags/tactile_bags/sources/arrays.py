@@ -81,13 +81,13 @@ def read_array_trials(
     leaves: Sequence[Leaf], options: SourceOptions, notes: Notes
 ) -> list[RawTrial]:
     """Read files with one trial each, of shape (samples,) or (channels, samples)."""
-    if len(leaves) == 1 and not (options.label or options.label_from):
-        raise SourceError(
-            f'{leaves[0].path} has no labels: write them to {leaves[0].path.stem}_labels.npy, or '
-            f'state their file with --labels\n{LAYOUT}'
-        )
     trials = []
     named = name_labels(leaves, options, notes)
+    if len(leaves) == 1 and notes.no_label is not None:
+        notes.no_label = SourceError(
+            f'{leaves[0].path} has no labels: write them to {leaves[0].path.stem}_labels.npy, or '
+            f'name their file with --labels\n{LAYOUT}'
+        )
     for leaf, columns in zip(leaves, named, strict=True):
         values = _load_array(leaf.path)
         if values.ndim not in (1, 2) or values.dtype.kind not in 'fiub' or not values.size:

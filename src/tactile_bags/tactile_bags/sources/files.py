@@ -94,9 +94,14 @@ class SourceOptions:
 
 @dataclass
 class Notes:
-    """Sentences about assumptions that were made, without repetitions."""
+    """Sentences about assumptions that were made, without repetitions.
+
+    ``no_label`` is the error that says why labels are missing, and the remedy; None: all trials
+    have labels.
+    """
 
     lines: list[str] = field(default_factory=list)
+    no_label: SourceError | None = None
 
     def add(self, sentence: str) -> None:
         """Add a sentence, unless it was added before."""
@@ -120,6 +125,31 @@ def ambiguity(
     guess = f'; probably {likely}' if likely else ''
     layout = f'\n{LAYOUT}' if with_layout else ''
     return SourceError(f'{sentence}{offered}. State it with {option}{guess}{layout}')
+
+
+GROUP_WORDS = (
+    'session', 'day', 'date', 'subject', 'participant', 'specimen', 'mounting', 'batch', 'run',
+    'block', 'folder',
+)  # fmt: skip
+"""Words for groups of trials that a test should hold out, the most likely one first."""
+
+_NUMBERING = ('id', 'no', 'nr', 'number', 'name')
+_WORDS = re.compile(r'[A-Z]+(?![a-z])|[A-Z]?[a-z]+')
+_DATE = re.compile(r'\d{4}[-_.]?\d\d[-_.]?\d\d')
+
+
+def find_group_word(name: str) -> str:
+    """Return which of `GROUP_WORDS` the name of a column or folder is; empty: none.
+
+    ``subject``, ``Subject ID``, ``sessionNumber``, ``day_2`` and ``2026-11-28`` are,
+    ``session_length`` is not.
+    """
+    if _DATE.fullmatch(name):
+        return 'date'
+    words = [word.lower() for word in _WORDS.findall(name)]
+    first = words[0] if words else ''
+    is_group = first in GROUP_WORDS and all(word in _NUMBERING for word in words[1:])
+    return first if is_group else ''
 
 
 BAG_SUFFIXES = ('.mcap', '.db3')
@@ -267,7 +297,7 @@ def name_labels(
 ) -> list[dict[str, str]]:
     """Return the label of each file, and other named groups of a pattern in its path.
 
-    Raises `SourceError` if the names do not contain labels.
+    If the names do not contain labels, the labels are empty and ``notes.no_label`` has the reason.
     """
     if options.label:
         notes.add(f'label: "{options.label}" for all, as stated')
@@ -275,9 +305,21 @@ def name_labels(
     pattern = options.compile_label_pattern()
     if pattern is not None:
         return [_match(pattern, leaf) for leaf in leaves]
-    how = options.label_from or _how_labelled(leaves)
+    folders = [leaf.folder for leaf in leaves]
+    outer = [leaf.path.absolute().parent.parent.name for leaf in leaves]
+    groups = {find_group_word(name) for name in folders}
+    if not options.label_from and len(groups) == 1 and '' not in groups and len(set(outer)) > 1:
+        column = groups.pop()
+        notes.add(f'label: the folder around that of each file ({_name_some(outer)})')
+        notes.add(f'column {column}: the folder of each file ({_name_some(folders)})')
+        return [{'label': a, column: b} for a, b in zip(outer, folders, strict=True)]
+    try:
+        how = options.label_from or _how_labelled(leaves)
+    except SourceError as error:
+        notes.no_label = error
+        return [{'label': ''} for _ in leaves]
     if how == 'folder':
-        labels = [leaf.folder for leaf in leaves]
+        labels = folders
         notes.add(f'label: the folder of each file ({_name_some(labels)})')
     else:
         labels = [leaf.word for leaf in leaves]
@@ -285,10 +327,11 @@ def name_labels(
     if '' in labels:
         empty = leaves[labels.index('')].name
         raise SourceError(f'{empty} has a name of digits only; --label-from folder or --label')
-    outer = [leaf.path.absolute().parent.parent.name for leaf in leaves]
     if how == 'folder' and len(set(outer)) > 1:
-        notes.add(f'column folder: the parent folder of those ({_name_some(outer)})')
-        return [{'label': a, 'folder': b} for a, b in zip(labels, outer, strict=True)]
+        words = {find_group_word(name) for name in outer}
+        column = words.pop() if len(words) == 1 and '' not in words else 'folder'
+        notes.add(f'column {column}: the parent folder of those ({_name_some(outer)})')
+        return [{'label': a, column: b} for a, b in zip(labels, outer, strict=True)]
     return [{'label': label} for label in labels]
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 import math
-import re
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,15 +25,6 @@ RATE_TOLERANCE = 0.01
 
 RESERVED = ('x', 'rate_hz', 'length', 'offsets', 'unit', 'channel_names')
 """Names of arrays that are no columns in an archive."""
-
-GROUP_WORDS = (
-    'session', 'day', 'date', 'subject', 'participant', 'specimen', 'mounting', 'batch', 'run',
-    'block', 'folder',
-)  # fmt: skip
-"""Words for groups of trials that a test should hold out, the most likely one first."""
-
-_NUMBERING = ('id', 'no', 'nr', 'number', 'name')
-_WORDS = re.compile(r'[A-Z]+(?![a-z])|[A-Z]?[a-z]+')
 
 Floats = NDArray[np.float64]
 
@@ -289,17 +279,6 @@ def _make_even(trial: RawTrial, rate_hz: float) -> tuple[Floats, bool]:
         return trial.values, False
     grid = np.arange(math.floor(places[-1] + 1e-6) + 1, dtype=np.float64)
     return np.stack([np.interp(grid, places, channel) for channel in trial.values]), True
-
-
-def find_group_word(name: str) -> str:
-    """Return which of `GROUP_WORDS` the name of a column is; empty: none.
-
-    ``subject``, ``Subject ID``, ``sessionNumber`` and ``day_2`` are, ``session_length`` is not.
-    """
-    words = [word.lower() for word in _WORDS.findall(name)]
-    first = words[0] if words else ''
-    is_group = first in GROUP_WORDS and all(word in _NUMBERING for word in words[1:])
-    return first if is_group else ''
 
 
 def join_columns(

@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_bags.sources.files import (
+    find_group_word,
     Leaf,
     name_labels,
     Notes,
     SourceError,
     SourceOptions,
 )
-from tactile_bags.sources.raw_trials import find_group_word, RawTrial
+from tactile_bags.sources.raw_trials import RawTrial
 from tactile_bags.sources.table_files import read_table, Table
 from tactile_classifier.datasets.archive import NEWTONS
 
@@ -100,15 +101,24 @@ def read_table_trials(
             roles, columns = assign_roles(table, options, notes), tuple(table.columns)
         known: Mapping[str, str] = {}
         if not roles.label:
-            try:
-                named = named or name_labels(leaves, options, notes)
-            except SourceError as error:
-                texts = [name for name, c in table.columns.items() if c.dtype.kind == 'U']
-                proposed = f'; in a table: --label-column {texts[0]}' if texts else ''
-                raise SourceError(f'{error}{proposed}') from error
+            named = named or name_labels(leaves, options, notes)
             known = named[i]
+            if notes.no_label is not None and i == 0:
+                notes.no_label = SourceError(f'{notes.no_label}{_propose_label(table, roles)}')
         trials += _cut_trials(table, roles, leaf, known, notes)
     return trials
+
+
+def _propose_label(table: Table, roles: Roles) -> str:
+    """Return options for the columns of texts that may be the label; empty: there are none."""
+    likely = [
+        name
+        for name, column in table.columns.items()
+        if column.dtype.kind == 'U'
+        and name not in (*roles.values, roles.time, roles.trial)
+        and not find_group_word(name)
+    ]
+    return f'; in a table: {" or ".join(f"--label-column {n}" for n in likely)}' if likely else ''
 
 
 def _cut_trials(

@@ -13,6 +13,7 @@ import typer
 from typer.core import TyperGroup
 
 from tactile_lab import options
+from tactile_lab.console import Table
 from tactile_lab.output import named_errors, Output, refuse_to_replace, write_atomically
 from tactile_lab.usage import WholeNames
 from tactile_ros.errors import TactileError
@@ -251,11 +252,22 @@ def _check_labels(plan: 'ExperimentPlan') -> list[str]:
 
 @experiment.command()
 def status(folder: FolderArgument, as_json: options.JsonOption = False) -> None:
-    """Print the progress of an experiment, and the corrections of its trials.
+    """Print every trial with its id, the progress of an experiment, and its corrections.
 
-    ``--json`` also prints the set-up and every attempt.
+    `tactile experiment relabel` and `exclude` take the ids. ``--json`` also prints the set-up.
     """
-    _summarise(_find_folder(folder), Output(as_json))
+    home, output = _find_folder(folder), Output(as_json)
+    progress = home.read_progress()
+    planned = {trial.key: trial for trial in progress.order}
+    table = Table('trial', 'object', 'contact', 'session', 'verdict')
+    for attempt in progress.attempts.values():
+        trial = planned[attempt.key]
+        verdict = 'excluded' if attempt.excluded else attempt.verdict or 'not known'
+        label = attempt.label or trial.object_label
+        table.add_row(attempt.trial_id, label, trial.contact, trial.session_id, verdict)
+    if progress.attempts:
+        output.say(table)
+    _summarise(home, output)
 
 
 @experiment.command()

@@ -115,7 +115,7 @@ def import_recordings(
 
 def next_command(archive: Path, trials: 'LabelledTrials') -> list[str]:
     """Return the command that evaluates an archive with groups held out, then remarks on it."""
-    from tactile_bags.sources.raw_trials import find_group_word, GROUP_WORDS
+    from tactile_bags.sources.files import find_group_word, GROUP_WORDS
 
     command = f'tactile evaluate {archive} --task texture (or stiffness)'
     words = {name: find_group_word(name) for name in trials.columns}

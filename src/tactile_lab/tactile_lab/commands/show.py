@@ -253,11 +253,8 @@ def _print(path: Path, contents: Contents, output: Output) -> None:
 
 
 def _split_columns(trials: Sequence[dict[str, Any]]) -> tuple[list[str], str]:
-    """Return the columns of the terminal's table, and values that all trials have in common.
-
-    ``trial_id`` is only in JSON, because the table has no room for it.
-    """
-    names = [name for name in trials[0] if name != 'trial_id']
+    """Return the columns of the terminal's table, and values that all trials have in common."""
+    names = list(trials[0])
     values = {name: {_format_value(entry[name]) for entry in trials} for name in names}
     same = {name: found.pop() for name, found in values.items() if len(found) == 1}
     if len(trials) == 1:

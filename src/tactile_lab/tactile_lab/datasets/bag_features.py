@@ -161,7 +161,7 @@ def _collect(
     # A refusal follows an early window in which its phase ended.
     refused = {_identify(window) for window in replayed.windows if window.outcome != Outcome.OK}
     for window in replayed.windows:
-        event = _event_before(window, events[window.trial_id])
+        event = event_before(window, events[window.trial_id])
         end = _end_after(window, events[window.trial_id])
         if window.outcome == Outcome.OK and _identify(window) in refused:
             continue
@@ -185,7 +185,7 @@ def _identify(window: FeatureWindow) -> tuple[object, ...]:
     return window.trial_id, window.specification_digest, window.window_start_ns
 
 
-def _event_before(window: FeatureWindow, events: Sequence[TrialEvent]) -> TrialEvent:
+def event_before(window: FeatureWindow, events: Sequence[TrialEvent]) -> TrialEvent:
     """Return its trial's last event before the window; a trial's name may come again."""
     return max(
         (event for event in events if event.stamp_ns <= window.window_start_ns),

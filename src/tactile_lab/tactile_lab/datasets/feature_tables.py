@@ -162,6 +162,31 @@ def read_tables(paths: Sequence[Path], fields: Fields = NONE) -> FeatureTables:
         return features.tables(fields)
 
 
+def prepare_trials(trials: LabelledTrials, reading: Reading) -> LabelledTrials:
+    """Return the trials that are wanted, resampled and cropped."""
+    if reading.where is not None:
+        trials = trials.take(select_trials(trials.columns, reading.where, 'where'))
+    trials = reading.keep_stated(trials)
+    if reading.resample_hz is not None:
+        trials = trials.resample(reading.resample_hz)
+    if reading.crop is not None:
+        trials = trials.between(*parse_span(reading.crop))
+    return trials
+
+
+def speeds_of(trials: LabelledTrials, name: str | None) -> NDArray[np.float64]:
+    """Return the sliding speed of each trial [m/s], in the unit that its column's name says."""
+    if name is None or name not in trials.columns or trials.columns[name].dtype.kind not in 'fiu':
+        raise TactileError(
+            'name the column with the sliding speeds as numbers, as in --speed-column '
+            f'speed_mm_s; there are: {", ".join(trials.columns) or "none"}'
+        )
+    for ending, unit_m_s in (('_mm_s', 1e-3), ('_m_s', 1.0)):
+        if name.endswith(ending):
+            return np.asarray(trials.columns[name].astype(np.float64) * unit_m_s)
+    raise TactileError(f'--speed-column: the name "{name}" must end in its unit, _mm_s or _m_s')
+
+
 _STATED_BY_TRIALS = ('rate_hz', 'texture_samples', 'stiffness_samples')
 """Fields of `FeatureConfig` that the trials state: rate and length."""
 
@@ -181,13 +206,7 @@ class TrialFeatures(RecordingFeatures):
             **reading.choose_fields(), early_windows=reading.window_s is not None
         )
         trials = recording.to_arrays(folds=folds, skip_bad=reading.skip_bad)
-        if reading.where is not None:
-            trials = trials.take(select_trials(trials.columns, reading.where, 'where'))
-        trials = reading.keep_stated(trials)
-        if reading.resample_hz is not None:
-            trials = trials.resample(reading.resample_hz)
-        if reading.crop is not None:
-            trials = trials.between(*parse_span(reading.crop))
+        trials = prepare_trials(trials, reading)
         if reading.window_s is not None:
             trials = trials.between(0.0, reading.window_s)
         is_texture = self._task == PROTOCOL_TEXTURE
@@ -243,22 +262,7 @@ class TrialFeatures(RecordingFeatures):
         """Return the sliding speed of each trial, in the unit that its column's name says."""
         if self._task != PROTOCOL_TEXTURE:
             raise TactileError('features over the surface are for texture; a hold goes nowhere')
-        name = self.reading.speed_column
-        if (
-            name is None
-            or name not in trials.columns
-            or trials.columns[name].dtype.kind not in 'fiu'
-        ):
-            raise TactileError(
-                'name the column with the sliding speeds as numbers, as in --speed-column '
-                f'speed_mm_s; there are: {", ".join(trials.columns) or "none"}'
-            )
-        for ending, unit_m_s in (('_mm_s', 1e-3), ('_m_s', 1.0)):
-            if name.endswith(ending):
-                return trials.columns[name].astype(np.float64) * unit_m_s
-        raise TactileError(
-            f'--speed-column: the name "{name}" must end in its unit, _mm_s or _m_s'
-        )
+        return speeds_of(trials, self.reading.speed_column)
 
     def windows(self, table: FeatureTable, rows: Sequence[int]) -> list[Samples]:
         signals = self._trials.signal(MEAN if self._channel == ALL else self._channel)

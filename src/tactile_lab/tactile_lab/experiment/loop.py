@@ -445,8 +445,9 @@ class TrialLoop:
         end(verdict, sentence, result.statistics)
         self.operator.say(
             f'trial {self.progress.done_count + (verdict != GOOD)} of '
-            f'{len(self.progress.order)}: {trial.object_label}, {trial.contact}: {verdict}: '
-            f'{sentence}; {format_seconds(self.progress.estimate_left_s())} left'
+            f'{len(self.progress.order)}, {order.trial_id}: {trial.object_label}, '
+            f'{trial.contact}: {verdict}: {sentence}; '
+            f'{format_seconds(self.progress.estimate_left_s())} left'
         )
         if verdict == GOOD:
             return True

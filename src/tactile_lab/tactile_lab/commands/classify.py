@@ -1,0 +1,110 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""`tactile classify`: new recordings in, one answer for each trial out."""
+
+from pathlib import Path
+from typing import Annotated, TYPE_CHECKING
+
+import typer
+
+from tactile_lab import options
+from tactile_lab.console import Cell, Prose, Table
+from tactile_lab.output import Output
+from tactile_ros.errors import TactileError
+
+if TYPE_CHECKING:
+    from tactile_lab.datasets.classified import ClassifiedTrial
+
+
+def classify(
+    recordings: options.RecordingsArgument,
+    model: Annotated[
+        Path,
+        typer.Option(
+            '--model',
+            '-m',
+            exists=True,
+            help='Model file (.npz) of `tactile train`, or a folder of them. Recordings of others '
+            'do not state task and contact: name one file for them.',
+        ),
+    ],
+    archives: options.ArchiveOptions = options.ARCHIVES,
+    statements: options.Statements = options.STATEMENTS,
+    as_json: options.JsonOption = False,
+) -> None:
+    """Classify the trials of recordings with a model file.
+
+    As in: tactile classify new.csv --model models/texture.npz
+
+    Prints one line for each trial: its name, the label that the recording states, if any, the
+    answer, its probability, and the share of held-out training trials that are as novel
+    (p-value). The answer is a label of the model; *unknown* where the trial is unlike all
+    training trials; or *no answer*, with the reason. Labels are not needed.
+
+    A bag with trial events runs through the same features as live. In a table, an archive or a
+    bag of others, each trial is one window. A longer trial is cut as for training: ``--crop``,
+    then the samples of one window from the start, or from where the live node takes them. Rate,
+    unit and channel must be those of the model; ``--resample-hz`` changes the rate, and the model
+    names its channel itself.
+
+    ``--json`` prints every probability and score. The command exits with 2 when no trial has an
+    answer.
+    """
+    from tactile_bags.sources.files import SourceOptions
+    from tactile_lab.datasets.classified import classify_recording, count_right
+    from tactile_lab.datasets.feature_tables import load_recording
+    from tactile_lab.datasets.reading import Reading
+
+    output = Output(as_json)
+    with (
+        output.progress('classifying'),
+        load_recording(recordings, SourceOptions(**vars(statements))) as recording,
+    ):
+        found = classify_recording(recording, model, Reading(**vars(archives)))
+    output.say(*found.notes)
+    if not any(each.answer.scores for each in found.trials):
+        reason = found.trials[0].answer.reason if found.trials else 'there are no such trials'
+        raise TactileError(f'no trial can be classified: {reason}')
+    output.say(_table(found.trials))
+    right, known = count_right(found.trials)
+    if known:
+        output.say(f'{right} of {known} answers are the stated label')
+    output.result(
+        {
+            'trials': [each.to_dict() for each in found.trials],
+            'notes': list(found.notes),
+            'right': right,
+            'with_known_label': known,
+        }
+    )
+
+
+def _table(trials: 'tuple[ClassifiedTrial, ...]') -> Table:
+    has_labels = any(each.label for each in trials)
+    has_reasons = any(each.answer.reason for each in trials)
+    models = {each.model.model_id for each in trials}
+    names = [
+        'trial',
+        *(['label'] if has_labels else []),
+        'answer',
+        'probability',
+        'p-value',
+        *(['model'] if len(models) > 1 else []),
+        *(['reason'] if has_reasons else []),
+    ]
+    table = Table(*names)
+    for each in trials:
+        answer = each.answer
+        probability = answer.probabilities.get(answer.label)
+        cells: dict[str, Cell] = {
+            'trial': each.trial,
+            'label': each.label,
+            'answer': answer.label,
+            'probability': '' if probability is None else f'{probability:.3f}',
+            'p-value': '' if answer.p_value is None else f'{answer.p_value:.3f}',
+            'model': each.model.model_id,
+            'reason': Prose(answer.reason),
+        }
+        table.add_row(*(cells[name] for name in names))
+    return table

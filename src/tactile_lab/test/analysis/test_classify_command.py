@@ -1,0 +1,159 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""`tactile classify`: new recordings to answers, without labels."""
+
+import numpy as np
+import pytest
+from tactile_command import ask_tactile, hear_tactile
+
+from tactile_bags import Recording
+from tactile_bags.sources.files import SourceError
+from tactile_classifier.datasets.archive import LabelledTrials, save_archive
+from tactile_classifier.datasets.dataset import table_from_trials
+from tactile_classifier.model_file.model import load_model
+from tactile_classifier.training.model_writer import write_model
+from tactile_classifier.training.trainer import train
+from tactile_lab.datasets.classified import classify_recording
+
+RATE_HZ = 60.0
+LABELS = ('fine', 'middle', 'coarse')
+
+
+def make_rows(labels, samples=120, seed=0):
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(samples) / RATE_HZ
+    tones = [4.0 * (1 + LABELS.index(label)) for label in labels]
+    rows = [np.sin(2 * np.pi * (tone * time_s + rng.random())) for tone in tones]
+    return 3.0 + np.array(rows) + 0.05 * rng.normal(size=(len(labels), samples))
+
+
+@pytest.fixture(scope='module')
+def model(tmp_path_factory):
+    label = np.repeat(LABELS, 20)
+    trials = LabelledTrials(make_rows(label)[:, None], label, RATE_HZ, {}, unit='N')
+    path = tmp_path_factory.mktemp('models') / 'texture.npz'
+    write_model(path, train(table_from_trials('texture', trials), 'knn'))
+    return path
+
+
+def write_table(path, labels, samples=120, *, rate_hz=RATE_HZ, with_label=False, unit='N'):
+    """Write trials as one table, as another program would."""
+    lines = [f'{"label," if with_label else ""}trial,time_s,force_{unit}']
+    for number, (label, row) in enumerate(zip(labels, make_rows(labels, samples, 5), strict=True)):
+        named = f'{label},' if with_label else ''
+        lines += [f'{named}{number},{i / rate_hz},{v}' for i, v in enumerate(row.tolist())]
+    path.write_text('\n'.join(lines))
+    return path
+
+
+def answers_of(found):
+    return [each['answer'] for each in found['trials']]
+
+
+@pytest.mark.parametrize('kind', ['table', 'archive', 'files', 'arrays'])
+def test_new_recordings_get_answers_without_labels(model, tmp_path, kind):
+    labels = ['coarse', 'fine', 'middle', 'fine']
+    paths = [tmp_path / 'new.npz']
+    if kind == 'table':
+        paths = [write_table(tmp_path / 'new.csv', labels)]
+    elif kind == 'archive':
+        np.savez(paths[0], x=make_rows(labels, seed=5), rate_hz=RATE_HZ)
+    elif kind == 'files':
+        paths = [write_table(tmp_path / f'{i}.csv', [name]) for i, name in enumerate(labels)]
+    else:
+        paths = [tmp_path / f'{i}.npy' for i in range(4)]
+        for path, row in zip(paths, make_rows(labels, seed=5), strict=True):
+            np.save(path, row)
+    options = ['--rate-hz', 60] if kind == 'arrays' else []
+    found = ask_tactile('classify', *paths, '--model', model, *options)
+    assert answers_of(found) == labels
+    assert found['with_known_label'] == 0
+    for each in found['trials']:
+        assert each['label'] is None
+        assert sum(each['probabilities'].values()) == pytest.approx(1.0)
+        assert 0.0 < each['p_value'] <= 1.0
+    said = hear_tactile('classify', *paths, '--model', model, *options)
+    assert 'coarse' in said
+
+
+def test_a_recording_is_loaded_without_an_invented_label(model, tmp_path):
+    path = write_table(tmp_path / 'new.csv', ['fine'])
+    text = path.read_text().replace('trial,', 'material,').replace('\n0,', '\nsilk,')
+    path.write_text(text)
+    loaded = load_model(model)
+    with Recording.load(path) as recording:
+        (trial,) = recording.trials
+        assert trial.label == ''
+        assert loaded.classify(trial.signal.values, trial.signal.rate_hz).label == 'fine'
+        with pytest.raises(SourceError, match='--label-column material'):
+            recording.to_arrays()
+
+
+def test_longer_trials_are_cut_and_shorter_ones_have_no_answer(model, tmp_path):
+    path = write_table(tmp_path / 'long.csv', ['fine', 'coarse'], 200, with_label=True)
+    found = ask_tactile('classify', path, '--model', model)
+    assert answers_of(found) == ['fine', 'coarse']
+    assert (found['right'], found['with_known_label']) == (2, 2)
+    short = write_table(tmp_path / 'short.csv', ['fine'], 100)
+    said = hear_tactile('classify', short, '--model', model, code=2)
+    assert '100 samples; a window has 120' in said
+    both = ask_tactile('classify', path, short, '--model', model, '--label', 'fine')
+    assert [each['answer'] for each in both['trials']] == ['fine', 'coarse', 'no answer']
+    assert both['trials'][2]['reason']
+
+
+def test_rate_unit_and_question_must_be_those_of_the_model(model, tmp_path):
+    path = write_table(tmp_path / 'fast.csv', ['fine'], 240, rate_hz=120.0)
+    said = hear_tactile('classify', path, '--model', model, code=2)
+    assert 'the rate is 120 Hz; it was trained at 60 Hz' in said
+    assert '--resample-hz' in said
+    volts = write_table(tmp_path / 'volts.csv', ['fine'], unit='V')
+    assert 'another unit' in hear_tactile('classify', volts, '--model', model, code=2)
+    label = np.repeat(['soft', 'hard'], 10)
+    rng = np.random.default_rng(2)
+    ramps = rng.normal(size=(20, 1, 120)) + np.where(label == 'hard', 5.0, 1.0)[:, None, None]
+    table = table_from_trials('stiffness', LabelledTrials(ramps, label, RATE_HZ, {}))
+    folder = tmp_path / 'both'
+    folder.mkdir()
+    write_model(folder / 'stiffness.npz', train(table, 'knn'))
+    (folder / 'texture.npz').write_bytes(model.read_bytes())
+    said = hear_tactile('classify', path, '--model', folder, code=2)
+    assert 'stiffness; texture' in said
+    assert '--model' in said
+
+
+def test_a_model_finds_its_channel_among_several(tmp_path):
+    label = np.repeat(LABELS, 20)
+    noise = np.random.default_rng(1).normal(size=(60, 120))
+    x = np.stack([noise, make_rows(label)], axis=1)
+    trials = LabelledTrials(x, label, RATE_HZ, {}, unit='N', channels=('fx', 'fz'))
+    model = tmp_path / 'm.npz'
+    write_model(model, train(table_from_trials('texture', trials, 'fz'), 'knn'))
+    save_archive(tmp_path / 'two.npz', trials)
+    for channels in ((1, 0), (1,)):
+        part = LabelledTrials(
+            x[:6, channels], label[:6], RATE_HZ, {}, unit='N',
+            channels=tuple(('fx', 'fz')[i] for i in channels),
+        )  # fmt: skip
+        save_archive(tmp_path / 'other.npz', part)
+        assert (
+            answers_of(ask_tactile('classify', tmp_path / 'other.npz', '-m', model))
+            == ['fine'] * 6
+        )
+    refused = ('classify', tmp_path / 'two.npz', '-m', model, '--channel', 'fx')
+    assert 'was trained on channel fz' in hear_tactile(*refused, code=2)
+
+
+def test_bags_are_classified_as_live(stiffness_bag, trained):
+    found = ask_tactile('classify', stiffness_bag, '--model', trained)
+    with Recording.load(stiffness_bag) as recording:
+        trials = {trial.name: trial for trial in recording.trials}
+        answers = classify_recording(recording, trained)
+    assert [each['trial'] for each in found['trials']] == list(trials)
+    assert [each['label'] for each in found['trials']] == [t.label for t in trials.values()]
+    assert [each.to_dict() for each in answers.trials] == found['trials']
+    assert found['right'] == sum(e['answer'] == e['label'] for e in found['trials'])
+    assert '--channel' in hear_tactile(
+        'classify', stiffness_bag, '--model', trained, '--channel', 0, code=2
+    )
