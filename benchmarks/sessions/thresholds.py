@@ -58,7 +58,8 @@ def _judge(protocol: str, features: str, contact: str, seed: int, tests: int) ->
     table = FeatureTable(values, labels, spec, {'session_id': sessions})
     train, test = table.take(sessions < TRAIN), table.take(sessions >= TRAIN)
     folds, scaling = make_group_folds(train), DEFAULT_SCALING[table.task]
-    measure, _, threshold = fit_novelty(train, folds, RATE)
+    measure, held_out = fit_novelty(train, folds)
+    threshold = held_out.compute_threshold(RATE)
     estimator = build_estimator('knn', scaling).fit(train.values, train.labels)
     classes = np.unique(test.labels)
     others = {str(one): train.labels != one for one in classes}

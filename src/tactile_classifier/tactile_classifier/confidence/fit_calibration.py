@@ -21,12 +21,11 @@ from tactile_classifier.confidence.calibration import Calibration
 from tactile_classifier.confidence.fit_novelty import (
     choose_metric,
     compute_auroc,
-    compute_threshold,
     fit_measure,
     fit_spaces,
-    rank_of_sessions,
     Spaces,
 )
+from tactile_classifier.confidence.held_out_novelty import HeldOutNovelty
 from tactile_classifier.confidence.novelty import NoveltyMeasure
 from tactile_classifier.datasets.conditions import find_cells
 from tactile_classifier.datasets.dataset import divide_groups, FeatureTable
@@ -53,23 +52,29 @@ Indices = npt.NDArray[np.intp]
 class GroupFolds:
     """Folds of whole groups, such as sessions, of repeats or of single trials; held out in turn.
 
-    ``split`` names them in words. ``fold`` is that of each trial, and ``session`` its group,
-    shapes (trials,); None when folds are of repeats or of single trials.
+    ``split`` names them in words. ``fold`` is the fold of each trial, and ``session`` its group,
+    shapes (trials,); None when folds are of repeats or of single trials. ``names`` are the names
+    of the groups; none without groups.
     """
 
     split: str
     fold: Indices
     session: Indices | None
+    names: tuple[str, ...] = ()
 
     @property
     def groups(self) -> int:
-        """Sessions; 0 when folds are of repeats or of single trials."""
-        return 0 if self.session is None else int(self.session.max()) + 1
+        """Number of groups; 0 when folds are of repeats or of single trials."""
+        return len(self.names)
 
-    @property
-    def session_share(self) -> float:
-        """Share of new sessions in which thresholds by sessions hold [1]; negative: none."""
-        return rank_of_sessions(self.groups) / (self.groups + 1) if self.groups else -1.0
+    def divide(self, novelty: Matrix) -> HeldOutNovelty:
+        """Return the novelties of held-out trials, shape (trials,), by session."""
+        return HeldOutNovelty.divide(novelty, self.session, self.names)
+
+    def take(self, keep: npt.NDArray[np.bool_]) -> GroupFolds:
+        """Return the folds of some of the trials."""
+        session = None if self.session is None else self.session[keep]
+        return dataclasses.replace(self, fold=self.fold[keep], session=session)
 
 
 def make_group_folds(table: FeatureTable, columns: Sequence[str] = ('session_id',)) -> GroupFolds:
@@ -86,7 +91,7 @@ def make_group_folds(table: FeatureTable, columns: Sequence[str] = ('session_id'
         return folds
     cells = find_cells(table) if columns else None
     if cells and (folds := _hold_groups_out(table, codes, cells.columns)) is not None:
-        return dataclasses.replace(folds, session=None)
+        return dataclasses.replace(folds, session=None, names=())
     if counts.min() < 2:
         raise TooFewTrialsError(f'label "{labels[counts.argmin()]}" has one trial only')
     count = min(MAX_FOLDS, int(counts.min()))
@@ -114,7 +119,10 @@ def _hold_groups_out(
     count = int(fold_of_group.max()) + 1
     name = ' and '.join(column.removesuffix('_id') for column in columns)
     words = f'one {name} held out' if groups == count else f'{name} held out in {count} folds'
-    return GroupFolds(words, fold_of_group[group], group)
+    first = np.unique(group, return_index=True)[1]
+    parts = [table.columns[column][first] for column in columns if column in table.columns]
+    names = tuple(', '.join(map(str, values)) for values in zip(*parts, strict=True))
+    return GroupFolds(words, fold_of_group[group], group, names)
 
 
 def _spread(contains: npt.NDArray[np.bool_]) -> Indices:
@@ -188,21 +196,18 @@ def hold_out_novelty(
     return novelty
 
 
-def fit_novelty(
-    table: FeatureTable, folds: GroupFolds, false_alarm_rate: float
-) -> tuple[NoveltyMeasure, Matrix, float]:
-    """Return the measure fitted to all trials, the held-out novelties, and their threshold.
+def fit_novelty(table: FeatureTable, folds: GroupFolds) -> tuple[NoveltyMeasure, HeldOutNovelty]:
+    """Return the measure fitted to all trials, and the novelties of held-out trials.
 
     This is not split conformal prediction: each fold has a measure of its own, and the metric was
     chosen on the same trials. The measure of all has more references, so that novelties of new
-    trials are lower rather than higher. Raises TooFewTrialsError when there are too few.
+    trials are lower rather than higher.
     """
     fold = folds.fold
     spaces = fit_spaces(table.values, table.labels, fold)
     metric = choose_metric(table.values, table.labels, fold, spaces)
     novelty = hold_out_novelty(table, fold, metric, spaces=spaces)
-    threshold = compute_threshold(novelty, false_alarm_rate, folds.session)
-    return fit_measure(table.values, table.labels, fold, metric), novelty, threshold
+    return fit_measure(table.values, table.labels, fold, metric), folds.divide(novelty)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -210,12 +215,14 @@ class UnlearnedLabels:
     """Rejection of labels that were left out of the training, one after another.
 
     ``auroc`` is the probability that a trial of such a label is more novel than one of a known
-    label, ``miss_rate`` the share of their trials that get a known name [1].
+    label. ``miss_rate`` and ``strict_miss_rate`` are the shares of their trials that get a known
+    name, by the default and by the strict threshold [1].
     """
 
     labels: int
     auroc: float
     miss_rate: float
+    strict_miss_rate: float
 
 
 def leave_labels_out(
@@ -225,26 +232,30 @@ def leave_labels_out(
 
     None where fewer than two labels would be left, or too few trials for the rate.
     """
-    missed, areas = [], []
+    missed: list[list[float]] = []
+    areas = []
     labels = np.unique(table.labels)
     if len(labels) < 3:
         return None
     for label in labels:
         is_new = table.labels == label
         novelty = hold_out_novelty(table, folds.fold, metric, ~is_new)
+        known = folds.take(~is_new).divide(novelty[~is_new])
         try:
-            session = None if folds.session is None else folds.session[~is_new]
-            threshold = compute_threshold(novelty[~is_new], false_alarm_rate, session)
+            thresholds = [
+                known.compute_threshold(false_alarm_rate, strict=strict)
+                for strict in (False, True)
+            ]
         except TooFewTrialsError:
             return None
-        missed.append(float(np.mean(novelty[is_new] <= threshold)))
+        missed.append([float(np.mean(novelty[is_new] <= threshold)) for threshold in thresholds])
         areas += [
             compute_auroc(is_new[part], novelty[part])
             for part in (folds.fold == i for i in np.unique(folds.fold))
             if is_new[part].any() and not is_new[part].all()
         ]
     auroc = float(np.mean(areas)) if areas else -1.0
-    return UnlearnedLabels(len(labels), auroc, float(np.mean(missed)))
+    return UnlearnedLabels(len(labels), auroc, *map(float, np.mean(missed, axis=0)))
 
 
 def fit_calibration(scores: Matrix, true: Indices) -> Calibration:
@@ -309,36 +320,43 @@ class HeldOutCalibration:
     """Probabilities and novelty of a model, from trials that were held out.
 
     ``calibration`` is fitted to all held-out scores, ``novelty`` to all trials; the threshold
-    comes from ``held_out_novelty``, shape (trials,), by measures of the other folds. The errors
-    are expected calibration errors before and after calibration [1]. ``accuracy`` is the share of
-    held-out trials whose answer is their label [1].
+    comes from ``held_out_novelty``, by measures of the other folds. The errors are expected
+    calibration errors before and after calibration [1]. ``accuracy`` is the share of held-out
+    trials whose answer is their label [1].
     """
 
     calibration: Calibration
     novelty: NoveltyMeasure
     novelty_threshold: float
-    held_out_novelty: Matrix
+    held_out_novelty: HeldOutNovelty
     error_before: float
     error_after: float
     accuracy: float
 
 
 def calibrate_held_out(
-    table: FeatureTable, classifier: str, scaling: str, folds: GroupFolds, false_alarm_rate: float
+    table: FeatureTable,
+    classifier: str,
+    scaling: str,
+    folds: GroupFolds,
+    false_alarm_rate: float,
+    *,
+    strict: bool = False,
 ) -> HeldOutCalibration:
-    """Hold out each fold in turn; return the calibration, the thresholds and their errors.
+    """Hold out each fold in turn; return the calibration, the threshold and their errors.
 
-    Raises TooFewTrialsError when there are too few for the rate, or for the classifier.
+    With ``strict`` the threshold is the strict one of `HeldOutNovelty.compute_threshold`. Raises
+    TooFewTrialsError when there are too few for the rate, or for the classifier.
     """
     fold = folds.fold
     scores, true = hold_out_scores(table, classifier, scaling, fold)
-    measure, novelty, threshold = fit_novelty(table, folds, false_alarm_rate)
+    measure, novelty = fit_novelty(table, folds)
     probabilities = hold_out_probabilities(scores, true, fold)
     uncalibrated = compute_uncalibrated(scores, SCORE_KINDS[classifier])
     return HeldOutCalibration(
         calibration=fit_calibration(scores, true),
         novelty=measure,
-        novelty_threshold=threshold,
+        novelty_threshold=novelty.compute_threshold(false_alarm_rate, strict=strict),
         held_out_novelty=novelty,
         error_before=compute_calibration_error(uncalibrated, true),
         error_after=compute_calibration_error(probabilities, true),

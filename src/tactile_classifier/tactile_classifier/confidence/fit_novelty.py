@@ -1,13 +1,12 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fitting of the novelty measure to training trials, choice of its metric, and its threshold."""
+"""Fitting of the novelty measure to training trials, and choice of its metric."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 import dataclasses
-import math
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +20,6 @@ from tactile_classifier.confidence.novelty import (
     RELATIVE,
     WHITENED,
 )
-from tactile_classifier.errors import TooFewTrialsError
 
 Indices = npt.NDArray[np.intp]
 
@@ -223,54 +221,3 @@ def _median_distance(references: Matrix, fold: Indices) -> float:
     nearest = nearest[np.isfinite(nearest)]
     median = float(np.median(nearest)) if len(nearest) else 0.0
     return median if median > 0.0 else 1.0
-
-
-def trials_needed(rate: float) -> int:
-    """Return how many calibration trials a conformal threshold at a rate needs at least."""
-    return math.ceil(round(1.0 / rate, 9)) - 1
-
-
-SESSIONS_BEYOND = 0.1
-"""Share of new sessions that a threshold by sessions may fail in, where sessions are enough."""
-
-
-def rank_of_sessions(count: int) -> int:
-    """Return which of the sorted values of so many sessions bounds a new session's.
-
-    A further session, exchangeable with them, has a value at most that one with probability ``rank
-    / (count + 1)``: 1 - `SESSIONS_BEYOND` of nine sessions or more, and by the largest ``count /
-    (count + 1)`` of fewer.
-    """
-    return min(count, math.ceil(round((count + 1) * (1.0 - SESSIONS_BEYOND), 9)))
-
-
-def compute_threshold(
-    novelty: Matrix, false_alarm_rate: float, session: Indices | None = None
-) -> float:
-    """Return the conformal threshold of calibration trials of known labels.
-
-    Without sessions the ``ceil((n + 1) * (1 - rate))``-th smallest of ``n`` novelties: a further
-    trial, exchangeable with them, lies above it with at most that probability (split conformal
-    prediction: Vovk, Gammerman and Shafer 2005; Lei et al. 2018).
-
-    With the session of each trial, shape (trials,), a threshold that holds in most new sessions,
-    not only on average over them: each session's own quantile, and of these the one of
-    `rank_of_sessions` (Dunn, Wasserman and Ramdas 2022; Duchi, Gupta, Jiang and Sur 2024, over
-    environments). In a share ``rank / (count + 1)`` of new sessions the quantile of their own
-    trials is not above it. A session with fewer trials than `trials_needed` gives its largest
-    novelty.
-
-    Novelties are of trials that the measure was not fitted on, nor on their session. The rate is
-    between 0 and 1 [1]. Raises TooFewTrialsError when there are fewer than `trials_needed` in all.
-    """
-    if len(novelty) < trials_needed(false_alarm_rate):
-        raise TooFewTrialsError(
-            f'{len(novelty)} trials cannot bound false rejection at {false_alarm_rate:g}; '
-            f'{trials_needed(false_alarm_rate)} are needed'
-        )
-    parts = [novelty] if session is None else [novelty[session == i] for i in np.unique(session)]
-    quantiles = []
-    for part in parts:
-        rank = math.ceil(round((len(part) + 1) * (1.0 - false_alarm_rate), 9))
-        quantiles.append(float(np.sort(part)[min(rank, len(part)) - 1]))
-    return sorted(quantiles)[rank_of_sessions(len(quantiles)) - 1]

@@ -77,6 +77,7 @@ def evaluate_open_set(
     *,
     hold_out: Sequence[str] = ('session_id',),
     false_alarm_rate: float = 0.05,
+    strict: bool = False,
 ) -> OpenSetEvaluation:
     """Hold out folds in turn, and each label from the training.
 
@@ -95,6 +96,8 @@ def evaluate_open_set(
         and ``split`` says so.
     false_alarm_rate : float
         Share of trials of known labels that may be rejected [1].
+    strict : bool
+        Take the strict threshold of `HeldOutNovelty.compute_threshold`.
 
     Raises
     ------
@@ -111,7 +114,9 @@ def evaluate_open_set(
     try:
         outer = make_group_folds(table, hold_out)
         folds = [
-            _evaluate_fold(table, outer.fold == i, classifier, scaling, hold_out, false_alarm_rate)
+            _evaluate_fold(
+                table, outer.fold == i, classifier, scaling, hold_out, false_alarm_rate, strict
+            )
             for i in np.unique(outer.fold)
         ]
     except DatasetError as error:
@@ -159,16 +164,18 @@ def _evaluate_fold(
     scaling: str,
     columns: Sequence[str],
     rate: float,
+    strict: bool,
 ) -> _Part:
     train, test = table.take(~held_out), table.take(held_out)
     inner = make_group_folds(train, columns)
-    calibrated = calibrate_held_out(train, classifier, scaling, inner, rate)
+    calibrated = calibrate_held_out(train, classifier, scaling, inner, rate, strict=strict)
     scores, true = score_held_out(table, held_out, classifier, scaling)
     before = compute_uncalibrated(scores, SCORE_KINDS[classifier])
     unknown = {}
     for label in np.unique(test.labels):
         others = train.take(train.labels != label)
-        measure, _, threshold = fit_novelty(others, make_group_folds(others, columns), rate)
+        measure, held_out = fit_novelty(others, make_group_folds(others, columns))
+        threshold = held_out.compute_threshold(rate, strict=strict)
         is_new = test.labels == label
         if is_new.all():
             continue

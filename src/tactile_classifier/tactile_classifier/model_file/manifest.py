@@ -5,11 +5,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 import dataclasses
 import math
 from typing import Any, get_origin, get_type_hints, TypeVar
 
+from tactile_classifier.confidence.held_out_novelty import HeldOutNovelty, rank_of_sessions
 from tactile_classifier.datasets.dataset import plain_name
 from tactile_classifier.errors import ModelFileError, refuse_damage
 from tactile_classifier.records import (
@@ -100,13 +101,13 @@ class Manifest:
     confidence : Confidence
     calibration : mapping
         ``split``, ``groups``, ``trials`` and ``held_out``, the columns that make a group, of the
-        held-out trials behind the thresholds and probabilities, and ``session_share``, the share
-        of new groups in which the thresholds hold (negative: there were no groups), or ``reason``
-        why there are none. ``held_out_novelty``: the novelties of held-out trials, by group.
+        held-out trials behind the threshold and the probabilities, and ``strict``, whether the
+        threshold is the strict one; or ``reason`` why there are none. ``held_out_novelty``: the
+        novelties of held-out trials, by group (`HeldOutNovelty`).
         ``unlearned``: rejection of labels left out in turn (`UnlearnedLabels`).
     false_alarm_rate : float
-        Share of windows of known labels that the thresholds reject [1]; negative: no
-        thresholds.
+        Share of windows of known labels that the threshold rejects [1]; negative: no
+        threshold.
     """
 
     task: str
@@ -261,19 +262,71 @@ def list_facts(manifest: Manifest) -> dict[str, str]:
         facts['calibration error'] = (
             f'{100 * before:.1f} % before, {100 * after:.1f} % after, on held-out trials'
         )
-    if confidence.novelty_threshold >= 0.0:
-        facts['unknown'] = (
-            f'above novelty {confidence.novelty_threshold:.2f}, at '
-            f'{100 * manifest.false_alarm_rate:g} % false rejection'
-        )
-        if 'unlearned' in calibration:
-            without = calibration['unlearned']
-            facts['unlearned labels'] = (
-                f'{100 * without["miss_rate"]:.0f} % of their trials get a known name: each of '
-                f'{without["labels"]} labels left out in turn'
-            )
+    facts |= describe_thresholds(manifest)
     facts['made with'] = ', '.join(f'{name} {v}' for name, v in sorted(manifest.versions.items()))
     return facts
+
+
+def read_known_novelty(manifest: Manifest) -> HeldOutNovelty | None:
+    """Return the novelties of held-out trials, or None when the manifest states none."""
+    entry = manifest.calibration.get(KNOWN_NOVELTY)
+    return None if entry is None else HeldOutNovelty.read(entry)
+
+
+MAX_SESSIONS = 12
+"""Sessions that are listed; the others are counted."""
+
+
+@refuse_damage('an entry of its manifest is')
+def describe_thresholds(manifest: Manifest) -> dict[str, str]:
+    """Return what held-out trials say of the threshold for unknown objects, and of the other one.
+
+    False rejection of a session is by the threshold of the other sessions.
+    """
+    threshold, calibration = manifest.confidence.novelty_threshold, manifest.calibration
+    if threshold < 0.0:
+        return {}
+    is_strict = calibration.get('strict') is True
+    things, rate = format_groups(calibration), manifest.false_alarm_rate
+    known = read_known_novelty(manifest)
+    scope = ''
+    if known is not None and known.names:
+        scope = f' in {"most new" if is_strict else "the mean over"} {things}'
+    facts = {
+        'unknown': f'above novelty {threshold:.2f}, for {100 * rate:g} % false rejection{scope}'
+    }
+    if known is not None and known.names and rate > 0.0:
+        for strict, name in ((False, 'mean'), (True, 'strict')):
+            shares = known.reject_sessions(rate, strict=strict)
+            if shares:
+                facts[f'false rejection, {name} threshold'] = (
+                    f'{_format_shares(shares, known.names)} ({things} held out; above novelty '
+                    f'{known.compute_threshold(rate, strict=strict):.2f})'
+                )
+    if 'unlearned' in calibration:
+        without = calibration['unlearned']
+        facts['unlearned labels'] = (
+            f'{100 * without["miss_rate"]:.0f} % of their trials get a known name by the mean '
+            f'threshold, {100 * without["strict_miss_rate"]:.0f} % by the strict one: each of '
+            f'{without["labels"]} labels left out in turn'
+        )
+    return facts
+
+
+def _format_shares(shares: Sequence[float], names: Sequence[str]) -> str:
+    """Return the mean of some shares, the largest one, and each with its name."""
+    worst = max(range(len(shares)), key=lambda i: shares[i])
+    listed = ', '.join(
+        f'{name} {100 * share:.0f}'
+        for name, share in list(zip(names, shares, strict=True))[:MAX_SESSIONS]
+    )
+    more = len(shares) - MAX_SESSIONS
+    return (
+        f'{100 * sum(shares) / len(shares):.1f} % in the mean, at most '
+        f'{100 * shares[worst]:.0f} % ({names[worst]}); {listed}'
+        + f' and {more} more'
+        * (more > 0)
+    )
 
 
 def _format_choice(choice: Mapping[str, Any] | None) -> str:
@@ -344,12 +397,9 @@ def format_groups(calibration: Mapping[str, Any]) -> str:
 def _format_sessions(manifest: Manifest) -> str:
     calibration = manifest.calibration
     things = format_groups(calibration)
-    share, groups = calibration.get('session_share', -1.0), calibration.get('groups', 0)
-    if isinstance(share, float) and share > 0.0:
-        return (
-            f'{groups} {things} were held out in turn. The threshold for unknown objects holds in '
-            f'{100 * share:.0f} % of new {things} like these.'
-        )
+    groups = calibration.get('groups', 0)
+    if isinstance(groups, int) and groups > 0:
+        return f'{groups} {things} were held out in turn. {describe_scope(manifest)}'
     if 'reason' in calibration:
         return f'No session was held out: {calibration["reason"]}. A new session may do worse.'
     if things != 'sessions':
@@ -360,6 +410,27 @@ def _format_sessions(manifest: Manifest) -> str:
             'session only. A new session may do worse.'
         )
     return 'No session was held out: a new session may do worse.'
+
+
+def describe_scope(manifest: Manifest) -> str:
+    """Return in which new sessions the threshold for unknown objects holds, as a sentence."""
+    calibration = manifest.calibration
+    things, groups = format_groups(calibration), calibration.get('groups', 0)
+    if not isinstance(groups, int) or groups < 1:
+        return (
+            'The threshold for unknown objects holds for trials like these; no group was held '
+            'out, and a new session may differ.'
+        )
+    if calibration.get('strict') is True:
+        share = rank_of_sessions(groups) / (groups + 1)
+        return (
+            f'The threshold for unknown objects holds in {100 * share:.0f} % of new {things} like '
+            'these.'
+        )
+    return (
+        f'The threshold for unknown objects holds in the mean over new {things} like these: one '
+        'of them may reject more.'
+    )
 
 
 def _format_origin(manifest: Manifest) -> str:

@@ -16,8 +16,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tactile_classifier.errors import DatasetError, ModelFileError, refuse_damage
-from tactile_classifier.model_file.manifest import KNOWN_NOVELTY, Manifest
+from tactile_classifier.confidence.held_out_novelty import HeldOutNovelty
+from tactile_classifier.errors import DatasetError, ModelFileError
+from tactile_classifier.model_file.manifest import read_known_novelty
 from tactile_classifier.model_file.prediction import Predictions
 from tactile_classifier.model_file.samples import SampleWindow
 from tactile_classifier.model_file.storage import open_model
@@ -55,8 +56,7 @@ class Answer:
     novelty, novelty_threshold : float or None
         Distance to the training trials, and that above which a window is unknown [1].
     p_value : float or None
-        Share of held-out trials of known labels that are at least as novel, in the sessions that
-        the threshold comes from [1]: small is novel.
+        Share of held-out trials of known labels that are at least as novel [1]: small is novel.
     missing : tuple of str
         One sentence for each of probabilities, novelty and p-value that there is none of.
     """
@@ -79,13 +79,6 @@ class _Judged(NamedTuple):
     reason: str = ''
     scores: tuple[float, ...] = ()
     novelty: float = -1.0
-
-
-class _KnownNovelty(NamedTuple):
-    """Novelties of held-out trials of each session, and the session that bounds a new one's."""
-
-    rank: int
-    sessions: list[npt.NDArray[np.float64]]
 
 
 def load_model(path: str | Path) -> TactileModel:
@@ -147,7 +140,7 @@ class TactileModel:
             )
         )
         self._announced: Mapping[str, FeatureSpec] = {}
-        self._known_novelty = _read_known_novelty(self.manifest)
+        self._known_novelty: HeldOutNovelty | None = read_known_novelty(self.manifest)
         self.predictor = contents.predictor
 
     @property
@@ -380,7 +373,10 @@ class TactileModel:
         scores = dict(zip(self.labels, judged.scores, strict=False))
         is_probability = self.manifest.score_kind == PROBABILITY
         has_novelty = judged.novelty >= 0.0
-        p_value = self._compute_p_value(judged.novelty) if has_novelty else None
+        p_value = None
+        if has_novelty and self._known_novelty is not None:
+            strict = calibration.get('strict') is True
+            p_value = self._known_novelty.compute_p_value(judged.novelty, strict=strict)
         missing = []
         if judged.outcome != Outcome.NO_FEATURES:
             why = calibration.get('reason', 'the raw scores were better in held-out sessions')
@@ -401,34 +397,6 @@ class TactileModel:
             p_value=p_value,
             missing=tuple(missing),
         )
-
-    def _compute_p_value(self, novelty: float) -> float | None:
-        """Return the conformal p-value that the threshold is a quantile of, or None.
-
-        At most the rate of false alarms exactly where the novelty is above the threshold, if each
-        session has trials enough for that rate (`compute_threshold`).
-        """
-        if self._known_novelty is None:
-            return None
-        rank, sessions = self._known_novelty
-        shares = sorted((1 + int((each >= novelty).sum())) / (1 + len(each)) for each in sessions)
-        return shares[rank - 1]
-
-
-def _read_known_novelty(manifest: Manifest) -> _KnownNovelty | None:
-    """Return the novelties of held-out trials; None: not stated."""
-    entry = manifest.calibration.get(KNOWN_NOVELTY)
-    if entry is None:
-        return None
-    with refuse_damage('its novelties of held-out trials are'):
-        found = _KnownNovelty(
-            int(entry['rank']),
-            [np.array(session, dtype=np.float64) for session in entry['sessions']],
-        )
-    is_flat = all(each.ndim == 1 and len(each) for each in found.sessions)
-    if not is_flat or not 1 <= found.rank <= len(found.sessions):
-        raise ModelFileError('its novelties of held-out trials are damaged')
-    return found
 
 
 SAME_TRIAL = 1e-4

@@ -24,7 +24,6 @@ from tactile_classifier.confidence.fit_calibration import (
     leave_labels_out,
     make_group_folds,
 )
-from tactile_classifier.confidence.fit_novelty import rank_of_sessions
 from tactile_classifier.confidence.novelty import NoveltyMeasure
 from tactile_classifier.datasets.dataset import FeatureTable, find_column
 from tactile_classifier.errors import DatasetError, TooFewTrialsError
@@ -36,7 +35,12 @@ from tactile_classifier.estimators.classifiers import (
     warn_of_labels_never_given,
 )
 from tactile_classifier.evaluation.cross_validation import Score
-from tactile_classifier.model_file.manifest import Confidence, Manifest, TrainingTrials
+from tactile_classifier.model_file.manifest import (
+    Confidence,
+    KNOWN_NOVELTY,
+    Manifest,
+    TrainingTrials,
+)
 from tactile_classifier.records import PROBABILITY, ROCKET
 from tactile_classifier.training.feature_choice import Candidate, FeatureChoice
 from tactile_features.model_container import MAX_MANIFEST_BYTES, MAX_MODEL_BYTES
@@ -66,6 +70,7 @@ def train(
     scaling: str = '',
     *,
     false_alarm_rate: float = 0.05,
+    strict: bool = False,
     score: Score | None = None,
     choice: FeatureChoice | None = None,
     hold_out: Sequence[str] = ('session_id',),
@@ -83,7 +88,11 @@ def train(
     classifier, scaling : str
         See `build_estimator`; an empty scaling means the task's default.
     false_alarm_rate : float
-        Share of windows of known labels that may be rejected as unknown [1].
+        Share of windows of known labels that may be rejected as unknown, in the mean over
+        sessions [1].
+    strict : bool
+        Take the largest of the sessions' thresholds: the share then holds in most new sessions,
+        and fewer unknown objects are found.
     score : Score, optional
         What cross-validation said of the same classifier and scaling.
     choice : FeatureChoice, optional
@@ -119,7 +128,7 @@ def train(
         raise DatasetError(f'there is one class only, "{table.labels[0]}"; record at least two')
     if len(table) < 3:
         raise DatasetError('training needs three trials at least')
-    held_out, stated = _calibrate(table, classifier, scaling, false_alarm_rate, hold_out)
+    held_out, stated = _calibrate(table, classifier, scaling, false_alarm_rate, strict, hold_out)
     estimator = build_estimator(classifier, scaling, table.channels)
     estimator.fit(table.values, table.labels)
     warn_of_labels_never_given(estimator, table.values)
@@ -184,6 +193,7 @@ def _calibrate(
     classifier: str,
     scaling: str,
     false_alarm_rate: float,
+    strict: bool,
     hold_out: Sequence[str],
 ) -> tuple[HeldOutCalibration | None, dict[str, Any]]:
     """Return the calibration and the manifest's entry; None, and the reason, if there is none."""
@@ -193,7 +203,9 @@ def _calibrate(
             table.column(name)
     try:
         folds = make_group_folds(table, columns)
-        held_out = calibrate_held_out(table, classifier, scaling, folds, false_alarm_rate)
+        held_out = calibrate_held_out(
+            table, classifier, scaling, folds, false_alarm_rate, strict=strict
+        )
     except TooFewTrialsError as error:
         return None, {'reason': str(error)}
     stated = {
@@ -201,26 +213,13 @@ def _calibrate(
         'groups': folds.groups,
         'held_out': columns,
         'trials': len(table),
-        'session_share': folds.session_share,
-        'held_out_novelty': _state_novelty(held_out, folds.session),
+        'strict': strict,
+        KNOWN_NOVELTY: held_out.held_out_novelty.to_dict(),
     }
     unlearned = leave_labels_out(table, folds, held_out.novelty.metric, false_alarm_rate)
     if unlearned is not None:
         stated['unlearned'] = dataclasses.asdict(unlearned)
     return held_out, stated
-
-
-def _state_novelty(
-    held_out: HeldOutCalibration, session: npt.NDArray[np.intp] | None
-) -> dict[str, Any]:
-    """Return the novelties of held-out trials, for p-values."""
-    novelty = held_out.held_out_novelty
-    group = np.zeros(len(novelty), dtype=int) if session is None else session
-    sessions = [np.sort(novelty[group == i]) for i in np.unique(group)]
-    return {
-        'rank': rank_of_sessions(len(sessions)),
-        'sessions': [each.tolist() for each in sessions],
-    }
 
 
 def describe_training(table: FeatureTable) -> TrainingTrials:

@@ -231,10 +231,10 @@ def test_manifest_states_rates_and_how_they_were_found(early_model):
     assert manifest == early_model.manifest
     stated = dict(manifest.calibration)
     known = stated.pop('held_out_novelty')
-    assert (known['rank'], sum(map(len, known['sessions']))) == (3, 240)
+    assert (len(known['names']), sum(map(len, known['sessions']))) == (3, 240)
     assert stated.pop('unlearned')['labels'] == 4
     assert stated == {
         'split': 'one session held out', 'groups': 3, 'held_out': ['session_id'], 'trials': 240,
-        'session_share': 0.75,
+        'strict': False,
     }  # fmt: skip
     assert (manifest.false_alarm_rate, manifest.score_kind) == (0.05, 'probability')

@@ -22,7 +22,7 @@ from tactile_classifier.confidence.fit_calibration import (
     leave_labels_out,
     make_group_folds,
 )
-from tactile_classifier.confidence.fit_novelty import compute_threshold, fit_measure
+from tactile_classifier.confidence.fit_novelty import fit_measure
 from tactile_classifier.errors import DatasetError
 from tactile_classifier.estimators.classifiers import build_estimator, compute_raw_scores
 
@@ -176,32 +176,42 @@ def test_held_out_part_states_its_own_error(texture_table):
     folds = make_group_folds(texture_table)
     part = calibrate_held_out(texture_table, 'knn', 'none', folds, 0.1)
     assert part.error_after < part.error_before + 0.02
-    is_rejected = part.held_out_novelty > part.novelty_threshold
-    shares = [np.mean(is_rejected[folds.session == i]) for i in range(3)]
-    # The threshold is the quantile of the worst session; the others reject less.
+    known = part.held_out_novelty
+    assert (
+        known.names
+        == folds.names
+        == tuple(np.unique(texture_table.column('session_id')).astype(str))
+    )
+    shares = [np.mean(each > part.novelty_threshold) for each in known.sessions]
+    assert np.mean(shares) == pytest.approx(0.1, abs=0.01)
+    strict = calibrate_held_out(texture_table, 'knn', 'none', folds, 0.1, strict=True)
+    shares = [np.mean(each > strict.novelty_threshold) for each in known.sessions]
+    # The strict threshold is the quantile of the worst session; the others reject less.
     assert max(shares) == pytest.approx(0.1, abs=0.01)
-    assert folds.session_share == 0.75
     assert 0.9 < part.accuracy <= 1.0
 
 
 def test_unlearned_labels_are_those_of_models_without_them(texture_table):
     table = texture_table.take(texture_table.labels < 'plate 4')
     folds = make_group_folds(table)
-    missed, areas = [], []
+    missed, strictly_missed, areas = [], [], []
     for label in np.unique(table.labels):
         known = table.labels != label
         others, fold = table.take(known), folds.fold[known]
         novelty = hold_out_novelty(others, fold, 'plain')
-        threshold = compute_threshold(novelty, 0.1, folds.session[known])
+        held_out = folds.take(known).divide(novelty)
         for i in np.unique(folds.fold):
             inside, part = others.take(fold != i), table.take(folds.fold == i)
             measure = fit_measure(inside.values, inside.labels, fold[fold != i], 'plain')
             novelty, is_new = measure.compute(part.values), part.labels == label
-            missed.append(np.mean(novelty[is_new] <= threshold))
+            new = novelty[is_new]
+            missed.append(np.mean(new <= held_out.compute_threshold(0.1)))
+            strictly_missed.append(np.mean(new <= held_out.compute_threshold(0.1, strict=True)))
             areas.append(roc_auc_score(is_new, novelty))
     found = leave_labels_out(table, folds, 'plain', 0.1)
     assert found.labels == 4
     assert found.miss_rate == pytest.approx(np.mean(missed))
+    assert found.strict_miss_rate == pytest.approx(np.mean(strictly_missed))
     assert found.auroc == pytest.approx(np.mean(areas))
     # Too few labels, or trials for the rate.
     two = texture_table.take(texture_table.labels < 'plate 2')

@@ -245,8 +245,18 @@ def test_a_file_without_held_out_novelties_says_so(model):
     assert (old.p_value, new.p_value > 0.05) == (None, True)
     assert old.missing == ('no p-value, the file states no held-out novelties: train it again',)
     assert dataclasses.replace(new, p_value=None, missing=old.missing) == old
-    for entry in ([], 3, [{'rank': 4, 'sessions': [[1.0]]}], [{'rank': 1, 'sessions': [[]]}],
-                  [{'rank': 1, 'sessions': ['x']}]):  # fmt: skip
+    damaged = (
+        {'names': [], 'sessions': [[1.0], [2.0]]},
+        {'names': ['a'], 'sessions': [[]]},
+        {'names': ['a'], 'sessions': ['x']},
+        {'names': [1], 'sessions': [[1.0]]},
+        {'names': ['a'], 'sessions': [[np.inf]]},
+        {'names': [], 'sessions': []},
+        {},
+        [],
+        3,
+    )
+    for entry in damaged:
         with pytest.raises(ModelFileError, match='novelties of held-out trials are damaged'):
             change({'held_out_novelty': entry})
 

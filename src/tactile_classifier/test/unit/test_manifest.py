@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
+from tactile_classifier.confidence.held_out_novelty import HeldOutNovelty
 from tactile_classifier.datasets.splits import stratified_split
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.evaluation.cross_validation import evaluate
@@ -50,7 +51,7 @@ GOOD = Manifest(
     cross_validation={'mean': 0.9, 'spread': 0.01, 'spread_of': 'folds', 'split': 'random'},
     created='2026-01-02T03:04:05+00:00',
     confidence=Confidence('plain', 1.5, 2.0, 0.0, 0.1, 0.05, 0.9),
-    calibration={'split': 'one session held out', 'groups': 3, 'session_share': 0.75},
+    calibration={'split': 'one session held out', 'groups': 3, 'strict': True},
 )
 
 
@@ -139,8 +140,8 @@ def test_any_entry_may_hold_anything(field, value):
 @given(
     st.sampled_from(['cross_validation', 'calibration']),
     st.sampled_from(
-        ['mean', 'split', 'groups', 'session_share', 'reason', 'choice',
-         'unlearned', 'spread', 'held_out']
+        ['mean', 'split', 'groups', 'strict', 'reason', 'choice',
+         'unlearned', 'spread', 'held_out', 'held_out_novelty']
     ),
     JSON,
 )  # fmt: skip
@@ -182,6 +183,13 @@ SEVERAL = TrainingTrials(3, 3, 2, 0.02, 0.03, 0)
                 '3 sessions were held out in turn. The threshold for unknown objects holds in 75',
             ],
             ['another mounting', 'speed was not tested'],
+        ),
+        (
+            {'calibration': {**GOOD.calibration, 'strict': False}},
+            [
+                'The threshold for unknown objects holds in the mean over new sessions like these',
+            ],
+            [],
         ),
         (
             {'training': SEVERAL, 'calibration': {'split': 'trials', 'groups': 0}},
@@ -242,11 +250,41 @@ def test_the_card_says_what_was_chosen_and_what_unlearned_labels_do(texture_tabl
         f'{100 * choice.nested_accuracy:.1f} % correctly (stratified 2-fold, once); '
         f'runner-up: texture_spectrum, {CLASSIFIER_TITLES[runner_up.candidate.classifier]}, '
     )
+    unlearned = manifest.calibration['unlearned']
     assert facts['unlearned labels'] == (
-        f'{100 * manifest.calibration["unlearned"]["miss_rate"]:.0f} % of their trials get a '
-        'known name: each of 8 labels left out in turn'
+        f'{100 * unlearned["miss_rate"]:.0f} % of their trials get a known name by the mean '
+        f'threshold, {100 * unlearned["strict_miss_rate"]:.0f} % by the strict one: each of 8 '
+        'labels left out in turn'
     )
     assert list_facts(GOOD)['chosen'] == 'features and classifier as stated, not by the folds'
+
+
+def test_the_card_states_both_thresholds_by_session_with_the_worst_one():
+    known = HeldOutNovelty(
+        tuple(np.arange(20.0) + shift for shift in (0.0, 1.0, 9.0)), ('mon', 'tue', 'wed')
+    )
+    calibration = {
+        **GOOD.calibration,
+        'strict': False,
+        'held_out_novelty': known.to_dict(),
+        'unlearned': {'labels': 4, 'auroc': 0.9, 'miss_rate': 0.2, 'strict_miss_rate': 0.6},
+    }
+    manifest = dataclasses.replace(GOOD, calibration=calibration, false_alarm_rate=0.1)
+    facts = list_facts(manifest)
+    assert (
+        facts['unknown']
+        == 'above novelty 1.50, for 10 % false rejection in the mean over sessions'
+    )
+    assert facts['false rejection, mean threshold'] == (
+        '20.0 % in the mean, at most 55 % (wed); mon 0, tue 5, wed 55 (sessions held out; above '
+        'novelty 23.00)'
+    )
+    assert (
+        'at most 50 % (wed); mon 0, tue 0, wed 50 ' in facts['false rejection, strict threshold']
+    )
+    assert '20 % of their trials get a known name by the mean' in facts['unlearned labels']
+    strict = dataclasses.replace(manifest, calibration={**calibration, 'strict': True})
+    assert list_facts(strict)['unknown'].endswith('false rejection in most new sessions')
 
 
 def test_files_hold_the_card_of_their_manifest(model_path):

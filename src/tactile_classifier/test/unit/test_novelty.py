@@ -12,11 +12,8 @@ from sklearn.metrics import roc_auc_score
 from tactile_classifier.confidence.fit_novelty import (
     choose_metric,
     compute_auroc,
-    compute_threshold,
     fit_measure,
-    rank_of_sessions,
     Spaces,
-    trials_needed,
 )
 from tactile_classifier.confidence.novelty import METRICS
 
@@ -130,63 +127,6 @@ def test_another_metric_needs_more_than_chance():
     labels, fold = np.repeat(list('abcdef'), 20), np.tile(np.arange(4), 30)
     chosen = [choose_metric(rng.normal(size=(120, 5)), labels, fold) for _ in range(10)]
     assert chosen.count('plain') >= 6
-
-
-@pytest.mark.parametrize(('rate', 'needed'), [(0.5, 1), (0.1, 9), (0.01, 99)])
-def test_threshold_of_the_fewest_trials_is_their_largest(rate, needed):
-    novelty = np.random.default_rng(0).permutation(needed) + 1.0
-    assert trials_needed(rate) == needed
-    assert compute_threshold(novelty, rate) == needed
-    with pytest.raises(ValueError, match=f'{needed} are needed'):
-        compute_threshold(novelty[:-1], rate)
-
-
-def test_threshold_holds_its_rate_on_further_trials():
-    # Exactly: of n + 1 exchangeable trials, the last lies above with probability
-    # at most the rate, and at least the rate minus 1 / (n + 1).
-    rng = np.random.default_rng(3)
-    novelty = rng.exponential(size=(4000, 51))
-    above = [row[-1] > compute_threshold(row[:-1], 0.1) for row in novelty]
-    assert 0.1 - 1 / 51 - 0.015 < np.mean(above) < 0.1 + 0.015
-
-
-@pytest.mark.parametrize(
-    ('sessions', 'rank'), [(1, 1), (2, 2), (6, 6), (9, 9), (19, 18), (40, 37)]
-)
-def test_most_sessions_are_bounded_by_one_of_the_largest(sessions, rank):
-    assert rank_of_sessions(sessions) == rank
-
-
-def test_session_threshold_is_the_worst_session_s_quantile():
-    session = np.repeat(np.arange(6), 40)
-    novelty = np.tile(np.arange(40.0), 6) + 100.0 * (session == 3)
-    # The 39th smallest of 40 bounds a 41st at 5 %.
-    assert compute_threshold(novelty, 0.05, session) == 138.0
-    with pytest.raises(ValueError, match='99 are needed'):
-        compute_threshold(novelty[:90], 0.01, session[:90])
-
-
-@pytest.mark.parametrize('sessions', [6, 19])
-def test_session_threshold_holds_in_as_many_new_sessions_as_stated(sessions):
-    rng = np.random.default_rng(12)
-    session = np.repeat(np.arange(sessions), 60)
-
-    def draw(count):
-        return np.exp(rng.normal(size=(count, 1)) + 0.5 * rng.normal(size=(count, 60)))
-
-    held, pooled = [], []
-    for _ in range(300):
-        novelty = draw(sessions).ravel()
-        new = draw(20)
-        for found, threshold in (
-            (held, compute_threshold(novelty, 0.1, session)),
-            (pooled, compute_threshold(novelty, 0.1)),
-        ):
-            found.append(np.mean((new > threshold).mean(axis=1) <= 0.1))
-    stated = rank_of_sessions(sessions) / (sessions + 1)
-    assert np.mean(held) == pytest.approx(stated, abs=0.03)
-    # One threshold for the trials of all sessions fails in far more of them.
-    assert np.mean(pooled) < stated - 0.05
 
 
 @settings(max_examples=30, deadline=None)

@@ -108,9 +108,19 @@ def train(
             min=0.001,
             max=0.5,
             help='False rejection rate: share of trials with known labels that the model may '
-            'classify as unknown. The threshold comes from held-out trials.',
+            'classify as unknown, in the mean over sessions. The threshold comes from held-out '
+            'trials.',
         ),
     ] = 0.05,
+    strict: Annotated[
+        bool,
+        typer.Option(
+            '--strict',
+            help='Let --false-alarms hold in most new sessions, not only in the mean over '
+            "sessions: the threshold is the largest of the sessions' thresholds. Fewer unknown "
+            'objects are found.',
+        ),
+    ] = False,
     window: Annotated[
         str,
         typer.Option(
@@ -195,6 +205,7 @@ def train(
                     folder=folder,
                     output=output,
                     false_alarm_rate=false_alarm_rate,
+                    strict=strict,
                     folds=folds,
                     repetitions=repetitions,
                     seed=seed,
@@ -313,6 +324,7 @@ def train_models(
     choice: 'Optional[FeatureChoice]' = None,
     hold_out: Sequence[str] = ('session_id',),
     false_alarm_rate: float = 0.05,
+    strict: bool = False,
     folds: int = 6,
     repetitions: Optional[int] = None,
     seed: int = 0,
@@ -368,6 +380,7 @@ def train_models(
             classifier,
             chosen,
             false_alarm_rate=false_alarm_rate,
+            strict=strict,
             score=evaluation.score(classifier, chosen),
             choice=choice,
             hold_out=hold_out,

@@ -97,25 +97,22 @@ def format_warnings(evaluations: Sequence[Evaluation]) -> list[str]:
 
 def describe_answers(manifest: Manifest) -> list[str]:
     """Return what held-out trials say of probabilities and threshold."""
-    from tactile_classifier.model_file.manifest import format_groups, format_scores
+    from tactile_classifier.model_file.manifest import (
+        describe_scope,
+        describe_thresholds,
+        format_scores,
+    )
 
     if 'reason' in manifest.calibration:
         return [f'no probabilities and no "unknown": {manifest.calibration["reason"]}']
     whole = manifest.confidence
     sentences = [
         f'probabilities: expected calibration error {100 * whole.calibration_error_before:.1f} % '
-        f'before, {100 * whole.calibration_error_after:.1f} % after; unknown: above novelty '
-        f'{whole.novelty_threshold:.2f}, at {100 * manifest.false_alarm_rate:g} % false '
-        f'rejection; both by {manifest.calibration["split"]}'
+        f'before, {100 * whole.calibration_error_after:.1f} % after; by '
+        f'{manifest.calibration["split"]}'
     ]
     if manifest.score_kind != PROBABILITY:
         sentences.append(f'scores: {format_scores(manifest)}')
-    share = manifest.calibration.get('session_share', -1.0)
-    things = format_groups(manifest.calibration)
-    sentences.append(
-        f'thresholds hold in {100 * share:.0f} % of new {things} like these'
-        if share > 0.0
-        else 'thresholds hold for trials like these; no group was held out, and a new session may '
-        'differ'
-    )
+    sentences += [f'{name}: {fact}' for name, fact in describe_thresholds(manifest).items()]
+    sentences.append(describe_scope(manifest))
     return sentences

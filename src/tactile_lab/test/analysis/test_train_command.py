@@ -67,7 +67,7 @@ def test_each_length_has_a_model_file_and_none_is_replaced_unasked(texture_bag, 
     assert [(s.sample_count, s.is_early) for s in specs] == [(180, 0), (30, 1), (90, 1)]
     assert len({spec.digest for spec in specs}) == 3
     assert all(model.manifest.false_alarm_rate == 0.1 for model in models)
-    assert 'at 10 % false rejection' in describe_answers(models[1].manifest)[0]
+    assert 'for 10 % false rejection' in ' '.join(describe_answers(models[1].manifest))
     lengths = said[said.index('accuracy by length') :].split('texture, flexion ')[1:4]
     assert [each.split()[0] for each in lengths] == ['0.5', '1.5', '3'], said
     assert all('stratified 2-fold' in each for each in lengths)  # not chosen by the folds
