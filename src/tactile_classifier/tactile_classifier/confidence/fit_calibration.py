@@ -181,9 +181,13 @@ def hold_out_novelty(
 ) -> Matrix:
     """Return novelties, shape (trials,), by measures fitted on the known trials of other folds.
 
-    ``spaces`` are those of `fit_spaces`, of the same trials.
+    Of two folds a measure of one knows no distances between folds; it takes the scales of the
+    measure of all known trials, which are such distances. ``spaces`` are those of `fit_spaces`, of
+    the same trials.
     """
     novelty = np.zeros(len(table))
+    values, labels, of_known = table.values[known], table.labels[known], fold[known]
+    whole = fit_measure(values, labels, of_known, metric) if len(np.unique(fold)) == 2 else None
     for i in np.unique(fold):
         inside = np.zeros(len(table), dtype=bool)
         inside[known] = True
@@ -192,6 +196,8 @@ def hold_out_novelty(
             *(table.values[inside], table.labels[inside], fold[inside], metric),
             spaces=None if spaces is None else spaces[int(i)],
         )
+        if whole is not None:
+            measure = dataclasses.replace(measure, scale=whole.scale[of_known != i])
         novelty[fold == i] = measure.compute(table.values[fold == i])
     return novelty
 

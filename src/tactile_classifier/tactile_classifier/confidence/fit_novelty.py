@@ -20,6 +20,7 @@ from tactile_classifier.confidence.novelty import (
     RELATIVE,
     WHITENED,
 )
+from tactile_classifier.datasets.dataset import divide_groups
 
 Indices = npt.NDArray[np.intp]
 
@@ -41,7 +42,7 @@ def fit_measure(
     such as its session. ``spaces`` are fitted to the same trials, or to these and more.
     """
     classes, owner = np.unique(labels, return_inverse=True)
-    spaces = spaces or Spaces.fit(values, labels)
+    spaces = spaces or Spaces.fit(values, labels, fold)
     rows = values - spaces.centre
     whitened = rows @ spaces.within
     factors = spaces.scaled if metric == 'scaled' else spaces.plain
@@ -72,11 +73,24 @@ class Spaces:
     total: Matrix
 
     @classmethod
-    def fit(cls, values: Matrix, labels: npt.NDArray[np.str_]) -> Spaces:
-        """Return the transforms for trials of shape (trials, k)."""
-        classes, owner = np.unique(labels, return_inverse=True)
-        means = np.stack([values[owner == i].mean(axis=0) for i in range(len(classes))])
-        residuals, centre = values - means[owner], values.mean(axis=0)
+    def fit(cls, values: Matrix, labels: npt.NDArray[np.str_], fold: Indices) -> Spaces:
+        """Return the transforms for trials of shape (trials, k).
+
+        With two folds a measure that holds out one of them knows no difference between folds, so
+        that of all trials may not know it either: the spread is within a label and a fold.
+        """
+        owner = np.unique(labels, return_inverse=True)[1]
+        if len(np.unique(fold)) == 2:
+            crossed = divide_groups(owner, fold)
+            owner = crossed if np.bincount(crossed).max() > 1 else owner
+        counts = np.bincount(owner)
+        means = np.stack([values[owner == i].mean(axis=0) for i in range(len(counts))])
+        is_repeated = counts[owner] > 1
+        unbiased = np.sqrt(counts / np.maximum(counts - 1, 1))[owner, np.newaxis]
+        residuals = ((values - means[owner]) * unbiased)[is_repeated]
+        centre = values.mean(axis=0)
+        if not len(residuals):  # one trial a label: nothing is known of the spread within it
+            residuals = values - centre
         spread = np.sqrt((residuals**2).mean(axis=0))
         # Rounding of the mean is no spread.
         varies = spread > 1e-12 * np.abs(values).max(axis=0)
@@ -109,7 +123,10 @@ def fit_spaces(
     values: Matrix, labels: npt.NDArray[np.str_], fold: Indices
 ) -> Mapping[int, Spaces]:
     """Return the spaces of the trials outside of each fold, by fold."""
-    return {int(i): Spaces.fit(values[fold != i], labels[fold != i]) for i in np.unique(fold)}
+    return {
+        int(i): Spaces.fit(values[fold != i], labels[fold != i], fold[fold != i])
+        for i in np.unique(fold)
+    }
 
 
 def choose_metric(
@@ -164,7 +181,7 @@ def _leave_labels_out(
     classes = np.unique(labels)
     if len(classes) < 2:
         return
-    spaces = spaces or Spaces.fit(values, labels)
+    spaces = spaces or Spaces.fit(values, labels, fold)
     measures = {m: fit_measure(values, labels, fold, m, spaces) for m in metrics if m != RELATIVE}
     rows = windows - spaces.centre
     squares = {
