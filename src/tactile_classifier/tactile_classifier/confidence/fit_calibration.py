@@ -15,6 +15,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize
+from scipy.stats import t as student_t
 from sklearn.model_selection import StratifiedKFold
 
 from tactile_classifier.confidence.calibration import Calibration
@@ -40,6 +41,11 @@ from tactile_classifier.records import VOTES
 
 MAX_FOLDS = 6
 """The most folds that trials or sessions are divided into, wherever so few will do."""
+
+BOUNDS = ((1e-3, 1e3), (0.0, 50.0))
+"""Slope, over the spread of the scores, and offset of a calibration."""
+
+PRECISE = {'ftol': 1e-14, 'gtol': 1e-8}
 
 BINS = 10
 """Bins of the expected calibration error."""
@@ -268,29 +274,33 @@ def fit_calibration(scores: Matrix, true: Indices) -> Calibration:
     """Return the map under which held-out labels are likeliest.
 
     Scores have shape (trials, labels); ``true`` are positions, shape (trials,). One imagined
-    miss, as in Platt's targets, keeps a classifier that made none from claiming certainty.
+    miss, as in Platt's targets, keeps a classifier that made none from claiming certainty. The
+    scores are divided by their spread first, so that their unit does not count. The loss is convex
+    in slope and offset.
     """
     trials, labels = scores.shape
     doubt = 1.0 / (trials + 2.0)
     target = np.full(scores.shape, doubt / (labels - 1))
-    target[np.arange(trials), true] = 1.0 - doubt
+    rows = np.arange(trials)
+    target[rows, true] = 1.0 - doubt
+    centred = scores - scores.mean(axis=1, keepdims=True)
+    spread = float(np.sqrt((centred**2).mean())) or 1.0
+    centred /= spread
+    answer = scores.argmax(axis=1)
 
-    def bound(parameters: Matrix) -> Calibration:
-        slope = float(np.exp(min(max(parameters[0], -7.0), 7.0)))
-        return Calibration(slope, max(float(parameters[1]), 0.0))
+    def loss(parameters: Matrix) -> tuple[float, Matrix]:
+        size = parameters[0] * centred
+        size[rows, answer] += parameters[1]
+        size -= size.max(axis=1, keepdims=True)
+        logarithm = size - np.log(np.exp(size).sum(axis=1, keepdims=True))
+        surplus = np.exp(logarithm) - target
+        gradient = np.array([(surplus * centred).sum(), surplus[rows, answer].sum()])
+        return float(-(target * logarithm).sum()), gradient
 
-    def loss(parameters: Matrix) -> float:
-        return float(-(target * _compute_logarithms(bound(parameters), scores)).sum())
-
-    return bound(minimize(loss, [0.0, 0.0], method='Nelder-Mead').x)
-
-
-def _compute_logarithms(calibration: Calibration, scores: Matrix) -> Matrix:
-    """Return the logarithms of the probabilities of many windows, also where these are 0."""
-    size = calibration.slope * scores
-    size[np.arange(len(scores)), scores.argmax(axis=1)] += calibration.offset
-    size -= size.max(axis=1, keepdims=True)
-    return np.asarray(size - np.log(np.exp(size).sum(axis=1, keepdims=True)))
+    found = minimize(
+        loss, [1.0, 0.1], jac=True, method='L-BFGS-B', bounds=BOUNDS, options=PRECISE
+    ).x
+    return Calibration(float(found[0] / spread), float(found[1]))
 
 
 def compute_calibration_error(probabilities: Matrix, true: Indices) -> float:
@@ -321,6 +331,29 @@ def hold_out_probabilities(scores: Matrix, true: Indices, fold: Indices) -> Matr
     return probabilities
 
 
+@dataclasses.dataclass(frozen=True)
+class Surplus:
+    """Mean probability of the answers minus their accuracy, over sessions that were held out.
+
+    ``mean`` and ``half_width`` of the 95 % interval (Student's t over the sessions) [1].
+    """
+
+    mean: float
+    half_width: float
+
+
+def measure_surplus(
+    probabilities: Matrix, true: Indices, session: Indices | None
+) -> Surplus | None:
+    """Return by how much probabilities are too large; None with fewer than two sessions."""
+    if session is None or session.max() < 1:
+        return None
+    stated = probabilities.max(axis=1) - (probabilities.argmax(axis=1) == true)
+    means = np.bincount(session, stated) / np.bincount(session)
+    error = means.std(ddof=1) / np.sqrt(len(means))
+    return Surplus(float(means.mean()), float(error * student_t.ppf(0.975, len(means) - 1)))
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class HeldOutCalibration:
     """Probabilities and novelty of a model, from trials that were held out.
@@ -328,7 +361,8 @@ class HeldOutCalibration:
     ``calibration`` is fitted to all held-out scores, ``novelty`` to all trials; the threshold
     comes from ``held_out_novelty``, by measures of the other folds. The errors are expected
     calibration errors before and after calibration [1]. ``accuracy`` is the share of held-out
-    trials whose answer is their label [1].
+    trials whose answer is their label [1]. ``surplus`` is the stated probability minus the
+    accuracy by session.
     """
 
     calibration: Calibration
@@ -338,6 +372,7 @@ class HeldOutCalibration:
     error_before: float
     error_after: float
     accuracy: float
+    surplus: Surplus | None
 
 
 def calibrate_held_out(
@@ -367,4 +402,5 @@ def calibrate_held_out(
         error_before=compute_calibration_error(uncalibrated, true),
         error_after=compute_calibration_error(probabilities, true),
         accuracy=float(np.mean(scores.argmax(axis=1) == true)),
+        surplus=measure_surplus(probabilities, true, folds.session),
     )

@@ -104,7 +104,8 @@ class Manifest:
         held-out trials behind the threshold and the probabilities, and ``strict``, whether the
         threshold is the strict one; or ``reason`` why there are none. ``held_out_novelty``: the
         novelties of held-out trials, by group (`HeldOutNovelty`).
-        ``unlearned``: rejection of labels left out in turn (`UnlearnedLabels`).
+        ``surplus``: stated probability minus accuracy, by group (`Surplus`). ``unlearned``:
+        rejection of labels left out in turn (`UnlearnedLabels`).
     false_alarm_rate : float
         Share of windows of known labels that the threshold rejects [1]; negative: no
         threshold.
@@ -262,6 +263,10 @@ def list_facts(manifest: Manifest) -> dict[str, str]:
         facts['calibration error'] = (
             f'{100 * before:.1f} % before, {100 * after:.1f} % after, on held-out trials'
         )
+        if 'surplus' in calibration:
+            facts['stated probability minus accuracy'] = (
+                f'{_format_surplus(calibration)} points (95 %, over {format_groups(calibration)})'
+            )
     facts |= describe_thresholds(manifest)
     facts['made with'] = ', '.join(f'{name} {v}' for name, v in sorted(manifest.versions.items()))
     return facts
@@ -382,7 +387,44 @@ def list_limits(manifest: Manifest) -> list[str]:
         limits.append('It never answers "unknown": every object is given a name.')
     if manifest.score_kind != PROBABILITY:
         limits.append('Its scores are no probabilities.')
+    else:
+        limits += warn_of_few_groups(manifest)
     return limits
+
+
+FEWEST_GROUPS = 5
+"""With fewer groups held out, the card warns of the probabilities whatever their interval is."""
+
+WIDEST_SURPLUS = 0.1
+"""Half-width of the surplus' interval above which the card warns of the probabilities [1]."""
+
+
+@refuse_damage('an entry of its manifest is')
+def warn_of_few_groups(manifest: Manifest) -> list[str]:
+    """Return a warning where groups are too few to know how good the probabilities are."""
+    calibration = manifest.calibration
+    things = format_groups(calibration)
+    if 'surplus' not in calibration:
+        return [
+            f'WARNING: without several {things} held out, it is not known how good the '
+            'probabilities are in a new one. Record more of them.'
+        ]
+    groups = int(calibration['groups'])
+    if groups >= FEWEST_GROUPS and calibration['surplus']['half_width'] <= WIDEST_SURPLUS:
+        return []
+    return [
+        f'WARNING: {groups} {things} are too few to know how good the probabilities are in a new '
+        f'one: they may be wrong by {_format_surplus(calibration)} points. Record more of them.'
+    ]
+
+
+def _format_surplus(calibration: Mapping[str, Any]) -> str:
+    surplus = calibration['surplus']
+    low, high = (
+        min(max(100 * (surplus['mean'] + sign * surplus['half_width']), -100.0), 100.0)
+        for sign in (-1, 1)
+    )
+    return f'{low:+.0f} to {high:+.0f}'
 
 
 def format_groups(calibration: Mapping[str, Any]) -> str:
@@ -412,6 +454,7 @@ def _format_sessions(manifest: Manifest) -> str:
     return 'No session was held out: a new session may do worse.'
 
 
+@refuse_damage('an entry of its manifest is')
 def describe_scope(manifest: Manifest) -> str:
     """Return in which new sessions the threshold for unknown objects holds, as a sentence."""
     calibration = manifest.calibration

@@ -216,6 +216,8 @@ def _calibrate(
         'strict': strict,
         KNOWN_NOVELTY: held_out.held_out_novelty.to_dict(),
     }
+    if held_out.surplus is not None:
+        stated['surplus'] = dataclasses.asdict(held_out.surplus)
     unlearned = leave_labels_out(table, folds, held_out.novelty.metric, false_alarm_rate)
     if unlearned is not None:
         stated['unlearned'] = dataclasses.asdict(unlearned)

@@ -233,6 +233,7 @@ def test_manifest_states_rates_and_how_they_were_found(early_model):
     known = stated.pop('held_out_novelty')
     assert (len(known['names']), sum(map(len, known['sessions']))) == (3, 240)
     assert stated.pop('unlearned')['labels'] == 4
+    assert set(stated.pop('surplus')) == {'mean', 'half_width'}
     assert stated == {
         'split': 'one session held out', 'groups': 3, 'held_out': ['session_id'], 'trials': 240,
         'strict': False,

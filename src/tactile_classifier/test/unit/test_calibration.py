@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 import numpy as np
 import pytest
+from scipy.stats import ttest_1samp
 from sklearn.metrics import roc_auc_score
 
 from tactile_classifier.confidence.calibration import Calibration
@@ -21,6 +22,7 @@ from tactile_classifier.confidence.fit_calibration import (
     hold_out_scores,
     leave_labels_out,
     make_group_folds,
+    measure_surplus,
 )
 from tactile_classifier.confidence.fit_novelty import fit_measure
 from tactile_classifier.errors import DatasetError
@@ -43,6 +45,54 @@ def test_fit_finds_the_map_that_the_labels_were_drawn_with():
     true = draw(true_map.compute(fresh), 4)
     assert compute_calibration_error(found.compute(fresh), true) < 0.02
     assert compute_calibration_error(Calibration(8.0, 0.0).compute(fresh), true) > 0.1
+
+
+@pytest.mark.parametrize('labels', [2, 5])
+def test_the_unit_of_the_scores_does_not_count(labels):
+    rng = np.random.default_rng(0)
+    true = rng.integers(labels, size=200)
+    scores = rng.normal(size=(200, labels))
+    scores[np.arange(200), true] += 1.5
+    probabilities = fit_calibration(scores, true).compute(scores)
+    assert compute_calibration_error(probabilities, true) < 0.1
+    for unit in (1e-6, 1e-2, 1e4, 1e9):
+        found = fit_calibration(unit * scores, true).compute(unit * scores)
+        np.testing.assert_allclose(found, probabilities, atol=1e-4)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 1000), st.floats(-3, 3), st.floats(0, 2))
+def test_no_other_map_makes_the_labels_likelier(seed, slope, offset):
+    rng = np.random.default_rng(seed)
+    true = rng.integers(3, size=60)
+    scores = rng.normal(size=(60, 3)) + 1.5 * np.eye(3)[true]
+
+    def loss(calibration):
+        target = np.full(scores.shape, 1 / 62 / 2)
+        target[np.arange(60), true] = 1 - 1 / 62
+        return -(target * np.log(calibration.compute(scores))).sum()
+
+    found = fit_calibration(scores, true)
+    assert loss(found) <= loss(Calibration(found.slope * np.exp(slope), offset)) + 1e-6
+
+
+@pytest.mark.parametrize('scores', [np.zeros((6, 2)), np.full((6, 2), 1e300)])
+def test_equal_scores_have_equal_probabilities(scores):
+    found = fit_calibration(scores, np.arange(6) % 2).compute(scores)
+    np.testing.assert_allclose(found, 0.5, atol=0.02)
+
+
+def test_surplus_is_over_sessions():
+    # Stated 0.9 in each of three sessions of ten, with 9, 8 and 7 right.
+    probabilities = np.tile([0.9, 0.1], (30, 1))
+    true = np.concatenate([np.arange(10) >= right for right in (9, 8, 7)]).astype(int)
+    session = np.repeat(np.arange(3), 10)
+    found = measure_surplus(probabilities, true, session)
+    interval = ttest_1samp([0.0, 0.1, 0.2], 0.0).confidence_interval()
+    assert found.mean == pytest.approx(0.1)
+    assert found.half_width == pytest.approx((interval.high - interval.low) / 2)
+    assert measure_surplus(probabilities, true, None) is None
+    assert measure_surplus(probabilities, true, np.zeros(30, dtype=int)) is None
 
 
 @settings(max_examples=60, deadline=None)

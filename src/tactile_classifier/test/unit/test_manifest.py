@@ -7,6 +7,7 @@ import contextlib
 import dataclasses
 import json
 import math
+import re
 
 from classifier_tables import make_table
 from hypothesis import given, settings
@@ -141,7 +142,7 @@ def test_any_entry_may_hold_anything(field, value):
     st.sampled_from(['cross_validation', 'calibration']),
     st.sampled_from(
         ['mean', 'split', 'groups', 'strict', 'reason', 'choice',
-         'unlearned', 'spread', 'held_out', 'held_out_novelty']
+         'unlearned', 'spread', 'held_out', 'held_out_novelty', 'surplus']
     ),
     JSON,
 )  # fmt: skip
@@ -259,9 +260,29 @@ def test_the_card_says_what_was_chosen_and_what_unlearned_labels_do(texture_tabl
     assert list_facts(GOOD)['chosen'] == 'features and classifier as stated, not by the folds'
 
 
+@pytest.mark.parametrize(
+    ('groups', 'half_width', 'warning'),
+    [
+        (4, 0.02, '4 sessions are too few to know how good the probabilities are'),
+        (6, 0.22, r'6 sessions are too few .* wrong by -16 to \+28 points'),
+        (6, 0.05, None),
+        (0, None, 'without several sessions held out, it is not known how good the prob'),
+    ],
+)
+def test_the_card_warns_where_groups_are_too_few_for_probabilities(groups, half_width, warning):
+    calibration = {'split': 'one session held out', 'groups': groups, 'strict': False}
+    if half_width is not None:
+        calibration['surplus'] = {'mean': 0.06, 'half_width': half_width}
+    manifest = dataclasses.replace(GOOD, score_kind='probability', calibration=calibration)
+    limits = ' '.join(list_limits(manifest))
+    assert (re.search(warning, limits) is not None) if warning else ('WARNING' not in limits)
+    raw = dataclasses.replace(manifest, score_kind='margin')
+    assert 'WARNING' not in ' '.join(list_limits(raw))
+
+
 def test_the_card_states_both_thresholds_by_session_with_the_worst_one():
     known = HeldOutNovelty(
-        tuple(np.arange(20.0) + shift for shift in (0.0, 1.0, 9.0)), ('mon', 'tue', 'wed')
+        tuple(np.arange(20.0) + shift for shift in (0.0, 1.0, 3.0)), ('mon', 'tue', 'wed')
     )
     calibration = {
         **GOOD.calibration,
@@ -276,12 +297,10 @@ def test_the_card_states_both_thresholds_by_session_with_the_worst_one():
         == 'above novelty 1.50, for 10 % false rejection in the mean over sessions'
     )
     assert facts['false rejection, mean threshold'] == (
-        '20.0 % in the mean, at most 55 % (wed); mon 0, tue 5, wed 55 (sessions held out; above '
-        'novelty 23.00)'
+        '8.3 % in the mean, at most 20 % (wed); mon 0, tue 5, wed 20 (sessions held out; above '
+        'novelty 19.00)'
     )
-    assert (
-        'at most 50 % (wed); mon 0, tue 0, wed 50 ' in facts['false rejection, strict threshold']
-    )
+    assert facts['false rejection, strict threshold'].startswith('5.0 % in the mean, at most 15 %')
     assert '20 % of their trials get a known name by the mean' in facts['unlearned labels']
     strict = dataclasses.replace(manifest, calibration={**calibration, 'strict': True})
     assert list_facts(strict)['unknown'].endswith('false rejection in most new sessions')

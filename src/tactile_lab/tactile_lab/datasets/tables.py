@@ -101,6 +101,7 @@ def describe_answers(manifest: Manifest) -> list[str]:
         describe_scope,
         describe_thresholds,
         format_scores,
+        warn_of_few_groups,
     )
 
     if 'reason' in manifest.calibration:
@@ -115,4 +116,6 @@ def describe_answers(manifest: Manifest) -> list[str]:
         sentences.append(f'scores: {format_scores(manifest)}')
     sentences += [f'{name}: {fact}' for name, fact in describe_thresholds(manifest).items()]
     sentences.append(describe_scope(manifest))
+    if manifest.score_kind == PROBABILITY:
+        sentences += warn_of_few_groups(manifest)
     return sentences
