@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Choices that training makes, on public recordings: features and classifier, kind of novelty."""
+"""Choices that training makes, on public recordings: features and classifier; and its answers."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ def _judge(protocol: str, features: str, contact: str, seed: int, tests: int) ->
     classes = np.unique(test.labels)
     others = {str(one): train.labels != one for one in classes}
     without = {
-        one: fit_measure(train.values[kept], train.labels[kept], folds.fold[kept], measure.metric)
+        one: fit_measure(train.values[kept], train.labels[kept], folds.fold[kept])
         for one, kept in others.items()
     }
     rows = []

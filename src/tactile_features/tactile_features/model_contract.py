@@ -21,7 +21,7 @@ from tactile_features.model_container import read_container
 from tactile_features.records import CONTACT_ABDUCTION, CONTACT_FLEXION, contacts_agree
 from tactile_features.spec import FeatureSpec
 
-FORMAT_VERSION = 8
+FORMAT_VERSION = 9
 """Version of the manifest of a model file."""
 
 DIGEST = 'specification_digest'

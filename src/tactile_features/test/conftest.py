@@ -20,7 +20,7 @@ def make_model_file():
 
     def make(path, spec, contact='flexion', **changes):
         fields = {
-            'format_version': 8,
+            'format_version': 9,
             'task': spec.task,
             'contact': contact,
             'spec': spec.to_dict(),

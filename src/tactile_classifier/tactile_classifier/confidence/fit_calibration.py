@@ -9,7 +9,7 @@ the table has two or more of them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 import dataclasses
 
 import numpy as np
@@ -19,13 +19,7 @@ from scipy.stats import t as student_t
 from sklearn.model_selection import StratifiedKFold
 
 from tactile_classifier.confidence.calibration import Calibration
-from tactile_classifier.confidence.fit_novelty import (
-    choose_metric,
-    compute_auroc,
-    fit_measure,
-    fit_spaces,
-    Spaces,
-)
+from tactile_classifier.confidence.fit_novelty import compute_auroc, fit_measure
 from tactile_classifier.confidence.held_out_novelty import HeldOutNovelty
 from tactile_classifier.confidence.novelty import NoveltyMeasure
 from tactile_classifier.datasets.conditions import find_cells
@@ -179,31 +173,21 @@ def hold_out_scores(
 
 
 def hold_out_novelty(
-    table: FeatureTable,
-    fold: Indices,
-    metric: str,
-    known: npt.NDArray[np.bool_] | slice = slice(None),
-    spaces: Mapping[int, Spaces] | None = None,
+    table: FeatureTable, fold: Indices, known: npt.NDArray[np.bool_] | slice = slice(None)
 ) -> Matrix:
     """Return novelties, shape (trials,), by measures fitted on the known trials of other folds.
 
     Of two folds a measure of one knows no distances between folds; it takes the scales of the
-    measure of all known trials, which are such distances. ``spaces`` are those of `fit_spaces`, of
-    the same trials.
+    measure of all known trials, which are such distances.
     """
     novelty = np.zeros(len(table))
     values, labels, of_known = table.values[known], table.labels[known], fold[known]
-    whole = fit_measure(values, labels, of_known, metric) if len(np.unique(fold)) == 2 else None
+    whole = fit_measure(values, labels, of_known) if len(np.unique(fold)) == 2 else None
     for i in np.unique(fold):
-        inside = np.zeros(len(table), dtype=bool)
-        inside[known] = True
-        inside &= fold != i
-        measure = fit_measure(
-            *(table.values[inside], table.labels[inside], fold[inside], metric),
-            spaces=None if spaces is None else spaces[int(i)],
-        )
+        inside = of_known != i
+        measure = fit_measure(values[inside], labels[inside], of_known[inside])
         if whole is not None:
-            measure = dataclasses.replace(measure, scale=whole.scale[of_known != i])
+            measure = dataclasses.replace(measure, scales=whole.scales[:, inside])
         novelty[fold == i] = measure.compute(table.values[fold == i])
     return novelty
 
@@ -211,15 +195,11 @@ def hold_out_novelty(
 def fit_novelty(table: FeatureTable, folds: GroupFolds) -> tuple[NoveltyMeasure, HeldOutNovelty]:
     """Return the measure fitted to all trials, and the novelties of held-out trials.
 
-    This is not split conformal prediction: each fold has a measure of its own, and the metric was
-    chosen on the same trials. The measure of all has more references, so that novelties of new
-    trials are lower rather than higher.
+    This is not split conformal prediction: each fold has a measure of its own. The measure of all
+    has more references, so that novelties of new trials are lower rather than higher.
     """
-    fold = folds.fold
-    spaces = fit_spaces(table.values, table.labels, fold)
-    metric = choose_metric(table.values, table.labels, fold, spaces)
-    novelty = hold_out_novelty(table, fold, metric, spaces=spaces)
-    return fit_measure(table.values, table.labels, fold, metric), folds.divide(novelty)
+    novelty = hold_out_novelty(table, folds.fold)
+    return fit_measure(table.values, table.labels, folds.fold), folds.divide(novelty)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -238,7 +218,7 @@ class UnlearnedLabels:
 
 
 def leave_labels_out(
-    table: FeatureTable, folds: GroupFolds, metric: str, false_alarm_rate: float
+    table: FeatureTable, folds: GroupFolds, false_alarm_rate: float
 ) -> UnlearnedLabels | None:
     """Return what a model without one of the labels would make of it, for each label in turn.
 
@@ -251,7 +231,7 @@ def leave_labels_out(
         return None
     for label in labels:
         is_new = table.labels == label
-        novelty = hold_out_novelty(table, folds.fold, metric, ~is_new)
+        novelty = hold_out_novelty(table, folds.fold, ~is_new)
         known = folds.take(~is_new).divide(novelty[~is_new])
         try:
             thresholds = [

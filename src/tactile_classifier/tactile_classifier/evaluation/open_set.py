@@ -174,8 +174,8 @@ def _evaluate_fold(
     unknown = {}
     for label in np.unique(test.labels):
         others = train.take(train.labels != label)
-        measure, held_out = fit_novelty(others, make_group_folds(others, columns))
-        threshold = held_out.compute_threshold(rate, strict=strict)
+        measure, known = fit_novelty(others, make_group_folds(others, columns))
+        threshold = known.compute_threshold(rate, strict=strict)
         is_new = test.labels == label
         if is_new.all():
             continue

@@ -40,13 +40,11 @@ KNOWN_NOVELTY = 'held_out_novelty'
 class Confidence:
     """Probabilities and thresholds of the answers.
 
-    ``metric`` is the kind of novelty, empty without one. ``novelty_threshold`` is the novelty
-    above which the answer is "unknown" [1]; negative: none. ``slope`` and ``offset`` are those of
-    the `Calibration`; negative: scores are raw. Calibration errors (expected) and accuracy are on
-    held-out trials [1]; negative: not calibrated.
+    ``novelty_threshold`` is the novelty above which the answer is "unknown" [1]; negative: none.
+    ``slope`` and ``offset`` are those of the `Calibration`; negative: scores are raw. Calibration
+    errors (expected) and accuracy are on held-out trials [1]; negative: not calibrated.
     """
 
-    metric: str = ''
     novelty_threshold: float = -1.0
     slope: float = -1.0
     offset: float = -1.0

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tactile_classifier.confidence.calibration import Calibration
-from tactile_classifier.confidence.novelty import METRICS, NoveltyMeasure
+from tactile_classifier.confidence.novelty import NoveltyMeasure
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.manifest import format_card, Manifest
 from tactile_classifier.model_file.prediction import (
@@ -102,24 +102,21 @@ def _read_predictor(manifest: Manifest, arrays: Arrays) -> Predictor:
     stated = manifest.confidence
     if (manifest.score_kind == PROBABILITY) != (stated.slope > 0.0):
         raise ModelFileError('its calibration does not go with its kind of scores')
-    metrics = METRICS if stated.novelty_threshold >= 0.0 else ('',)
-    if stated.metric not in metrics:
-        raise ModelFileError('its threshold of novelty does not go with its kind of novelty')
     sizes: dict[str | int, int] = {'k': len(manifest.spec.names), 'labels': len(manifest.labels)}
 
-    def read(kind: type[_Part], name: str, **more: Any) -> _Part:
-        return _read_part(kind, f'{name}.', arrays, dict(sizes), **more)
+    def read(kind: type[_Part], name: str) -> _Part:
+        return _read_part(kind, f'{name}.', arrays, dict(sizes))
 
     return Predictor(
         classifier=read(_CLASSIFIERS[manifest.classifier], 'classifier'),
         scaling=read(Scaling, 'scaling') if manifest.scaling == 'standard' else None,
         calibration=Calibration(stated.slope, stated.offset) if stated.slope > 0.0 else None,
-        novelty=read(NoveltyMeasure, 'novelty', metric=stated.metric) if stated.metric else None,
+        novelty=read(NoveltyMeasure, 'novelty') if stated.novelty_threshold >= 0.0 else None,
     )
 
 
 def _read_part(
-    kind: type[_Part], prefix: str, arrays: Arrays, sizes: dict[str | int, int], **more: Any
+    kind: type[_Part], prefix: str, arrays: Arrays, sizes: dict[str | int, int]
 ) -> _Part:
     fields: Arrays = {}
     for name, dimensions in kind.SHAPES.items():
@@ -141,8 +138,7 @@ def _read_part(
         if not np.isfinite(array).all():
             raise ModelFileError(f'its array "{prefix}{name}" has values that are not finite')
         fields[name] = array
-    more |= fields
-    part = kind(**more)
+    part = kind(**fields)
     try:
         part.check(sizes['k'], sizes['labels'])
     except ModelFileError as error:

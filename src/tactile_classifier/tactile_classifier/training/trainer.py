@@ -149,7 +149,6 @@ def train(
         ),
         created=datetime.datetime.now(datetime.timezone.utc).isoformat(timespec='seconds'),
         confidence=Confidence(
-            metric=held_out.novelty.metric,
             novelty_threshold=held_out.novelty_threshold,
             slope=held_out.calibration.slope,
             offset=held_out.calibration.offset,
@@ -218,7 +217,7 @@ def _calibrate(
     }
     if held_out.surplus is not None:
         stated['surplus'] = dataclasses.asdict(held_out.surplus)
-    unlearned = leave_labels_out(table, folds, held_out.novelty.metric, false_alarm_rate)
+    unlearned = leave_labels_out(table, folds, false_alarm_rate)
     if unlearned is not None:
         stated['unlearned'] = dataclasses.asdict(unlearned)
     return held_out, stated

@@ -219,7 +219,7 @@ def test_no_trial_is_judged_by_a_model_that_knew_it():
     fold = make_group_folds(table).fold
     scores, true = hold_out_scores(table, 'tree', 'none', fold)
     assert np.mean(scores.argmax(axis=1) == true) < 0.65
-    assert hold_out_novelty(table, fold, 'whitened').min() > 0.0
+    assert hold_out_novelty(table, fold).min() > 0.0
 
 
 def test_held_out_part_states_its_own_error(texture_table):
@@ -248,23 +248,23 @@ def test_unlearned_labels_are_those_of_models_without_them(texture_table):
     for label in np.unique(table.labels):
         known = table.labels != label
         others, fold = table.take(known), folds.fold[known]
-        novelty = hold_out_novelty(others, fold, 'plain')
+        novelty = hold_out_novelty(others, fold)
         held_out = folds.take(known).divide(novelty)
         for i in np.unique(folds.fold):
             inside, part = others.take(fold != i), table.take(folds.fold == i)
-            measure = fit_measure(inside.values, inside.labels, fold[fold != i], 'plain')
+            measure = fit_measure(inside.values, inside.labels, fold[fold != i])
             novelty, is_new = measure.compute(part.values), part.labels == label
             new = novelty[is_new]
             missed.append(np.mean(new <= held_out.compute_threshold(0.1)))
             strictly_missed.append(np.mean(new <= held_out.compute_threshold(0.1, strict=True)))
             areas.append(roc_auc_score(is_new, novelty))
-    found = leave_labels_out(table, folds, 'plain', 0.1)
+    found = leave_labels_out(table, folds, 0.1)
     assert found.labels == 4
     assert found.miss_rate == pytest.approx(np.mean(missed))
     assert found.strict_miss_rate == pytest.approx(np.mean(strictly_missed))
     assert found.auroc == pytest.approx(np.mean(areas))
     # Too few labels, or trials for the rate.
     two = texture_table.take(texture_table.labels < 'plate 2')
-    assert leave_labels_out(two, make_group_folds(two), 'plain', 0.1) is None
+    assert leave_labels_out(two, make_group_folds(two), 0.1) is None
     few = texture_table.take(np.arange(480) % 20 == 0)
-    assert leave_labels_out(few, make_group_folds(few), 'plain', 0.04) is None
+    assert leave_labels_out(few, make_group_folds(few), 0.04) is None

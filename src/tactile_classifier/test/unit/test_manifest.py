@@ -51,7 +51,7 @@ GOOD = Manifest(
     versions={'numpy': '2.2.6'},
     cross_validation={'mean': 0.9, 'spread': 0.01, 'spread_of': 'folds', 'split': 'random'},
     created='2026-01-02T03:04:05+00:00',
-    confidence=Confidence('plain', 1.5, 2.0, 0.0, 0.1, 0.05, 0.9),
+    confidence=Confidence(1.5, 2.0, 0.0, 0.1, 0.05, 0.9),
     calibration={'split': 'one session held out', 'groups': 3, 'strict': True},
 )
 
@@ -72,9 +72,10 @@ def changed(**changes):
 @pytest.mark.parametrize(
     ('changes', 'message'),
     [
-        ({'format_version': 5}, 'format version 5, this software reads 8: train'),
+        ({'format_version': 5}, 'format version 5, this software reads 9: train'),
         ({'specification_digest': 'ab' * 8}, 'does not match its feature specification'),
         ({'specification_digest': 7}, 'no valid entry "specification_digest"'),
+        ({'format_version': 8}, 'format version 8, .*: train the model again'),
         ({'format_version': None}, 'format version None'),
         ({'labels': 'pla'}, 'no valid entry "labels"'),
         ({'labels': ['pla', 3]}, 'no valid entry "labels"'),

@@ -249,7 +249,7 @@ LINEAR = {
         ('novelty.means', lambda a: a[:2], r'shape \(2, 91\); it must be \(3, 91\)'),
         ('novelty.references', lambda a: a * np.nan, 'has values that are not finite'),
         ('classifier.intercept', lambda a: a + np.inf, 'has values that are not finite'),
-        ('novelty.scale', lambda a: a * 0.0, r'"scale" are not positive \(novelty\)'),
+        ('novelty.scales', lambda a: a * 0.0, r'"scales" are not positive \(novelty\)'),
     ],
 )
 def test_an_array_that_does_not_fit_is_named(model_path, name, edit, message):
@@ -274,8 +274,8 @@ def test_arrays_under_the_manifest_of_another_model_are_refused(model_path):
         ({'scaling': 'standard'}, 'has no array "scaling.mean"'),
         ({'classifier': 'tree'}, 'has no array "classifier.feature"'),
         (
-            {'confidence': dataclasses.replace(manifest.confidence, metric='')},
-            'threshold of novelty does not go with its kind of novelty',
+            {'confidence': dataclasses.replace(manifest.confidence, novelty_threshold=-1.0)},
+            'has the array "novelty.centre", which belongs to no part',
         ),
     ):
         with pytest.raises(ModelFileError, match=message):

@@ -75,7 +75,7 @@ def test_only_too_few_trials_are_a_reason_for_no_probabilities(small_table, monk
     stated = train(few, 'knn', false_alarm_rate=0.01).manifest.calibration
     assert stated == {'reason': '12 trials cannot bound false rejection at 0.01; 99 are needed'}
 
-    def fail(*_):
+    def fail(*_, **__):
         raise ValueError('a fault')
 
     monkeypatch.setattr(trainer, 'calibrate_held_out', fail)

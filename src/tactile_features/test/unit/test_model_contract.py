@@ -56,7 +56,7 @@ def test_a_contact_leaves_out_the_models_of_another(folder):
 @pytest.mark.parametrize(
     ('changes', 'sentence'),
     [
-        ({'format_version': 5}, 'format version 5, this software reads 8: train'),
+        ({'format_version': 5}, 'format version 5, this software reads 9: train'),
         ({'task': 3}, 'no valid entry "task"'),
         ({'task': 'stiffness'}, 'task "stiffness" does not fit its feature set'),
         ({'contact': 'thumb'}, 'contact is "thumb"; it must be flexion or abduction, or empty'),
