@@ -38,10 +38,7 @@ COMMANDS = {
     'export': 'Write the trials of recordings as one long table, with a dataset card beside it.',
     'train': 'Choose features and classifier by the folds, write a model file.',
     'classify': 'Classify the trials of recordings with a model file.',
-    'evaluate': 'Cross-validate the four classifiers on recordings, and write a report.',
-    'compare': (
-        'Say which of two models is better, and whether the difference is more than chance.'
-    ),
+    'evaluate': 'Cross-validate the four classifiers on recordings, or evaluate model files.',
     'features': 'Write the features of recordings as a table, for notebooks and other programs.',
     'replay': 'Run a recording through features and classification again, and compare.',
     'repair': 'Write a closed copy of a bag whose recorder was killed.',

@@ -25,6 +25,9 @@ from tactile_features.spec import ALL, FeatureSpec
 
 _CHANNEL = 'channel_'
 
+DIGEST_BITS = 20
+"""Bits of a trial's largest feature that its digest sees."""
+
 
 @dataclasses.dataclass(frozen=True)
 class FeatureTable:
@@ -133,6 +136,16 @@ class FeatureTable:
         digest.update(text.encode())
         digest.update(self.values.astype('<f8').tobytes())
         return digest.hexdigest()
+
+    def digest_trials(self) -> list[str]:
+        """Return a digest of the features of each trial, 16 hex digits.
+
+        The features are rounded to about a millionth of the trial's largest one. A trial keeps its
+        digest on a computer that rounds differently, and new trials differ by more.
+        """
+        exponent = np.frexp(np.abs(self.values).max(axis=1, keepdims=True))[1]
+        rounded = np.rint(np.ldexp(self.values, DIGEST_BITS - exponent)).astype('<i8')
+        return [hashlib.sha256(row.tobytes()).hexdigest()[:16] for row in rounded]
 
 
 def divide_groups(group: npt.NDArray[np.intp], column: npt.NDArray[Any]) -> npt.NDArray[np.intp]:

@@ -89,6 +89,8 @@ class Manifest:
         Digest of the training table, see `FeatureTable.compute_sha256`.
     trials : int
         How many trials it was trained on.
+    trial_digests : tuple of str
+        Digests of the training trials in any order, see `FeatureTable.digest_trials`.
     versions : mapping of str to str
         Library versions.
     cross_validation : mapping
@@ -119,6 +121,7 @@ class Manifest:
     simulated: bool
     training_sha256: str
     trials: int
+    trial_digests: tuple[str, ...]
     versions: Mapping[str, str]
     cross_validation: Mapping[str, Any]
     created: str
@@ -132,6 +135,7 @@ class Manifest:
         fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         fields['spec'] = self.spec.to_dict()
         fields['labels'] = list(self.labels)
+        fields['trial_digests'] = list(self.trial_digests)
         fields['confidence'] = dataclasses.asdict(self.confidence)
         fields['training'] = dataclasses.asdict(self.training)
         return {'format_version': FORMAT_VERSION, DIGEST: self.spec.digest, **fields}
@@ -144,6 +148,7 @@ class Manifest:
         fields['spec'] = parse_spec(fields)
         del fields[DIGEST]
         fields['labels'] = tuple(fields['labels'])
+        fields['trial_digests'] = tuple(fields['trial_digests'])
         fields['confidence'] = _read_entry('confidence', fields['confidence'], Confidence())
         fields['training'] = _read_entry('training', fields['training'], TrainingTrials())
         manifest = cls(**fields)
@@ -194,8 +199,9 @@ def _check_types(fields: dict[str, Any]) -> None:
             raise ModelFileError(f'its manifest has no valid entry "{name}"')
     if not -1 <= fields['false_alarm_rate'] <= 1:
         raise ModelFileError('its manifest has a rate that is not between 0 and 1')
-    if not all(type(label) is str for label in fields['labels']):
-        raise ModelFileError('its manifest has no valid entry "labels"')
+    for name in ('labels', 'trial_digests'):
+        if not all(type(text) is str for text in fields[name]):
+            raise ModelFileError(f'its manifest has no valid entry "{name}"')
     unknown = sorted(set(fields) - set(_TYPES))
     if unknown:
         raise ModelFileError(f'its manifest has the unknown entry "{unknown[0]}"')

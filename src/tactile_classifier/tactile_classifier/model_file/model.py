@@ -398,22 +398,3 @@ class TactileModel:
             missing=tuple(missing),
         )
 
-
-SAME_TRIAL = 1e-4
-"""Novelty below which a trial is one of the training: its distance to a training trial, against
-what is usual between trials of that label. Rounding gives below 1e-6, new trials give above 0.05.
-"""
-
-
-def find_training_trials(
-    model: TactileModel, values: npt.NDArray[np.float64]
-) -> npt.NDArray[np.bool_] | None:
-    """Return which trials of features, shape (trials, k), the model was trained on.
-
-    None when its file does not tell: one without novelty. The others measure novelty from their
-    training trials, so these have none.
-    """
-    if not len(values):
-        return None
-    novelty = model.compute(values).novelty
-    return novelty < SAME_TRIAL if len(novelty) else None

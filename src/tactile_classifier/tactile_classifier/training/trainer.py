@@ -143,6 +143,7 @@ def train(
         simulated=bool(np.any(table.columns.get('simulated', False))),
         training_sha256=table.compute_sha256(),
         trials=len(table),
+        trial_digests=tuple(table.digest_trials()),
         versions=_versions(),
         cross_validation=_summary(
             score, choice, Candidate(table.spec.feature_set, classifier, scaling)

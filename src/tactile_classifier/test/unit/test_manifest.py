@@ -48,6 +48,7 @@ GOOD = Manifest(
     simulated=True,
     training_sha256='ab' * 32,
     trials=120,
+    trial_digests=('ab' * 8,) * 120,
     versions={'numpy': '2.2.6'},
     cross_validation={'mean': 0.9, 'spread': 0.01, 'spread_of': 'folds', 'split': 'random'},
     created='2026-01-02T03:04:05+00:00',

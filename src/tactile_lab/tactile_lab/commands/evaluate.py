@@ -1,8 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile evaluate`: cross-validated accuracy on any recordings, and the report."""
+"""`tactile evaluate`: cross-validated accuracy on any recordings, a report, and model files."""
 
+import inspect
 from pathlib import Path
 from typing import Annotated, Optional, TYPE_CHECKING
 
@@ -10,6 +11,7 @@ import typer
 
 from tactile_lab import options
 from tactile_lab.output import Output
+from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
     from tactile_lab.report.analysis import SetResult
@@ -19,6 +21,12 @@ STATED = (
     'speed_column', 'detrend', 'features',
 )  # fmt: skip
 """Options that the report states, if they are given."""
+
+OF_CROSS_VALIDATION = (
+    'train_where', 'test_where', 'over', 'detrend', 'folds', 'repetitions', 'features', 'report',
+    'answers', 'seed', 'cluster',
+)  # fmt: skip
+"""Options that do not go with ``--model``, whose file states features and is not trained again."""
 
 
 def evaluate(
@@ -33,6 +41,15 @@ def evaluate(
     ] = None,
     test_where: Annotated[
         Optional[str], typer.Option(help='Trials to test on; see --train-where.')
+    ] = None,
+    model: Annotated[
+        Optional[list[Path]],
+        typer.Option(
+            exists=True,
+            dir_okay=False,
+            help='Evaluate this model file (.npz) instead of cross-validating, on trials that it '
+            'was not trained on. Twice: compare both on the same trials.',
+        ),
     ] = None,
     over: options.OverOption = None,
     detrend: options.DetrendOption = None,
@@ -82,8 +99,27 @@ def evaluate(
     every classifier with and without scaling, by random folds and by held-out sessions, mountings
     or other groups, and states the split beside each number. ``--report`` and ``--json`` add
     feature selection, and take longer. The report has the paper's figures, made of your trials.
+
+    ``--model`` evaluates a model file on trials that it was not trained on, as in: tactile
+    evaluate bags/new --model old/texture.npz --model new/texture.npz. Its features are computed
+    from the recordings. The file lists digests of its training trials: these are left out and
+    counted. *unknown* counts as wrong. The interval is over sessions, or over the columns of
+    ``--group``. Two models are evaluated on trials that neither was trained on, with the exact
+    McNemar test of their difference. The other options are those of archives; those of
+    cross-validation are refused.
     """
     given = {**locals(), **vars(archives)}
+    if model:
+        defaults = inspect.signature(evaluate).parameters
+        for name in OF_CROSS_VALIDATION:
+            if given[name] != defaults[name].default:
+                raise TactileError(
+                    f'--{name.replace("_", "-")} is for cross-validation: leave --model or it out'
+                )
+        _evaluate_models(
+            recordings, task, model, group or [], archives, statements, Output(as_json)
+        )
+        return
     from tactile_bags.sources.files import SourceOptions
     from tactile_lab.cluster import on_cluster
     from tactile_lab.datasets.feature_tables import open_features
@@ -146,6 +182,37 @@ def evaluate(
         file.write_text(build_page(results, sources, settings), encoding='utf-8')
         output.say(f'{file}: the same with figures')
     output.result({'sets': [result.to_dict() for result in results]})
+
+
+def _evaluate_models(
+    recordings: list[Path],
+    task: Optional[str],
+    models: list[Path],
+    group: list[str],
+    archives: options.ArchiveOptions,
+    statements: options.Statements,
+    output: Output,
+) -> None:
+    from tactile_bags.sources.files import SourceOptions
+    from tactile_lab.datasets.feature_tables import load_recording
+    from tactile_lab.datasets.model_accuracy import evaluate_models, format_evaluation
+    from tactile_lab.datasets.reading import Reading
+
+    for name, values, most in (('--model', models, 2), ('--group', group, 1)):
+        if len(values) > most:
+            raise TactileError(
+                f'{name} is given {len(values)} times; with --model at most {most} '
+                f'{"is" if most == 1 else "are"} possible'
+            )
+    reading = Reading(task=task, **vars(archives))
+    with (
+        output.progress('evaluating'),
+        load_recording(recordings, SourceOptions(**vars(statements))) as recording,
+    ):
+        columns = options.split(group[0]) if group else ()
+        found = evaluate_models(recording, reading, models, columns)
+    output.say(*format_evaluation(found))
+    output.result(found.to_dict())
 
 
 def _print(result: 'SetResult', output: Output) -> None:
