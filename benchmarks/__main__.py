@@ -121,6 +121,8 @@ def _print(report: Report, out: PlainConsole) -> None:
         if text := getattr(report, name):
             out.say(f'{name}: {text}')
     out.say('')
+    for each in report.more:
+        _print(each, out)
 
 
 def _ratio(ratio: Any) -> str:

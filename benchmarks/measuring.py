@@ -38,12 +38,16 @@ class Row:
 
 @dataclass(frozen=True)
 class Report:
-    """The table of one topic, with what its columns mean; empty: it has no such column."""
+    """The table of one topic, with what its columns mean; empty: it has no such column.
+
+    ``more`` are further tables of the topic.
+    """
 
     title: str
     floor: str
     error: str
     rows: list[Row]
+    more: list[Report] = field(default_factory=list)
 
 
 def measure_ratio(

@@ -16,8 +16,11 @@ import matplotlib as mpl
 import numpy as np
 from numpy.typing import NDArray
 
+from tactile_bringup.trial_protocols import TrialConfig
 from tactile_features.feature_sets.stiffness import compute_regression
+from tactile_lab.simulation.simulated_trials import SimulationPlan
 import tactile_sim
+from tactile_sim.descriptions.catalogue import Catalogue
 from tactile_sim.physics import layout as at
 from tactile_sim.physics.equations import compute_curve
 from tactile_sim.physics.motion import Move, Timeline
@@ -30,6 +33,7 @@ mpl.use('Agg')
 from matplotlib import pyplot as plt
 from phase_picture import draw_phases
 from rig_picture import draw_plates, draw_rig
+from trial_picture import plot_simulated_trial
 
 FloatArray = NDArray[np.float64]
 
@@ -57,6 +61,8 @@ def main() -> None:
     figure.savefig(IMAGES / 'layout.png', dpi=110, bbox_inches='tight')
     draw_finger(IMAGES / 'simulated_finger.png')
     draw_glide(IMAGES / 'simulated_glide.png')
+    plan = SimulationPlan('texture', 'flexion', 1, 1)
+    plot_simulated_trial(IMAGES / 'simulated_trial.png', plan, TrialConfig(), Catalogue(None))
     draw_phases(IMAGES / 'detected_phases.png')
     draw_plates(IMAGES / 'plates.png')
     draw_rig(IMAGES / 'rig.png')

@@ -98,7 +98,7 @@ def evaluate(
     Takes real or simulated trials and computes the same features as the live node. Evaluates
     every classifier with and without scaling, by random folds and by held-out sessions, mountings
     or other groups, and states the split beside each number. ``--report`` and ``--json`` add
-    feature selection, and take longer. The report has the paper's figures, made of your trials.
+    feature selection, and take longer. The report has figures of your trials.
 
     ``--model`` evaluates a model file on trials that it was not trained on, as in: tactile
     evaluate bags/new --model old/texture.npz --model new/texture.npz. Its features are computed

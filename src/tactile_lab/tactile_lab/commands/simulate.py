@@ -79,10 +79,6 @@ def simulate(
     seed: options.SeedOption = 1,
     description: options.DescriptionOption = None,
     jobs: options.JobsOption = -1,
-    plot: Annotated[
-        Optional[Path],
-        typer.Option(help='Draw one of the trials to this PNG file.'),
-    ] = None,
     cluster: options.ClusterOption = '',
     as_json: options.JsonOption = False,
 ) -> None:
@@ -95,10 +91,6 @@ def simulate(
     Exits with 3 when the simulator found no equilibrium in some trial: such trials are in
     the bag up to that time, end as aborted, and give no features.
     """
-    if plot is not None and not plot.parent.is_dir():
-        raise TactileError(
-            f'cannot write {plot}: there is no folder {plot.parent}; make it, or name another file'
-        )
     if jobs == 0:
         raise TactileError('--jobs is 0; it must be a number of processes, or -1 for all cores')
     if speed and protocol != 'texture':
@@ -112,7 +104,6 @@ def simulate(
     sessions = sessions or (1 if is_published else SESSIONS)
     trials = trials or max(1, ALL_TRIALS // sessions)
 
-    from tactile_bringup.trial_protocols import TrialConfig
     from tactile_lab.cluster import on_cluster
     from tactile_lab.simulation.simulated_bags import count_trials
     from tactile_lab.simulation.simulated_trials import SimulationPlan
@@ -140,12 +131,6 @@ def simulate(
     elapsed_s = time.monotonic() - started
     output.say(*(f'{bag.path}: {bag.trials} simulated trials' for bag in bags))
     output.say(f'{total} trials in {elapsed_s:.1f} s: {total / elapsed_s:.0f} per second')
-    if plot is not None:
-        from tactile_lab.simulation.trial_picture import plot_simulated_trial
-
-        config = plans[0].configure(TrialConfig())
-        plot_simulated_trial(plot, plans[0], config, catalogue)
-        output.say(f'{plot}: one of them as a figure')
     described = [
         {
             'path': str(bag.path),

@@ -4,7 +4,7 @@
 """The evaluation of recordings as one page.
 
 - `recordings`, `analysis`, `answers`: sets of trials and their results, without matplotlib.
-- `summary`, `significance`, `published`: results in words, the last beside the paper's.
+- `summary`, `significance`: results in words.
 - `drawings`, `svg`: figures with text alternatives.
 - `build`: the HTML file, from the templates of the folder ``templates``.
 """

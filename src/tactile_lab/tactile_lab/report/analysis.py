@@ -7,11 +7,9 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any, TYPE_CHECKING, TypeVar
-
-import numpy as np
 
 from tactile_classifier.datasets.conditions import find_strata
 from tactile_classifier.datasets.dataset import FeatureTable, plain_name
@@ -34,9 +32,6 @@ if TYPE_CHECKING:
 
 _Result = TypeVar('_Result')
 
-FORCE_UNITS = {'MN': 1e-6, 'kN': 1e-3, 'N': 1.0, 'mN': 1e3, 'µN': 1e6}
-"""Units of force and how many of each are one newton."""
-
 
 @dataclass(frozen=True)
 class SetResult:
@@ -46,26 +41,18 @@ class SetResult:
     ----------
     evaluations : tuple of Evaluation
         Random folds first, then one for each grouped split, then one for each stated split.
-    units : dict of str to float
-        Accuracy of the unscaled RBF SVM when forces are stated in this unit [1]. For stiffness,
-        whose features differ in unit; empty otherwise.
     not_done : tuple of str
         One sentence for each analysis that the trials do not allow.
     answers : Answers or None
         None where they were not requested.
-    published : SetResult or None
-        Random folds and significance with the features that the paper computes, where
-        ``recordings`` has others.
     """
 
     recordings: RecordingSet
     evaluations: tuple[Evaluation, ...]
     selections: tuple[SelectionResult, ...]
     significance: RankSum
-    units: dict[str, float]
     not_done: tuple[str, ...]
     answers: Answers | None = None
-    published: SetResult | None = None
 
     @property
     def name(self) -> str:
@@ -73,9 +60,9 @@ class SetResult:
         return self.recordings.contact or self.recordings.title
 
     @property
-    def as_published(self) -> SetResult:
-        """The result to compare with the paper's statements."""
-        return self.published or self
+    def of_holds(self) -> bool:
+        """Whether these are stiffness trials."""
+        return self.recordings.table.task == PROTOCOL_STIFFNESS
 
     @property
     def plain(self) -> Evaluation:
@@ -101,9 +88,8 @@ class SetResult:
                 'labels': list(self.significance.labels),
                 'strata': self.significance.strata,
                 'mean_p': self.significance.mean_p.tolist(),
-                'p': self.significance.p.tolist() if self.units else None,
+                'p': self.significance.p.tolist() if self.of_holds else None,
             },
-            'rbf_unscaled_by_unit_of_force': self.units,
             'answers': self.answers and self.answers.to_dict(),
             'not_done': list(self.not_done),
             'prepared': list(recordings.steps),
@@ -150,15 +136,6 @@ def _plan_set(
         )
     elif details:
         plans['selections'] = _plan_selection(table, splits, random_state, not_done)
-    if details and table.task == PROTOCOL_STIFFNESS:
-        plans['units'] = [
-            AccuracyPlan(in_unit(table, factor), evaluated[0].once(), ['svm_rbf'], ['none'])
-            for factor in FORCE_UNITS.values()
-        ]
-    if details and recordings.published is not None:
-        plans['published'] = [
-            AccuracyPlan(recordings.published, evaluated[0], random_state=random_state)
-        ]
     if recordings.answers:
         hold_out = next(iter(recordings.hold_out), ())
         plans['answers'] = [AnswersPlan(table, hold_out)]
@@ -206,38 +183,15 @@ def _finish_set(
     recordings: RecordingSet, found: dict[str, list[Any]], not_done: Sequence[str]
 ) -> SetResult:
     answers = next(iter(found.get('answers', ())), None)
-    units = [evaluation.scores[0].mean for evaluation in found.get('units', ())]
-    result = SetResult(
+    table = recordings.table
+    return SetResult(
         recordings,
         tuple(found['evaluations']),
         tuple(result for results in found.get('selections', ()) for result in results),
-        _test_ranks(recordings.table),
-        dict(zip(FORCE_UNITS, units, strict=False)),
+        rank_sum_p_values(table.values, table.labels, find_strata(table)),
         (*not_done, *(answers.not_done if answers else ())),
         answers,
     )
-    published = recordings.published
-    if published is None or 'published' not in found:
-        return result
-    as_published = replace(
-        result,
-        recordings=replace(recordings, table=published),
-        evaluations=tuple(found['published']),
-        significance=_test_ranks(published),
-        selections=(),
-        answers=None,
-    )
-    return replace(result, published=as_published)
-
-
-def _test_ranks(table: FeatureTable) -> RankSum:
-    return rank_sum_p_values(table.values, table.labels, find_strata(table))
-
-
-def in_unit(table: FeatureTable, factor: float) -> FeatureTable:
-    """Return a table whose forces count in another unit, of which ``factor`` are one newton."""
-    factors = np.array([factor if unit.startswith('N') else 1.0 for unit in table.spec.units])
-    return replace(table, values=table.values * factors)
 
 
 def analyse(
@@ -253,8 +207,7 @@ def analyse(
     """Evaluate all sets under plain folds and their grouped splits.
 
     Sets with extras also get what a model says besides a label, under the first grouped split.
-    Without ``details`` accuracies alone: no feature selection, nothing in other units or with the
-    features that the paper computes.
+    Without ``details`` accuracies only: no feature selection.
 
     Splits that the trials do not allow are left out, and told in ``not_done``.
 

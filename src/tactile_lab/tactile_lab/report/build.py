@@ -18,7 +18,6 @@ from tactile_lab.datasets.tables import format_interval, format_warnings
 from tactile_lab.output import named_errors
 from tactile_lab.report import drawings
 from tactile_lab.report.analysis import SetResult
-from tactile_lab.report.published import compare_with_paper, format_design, is_the_papers
 from tactile_lab.report.significance import find_components, format_alike_pairs
 from tactile_lab.report.summary import (
     find_versions,
@@ -69,7 +68,6 @@ def build_page(
     }
     environment.filters |= filters
     environment.globals |= {each.__name__: each for each in _FUNCTIONS}
-    environment.tests['of_the_papers_labels'] = is_the_papers
     return environment.get_template('report.html').render(
         title=TITLE,
         simulated=any(result.recordings.simulated for result in results),
@@ -87,19 +85,16 @@ def format_split(result: SetResult, each: OpenSetEvaluation) -> str:
 
 
 _FUNCTIONS: Sequence[Callable[..., Any]] = (
-    compare_with_paper,
     drawings.draw_accuracies,
     drawings.draw_answers,
     drawings.draw_confusion,
     drawings.draw_open_set,
-    drawings.draw_scaling_cause,
     drawings.draw_signals,
     drawings.draw_significance,
     drawings.draw_split_accuracies,
     find_components,
     format_accuracy,
     format_alike_pairs,
-    format_design,
     format_features,
     format_first_sentence,
     format_model,

@@ -32,7 +32,6 @@ from tactile_lab.plots import (
     UNKNOWN_UNITS,
 )
 from tactile_lab.report.analysis import SetResult
-from tactile_lab.report.published import is_the_papers, lowest_published
 from tactile_lab.report.recordings import TrialExample
 from tactile_lab.report.significance import (
     Components,
@@ -50,9 +49,6 @@ from tactile_lab.report.summary import (
     shown_score,
 )
 from tactile_lab.report.svg import CLASSIFIER_COLOURS, Drawing, INK, legend_below, render
-
-PAPER_TRIAL = (-0.90, 12.62, -0.99)
-"""Slope [N/s], intercept [N] and correlation of the flexion trial of the paper's Fig. 7."""
 
 _CELL_RGB = to_rgb('#1f5f9e')
 _GROUP_MARKS = 'Dovs'
@@ -148,12 +144,12 @@ def draw_signals(result: SetResult) -> Iterable[Drawing]:
         yield draw_textures(result, components)
     if recordings.trial is not None:
         yield draw_trial(result, recordings.trial)
-    if recordings.examples and result.units:
+    if recordings.examples and result.of_holds:
         yield draw_holds(result)
 
 
 def draw_textures(result: SetResult, components: Components) -> Drawing:
-    """Draw one window a texture without its mean, and its spectrum, after the paper's Fig. 6."""
+    """Draw one window a texture without its mean, and its spectrum."""
     recordings = result.recordings
     table = recordings.table
     factor, unit = (1e3, 'mN') if recordings.unit == 'N' else (1.0, recordings.unit)
@@ -226,7 +222,7 @@ def draw_holds(result: SetResult) -> Drawing:
 
 
 def draw_trial(result: SetResult, trial: TrialExample) -> Drawing:
-    """Draw one stiffness trial with its phases, after the paper's Fig. 7."""
+    """Draw one stiffness trial with its phases."""
     table = result.recordings.table
     names = [short_name(name) for name in table.spec.names]
     named = dict(zip(names, table.values[trial.row], strict=True))
@@ -238,20 +234,13 @@ def draw_trial(result: SetResult, trial: TrialExample) -> Drawing:
         )
 
     found = ', '.join(f'{name} {value:.2f}' for name, value in named.items())
-    slope, intercept, correlation = PAPER_TRIAL
-    paper = (
-        f' The flexion trial that the paper shows has slope {slope:.2f}, '
-        f'intercept {intercept:.2f}, correlation {correlation:.2f}.'
-        if is_the_papers(result)
-        else ''
-    )
     phases = ', '.join(f'{name} from {start:.1f} s' for name, start, _ in trial.phases)
     return render(
         draw,
         (6.6, 3.1),
         f'{result.recordings.title}: one trial on {table.labels[trial.row]}. Contact is the '
         'dynamic deformation, hold the static one, release the end of strain. '
-        f'Between the dashes: {found}.{paper}',
+        f'Between the dashes: {found}.',
         f'Tension of one trial on {table.labels[trial.row]}: up to {np.max(trial.tension_n):.3g} '
         f'N; {phases}. Features of the window: {found}.',
         simulated=result.recordings.simulated,
@@ -262,7 +251,7 @@ def draw_trial(result: SetResult, trial: TrialExample) -> Drawing:
 
 
 def draw_accuracies(results: Sequence[SetResult]) -> Drawing:
-    """Draw the accuracy of each classifier on each set, after the paper's Fig. 8."""
+    """Draw the accuracy of each classifier on each set."""
 
     def draw(figure: Figure) -> None:
         panels = figure.subplots(len(SCALINGS), 1, sharex=True)
@@ -273,7 +262,6 @@ def draw_accuracies(results: Sequence[SetResult]) -> Drawing:
     marks = '; '.join(
         f'{mark}: {name}' for mark, name in zip('◆●▼■', _split_names(results), strict=False)
     )
-    paper = any(is_the_papers(result) for result in results)
     best = '; '.join(
         f'{result.recordings.title}: best {_percent(score.mean)}, {format_classifier(score)}'
         for result in results
@@ -285,7 +273,6 @@ def draw_accuracies(results: Sequence[SetResult]) -> Drawing:
         f'Accuracy of each classifier. Bars: mean of {results[0].plain.split}, with the standard '
         'deviation over repetitions. '
         + (f'Marks: mean with whole groups held out ({marks}). ' if marks else '')
-        + ('Dashes: accuracy in the paper. ' if paper else '')
         + 'Dots: chance.',
         f'Accuracy of each classifier, {results[0].plain.split}. {best}. The tables below have '
         'all numbers.',
@@ -323,9 +310,6 @@ def _draw_bars(axes: Axes, results: Sequence[SetResult], scaling: str) -> None:
                     mfc='white',
                     mew=0.8,
                 )
-            published = lowest_published(result, classifier)
-            if published is not None:
-                axes.plot([x - 0.09, x + 0.09], [100 * published] * 2, '--', color=INK, lw=1.1)
         chance = 100 * result.plain.chance
         axes.plot([i - 0.42, i + 0.42], [chance, chance], ':', color=INK, lw=1)
     axes.set_xticks(range(len(results)), [_short_title(r) for r in results])
@@ -365,58 +349,6 @@ def draw_confusion(result: SetResult) -> Drawing:
     )
 
 
-def draw_scaling_cause(results: Sequence[SetResult]) -> Drawing:
-    """Draw why the RBF SVM needs scaling on stiffness features."""
-    names = [short_name(name) for name in results[0].recordings.table.spec.names]
-    # How much of the mean squared distance between trials each feature makes up.
-    variances = [result.recordings.table.values.var(axis=0) for result in results]
-    shares = [100 * each / each.sum() for each in variances]
-    scaled = [100 * result.plain.score('svm_rbf', 'standard').mean for result in results]
-    is_newton = all(result.recordings.unit == 'N' for result in results)
-
-    def draw(figure: Figure) -> None:
-        left, right = figure.subplots(1, 2, width_ratios=(1, 1.2))
-        for i, result in enumerate(results):
-            left.bar(
-                np.arange(len(names)) + 0.8 * ((i + 0.5) / len(results) - 0.5),
-                shares[i],
-                0.8 / len(results),
-                color=f'C{i}',
-                label=result.recordings.contact or 'not scaled',
-            )
-            accuracies = [100 * accuracy for accuracy in result.units.values()]
-            right.plot(list(result.units), accuracies, 'o-', ms=3, lw=1.2, color=f'C{i}')
-            right.axhline(scaled[i], ls='--', lw=1, color=f'C{i}')
-        left.axhline(100 / len(names), ls='--', lw=1, color=INK, label='each, scaled')
-        left.set_xticks(range(len(names)), names)
-        left.set(ylim=(0, 104), ylabel='share of squared distance [%]', title='unscaled')
-        legend_below(figure, left)
-        right.set(
-            ylim=(0, 104),
-            ylabel='accuracy [%]',
-            xlabel='unit of force' + (' (recorded: N)' if is_newton else ' (if recorded in N)'),
-            title='RBF SVM: unscaled (line), scaled (dashes)',
-        )
-
-    found = '; '.join(
-        f'{result.recordings.title}: {names[int(np.argmax(share))]} is {np.max(share):.0f} % of '
-        f'the squared distance; RBF SVM, not scaled, '
-        f'{100 * min(result.units.values()):.0f} to {100 * max(result.units.values()):.0f} % by '
-        f'unit, scaled {of_scaled:.0f} %'
-        for result, share, of_scaled in zip(results, shares, scaled, strict=True)
-    )
-    return render(
-        draw,
-        (6.6, 3.0),
-        'Slope, intercept and correlation differ in unit and size. Left: share of each feature in '
-        'the squared distance between trials, which is all that the RBF kernel sees. Right: the '
-        'same trials with forces in other units. Only scaling (dashes) makes the result '
-        'independent of the unit.',
-        f'Effect of scaling. {found}.',
-        simulated=any(result.recordings.simulated for result in results),
-    )
-
-
 # -- significance -----------------------------------------------------------------------
 
 
@@ -424,14 +356,14 @@ def draw_significance(results: Sequence[SetResult]) -> Iterable[Drawing]:
     """Draw the rank-sum tests of each set: by Fourier component, or as matrices of objects."""
     for result in results:
         components = find_components(result.recordings.table.spec)
-        if result.units:
+        if result.of_holds:
             yield draw_p_matrices(result)
         elif components is not None:
             yield draw_mean_p(result, components)
 
 
 def draw_mean_p(result: SetResult, components: Components) -> Drawing:
-    """Draw the mean p-value of each Fourier component, after the paper's Fig. 9."""
+    """Draw the mean p-value of each Fourier component."""
     all_mean_p = result.significance.mean_p[components.columns]
     mean_p = np.maximum(all_mean_p, _SMALLEST_P)
     above = all_mean_p > LEVEL
@@ -460,7 +392,7 @@ def draw_mean_p(result: SetResult, components: Components) -> Drawing:
 
 
 def draw_p_matrices(result: SetResult) -> Drawing:
-    """Draw the p-value matrix of each stiffness feature, after the paper's Fig. 10."""
+    """Draw the p-value matrix of each stiffness feature."""
     significance = result.significance
     names = [short_name(name) for name in result.recordings.table.spec.names]
     labels = significance.labels
@@ -471,7 +403,7 @@ def draw_p_matrices(result: SetResult) -> Drawing:
             texts = [
                 ['' if i == j else _short_p(p[i, j]) for j in range(len(p))] for i in range(len(p))
             ]
-            # Inverse, as in the paper: filled where labels differ.
+            # Filled where labels differ.
             draw_matrix(axes, 1.0 - p, labels, texts)
             axes.set_title(name)
 

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,25 +16,13 @@ from tactile_classifier.datasets.archive import Skipped
 from tactile_classifier.datasets.dataset import FeatureTable, plain_name
 from tactile_classifier.datasets.splits import grouped_split, Split
 from tactile_classifier.errors import EvaluationError
-from tactile_features.feature_sets.stiffness import StiffnessRegression, StiffnessRelaxation
-from tactile_features.feature_sets.texture_spectrum import TextureSpectrum
 from tactile_features.records import PROTOCOL_STIFFNESS
 from tactile_lab.datasets.feature_tables import Key, RecordingFeatures
 from tactile_lab.datasets.reading import select_features
-from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
     from tactile_classifier.training.feature_choice import Candidate, FeatureChoice
     from tactile_lab.datasets.automatic_features import Chosen
-
-PAPER: Mapping[str, Any] = MappingProxyType(
-    {
-        'spectrum_detrend': 'mean',
-        'spectrum_window': 'none',
-        'stiffness_features': StiffnessRegression.name,
-    }
-)
-"""The paper's features of its own windows, by the fields of `FeatureConfig`."""
 
 SESSIONS = ('session_id', 'session', 'day')
 MOUNTINGS = ('mounting_id', 'mounting')
@@ -78,8 +65,6 @@ class RecordingSet:
         Of the signal: ``N``, or ``raw`` for an archive, which does not say.
     examples : tuple of Example
         One a label.
-    published : FeatureTable or None
-        The features of the same trials as the paper computes them, where ``table`` has others.
     splits : tuple of Split
         Stated trials to train on and to test on, beside plain folds and grouped splits.
     skipped, steps
@@ -98,7 +83,6 @@ class RecordingSet:
     unit: str
     examples: tuple[Example, ...] = ()
     trial: TrialExample | None = None
-    published: FeatureTable | None = None
     splits: tuple[Split, ...] = ()
     skipped: tuple[Skipped, ...] = ()
     steps: tuple[str, ...] = ()
@@ -129,8 +113,8 @@ def make_sets(
 
     ``hold_out`` are the columns of the grouped splits. Empty: one session is held out where there
     are several that have all labels, one block of trials where not, and one mounting. ``chosen``
-    is the choice of ``--features auto``. ``report``: also the features that the paper computes,
-    and signals. ``answers``: unknown objects are evaluated, too.
+    is the choice of ``--features auto``. ``report``: also signals. ``answers``: unknown objects
+    are evaluated, too.
     """
     reading, recording = features.reading, features.recording
     whole = features.tables().tables if chosen is None else {k: c.table for k, c in chosen.items()}
@@ -138,9 +122,6 @@ def make_sets(
         key: select_features(reading.keep_stated(table), reading.features)
         for key, table in whole.items()
     }
-    published = {}
-    if report and any(map(_is_unlike_paper, tables.values())):
-        published = features.tables(PAPER).tables
     sets = []
     for key, table in tables.items():
         simulated = bool(np.any(table.columns.get('simulated', False)))
@@ -167,7 +148,6 @@ def make_sets(
                 found,
                 examples=tuple(Example(row, *window) for row, window in windows),
                 trial=_find_trial(features, table) if key[0] == PROTOCOL_STIFFNESS else None,
-                published=_select_published(features, table, published.get(key[:2])),
             )
         sets.append(found)
     return sets
@@ -196,27 +176,6 @@ def usual_splits(table: FeatureTable) -> tuple[list[tuple[str, ...]], list[str]]
         if len(np.unique(table.columns[column])) < len(table) and can_hold_out(column)
     ]
     return [(column,) for column in (first, *mountings) if column], not_done
-
-
-def _is_unlike_paper(table: FeatureTable) -> bool:
-    """Return whether these are other features of the very windows that the paper takes."""
-    spec = table.spec
-    if spec.feature_set != TextureSpectrum.name:
-        return spec.feature_set == StiffnessRelaxation.name
-    return any(spec.parameters.get(name) != PAPER[name] for name in TextureSpectrum.options)
-
-
-def _select_published(
-    features: RecordingFeatures, table: FeatureTable, published: FeatureTable | None
-) -> FeatureTable | None:
-    """Return the wanted ones of the paper's features; None: it does not have them."""
-    if published is None or not _is_unlike_paper(table):
-        return None
-    reading = features.reading
-    try:
-        return select_features(reading.keep_stated(published), reading.features)
-    except TactileError:
-        return None
 
 
 def _first_rows(table: FeatureTable) -> list[int]:

@@ -14,7 +14,7 @@ from tactile_features.spec import FeatureSpec
 from tactile_lab.report.analysis import SetResult
 
 LEVEL = 0.05
-"""The paper's line of significance (Fig. 9)."""
+"""Line of significance, as in Fig. 9 of the paper."""
 
 _KINDS = (
     ('__spectrum__hz_', 1.0, 'frequency', 'Hz'),

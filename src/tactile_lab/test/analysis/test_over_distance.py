@@ -9,18 +9,11 @@ import numpy as np
 import pytest
 from tactile_command import ask_tactile, hear_tactile
 
-from tactile_classifier.datasets.archive import load_archive
-from tactile_classifier.datasets.dataset import table_from_trials
-from tactile_classifier.evaluation.cross_validation import evaluate
 from tactile_classifier.model_file.model import load_model
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
-from tactile_lab.datasets.feature_tables import open_features, read_tables
-from tactile_lab.datasets.reading import parse_over, Reading
-from tactile_lab.report.analysis import analyse
-from tactile_lab.report.build import build_page
-from tactile_lab.report.published import LABELS
-from tactile_lab.report.recordings import make_sets
+from tactile_lab.datasets.feature_tables import read_tables
+from tactile_lab.datasets.reading import parse_over
 from tactile_ros.errors import TactileError
 
 SPEEDS_MM_S = (10, 30)
@@ -90,36 +83,6 @@ def test_an_archive_is_evaluated_over_distance_with_a_speed_held_out(archive):
     (result,) = ask_tactile('evaluate', archive, *options_for())['sets']
     assert 'over 30:0.5 mm' in result['title']
     assert result['features'][0] == 'tension__spatial_spectrum__per_m_33.333'
-
-
-def test_a_report_compares_the_paper_s_features_whatever_else_it_shows(archive):
-    with np.load(archive) as loaded:
-        plates = np.repeat(sorted(LABELS['texture']), 3)
-        np.savez(archive, **{**loaded, 'label': plates})
-    (recordings,) = read_sets(archive, 'linear')
-    found = analyse([recordings], folds=2, repetitions=1, random_state=0, jobs=1)[0]
-    assert dict(recordings.table.spec.parameters) == {
-        'spectrum_detrend': 'linear',
-        'spectrum_window': 'none',
-    }
-    page = build_page([found], [], {})
-    assert 'features: texture_spectrum, spectrum_detrend linear, spectrum_window none' in page
-    assert 'so do the texture features of this comparison' in page
-    # The comparison is made with the mean alone.
-    trials = load_archive(archive)
-    want = table_from_trials('texture', trials, 0, config=FeatureConfig(spectrum_detrend='mean'))
-    assert recordings.published.compute_sha256() == want.compute_sha256()
-    published = found.as_published
-    expected = evaluate(want, folds=2, repetitions=1, random_state=0)
-    assert published.plain.to_dict()['scores'] == expected.to_dict()['scores']
-    assert published.recordings.table is recordings.published
-    assert not np.array_equal(published.significance.mean_p, found.significance.mean_p)
-    assert read_sets(archive, 'mean')[0].published is None
-
-
-def read_sets(archive, detrend):
-    with open_features([archive], Reading(task='texture', detrend=detrend), folds=2) as features:
-        return make_sets(features, [('speed_mm_s',)], report=True)
 
 
 @pytest.mark.parametrize(

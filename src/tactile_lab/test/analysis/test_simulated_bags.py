@@ -230,7 +230,6 @@ def test_by_default_sixty_trials_come_from_six_sessions(
 @pytest.mark.parametrize(
     ('options', 'sentence'),
     [
-        (('--plot', '/no/such/folder/trial.png'), 'there is no folder /no/such/folder'),
         (('--jobs', 0), '--jobs is 0'),
         (('-o', 'taken'), 'exists already'),
     ],

@@ -1,10 +1,14 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One simulated trial as a figure: shapes of the finger to scale, tension, and spectrum."""
+"""Draw one simulated trial: shapes of the finger to scale, tension, and spectrum.
+
+./tactile run python docs/trial_picture.py corduroy.png --description mine
+"""
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -25,6 +29,7 @@ from tactile_lab.simulation.simulated_trials import plan_trial, SimulationPlan, 
 from tactile_ros.errors import TactileError
 from tactile_sim.descriptions.catalogue import Catalogue
 from tactile_sim.descriptions.description import Finger
+from tactile_sim.errors import TactileSimError
 from tactile_sim.physics.equations import compute_curve
 from tactile_sim.physics.scene import build_scene, compute_plate_profile
 from tactile_sim.physics.trials import simulate_motion
@@ -79,6 +84,30 @@ class TrialPicture:
     times_s: FloatArray
     truth: Mapping[str, FloatArray]
     shapes: Sequence[Shape]
+
+
+def main() -> None:
+    """Draw the trial that the arguments name."""
+    parser = argparse.ArgumentParser(
+        description='Simulate one trial without variation or noise, and draw it.'
+    )
+    parser.add_argument('picture', type=Path, help='PNG file to write')
+    parser.add_argument('--protocol', choices=('texture', 'stiffness'), default='texture')
+    parser.add_argument('--contact', choices=('flexion', 'abduction'), default='flexion')
+    parser.add_argument(
+        '--description',
+        type=Path,
+        help='folder with your own finger, rig, plates or objects: YAML files that replace values '
+        'of the package',
+    )
+    arguments = parser.parse_args()
+    plan = SimulationPlan(arguments.protocol, arguments.contact, 1, 1)
+    try:
+        plot_simulated_trial(
+            arguments.picture, plan, TrialConfig(), Catalogue(arguments.description)
+        )
+    except (TactileError, TactileSimError) as error:
+        parser.error(str(error))
 
 
 def simulate_picture(
@@ -318,3 +347,7 @@ def _draw_force(axes: Axes, picture: TrialPicture) -> None:
     _shade_phases(axes, picture)
     axes.plot(picture.times_s, picture.truth['contact_force_n'], color='#2e8b57', lw=1)
     axes.set(xlabel='time [s]', ylabel='true contact force [N]')
+
+
+if __name__ == '__main__':
+    main()

@@ -1,19 +1,27 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+"""The picture of one simulated trial, a program of the documentation."""
+
+from pathlib import Path
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
 from tactile_bringup.trial_protocols import TrialConfig
 from tactile_lab.simulation.simulated_trials import SimulationPlan
-from tactile_lab.simulation.trial_picture import (
-    draw_picture,
-    plot_simulated_trial,
-    simulate_picture,
-    surface_drop_m,
-)
-from tactile_ros.errors import TactileError
 from tactile_sim.descriptions.catalogue import Catalogue
+
+DOCS = Path(__file__).resolve().parents[4] / 'docs'
+if not DOCS.is_dir():
+    pytest.skip('the packages are not in their own repository', allow_module_level=True)
+sys.path.insert(0, str(DOCS))
+try:
+    from trial_picture import draw_picture, simulate_picture, surface_drop_m
+finally:
+    sys.path.remove(str(DOCS))
 
 CONFIG = TrialConfig()
 
@@ -55,9 +63,27 @@ def test_figure_says_that_it_is_simulated_and_what_it_shows(protocol, last):
     assert figure.axes[0].get_aspect() == 1.0
 
 
-def test_plot_is_a_png_file_or_a_sentence(tmp_path):
-    plan = SimulationPlan('stiffness', 'flexion', 1, 1)
-    plot_simulated_trial(tmp_path / 'trial', plan, CONFIG, Catalogue(None))
+def draw(*arguments):
+    command = [sys.executable, DOCS / 'trial_picture.py', *arguments]
+    return subprocess.run(list(map(str, command)), capture_output=True, text=True)
+
+
+def test_a_plate_of_your_own_becomes_a_png_file_or_a_sentence(tmp_path):
+    mine = tmp_path / 'mine'
+    mine.mkdir()
+    plate = (
+        'R1: {groove: triangular, pitch_mm: 2.0, width_mm: 2.0, depth_mm: 0.4, '
+        'end_mm: 10, grooved_mm: 50, friction: 0.5}\n'
+    )
+    (mine / 'plates.yaml').write_text(plate)
+    done = draw(tmp_path / 'trial', '--contact', 'flexion', '--description', mine)
+    assert done.returncode == 0, done.stderr
     assert (tmp_path / 'trial').read_bytes().startswith(b'\x89PNG')
-    with pytest.raises(TactileError, match='cannot write'):
-        plot_simulated_trial(tmp_path / 'none' / 'trial.png', plan, CONFIG, Catalogue(None))
+    refused = draw(tmp_path / 'none' / 'trial.png')
+    assert refused.returncode == 2
+    assert 'cannot write' in refused.stderr
+    (mine / 'plates.yaml').write_text('R1: {groove: round}\n')
+    refused = draw(tmp_path / 'trial', '--description', mine)
+    assert refused.returncode == 2
+    assert 'groove' in refused.stderr
+    assert 'Traceback' not in refused.stderr
