@@ -397,4 +397,3 @@ class TactileModel:
             p_value=p_value,
             missing=tuple(missing),
         )
-

@@ -139,7 +139,7 @@ def _classify_trials(
 ) -> Iterator[ClassifiedTrial]:
     _check_unit(trials, model)
     signals = _channel_of(trials, model, reading)
-    speeds_m_s = np.zeros(len(trials))
+    speeds_m_s: NDArray[np.float64] = np.zeros(len(trials))
     if reading.speed_column is not None:
         speeds_m_s = speeds_of(trials, reading.speed_column)
     names = trials.columns.get('trial', trials.rows).astype(str)

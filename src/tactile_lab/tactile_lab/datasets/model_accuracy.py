@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tactile_bags.recording import Recording
-from tactile_classifier.datasets.dataset import ALL, FeatureTable
+from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.evaluation.intervals import Result
 from tactile_classifier.evaluation.model_accuracy import (
     AccuracyDifference,
@@ -25,9 +25,9 @@ from tactile_classifier.evaluation.model_accuracy import (
     score_predictions,
 )
 from tactile_classifier.model_file.model import load_model, TactileModel
-from tactile_classifier.model_file.samples import CHANNEL_0
 from tactile_classifier.records import NO_ANSWER, UNKNOWN
 from tactile_features.records import contacts_agree
+from tactile_features.spec import is_same_rate
 from tactile_lab.console import Table
 from tactile_lab.datasets.feature_tables import features_of
 from tactile_lab.datasets.reading import Reading
@@ -35,9 +35,6 @@ from tactile_lab.datasets.tables import format_interval
 from tactile_ros.errors import TactileError
 
 SESSION = 'session_id'
-
-SAME_RATE = 1e-3
-"""Sample rates that differ by less than this share are the same."""
 
 
 @dataclass(frozen=True)
@@ -224,7 +221,7 @@ def _read_table(
     """Return the features that a model takes, and why trials give none."""
     spec = model.spec
     rate_hz = reading.resample_hz or recording.rate_hz
-    if rate_hz is not None and abs(rate_hz - spec.rate_hz) > SAME_RATE * spec.rate_hz:
+    if rate_hz is not None and not is_same_rate(rate_hz, spec.rate_hz):
         remedy = (
             '' if recording.is_own else f', or resample the trials: --resample-hz {spec.rate_hz:g}'
         )
@@ -234,11 +231,10 @@ def _read_table(
         )
     reading = replace(reading, task=model.task)
     if not recording.is_own:  # bags state the window and the channel themselves
-        several = ALL if spec.names[0].startswith(CHANNEL_0) else None
         reading = replace(
             reading,
             features=spec.feature_set,
-            channel=reading.channel or several,
+            channel=reading.channel or spec.channel or None,
             window_s=spec.sample_count / spec.rate_hz if spec.is_early else None,
         )
     found = features_of(recording, reading).tables(spec.config_values())

@@ -4,6 +4,7 @@
 """The picture of one simulated trial, a program of the documentation."""
 
 from pathlib import Path
+import runpy
 import subprocess
 import sys
 
@@ -17,11 +18,10 @@ from tactile_sim.descriptions.catalogue import Catalogue
 DOCS = Path(__file__).resolve().parents[4] / 'docs'
 if not DOCS.is_dir():
     pytest.skip('the packages are not in their own repository', allow_module_level=True)
-sys.path.insert(0, str(DOCS))
-try:
-    from trial_picture import draw_picture, simulate_picture, surface_drop_m
-finally:
-    sys.path.remove(str(DOCS))
+_PICTURE = runpy.run_path(str(DOCS / 'trial_picture.py'))
+draw_picture, simulate_picture, surface_drop_m = (
+    _PICTURE[name] for name in ('draw_picture', 'simulate_picture', 'surface_drop_m')
+)
 
 CONFIG = TrialConfig()
 
