@@ -237,7 +237,9 @@ def _spec_from_msg(msg: Any) -> FeatureSpec:
             'both must have the same length'
         )
     fields = {
-        field.name: getattr(msg, field.name, None) for field in dataclasses.fields(FeatureSpec)
+        field.name: getattr(msg, field.name)
+        for field in dataclasses.fields(FeatureSpec)
+        if hasattr(msg, field.name)  # a live node has one signal, and names no channel
     }
     fields['parameters'] = {
         name: _from_json(name, value) for name, value in zip(names, values, strict=True)

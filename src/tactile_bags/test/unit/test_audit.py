@@ -107,8 +107,8 @@ def second_block(*, at_ns=START_NS + 5 * PERIOD_NS, sequence=5, **fields):
     ('second', 'finding'),
     [
         (second_block(lost_before=2), '2'),  # the driver alone knows of it
-        (second_block(at_ns=START_NS + 10**9, sequence=0), 'anew'),  # a restart: no duplicate
-        (second_block(status=StrainStatus.RECONNECTED), 'reached anew'),
+        (second_block(at_ns=START_NS + 10**9, sequence=0), 'restarts'),  # a restart: no duplicate
+        (second_block(status=StrainStatus.RECONNECTED), 'reconnections'),
     ],
 )
 def test_what_a_block_states_is_a_finding(second, finding):

@@ -45,7 +45,7 @@ def test_windows_are_classified_over_the_wire(make_finger, model_path, make_wind
     model = load_model(model_path)
     assert answers == [model.classify_window(windows[i]) for i in (0, 3, 4, 5)]
     assert [a.label for a in answers] == ['plate 0', '', '', 'plate 2']
-    assert 'rate in Hz is 100.0' in answers[1].reason
+    assert 'rate in Hz is 100;' in answers[1].reason
     assert (finger.answering.counts['windows for others'], finger.answering.counts['answers']) == (
         2,
         4,
@@ -77,7 +77,7 @@ def test_only_an_active_node_answers_and_it_can_be_configured_again(make_finger,
     [
         ({'models': ''}, 'the parameter models is empty'),
         ({'models': '/nowhere/m.npz'}, 'cannot read model /nowhere/m.npz'),
-        ({'contact': 'abduction'}, 'are for flexion, the parameter contact is abduction'),
+        ({'contact': 'abduction'}, 'are for flexion, but the parameter contact is abduction'),
         pytest.param(
             {'vision_messages': True},
             'vision_msgs is not installed',

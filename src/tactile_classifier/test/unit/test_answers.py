@@ -64,7 +64,7 @@ def test_values_of_another_shape_are_refused(model, small_table):
         ({'feature_set_version': 99}, 'version of the feature set is 99; the model was'),
         (
             {'rate_hz': 100.0},
-            'rate in Hz is 100.0; the model was trained on 60.0: name its file in the parameter '
+            'rate in Hz is 100; the model was trained on 60: name its file in the parameter '
             'models of the feature node',
         ),
         ({'specification_digest': 'ab' * 8}, 'with max_gap_samples 0, spectrum_detrend linear'),
@@ -94,7 +94,7 @@ def test_ready_cut_windows_take_their_specification_from_whoever_asks(
     assert model.fits(later.digest)
     assert model.format_mismatch(make_window(specification_digest=later.digest)) == ''
     assert not model.fits(faster.digest)
-    assert 'rate in Hz differs: 60.0 here, 100.0 there' in model.format_mismatch(
+    assert 'rate in Hz differs: 60 here, 100 there' in model.format_mismatch(
         make_window(specification_digest=faster.digest)
     )
     assert 'another specification' in model.format_mismatch(make_window())

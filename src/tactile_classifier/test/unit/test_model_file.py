@@ -208,7 +208,7 @@ def test_what_is_no_model_is_refused_with_its_path(tmp_path, content):
     with pytest.raises(ModelFileError, match=r'cannot read model .*: No such file'):
         load_model(path)
     path.write_bytes(content)
-    with pytest.raises(ModelFileError, match=r'm\.npz is refused: it is no \.npz file'):
+    with pytest.raises(ModelFileError, match=r'm\.npz is refused: it is not an \.npz file'):
         load_model(path)
     with path.open('wb') as file:
         file.truncate(MAX_MODEL_BYTES + 1)

@@ -105,7 +105,9 @@ def test_windows_of_another_contact_are_left_out(folder, window_of):
     assert {info.contact_filter for info in models.infos} == {'flexion'}
     assert [m.contact for m in models.models] == ['flexion', 'flexion', '', 'flexion']
     assert models.classify(window_of(FULL, contact='abduction')) == []
-    with pytest.raises(ModelFileError, match='are for flexion, the parameter contact is abduc'):
+    with pytest.raises(
+        ModelFileError, match='are for flexion, but the parameter contact is abduc'
+    ):
         ModelSet.load(folder / 'a.npz', 'abduction')
 
 

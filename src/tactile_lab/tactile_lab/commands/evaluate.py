@@ -93,7 +93,7 @@ def evaluate(
     cluster: options.ClusterOption = '',
     as_json: options.JsonOption = False,
 ) -> None:
-    """Cross-validate the four classifiers on recordings, and write a report.
+    """Cross-validate the four classifiers on recordings, or evaluate model files.
 
     Takes real or simulated trials and computes the same features as the live node. Evaluates
     every classifier with and without scaling, by random folds and by held-out sessions, mountings

@@ -6,7 +6,7 @@
 import io
 
 import pytest
-from tactile_command import ask_tactile, hear_tactile
+from tactile_command import ask_tactile, hear_tactile, tactile
 
 from tactile_lab.experiment.folder import ExperimentFolder
 from tactile_lab.experiment.loop import Terminal
@@ -94,6 +94,10 @@ def test_corrections_are_written_and_listed(folder):
     listed = hear_tactile('experiment', 'status', folder.path)
     assert f'{first} is R2: the wrong [plate]' in listed
     assert f'{first} is excluded: the wrong [plate]' in listed
+    lines = tactile('experiment', 'status', folder.path).stdout.splitlines()
+    assert [each.split() for each in lines if each.split()[:2] == [first, 'R2']] == [
+        [first, 'R2', 'flexion', first.rpartition('-m')[0], 'excluded']
+    ]
     found = ask_tactile('experiment', 'status', folder.path)
     assert (found['done'], found['excluded'], found['relabelled']) == (1, 1, 1)
     correct('include', folder.path, first)

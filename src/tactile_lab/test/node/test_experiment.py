@@ -75,7 +75,7 @@ def test_an_experiment_survives_ctrl_c_and_kill_and_its_trials_are_read(
     assert '0 of 2 trials recorded; interrupted: 1' in out
     out, _, code = run_until_done(folder, quick, 1, signal.SIGKILL)
     assert code == -signal.SIGKILL
-    assert 'trial 1 of 2: ' in out
+    assert 'trial 1 of 2, ' in out
     # The rest, and one more block of a session from the rig's start on.
     more = ('--append', 'soft-s01', '--simulated', '--yes', *quick)
     found = ask_tactile('experiment', folder.path, *more)

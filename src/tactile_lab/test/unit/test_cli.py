@@ -67,7 +67,7 @@ def test_options_on_recordings_are_fields_of_what_reads_them():
     assert fields(options.ArchiveOptions).items() <= fields(Reading).items()
 
 
-@pytest.mark.parametrize('name', ['evaluate', 'train', 'compare', 'features', 'import', 'export'])
+@pytest.mark.parametrize('name', ['evaluate', 'train', 'classify', 'features', 'import', 'export'])
 def test_a_command_on_recordings_has_an_option_for_each_statement_about_them(name):
     parameters = inspect.signature(options.expand(program.load_function(name))).parameters
     kinds = [options.Statements]

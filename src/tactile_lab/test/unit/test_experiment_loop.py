@@ -205,9 +205,13 @@ def test_failed_and_outlying_trials_are_offered_again_at_once(folder):
     assert progress.outlier_count == 1
     assert progress.kept('x-s01-m01-t04').trial_id == 'x-s01-m01-t04-again1'
     assert 'mean tension 100 N, usually 5' in progress.attempts['x-s01-m01-t04'].sentence
-    assert person.said[0].startswith('trial 1 of 5: pla, flexion: good: 240 samples; ')
-    assert person.said[1].startswith('trial 2 of 5: pla, flexion: failed: the cable came off')
-    assert person.said[-1].startswith('trial 5 of 5: ')
+    assert person.said[0].startswith(
+        'trial 1 of 5, x-s01-m01-t01: pla, flexion: good: 240 samples; '
+    )
+    assert person.said[1].startswith(
+        'trial 2 of 5, x-s01-m01-t02: pla, flexion: failed: the cable came off'
+    )
+    assert person.said[-1].startswith('trial 5 of 5, x-s01-m01-t05: ')
     assert person.said[-1].endswith('; 0 s left')
     found = progress.to_dict()
     assert (found['done'], found['failed'], found['attempts']) == (5, 2, 8)

@@ -109,7 +109,7 @@ def test_blocks_are_in_different_orders_and_another_seed_changes_them():
         ('{protocol: texture, objects: [R1], trials: 0}', 'from 1'),
         ('{protocol: texture, objects: [R1], trials: 2.5}', 'whole number'),
         ('{protocol: texture, objects: [R1], trials: true}', 'whole number'),
-        ('{protocol: texture, objects: [R1], trials: 9999, sessions: 9}', 'make it 10000'),
+        ('{protocol: texture, objects: [R1], trials: 9999, sessions: 9}', 'the limit is 10000'),
         ('{protocol: texture, objects: [R1], hold_s: .nan}', 'hold_s'),
         ('{protocol: texture, objects: [R1], colour: red}', "unknown entry 'colour'"),
     ],

@@ -110,7 +110,7 @@ def test_the_models_of_a_finger_fit_its_task_and_its_contact(trained, tmp_path):
     with pytest.raises((TactileError, FeatureError), match='abduction'):
         ModelChoice.read(file, contact='abduction')
     (tmp_path / 'no.npz').write_text('no')
-    with pytest.raises(ModelFileError, match=r'no \.npz file'):
+    with pytest.raises(ModelFileError, match=r'not an \.npz file'):
         ModelChoice.read(tmp_path / 'no.npz')
     with pytest.raises(FeatureError, match='nowhere: No such file'):
         ModelChoice.read(Path('nowhere'))

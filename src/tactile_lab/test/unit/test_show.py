@@ -33,6 +33,8 @@ def test_bag_lists_its_trials_and_draws_one(stiffness_bag, tmp_path):
     assert len({entry['object'] for entry in found['trials']}) == 5
     assert found['facts']['simulated'] == 'SIMULATED'
     assert all(entry['seconds'] > 1.0 for entry in found['trials'])
+    said = hear_tactile('show', stiffness_bag)
+    assert all(entry['trial_id'] in said for entry in found['trials'])
     assert picture.read_text().startswith('<?xml')
     said = refusal(stiffness_bag, '--plot', picture, '--trial', 16)
     assert '15 trials, so there is no trial 16' in said
