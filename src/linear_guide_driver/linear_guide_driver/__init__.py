@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Moves the linear guide (Grbl) and the tendon actuator (Dynamixel) as ROS 2 actions."""
+"""Drivers of the linear guide (Grbl) and of the tendon actuator (Dynamixel), as ROS 2 actions."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ __all__ = sorted(_HOMES)
 
 
 def __getattr__(name: str) -> Any:
-    # On first use, so that who needs the records alone does not need the devices' libraries.
+    # Imported on first use: the record types do not need the libraries of the devices.
     if name in _HOMES:
         return getattr(importlib.import_module(f'{__name__}.{_HOMES[name]}'), name)
     raise AttributeError(f'module {__name__} has no attribute {name}')

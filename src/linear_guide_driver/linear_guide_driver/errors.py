@@ -5,20 +5,20 @@
 
 
 def capitalise(sentence: str) -> str:
-    """Return a sentence with a capital first letter; `str.capitalize` changes the others."""
+    """Return a sentence with a capital first letter; `str.capitalize` would lower the others."""
     return sentence[:1].upper() + sentence[1:]
 
 
 class LinearGuideDriverError(Exception):
-    """Root of the package's errors; the message is one sentence with the remedy."""
+    """Base class of the package's exceptions; the message is a sentence with a remedy."""
 
 
 class DeviceConnectionError(LinearGuideDriverError):
-    """The device cannot be reached, or the line to it was lost."""
+    """The device cannot be reached, or the connection to it was lost."""
 
 
 class DeviceRefusedError(LinearGuideDriverError):
-    """The device answers but refuses, or is set up so that it must not be used."""
+    """The device refused a command, or its settings do not allow its use."""
 
 
 class MotionRefusedError(LinearGuideDriverError):
@@ -26,8 +26,8 @@ class MotionRefusedError(LinearGuideDriverError):
 
 
 class MotionFailedError(LinearGuideDriverError):
-    """The motion was started and ended by a fault."""
+    """The motion was started and ended because of a fault."""
 
 
 class MotionStoppedError(LinearGuideDriverError):
-    """The motion was started and ended early because somebody asked for it."""
+    """The motion was started and ended early on request."""

@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Interlock of guide and tendon: with a taut tendon the guide would drag the finger.
+"""Interlock of guide and tendon: with a taut tendon, the guide would drag the finger.
 
-The tendon actuator judges whether its tendon is slack (`judge_slack`) and publishes the report.
-The guide keeps the last report in a `TendonInterlock`, which refuses to move unless the tendon is
+The tendon actuator decides whether its tendon is slack (`judge_slack`) and publishes a report.
+The guide keeps the last report in a `TendonInterlock`, which refuses motion unless the tendon is
 known to be slack. No IO and no clock; all times are monotonic.
 """
 
@@ -19,15 +19,17 @@ from linear_guide_driver.safety import SLACK_M, Zero
 from tactile_ros.refusal import Refusal
 
 STAYS_SLACK_M = 2 * SLACK_M
-"""A slack tendon with a known zero counts as taut above this: the servo yields a little."""
+"""Displacement [m] above which a tendon that was slack counts as taut.
+
+It is larger than `SLACK_M`, because the servo's position deviates a little."""
 
 REPORT_AGE_S = 10 * REST_REPORT_S
-"""Longest silence of the tendon's reports with which the guide may move [s].
+"""Longest silence of the tendon's reports during which the guide may move [s].
 
-Without its driver's polls the servo tightens nothing: its bus watchdog stops it before."""
+Without the polls of its driver the servo cannot tighten, because its bus watchdog stops it."""
 
-BY_HAND = 'or look at the finger and send the goal with allow_taut: true'
-"""The way out where neither servo nor sensor can tell that the tendon is slack."""
+BY_HAND = 'or check that the finger is free and send the goal with allow_taut: true'
+"""Remedy if neither the servo nor the sensor can show that the tendon is slack."""
 
 
 class Slack(Enum):
@@ -39,15 +41,11 @@ class Slack(Enum):
 
 
 class TendonReport(NamedTuple):
-    """Judgement of one state of the tendon.
-
-    ``displacement_m`` counts from the zero [m]; NaN while the zero is unknown. ``reason`` says why
-    it is unknown whether the tendon is slack; otherwise it is empty.
-    """
+    """Report on the slackness of the tendon; mirrors ``tactile_msgs/TendonSlack``."""
 
     slack: Slack
-    displacement_m: float = math.nan
-    reason: str = ''
+    displacement_m: float = math.nan  # displacement from the zero [m]; NaN while that is unknown
+    reason: str = ''  # why the slackness is unknown; otherwise an empty string
 
 
 def judge_slack(
@@ -58,17 +56,20 @@ def judge_slack(
     was_slack: bool = False,
     has_sensor: bool = True,
 ) -> TendonReport:
-    """Judge whether a tendon is slack at a displacement [m].
+    """Return a report on the slackness of the tendon.
 
     Parameters
     ----------
-    displacement_m, zero
-        How far the servo has tightened the tendon, and what is known of the zero.
+    displacement_m : float
+        Displacement of the tendon [m].
+    zero : Zero
+        Knowledge of the zero of the displacement.
     is_slack : bool
-        `TendonSafety.is_slack` at this displacement. Without a known zero it is true once the
-        tendon has been slackened by ``max_displacement_m``, or where the sensor reads no tension.
+        Value of `TendonSafety.is_slack` at this displacement. Without a known zero it is True
+        once the tendon has been slackened by ``max_displacement_m``, or if the sensor reads no
+        tension.
     was_slack : bool
-        The last judgement was slack.
+        The last report was slack.
     has_sensor : bool
         A sensor must confirm a zero that was taken at the start.
     """
@@ -77,7 +78,7 @@ def judge_slack(
             return TendonReport(Slack.SLACK)
         return TendonReport(Slack.UNKNOWN, reason='the zero of the tendon is unknown')
     if zero is Zero.UNCONFIRMED and has_sensor and displacement_m <= SLACK_M:
-        reason = 'no sample of the sensor has confirmed the zero of the tendon yet'
+        reason = 'the sensor has not confirmed the zero of the tendon yet'
         return TendonReport(Slack.UNKNOWN, displacement_m, reason)
     is_slack = is_slack or (was_slack and displacement_m <= STAYS_SLACK_M)
     return TendonReport(Slack.SLACK if is_slack else Slack.TAUT, displacement_m)
@@ -86,7 +87,12 @@ def judge_slack(
 class TendonInterlock:
     """Permission of the guide to move, from the last report of the tendon actuator.
 
-    ``topic`` is that of the reports, ``release`` the name of the service that slackens the tendon.
+    Parameters
+    ----------
+    topic : str
+        Topic of the reports, for messages.
+    release : str
+        Name of the service that slackens the tendon, for messages.
     """
 
     def __init__(self, topic: str, release: str) -> None:
@@ -95,18 +101,18 @@ class TendonInterlock:
         self._last: tuple[TendonReport, int] | None = None
 
     def take(self, report: TendonReport, now_ns: int) -> None:
-        """Take a report that has arrived now [ns]."""
+        """Store a report that has arrived at ``now_ns`` [ns]."""
         self._last = report, now_ns
 
     def judge(self, now_ns: int) -> Slack:
-        """Return what is known of the tendon now [ns]."""
+        """Return the slackness of the tendon at ``now_ns`` [ns]."""
         last = self._last
         if last is None or now_ns - last[1] > REPORT_AGE_S * 1e9:
             return Slack.UNKNOWN
         return last[0].slack
 
     def find_refusal(self, now_ns: int) -> Refusal | None:
-        """Return why the guide may not move now [ns], or None when the tendon is slack."""
+        """Return why the guide may not move at ``now_ns`` [ns], or None if it may."""
         slack, last = self.judge(now_ns), self._last
         if slack is Slack.SLACK:
             return None
@@ -116,9 +122,9 @@ class TendonInterlock:
         if last is not None and now_ns - last[1] <= REPORT_AGE_S * 1e9:
             reason = f'It is unknown whether the tendon is slack: {last[0].reason}'
             return Refusal(reason, f'{self._slacken}, {BY_HAND}')
-        heard = 'yet' if last is None else f'for {REPORT_AGE_S:g} s'
+        since = 'yet' if last is None else f'for {REPORT_AGE_S:g} s'
         return Refusal(
-            f'Nothing was heard on {self._topic} {heard}, so the tendon may be taut',
+            f'No message has arrived on {self._topic} {since}, so the tendon may be taut',
             f'start the tendon actuator, {BY_HAND}; a guide without a tendon needs the parameter '
             "tendon_topic:=''",
         )

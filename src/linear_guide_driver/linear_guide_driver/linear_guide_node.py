@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The linear guide as a ROS 2 node: actions to home and to move."""
+"""ROS node of the linear guide: actions to home and to move."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from tactile_ros.refusal import Refusal
 from tactile_ros.strain import NOT_LIVE
 
 TAUT_WAIT_S = 0.5
-"""How long a goal waits for a taut tendon: the end of its release may be reported after the result
-of that [s]."""
+"""Time [s] that a goal waits for a taut tendon to become slack: the report of a slack tendon may
+arrive after the result of the pull that slackened it."""
 
 
 class LinearGuideNode(MotionNode):
-    """Drives the linear guide.
+    """Node of the linear guide.
 
-    Actions ``~/move`` and ``~/home``, services ``~/stop`` and ``~/reset``; joint states only while
-    the position is known. A motion ends, with the reason in its result, when something that it
-    needs is lost. Unless the goal says ``allow_taut``, it needs a slack
-    tendon.
+    Provides the actions ``~/move`` and ``~/home`` and the services ``~/stop`` and ``~/reset``.
+    Joint states are published only while the position is known. A motion ends, with the reason in
+    its result, if a needed node or topic is lost or the tendon is not slack. The goal's
+    ``allow_taut`` turns the check of the tendon off.
     """
 
     device = 'guide'
@@ -42,14 +42,14 @@ class LinearGuideNode(MotionNode):
     def __init__(self, node_name: str = 'linear_guide', **node_options: Any) -> None:
         super().__init__(node_name, LinearGuideConfig, **node_options)
         self._interlock: TendonInterlock | None = None
-        self._allows_taut = False  # the running goal
+        self._allows_taut = False  # allow_taut of the running goal
 
     def set_up(self, config: LinearGuideConfig) -> None:
         self._client = LinearGuideClient(
             config,
             self._on_state,
             self.now_ns,
-            lambda reason: self.tell_trouble(f'{reason}; the position is unknown'),
+            lambda reason: self.report_trouble(f'{reason}; the position is unknown'),
             self.beat,
         )
         self._client.connect()
@@ -106,7 +106,7 @@ class LinearGuideNode(MotionNode):
         )
 
     def _await_topics(self, goal: Goal) -> None:
-        """Wait for what has not been heard yet, and for a slack tendon; abort without them."""
+        """Wait for needed topics and for a slack tendon; abort the goal if one is missing."""
         self.refuse_rivals()
         self._allows_taut = goal.request.allow_taut
         began_s = time.monotonic()
@@ -134,7 +134,7 @@ class LinearGuideNode(MotionNode):
         self.poll(StrainBlock, 'tendon_sensor/strain', hear, NEWEST)
 
     def find_peer_loss(self) -> Refusal | None:
-        self.poll_now()  # samples are taken when something is judged by them
+        self.poll_now()  # the samples are polled only when they are needed
         self._latch.check(time.monotonic_ns())
         return super().find_peer_loss()
 
@@ -154,13 +154,13 @@ class LinearGuideNode(MotionNode):
         self.poll(TendonSlack, topic, hear, LATEST)
 
     def _judge_tendon(self) -> Slack:
-        """Return what is known of the tendon, as far as the running goal needs to know it."""
+        """Return the slackness of the tendon, or SLACK if the running goal ignores it."""
         if self._interlock is None or self._allows_taut:
             return Slack.SLACK
         return self._interlock.judge(time.monotonic_ns())
 
     def _find_interlock(self) -> Refusal | None:
-        """Return why the tendon keeps the guide from moving, or None."""
+        """Return why the guide may not move because of the tendon, or None."""
         interlock = self._interlock
         return None if interlock is None else interlock.find_refusal(time.monotonic_ns())
 
@@ -171,35 +171,35 @@ class LinearGuideNode(MotionNode):
         return {'position_m': state.position_m, 'speed_m_s': abs(state.velocity_m_s)}
 
     def _find_rest(self) -> dict[str, float]:
-        """Return where the guide rests while that is known."""
+        """Return the position as a field of the result, if the position is known."""
         state = self._client.state
         is_known = state is not None and state.position_m is not None
         return {'position_m': state.position_m} if is_known else {}
 
-    # -- the rest ----------------------------------------------------------------------------
+    # -- state -------------------------------------------------------------------------------
 
     def stop_device(self) -> tuple[bool, str]:
-        is_well = self.is_well()
+        is_usable = self.is_usable()
         message = 'The guide was not moving.'
-        if not is_well:
-            message = 'The connection to the guide is lost: it may still move.'
+        if not is_usable:
+            message = 'The connection to the guide is lost; the guide may still be moving.'
         elif self.is_busy:
-            message = 'The guide brakes; the running goal ends when it is at rest.'
+            message = 'The guide is braking; the running goal ends when it is at rest.'
         self._loss = self._latch.find_loss(time.monotonic_ns())
         self.stop()
-        return is_well, message
+        return is_usable, message
 
     def _on_state(self, state: GuideState) -> None:
         if state.position_m is not None:
             self.publish_joint(state.position_m, state.velocity_m_s, state.received_at_ns)
 
-    def is_well(self) -> bool:
+    def is_usable(self) -> bool:
         return not self._client.is_lost
 
     def find_obstacles(self) -> list[str]:
         trouble, loss, interlock = self._client.trouble, self.find_peer_loss(), self._interlock
         tendon = None
-        # A taut tendon is no obstacle: a trial slackens it before it moves the guide.
+        # A taut tendon is not an obstacle: a trial slackens it before it moves the guide.
         if interlock is not None and interlock.judge(time.monotonic_ns()) is Slack.UNKNOWN:
             tendon = self._find_interlock()
         return [str(each) for each in (trouble, loss, tendon) if each]
@@ -218,4 +218,4 @@ class LinearGuideNode(MotionNode):
             return Health(ERROR, str(client.trouble), values)
         if client.trouble:
             return Health(WARN, str(client.trouble), values)
-        return Health(OK, 'The position is known.', values)
+        return Health(OK, 'homed', values)

@@ -1,25 +1,25 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One motion of a device at a time. Guide and tendon move by these rules; no IO.
+"""Execution of the motions of a guide or tendon, one at a time; no IO.
 
-A client builds a `Motion` from small functions that know its device, and `Motions.run` carries
-it out:
+A client defines a `Motion` by functions for its device, and `Motions.run` executes it:
 
 ===========  ====================================================================================
-refused      while another motion runs, or by ``begin``: nothing has moved
-begun        under a lock; a stop that has come already ends it before anything moves
-waited for   ``begin`` returns a generator. It moves the device, yields what is new, and returns
-             the result once the device is at rest on its target
-stopped      by the caller's ``should_stop`` or by `Motions.request_stop`, until its very end:
-             ``stop`` brings the device to rest
-failed       by an error of device or line: ``fail`` notes it
-abandoned    by an exception of the caller's functions: nobody watches the device any more, so
+refused      another motion is running, or ``begin`` raises: nothing has moved
+begun        under a lock; a stop that was requested before ends the motion before it starts
+running      ``begin`` has returned a generator, which moves the device, yields the progress, and
+             returns the result once the device is at rest at its target
+stopped      by the caller's ``should_stop`` or by `Motions.request_stop`, at any time until the
+             end of the motion: ``stop`` brings the device to rest
+failed       by an error of the device or the connection: ``fail`` handles it
+abandoned    by an exception of the caller's functions: the device is no longer watched, so
              ``abandon`` stops it
 ===========  ====================================================================================
 
-Each way it ends with ``finish``. The caller gets the result, or a `MotionRefusedError`,
-`MotionStoppedError` or `MotionFailedError`; those that a function of the motion raises pass.
+In every case ``finish`` is called last. The caller receives the result, or a `MotionRefusedError`,
+`MotionStoppedError` or `MotionFailedError`. Such errors from the functions of the motion are
+passed on.
 """
 
 from __future__ import annotations
@@ -39,19 +39,19 @@ from linear_guide_driver.errors import (
     MotionStoppedError,
 )
 
-News = TypeVar('News')
+Progress = TypeVar('Progress')
 Result = TypeVar('Result')
 
 
 @dataclass(frozen=True)
-class Motion(Generic[News, Result]):
-    """A device's part of one motion; see the table of this module.
+class Motion(Generic[Progress, Result]):
+    """Functions of one motion of a device; see the table of this module.
 
-    ``stop`` and ``fail`` return the sentence for the caller. ``brake`` is called by
-    `Motions.request_stop` at once, before ``stop``.
+    ``stop`` and ``fail`` return the message for the caller. `Motions.request_stop` calls
+    ``brake`` immediately, before ``stop``.
     """
 
-    begin: Callable[[], Generator[News | None, None, Result]]
+    begin: Callable[[], Generator[Progress | None, None, Result]]
     stop: Callable[[], str]
     fail: Callable[[str], str]
     abandon: Callable[[], object]
@@ -60,51 +60,64 @@ class Motion(Generic[News, Result]):
 
 
 class Motions:
-    """Runs the motions of one device; thread-safe.
+    """Executes the motions of one device; thread-safe.
 
-    ``busy`` is the sentence of a refusal while another motion runs, ``not_begun`` that of a motion
-    that was stopped before it began.
+    Parameters
+    ----------
+    busy : str
+        Message of the refusal while another motion is running.
+    not_begun : str
+        Message of a motion that was stopped before it began.
     """
 
     def __init__(self, busy: str, not_begun: str) -> None:
         self._busy, self._not_begun = busy, not_begun
-        self._slot = threading.Lock()  # held by the one motion
+        self._slot = threading.Lock()  # held by the running motion
         self._lock = threading.Lock()
-        self._running: Motion[Any, Any] | None = None  # while a stop can come in
+        self._running: Motion[Any, Any] | None = None  # set while the motion can be stopped
         self._should_stop: Callable[[], bool] = lambda: False
         self._stop = threading.Event()
 
     @property
     def is_stopping(self) -> bool:
-        """True when the running motion is to stop."""
+        """True if a stop of the running motion has been requested."""
         return self._stop.is_set() or self._should_stop()
 
     def run(
         self,
-        motion: Motion[News, Result],
-        on_news: Callable[[News], None],
+        motion: Motion[Progress, Result],
+        on_progress: Callable[[Progress], None],
         should_stop: Callable[[], bool],
     ) -> Result:
-        """Carry a motion out; return its result. ``on_news`` is called with what it yields.
+        """Execute a motion and return its result.
+
+        Parameters
+        ----------
+        motion : Motion
+            The motion.
+        on_progress : callable
+            Called with each value that the motion yields, except None.
+        should_stop : callable
+            Returns True if the motion must stop.
 
         Raises
         ------
         MotionRefusedError, MotionStoppedError, MotionFailedError
-            And the errors of ``begin``.
+            See the table of this module; also the errors of ``motion.begin``.
         """
         if not self._slot.acquire(blocking=False):
             raise MotionRefusedError(self._busy)
         try:
-            news = motion.begin()
-            self._let_stops_in(motion, should_stop)
-            return self._carry_out(motion, news, on_news)
+            progress = motion.begin()
+            self._allow_stops(motion, should_stop)
+            return self._carry_out(motion, progress, on_progress)
         finally:
             motion.finish()
             self._end()
             self._slot.release()
 
     def request_stop(self) -> bool:
-        """Ask the running motion to stop; return whether there is one. It brakes at once."""
+        """Brake and stop the running motion; return True if there is one."""
         with self._lock:
             if self._running is None:
                 return False
@@ -113,9 +126,9 @@ class Motions:
             return True
 
     def unless_stopping(self, act: Callable[[], None]) -> None:
-        """Do what continues the running motion, unless it is to stop.
+        """Call ``act``, which continues the running motion, unless a stop has been requested.
 
-        ``act`` is called while no stop can come in: a stop follows it and never precedes it.
+        A stop that is requested at the same time is executed after ``act``, never before it.
         """
         with self._lock:
             if self._running is not None and not self._stop.is_set():
@@ -123,7 +136,7 @@ class Motions:
 
     @contextmanager
     def no_motion(self, timeout_s: float) -> Iterator[None]:
-        """Wait until no motion runs, for so long at the most, and keep any from beginning [s]."""
+        """Wait up to ``timeout_s`` [s] for the running motion, and then block new motions."""
         is_free = self._slot.acquire(timeout=timeout_s)
         try:
             yield
@@ -133,7 +146,7 @@ class Motions:
 
     # -- inside --------------------------------------------------------------------------
 
-    def _let_stops_in(self, motion: Motion[Any, Any], should_stop: Callable[[], bool]) -> None:
+    def _allow_stops(self, motion: Motion[Any, Any], should_stop: Callable[[], bool]) -> None:
         with self._lock:
             if should_stop():
                 raise MotionStoppedError(self._not_begun)
@@ -142,13 +155,13 @@ class Motions:
 
     def _carry_out(
         self,
-        motion: Motion[News, Result],
-        news: Generator[News | None, None, Result],
-        on_news: Callable[[News], None],
+        motion: Motion[Progress, Result],
+        progress: Generator[Progress | None, None, Result],
+        on_progress: Callable[[Progress], None],
     ) -> Result:
         try:
-            with closing(news):
-                result = self._wait(news, on_news)
+            with closing(progress):
+                result = self._wait(progress, on_progress)
             if result is None:
                 raise MotionStoppedError(motion.stop())
             return result
@@ -161,22 +174,24 @@ class Motions:
             raise
 
     def _wait(
-        self, news: Generator[News | None, None, Result], on_news: Callable[[News], None]
+        self,
+        progress: Generator[Progress | None, None, Result],
+        on_progress: Callable[[Progress], None],
     ) -> Result | None:
-        """Return the result of the motion, or None as soon as it is to stop."""
+        """Return the result of the motion, or None once it must stop."""
         while True:
             try:
-                new = next(news)
+                new = next(progress)
             except StopIteration as end:
                 return None if self._end() else end.value
             if self.is_stopping:
-                self._end()  # a further stop would brake the device after it was stopped
+                self._end()  # a further stop would brake the device when it is at rest already
                 return None
             if new is not None:
-                on_news(new)
+                on_progress(new)
 
     def _end(self) -> bool:
-        """Let no further stop in; return whether one has been requested."""
+        """End the motion for stops; return True if a stop was requested."""
         with self._lock:
             self._running, self._should_stop = None, lambda: False
             return self._stop.is_set()

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Base of both nodes: goals, watched topics, joint states, signs of life, Stop."""
+"""Base class of both nodes: goals, watches, joint states, heartbeat and Stop."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ STOP_TOPIC = 'stop_state'
 STATES = QoSProfile(
     depth=16, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
-"""Subscriptions of `STOP_TOPIC`: the latest state of each node waits."""
+"""QoS of subscriptions to `STOP_TOPIC`, deep enough for the latest state of each node."""
 
 EMERGENCY = QoSProfile(
     depth=100, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE
 )
-"""Fits every publisher; deep enough that no short press is lost."""
+"""QoS compatible with every publisher, and deep enough that no short press is lost."""
 
 State = TypeVar('State')
 Result = TypeVar('Result')
@@ -61,18 +61,20 @@ def stop_state_from_msg(message: StopStateMsg) -> StopState:
 
 
 class RigStop:
-    """A node's part in the stopped state of its rig, see `linear_guide_driver.stop_latch`.
+    """Connects a node's `StopLatch` to ROS.
 
-    Services ``~/stop`` and ``~/reset``; the topic `STOP_TOPIC`, which all nodes of the rig share;
-    the emergency stop of the parameter ``emergency_stop_topic``. Call `find_refusal` periodically.
+    Provides the services ``~/stop`` and ``~/reset``, exchanges states on `STOP_TOPIC`, and listens
+    to ``emergency_stop_topic``. `find_refusal` must be called periodically.
 
     Parameters
     ----------
     node : PollingNode
-        Its configuration has the parameters of the emergency stop.
+        Node whose configuration has the parameters of the emergency stop.
     latch : StopLatch
+        The node's copy of the stopped state.
     stop : callable
-        Brings the device to rest after ``~/stop``; returns whether it has, and a sentence.
+        Brings the device to rest after a call of ``~/stop``. Returns True on success, and a
+        message.
     on_change : callable
         Called after each change of the latch, on any thread.
     """
@@ -87,7 +89,7 @@ class RigStop:
         self._node, self._latch, self._stop, self._on_change = node, latch, stop, on_change
         self._name = node.get_fully_qualified_name()
         self._sender = f'{self._name} {uuid.uuid4().hex[:8]}'
-        self._lock = threading.Lock()  # no older state is published after a newer one
+        self._lock = threading.Lock()  # keeps the order of published states
         self._is_closed = False
         topic, timeout_s = node.config.emergency_stop_topic, node.config.emergency_stop_timeout_s
         latch.emergency = EmergencyInput(topic, timeout_s) if topic else None
@@ -104,7 +106,7 @@ class RigStop:
         self._publish()
 
     def close(self) -> None:
-        """Take topics and services away; the latch stays as it is."""
+        """Destroy topics and services. The latch keeps its state."""
         self._latch.leave()
         for subscription in self._polled:
             self._node.unpoll(subscription)
@@ -115,7 +117,7 @@ class RigStop:
             self._node.destroy_publisher(self._publisher)
 
     def find_refusal(self) -> Refusal | None:
-        """Take what has come; return why nothing may move, None when it may."""
+        """Handle waiting messages; return why motion is not allowed, or None."""
         self._node.poll_now()
         now_ns = time.monotonic_ns()
         self._latch.check(now_ns)
@@ -124,7 +126,7 @@ class RigStop:
     # -- inside --------------------------------------------------------------------------------
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._node.poll_now()  # so that this stop counts after the resets before it
+        self._node.poll_now()  # this stop must have a higher number than earlier resets
         self._latch.stop(f'Stop was pressed on {self._name}')
         response.success, response.message = self._stop()
         return response
@@ -146,7 +148,7 @@ class RigStop:
         state = self._latch.state
         text = f'the rig is stopped: {state.reason}' if state.is_stopped else 'the rig is reset'
         self._node.get_logger().warning(text)
-        self._on_change()  # first: the device matters more than the news
+        self._on_change()  # the device is stopped before the other nodes are informed
         self._publish()
 
     def _publish(self) -> None:
@@ -161,7 +163,7 @@ class RigStop:
 
 
 class _Activity:
-    """Watch of the node's own lifecycle state: a driver that is not active is a loss."""
+    """Watch of the node's own lifecycle state: an inactive driver is a loss."""
 
     was_heard = True
 
@@ -175,17 +177,18 @@ class _Activity:
 
 
 class MotionNode(PollingNode):
-    """A node that moves one device through a blocking client.
+    """Base class of a node that moves one device through a blocking client.
 
-    Topics ``~/joint_states``, ``~/ready`` and ``~/heartbeat`` (while active and well), health on
-    ``/diagnostics``, services ``~/stop`` and ``~/reset``. A subclass connects ``_client`` in its
-    `set_up`, then calls `offer`. The thread of the client that polls the device calls `beat`.
+    Publishes ``~/joint_states``, ``~/ready``, ``~/heartbeat`` (while the node is active and the
+    device is usable) and ``/diagnostics``, and provides the services ``~/stop`` and ``~/reset``.
+    A subclass connects ``_client`` in `set_up` and then calls `offer`. The client's thread that
+    polls the device calls `beat`.
     """
 
     device = 'device'
-    """Name of the device in sentences."""
+    """Name of the device in messages."""
 
-    is_quiet = False  # its requests may wait for the device, so it shares no executor
+    is_quiet = False  # its callbacks may wait for the device, so it needs a separate executor
 
     def __init__(self, node_name: str, config_class: type, **node_options: Any) -> None:
         super().__init__(node_name, config_class, **node_options)
@@ -199,35 +202,35 @@ class MotionNode(PollingNode):
         self._heartbeat: Heartbeat | None = None
         self._presence: Presence | None = None
         self._loss: Refusal | None = None  # why the running goal has been ended
-        self._parts = ExitStack()  # takes back what was made, last things first
+        self._parts = ExitStack()  # destroys topics, services and timers in reverse order
 
-    def is_well(self) -> bool:
-        """Return whether others may rely on the connected device."""
+    def is_usable(self) -> bool:
+        """Return True if the connected device can be used by other nodes."""
         raise NotImplementedError
 
     def find_obstacles(self) -> list[str]:
-        """Return a sentence for each thing that keeps the active device from moving."""
+        """Return a sentence for each reason why the active device cannot move."""
         raise NotImplementedError
 
     def judge_health(self, state: Any) -> Health:
-        """Return the health of the connected device in this state."""
+        """Return the health of the connected device from its present state."""
         raise NotImplementedError
 
     def stop_device(self) -> tuple[bool, str]:
-        """Bring the device to rest after Stop; return whether it has, and a sentence."""
+        """Bring the device to rest after Stop; return True on success, and a message."""
         raise NotImplementedError
 
     def on_stop_change(self) -> None:
-        """Act on a change of the rig's stopped state; on any thread."""
+        """Handle a change of the rig's stopped state. May be called on any thread."""
 
     def find_loss(self) -> Refusal | None:
-        """Return why a running motion must end, for a client that does not know it itself."""
+        """Return why a running motion must end, if the client does not detect it; or None."""
         return None
 
     def set_up(self, config: Any) -> None:
         self._joint_states = self.create_stream_publisher(JointState, '~/joint_states')
         self._parts.callback(self.destroy_lifecycle_publisher, self._joint_states)
-        # Before the heartbeats: a peer that hears one of them hears of a stop, too.
+        # Before the heartbeats, so that a peer that hears a heartbeat also receives the stop.
         self._rig_stop = RigStop(self, self._latch, self.stop_device, self.on_stop_change)
         self._parts.callback(self._rig_stop.close)
         lease_s = config.heartbeat_timeout_s
@@ -239,9 +242,9 @@ class MotionNode(PollingNode):
         self._watches = (self._latch, _Activity(self), presence.rivals, *watches)
 
     def offer(self, **services: Callable[[], tuple[bool, str]]) -> None:
-        """Offer a ``std_srvs/Trigger`` for each function, and tell how the device is.
+        """Create a ``std_srvs/Trigger`` service for each function, heartbeat and diagnostics.
 
-        A function returns whether it has succeeded, and a sentence.
+        Each function returns True on success, and a message.
         """
         for name, call in services.items():
 
@@ -253,24 +256,24 @@ class MotionNode(PollingNode):
             self._parts.callback(self.destroy_service, service)
         self._diagnostics = Diagnostics(self, self._hardware_id, self._health)
         self._heartbeat = Heartbeat(
-            self, lambda: self.is_active and self._client is not None and self.is_well()
+            self, lambda: self.is_active and self._client is not None and self.is_usable()
         )
         self._readiness = ReadinessPublisher(self, self._find_missing)
         self._parts.callback(self._heartbeat.close)
 
     def beat(self) -> None:
-        """Give the node's sign of life; on the thread that polls the device."""
+        """Publish the heartbeat. Called on the thread that polls the device."""
         if self._heartbeat is not None:
             self._heartbeat.beat()
 
     def on_goal_end(self) -> None:
-        if self._readiness is not None:  # whoever hears of the end may send the next goal at once
+        if self._readiness is not None:  # the next goal may follow immediately
             self._readiness.update()
 
     def tear_down(self) -> None:
         for runner in tuple(self.goal_runners):
             runner.close()
-        for part in (self._diagnostics, self._readiness):  # other threads ask the client for them
+        for part in (self._diagnostics, self._readiness):  # they use the client on other threads
             if part is not None:
                 part.close()
         self._diagnostics = self._readiness = None
@@ -282,24 +285,25 @@ class MotionNode(PollingNode):
         self._parts.close()
 
     def find_peer_loss(self) -> Refusal | None:
-        """Return which node or topic is lost, or None."""
+        """Return which needed node or topic is lost, or None."""
         return find_loss(self._watches, time.monotonic_ns())
 
     # -- goals of a subclass -------------------------------------------------------------------
 
     def refuse_rivals(self) -> None:
-        """Abort the goal while there is a second node like this one, before any other reason.
+        """Abort the goal if there is a second node with the name of this one.
 
-        Both receive each goal, and the client hears the first answer: it must name both.
+        Both nodes receive each goal, and the client gets the first answer. This check must
+        therefore precede all others, so that the answer names both nodes.
         """
         presence = self._presence
         if presence is not None and (rivals := presence.rivals.find_loss()):
             raise GoalAborted(str(rivals))
 
     def wait_for_peers(self, goal: Goal, awaits: Callable[[], bool]) -> None:
-        """Wait while ``awaits()`` says that a needed topic was never heard, as after a start.
+        """Wait until each needed topic has been heard once, for example after the start.
 
-        The wait ends with the goal, and after ``peer_wait_s``.
+        Wait while ``awaits()`` is True, until the goal ends or ``peer_wait_s`` has passed.
         """
         deadline_s = time.monotonic() + self.config.peer_wait_s
         while awaits() and time.monotonic() < deadline_s:
@@ -313,11 +317,24 @@ class MotionNode(PollingNode):
         to_feedback: Callable[[State], dict[str, float]],
         find_rest: Callable[[], dict[str, Any]] = dict,
     ) -> Result:
-        """Move the device for a goal; return what the client returns.
+        """Move the device for a goal; return the result of ``move``.
 
-        ``move`` takes what is called with each new state, and what tells whether to stop.
-        ``to_feedback`` and ``find_rest`` make the fields of a feedback, and those of the result of
-        a goal that is aborted.
+        Parameters
+        ----------
+        goal : Goal
+            The running goal.
+        move : callable
+            Moves the device. Takes two callables: the first is called with each new state, the
+            second returns True if the motion must stop.
+        to_feedback : callable
+            Returns the fields of the feedback for a state.
+        find_rest : callable
+            Returns the fields of the result of an aborted goal.
+
+        Raises
+        ------
+        GoalAborted
+            If the motion fails or is stopped.
         """
         due_s = time.monotonic()
         self._loss = None
@@ -348,7 +365,7 @@ class MotionNode(PollingNode):
         return any(runner.is_busy for runner in self.goal_runners)
 
     def find_goal_refusal(self) -> Refusal | None:
-        """Return why no goal can be taken now, or None."""
+        """Return why no goal can be accepted now, or None."""
         if not self.is_active:
             return Refusal(f'The {self.device} is not active', 'activate its node first')
         if self.is_busy:
@@ -356,18 +373,18 @@ class MotionNode(PollingNode):
         return None
 
     def end_goals(self) -> None:
-        """Make every running goal end early."""
+        """Request the end of every running goal."""
         for runner in self.goal_runners:
             runner.end_goal()
 
     # -- for the client of a subclass -----------------------------------------------------------
 
     def now_ns(self) -> int:
-        """Return the ROS time [ns]."""
+        """Return the present ROS time [ns]."""
         return int(self.get_clock().now().nanoseconds)
 
     def publish_joint(self, position_m: float, velocity_m_s: float, stamp_ns: int) -> None:
-        """Publish position [m] and velocity [m/s] at a ROS time [ns]."""
+        """Publish position [m] and velocity [m/s] with a stamp in ROS time [ns]."""
         if self._joint_states is None:
             return
         state = JointState(
@@ -377,8 +394,8 @@ class MotionNode(PollingNode):
         state.header.stamp = Time(nanoseconds=stamp_ns).to_msg()
         self._joint_states.publish(state)
 
-    def tell_trouble(self, reason: str) -> None:
-        """Log a fault and publish the health at once: a hold cannot wait for the next second."""
+    def report_trouble(self, reason: str) -> None:
+        """Log a fault and publish the diagnostics immediately."""
         self.get_logger().error(reason)
         diagnostics = self._diagnostics
         if diagnostics is not None:

@@ -11,27 +11,28 @@ from typing import NamedTuple
 from tactile_ros.configs import check_parameters, parameter
 
 SHORTEST_HANG_S = 0.5
-"""Shortest standstill of a driver that counts as a hang; see docs/decisions/0013-liveliness.md."""
+"""Shortest allowed ``hang_timeout_s`` [s]; see docs/decisions/0013-liveliness.md."""
 
 REST_REPORT_S = 0.2
-"""Period of joint states at rest, and of Grbl's status reports."""
+"""Period of joint states and of Grbl's status reports at rest [s]."""
 
 REST_AFTER_S = 1.0
-"""Reports come at full rate for so long after the end of a motion: the last of it are wanted."""
+"""Time after the end of a motion during which reports still arrive at the full rate [s]."""
 
 
 @dataclass(frozen=True)
 class EmergencyStopConfig:
-    """The emergency stop, for each node of a rig."""
+    """Parameters of the emergency stop, for each node of a rig."""
 
     emergency_stop_topic: str = parameter(
         '',
-        'topic (std_msgs/Bool) of an emergency stop: true stops the rig until it is reset, and so '
-        'does silence; false, published periodically, says that all is well; empty: none',
+        'topic (std_msgs/Bool) of an emergency stop: true, or silence, stops the rig until it is '
+        'reset. The publisher must send false periodically while the rig may move. An empty name '
+        'means that there is no emergency stop',
     )
     emergency_stop_timeout_s: float = parameter(
         0.5,
-        'silence of emergency_stop_topic that stops the rig',
+        'time without a message on emergency_stop_topic after which the rig is stopped',
         unit='s',
         range=(0.05, 10.0),
     )
@@ -39,22 +40,29 @@ class EmergencyStopConfig:
 
 @dataclass(frozen=True)
 class _MotionConfig(EmergencyStopConfig):
-    """The signs of life that both drivers depend on; `ValueError` when out of range."""
+    """Parameters of the heartbeats that both drivers watch.
+
+    Raises
+    ------
+    ValueError
+        If a field is outside its range.
+    """
 
     heartbeat_topics: tuple[str, ...] = parameter(
         (),
-        'topics on which the nodes that motion needs give their sign of life; motion ends when '
-        'one falls silent, or when two nodes give it on one topic',
+        'heartbeat topics of the nodes that must run during a motion; the motion ends if one of '
+        'them falls silent or has two publishers',
     )
     heartbeat_timeout_s: float = parameter(
         0.15,
-        'silence of a heartbeat topic that ends motion; the lease of its liveliness',
+        'time without a heartbeat after which a motion ends; the lease of the DDS liveliness',
         unit='s',
         range=(0.15, 10.0),
     )
     peer_wait_s: float = parameter(
         5.0,
-        'how long a goal waits for topics that have not been heard yet, as after a start',
+        'time that a goal waits for topics from which no message has arrived yet, for example '
+        'after the start',
         unit='s',
         range=(0.0, 60.0),
     )
@@ -75,33 +83,35 @@ class LinearGuideConfig(_MotionConfig):
         0.2, "travel of the guide; must equal the controller's $130", unit='m', range=(0.001, 5.0)
     )
     max_speed_m_s: float = parameter(
-        0.1, 'fastest speed that a goal may ask for', unit='m/s', range=(0.0001, 1.0)
+        0.1, 'highest speed that a goal may request', unit='m/s', range=(0.0001, 1.0)
     )
     run_on_s: float = parameter(
         0.25,
-        'how much motion the controller is given in advance: it runs on for so long when the '
-        'driver dies or the cable is cut, and a glide survives a pause of the host as long',
+        'duration of the motion that is sent to the controller in advance. The guide keeps moving '
+        'for this time if the driver dies or the cable is cut, and a glide stays steady during a '
+        'pause of the host of up to this time',
         unit='s',
         range=(0.1, 5.0),
     )
     poll_rate_hz: float = parameter(
         10.0,
-        'rate of status reports and joint states in motion, at most 5 at rest; Grbl documents '
-        '10 as its limit, 20 works on most boards',
+        'rate of status reports and joint states during motion (at rest: 5 Hz or less). Grbl '
+        'documents a limit of 10 Hz; 20 Hz works on most boards',
         unit='Hz',
         range=(1.0, 20.0),
     )
     strain_timeout_s: float = parameter(
         0.0,
-        'every motion ends when no valid sample came on tendon_sensor/strain for this long; '
-        '0: none is needed',
+        'every motion ends if no valid sample arrives on tendon_sensor/strain for this time; 0: '
+        'motion needs no samples',
         unit='s',
         range=(0.0, 10.0),
     )
     tendon_topic: str = parameter(
         'tendon_actuator/slack',
-        'topic on which the tendon actuator says whether its tendon is slack; without a slack '
-        'tendon the guide moves only in the glide of a trial; empty: the guide carries no tendon',
+        'topic on which the tendon actuator reports whether its tendon is slack. Unless the '
+        'tendon is slack, the guide moves only during the glide of a trial. An empty name means '
+        'that there is no tendon',
     )
     joint_name: str = parameter('linear_guide_joint', 'name of the joint in joint states')
     frame_id: str = parameter('linear_guide_link', 'frame of the joint states')
@@ -117,26 +127,34 @@ class TendonActuatorConfig(_MotionConfig):
     )
     device_id: int = parameter(1, 'ID of the servo on the bus', range=(0, 252))
     pulley_radius_m: float = parameter(
-        0.01, 'radius at which the tendon winds up', unit='m', range=(0.001, 0.1)
+        0.01, 'radius of the pulley on which the tendon is wound', unit='m', range=(0.001, 0.1)
     )
-    reverse: bool = parameter(False, 'true when the servo tightens as its position count falls')
+    reverse: bool = parameter(
+        False, 'true if the servo tightens the tendon when its position count decreases'
+    )
     speed_m_s: float = parameter(
-        0.01, 'tendon speed of a goal that names none', unit='m/s', range=(0.0005, 0.5)
+        0.01, 'tendon speed of a goal without a speed', unit='m/s', range=(0.0005, 0.5)
     )
     max_displacement_m: float = parameter(
-        0.02, 'longest displacement that a goal may ask for', unit='m', range=(0.0, 0.5)
+        0.02, 'largest displacement that a goal may request', unit='m', range=(0.0, 0.5)
     )
     current_limit_a: float = parameter(
         0.3,
-        'largest motor current; limits the pull even when no sensor is there',
+        'largest motor current; limits the tension even without a sensor',
         unit='A',
         range=(0.02, 3.0),
     )
     flexion_limit_n: float = parameter(
-        15.0, 'tension at which a flexion pull is released', unit='N', range=(0.1, 200.0)
+        15.0,
+        'tension limit in flexion; above it, the tendon is slackened',
+        unit='N',
+        range=(0.1, 200.0),
     )
     abduction_limit_n: float = parameter(
-        3.0, 'tension at which an abduction pull is released', unit='N', range=(0.1, 200.0)
+        3.0,
+        'tension limit in abduction; above it, the tendon is slackened',
+        unit='N',
+        range=(0.1, 200.0),
     )
     flexion_current_a: float = parameter(
         0.15,
@@ -147,89 +165,90 @@ class TendonActuatorConfig(_MotionConfig):
     )
     abduction_current_a: float = parameter(
         0.05,
-        'largest motor current of an abduction pull and of homing: the same with '
-        'abduction_limit_n',
+        'largest motor current of an abduction pull and of homing; computed as for '
+        'flexion_current_a, with abduction_limit_n',
         unit='A',
         range=(0.02, 3.0),
     )
     torque_constant_nm_a: float = parameter(
         1.78,
-        'torque of the servo per motor current, from its stall at 12 V: XM430-W350 4.1 N m at '
-        '2.3 A; for an XM430-W210 set 1.3 (3.0 N m at 2.3 A)',
+        'torque of the servo per motor current, computed from its stall at 12 V: XM430-W350, 4.1 '
+        'N m at 2.3 A; for an XM430-W210 set 1.3 (3.0 N m at 2.3 A)',
         unit='N m/A',
         range=(0.01, 100.0),
     )
     friction_current_a: float = parameter(
         0.02,
-        'motor current that tightens a slack tendon: the mean of current_a in the diagnostics '
-        'during a slow pull with a free, slack tendon',
+        'motor current that is needed to tighten a slack tendon: the mean of current_a in the '
+        'diagnostics during a slow pull with a free, slack tendon',
         unit='A',
         range=(0.0, 1.0),
     )
     current_mismatch_n: float = parameter(
         5.0,
-        'a pull is held, then slackened, when the motor current shows so much more tension than '
-        'the sensor reads, as when the sensor is stuck; 0: they are not compared',
+        'a pull is held, then slackened, if the tension computed from the motor current exceeds '
+        'the reading of the sensor by this amount, for example because the sensor is stuck; 0: '
+        'they are not compared',
         unit='N',
         range=(0.0, 1000.0),
     )
     saturation_n: float = parameter(
         0.0,
-        'magnitude from which the reading of the tendon sensor is no measurement, equal to '
-        'saturation_n of its driver; the tendon is released there; 0: not known',
+        'magnitude of the reading at which the tendon sensor saturates, equal to saturation_n of '
+        'its driver. At this reading the tendon is slackened. 0: not known',
         unit='N',
         range=(0.0, 1e6),
     )
     shares_sensor_clock: bool = parameter(
         True,
-        'the strain samples are stamped by the clock of this computer, so that samples that are '
-        'late from the start are noticed; false when the sensor driver runs on another computer '
-        'whose clock is not synchronised',
+        'the strain samples are stamped with the clock of this computer, so that a constant delay '
+        'is detected, too. Set it to false if the sensor driver runs on another computer whose '
+        'clock is not synchronised',
     )
     unguarded: bool = parameter(
         False,
-        'true lets the tendon be pulled although no strain sample arrives; then nothing but '
-        'current_limit_a limits the tension',
+        'allows pulls without strain samples; then only current_limit_a limits the tension',
     )
     taut_tension_n: float = parameter(
         0.2,
-        'tension at which a tendon that is homed counts as taut',
+        'tension at which the tendon counts as taut during homing',
         unit='N',
         range=(0.02, 5.0),
     )
     homing_speed_m_s: float = parameter(
-        0.002, 'tendon speed while it is homed', unit='m/s', range=(0.0005, 0.02)
+        0.002, 'tendon speed during homing', unit='m/s', range=(0.0005, 0.02)
     )
     guard_timeout_s: float = parameter(
         0.2,
-        'a taut tendon is held when no valid strain sample came for this long',
+        'a taut tendon is held if no valid strain sample arrives for this time',
         unit='s',
         range=(0.02, 10.0),
     )
     slack_after_s: float = parameter(
         2.0,
-        'a taut tendon that has lost its sensor, a heartbeat or its pull is held for this long, '
+        'a taut tendon that has lost its sensor, a heartbeat or its pull is held for this time, '
         'then slackened',
         unit='s',
         range=(0.0, 60.0),
     )
     watchdog_s: float = parameter(
         0.2,
-        'the servo stops by itself when it hears nothing for this long; steps of 0.02',
+        'the servo stops by itself if it receives no packet for this time; resolution 0.02',
         unit='s',
         range=(0.06, 2.54),
     )
     poll_rate_hz: float = parameter(
         60.0,
-        'rate of state reads and joint states in motion and while the tendon is taut; at rest '
-        'and slack 25 reads a second, or four per watchdog_s, and five joint states a second',
+        'rate of state reads and joint states during motion and while the tendon is taut. At rest '
+        'with a slack tendon there are 25 reads per second (or four per watchdog_s, if that is '
+        'more) and five joint states per second',
         unit='Hz',
         range=(5.0, 200.0),
     )
     hang_timeout_s: float = parameter(
         0.0,
-        'a driver whose poll hangs for so long, as when it is frozen, is killed, so that its '
-        'launch starts it again and the tendon is slackened; 0: never, as under a debugger',
+        'a driver whose poll does not run for this time is killed, so that launch can restart it '
+        'and the tendon is slackened. 0: never, for example under a debugger',
         unit='s',
         range=(0.0, 60.0),
     )
@@ -240,13 +259,13 @@ class TendonActuatorConfig(_MotionConfig):
         super().__post_init__()
         if self.watchdog_s * self.poll_rate_hz < 3.0:
             raise ValueError(
-                f'watchdog_s is {self.watchdog_s} s, shorter than three polls at '
-                f'{self.poll_rate_hz} Hz; raise one of them'
+                f'watchdog_s is {self.watchdog_s} s, which is shorter than three polls at '
+                f'{self.poll_rate_hz} Hz; increase watchdog_s or poll_rate_hz'
             )
         if 0.0 < self.hang_timeout_s < SHORTEST_HANG_S:
             raise ValueError(
-                f'hang_timeout_s is {self.hang_timeout_s} s, which a busy computer reaches; use '
-                f'{SHORTEST_HANG_S} s or more, or 0'
+                f'hang_timeout_s is {self.hang_timeout_s} s, which a busy computer may exceed; '
+                f'use {SHORTEST_HANG_S} s or more, or 0'
             )
 
     @property
@@ -263,42 +282,31 @@ class TendonActuatorConfig(_MotionConfig):
         }
 
     def to_tension_n(self, current_a: float) -> float:
-        """Return the tension that a motor current tightens against, without friction [N]."""
+        """Return the tension [N] that a motor current [A] balances, less the friction."""
         moment_nm = (current_a - self.friction_current_a) * self.torque_constant_nm_a
         return moment_nm / self.pulley_radius_m
 
     def to_current_a(self, tension_n: float) -> float:
-        """Return the motor current that tightens against a tension [A]."""
+        """Return the motor current [A] that balances a tension [N], including the friction."""
         moment_nm = tension_n * self.pulley_radius_m
         return moment_nm / self.torque_constant_nm_a + self.friction_current_a
 
 
 class GuideState(NamedTuple):
-    """The guide as of its last status report.
+    """State of the guide in one status report."""
 
-    ``position_m`` counts from the negative end of travel, and is None when not homed.
-    ``velocity_m_s`` is the reported speed with the sign of the running move, ``state`` the
-    controller's word: Idle, Run, Hold, Alarm, ... The report arrived at ``received_at_ns`` on the
-    client's clock.
-    """
-
-    position_m: float | None
-    velocity_m_s: float
-    state: str
-    received_at_ns: int
+    position_m: float | None  # position from the negative end of travel [m]; None if not homed
+    velocity_m_s: float  # reported speed with the sign of the running move [m/s]
+    state: str  # state of the controller: Idle, Run, Hold, Alarm, ...
+    received_at_ns: int  # time of arrival on the client's clock [ns]
 
 
 class TendonState(NamedTuple):
-    """The tendon actuator as of its last poll.
+    """State of the tendon actuator in one poll."""
 
-    ``displacement_m`` counts from the slack reference, ``velocity_m_s`` is positive when it
-    tightens. ``current_a`` is the motor current, positive when pulling: an estimate of the pull
-    with friction in it. The values arrived at ``received_at_ns`` on the client's clock.
-    """
-
-    displacement_m: float
-    velocity_m_s: float
-    current_a: float
-    voltage_v: float
-    temperature_c: float
-    received_at_ns: int
+    displacement_m: float  # displacement from the zero, positive when tightened [m]
+    velocity_m_s: float  # positive while the tendon is tightened [m/s]
+    current_a: float  # motor current, positive when pulling; includes friction [A]
+    voltage_v: float  # supply voltage [V]
+    temperature_c: float  # temperature of the servo [C]
+    received_at_ns: int  # time of arrival on the client's clock [ns]

@@ -1,44 +1,43 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The safety of the tendon: one state machine that every command has to pass.
+"""Safety of the tendon: a state machine that every command has to pass.
 
 =========  ==================================================  ===========================
 state      entered when                                        order to the servo
 =========  ==================================================  ===========================
-FREE       a pull is admitted; or slack is reached             follow the pull, then rest
-HOLDING    a goal is cancelled; or Stop is pressed, or         hold; nothing tightens
-           something needed is lost, in contact
+FREE       a pull is admitted; or the tendon becomes slack     follow the pull, then rest
+HOLDING    a goal is cancelled; or, with a taut tendon, Stop   hold; nothing tightens
+           is pressed or a needed node or topic is lost
 RELEASING  the tension is above its limit; or HOLDING after    slacken
            Stop or a loss has lasted ``slack_after_s``
 =========  ==================================================  ===========================
 
-Stop is no fourth state but a latch beside them, `linear_guide_driver.stop_latch.StopLatch`:
+Stop is not a fourth state but a separate latch, `linear_guide_driver.stop_latch.StopLatch`:
 
 ==========  =================================  ===============================================
-latch       set when                           while it is set
+latch       set when                           effect
 ==========  =================================  ===============================================
-stopped     Stop is pressed on any node of     every pull is refused but one to slack; a pull
-            the rig; the emergency stop is     that runs ends, unless it goes to slack; a taut
-            pressed or lost                    tendon is held for ``slack_after_s``, then
-                                               slackened
-reset       `StopLatch.reset`                  the three states alone count
+stopped     Stop is pressed on any node of     every pull except to slack is refused; a running
+            the rig; the emergency stop is     pull ends, unless it slackens; a taut tendon is
+            pressed or lost                    held for ``slack_after_s``, then slackened
+reset       `StopLatch.reset` is called        none; only the three states apply
 ==========  =================================  ===============================================
 
 Five rules hold in every state:
 
-1. Above the limit the order is to slacken. It depends on the present tension, not on how it
-   came about, so no stop, loss or goal turns it into holding.
-2. Slackening is always admitted, and never tightens. Only tightening is checked.
-3. A taut tendon is not at rest: after a loss it is held for a while, then slackened, unless a
-   fresh pull is admitted.
-4. Nothing but homing tightens while the zero of the displacement is unknown.
-5. While the latch is set or something needed is lost, slackening goes on until the tendon is
-   slack. Neither a further Stop nor a cancelled goal turns it into holding.
+1. Above the limit, the order is to slacken. It depends only on the present tension, so no stop,
+   loss or goal turns it into holding.
+2. Slackening is always admitted and never tightens. Only tightening is checked.
+3. A taut tendon is not at rest: after a loss, it is held for ``slack_after_s`` and then
+   slackened, unless a new pull is admitted.
+4. While the zero of the displacement is unknown, only homing may tighten.
+5. While the latch is set, or a needed node or topic is lost, slackening continues until the
+   tendon is slack. Neither a further Stop nor a cancelled goal turns it into holding.
 
-A `Watch` tells whether a sign of life is there: a `TopicWatchdog` by the messages of a topic, and
-`tactile_ros.health.HeartbeatWatch` by DDS liveliness. Both go by the monotonic clock: ROS time may
-be simulated, paused or stepped. The tension is that of `linear_guide_driver.tension`.
+A `Watch` monitors a node or topic that motion needs: a `TopicWatchdog` by the messages of a topic,
+`tactile_ros.health.HeartbeatWatch` by DDS liveliness. Both use the monotonic clock, because ROS
+time may be simulated, paused or stepped. `linear_guide_driver.tension` provides the tension.
 """
 
 from __future__ import annotations
@@ -70,20 +69,25 @@ __all__ = [
 
 
 class Watch(Protocol):
-    """A sign of life that a motion depends on."""
+    """Monitor of a node or topic that motion depends on."""
 
     @property
     def was_heard(self) -> bool:
-        """True once it was there."""
+        """True once the node or topic has been heard."""
 
     def find_loss(self, now_ns: int) -> Refusal | None:
-        """Return why nothing may move, or None [monotonic ns]."""
+        """Return why motion is not allowed at monotonic time ``now_ns`` [ns], or None."""
 
 
 class TopicWatchdog:
-    """Liveliness of one topic on the monotonic clock; no IO, thread-safe.
+    """Watchdog of the messages on one topic; no IO, thread-safe.
 
-    The topic counts as silent when nothing was heard for ``timeout_s`` [s].
+    Parameters
+    ----------
+    topic : str
+        Name of the topic, for messages.
+    timeout_s : float
+        Time without a message after which the topic counts as silent [s].
     """
 
     def __init__(self, topic: str, timeout_s: float) -> None:
@@ -93,28 +97,28 @@ class TopicWatchdog:
 
     @property
     def was_heard(self) -> bool:
-        """True once anything was heard."""
+        """True once a message has arrived."""
         return self._heard_at_ns is not None
 
     def beat(self, now_ns: int) -> None:
-        """Note a message at monotonic time ``now_ns`` [ns]."""
+        """Record a message at monotonic time ``now_ns`` [ns]."""
         self._heard_at_ns = now_ns
 
     def find_loss(self, now_ns: int) -> Refusal | None:
-        """Return why the topic counts as silent, or None [ns]."""
+        """Return why the topic counts as silent at monotonic time ``now_ns`` [ns], or None."""
         heard_at_ns = self._heard_at_ns
         if heard_at_ns is None:
-            return Refusal(f'Nothing has been heard on {self._topic} yet', 'start its node')
+            return Refusal(f'No message has arrived on {self._topic} yet', 'start its node')
         if now_ns - heard_at_ns <= self._timeout_ns:
             return None
         return Refusal(
-            f'Nothing was heard on {self._topic} for {self._timeout_ns / 1e9:g} s',
-            'look after its node',
+            f'No message has arrived on {self._topic} for {self._timeout_ns / 1e9:g} s',
+            'check that its node is running',
         )
 
 
 def find_loss(watches: Sequence[Watch], now_ns: int) -> Refusal | None:
-    """Return the first sign of life that is lost, or None [ns]."""
+    """Return the first loss among the watches at monotonic time ``now_ns`` [ns], or None."""
     for watch in watches:
         if loss := watch.find_loss(now_ns):
             return loss
@@ -124,18 +128,18 @@ def find_loss(watches: Sequence[Watch], now_ns: int) -> Refusal | None:
 # -- the tendon ------------------------------------------------------------------------------
 
 SLACK_M = 0.0005
-"""A tendon tightened less than this counts as slack: the position loop yields a little."""
+"""Largest displacement of a slack tendon [m]: the servo's position deviates a little from 0."""
 
 SLACK_SHARE = 0.5
-"""Share of the taut tension below which a tendon without a zero counts as slack."""
+"""Fraction of the taut tension below which a tendon without a known zero counts as slack."""
 
 SETTLED_NS = 500_000_000
-"""Only a tension that the sensor reads for so long after the tendon has come to rest at its zero
-refutes the zero: samples come later than positions."""
+"""Time [ns] for which the sensor must read a tension at the zero to refute this zero. Samples
+arrive later than positions, so a shorter time proves nothing."""
 
 
 class State(Enum):
-    """See the table of this module."""
+    """State of the tendon's safety; see the table of this module."""
 
     FREE = 'free'
     HOLDING = 'holding'
@@ -163,40 +167,54 @@ class Ending(Enum):
 
     REACHED = 'the stop tension was reached'
     OVER_LIMIT = 'the limit was exceeded'
-    LOST = 'something needed was lost'
+    LOST = 'a needed node or topic was lost'
     STOPPED = 'it was stopped on request'
 
 
 class Pull(NamedTuple):
-    """One pull that is asked for.
+    """A requested pull."""
 
-    It ends at ``displacement_m`` [m] at the latest, or at ``stop_tension_n`` [N] if that is not 0.
-    ``contact`` is the key of the limits. ``is_homing``: it looks for the zero.
-    """
-
-    displacement_m: float
-    contact: str = 'flexion'
-    stop_tension_n: float = 0.0
-    is_homing: bool = False
+    displacement_m: float  # displacement at which the pull ends at the latest [m]
+    contact: str = 'flexion'  # key of the tension limits
+    stop_tension_n: float = 0.0  # tension at which the pull ends earlier [N]; 0: none
+    is_homing: bool = False  # the pull searches for the zero
 
     @property
     def slackens(self) -> bool:
-        """True for a pull to slack, which never goes further in than the tendon is."""
+        """True for a pull to slack, which never tightens the tendon."""
         return self.displacement_m <= 0.0 and not self.is_homing
 
 
 class TendonSafety:
-    """The state machine. No IO and no clock; thread-safe.
+    """State machine of the tendon's safety; no IO and no clock, thread-safe.
 
-    Times are monotonic [ns]. The servo's poll calls `decide`, some sixty times a second but for a
-    slack tendon at rest, and after each sample that matters, and carries the order out.
+    All times are monotonic [ns]. The servo's poll calls `decide` about sixty times a second (less
+    often for a slack tendon at rest), and also after each sample that may change the order. It
+    then carries the order out.
 
-    ``watches`` are those of the signs of life that must be there while the tendon is taut.
-    ``latch`` is the stopped state of the rig; without one, nothing stops it.
+    Parameters
+    ----------
+    config : TendonActuatorConfig
+        Limits and timeouts.
+    watches : sequence of Watch
+        Nodes and topics that are needed while the tendon is taut.
+    latch : StopLatch, optional
+        Stopped state of the rig. By default a latch that is never set.
 
-    ``state`` was entered for the sentence ``reason``, empty after a pull was admitted. ``ending``
-    is the end that safety has put to the present pull; None while it has not. ``zero`` is what is
-    known of the zero, ``limit_n`` the limit in force [N], ``tension`` the source of the tension.
+    Attributes
+    ----------
+    state : State
+        Present state.
+    reason : str
+        Sentence that says why this state was entered; an empty string after a pull was admitted.
+    ending : Ending or None
+        Why safety has ended the present pull; None if it has not.
+    zero : Zero
+        Knowledge of the zero of the displacement.
+    limit_n : float
+        Present tension limit [N].
+    tension : TensionSource
+        Source of the tension.
     """
 
     def __init__(
@@ -207,18 +225,18 @@ class TendonSafety:
     ) -> None:
         self._config = config
         self._latch = latch or StopLatch()
-        self._watches = (self._latch, *watches)  # Stop is told first
+        self._watches = (self._latch, *watches)  # Stop is reported before other losses
         self._limits_n = config.limits_n
         self._slack_after_ns = round(config.slack_after_s * 1e9)
         self._lock = threading.RLock()
-        # Before the first pull names a contact, the tendon has no business being tight.
+        # The lowest limit applies until the first pull selects a contact.
         self.limit_n = min(self._limits_n.values())
         self.tension = TensionSource(config)
-        self._homing_epoch: int | None = None  # of the tare, when the present homing began
+        self._homing_epoch: int | None = None  # tare epoch at the start of the present homing
         self.state = State.FREE
         self._release_at_ns: int | None = None
         self.reason = ''
-        self._loss: str | None = None  # for which the tendon is held
+        self._loss: str | None = None  # loss because of which the tendon is held
         self._cause = Ending.STOPPED
         self._pull: Pull | None = None
         self._tightens = False
@@ -227,22 +245,22 @@ class TendonSafety:
         self._zero_reason = 'the driver is not connected'
         self._at_zero_since_ns: int | None = None
 
-    # -- what is known -------------------------------------------------------------------
+    # -- state ---------------------------------------------------------------------------
 
     @property
     def alarm(self) -> str | None:
-        """The reason of the state if it was entered without a command; None otherwise."""
+        """Why the state was entered, if that was not by a command; otherwise None."""
         is_alarm = self.state is not State.FREE and self._cause is not Ending.STOPPED
         return self.reason if is_alarm else None
 
     @property
     def is_pulling(self) -> bool:
-        """True while a pull is under way."""
+        """True while a pull is running."""
         return self._pull is not None
 
     @property
     def awaits_first(self) -> bool:
-        """True while a needed topic has not been heard at all yet."""
+        """True until each needed topic has been heard once."""
         no_sample = self.tension.latest_n is None and not self._config.unguarded
         return no_sample or not all(watch.was_heard for watch in self._watches)
 
@@ -253,15 +271,15 @@ class TendonSafety:
 
     @property
     def slack_m(self) -> float:
-        """Displacement that a release goes to, or stays below [m].
+        """Displacement at which slackening ends [m].
 
-        Without a known zero it may slacken by as much as any pull may have tightened. A tendon
-        that is further out already is held: no release tightens.
+        Without a known zero, the tendon is slackened by the largest displacement of any pull. A
+        tendon with an even smaller displacement is held, because slackening never tightens.
         """
         return -self._config.max_displacement_m if self.zero is Zero.UNKNOWN else 0.0
 
     def is_slack(self, displacement_m: float, now_ns: int) -> bool:
-        """Return whether the tendon counts as slack at this displacement [m]."""
+        """Return True if the tendon counts as slack at this displacement [m]."""
         with self._lock:
             if displacement_m <= self.slack_m + SLACK_M:
                 return True
@@ -269,29 +287,29 @@ class TendonSafety:
             return self.zero is Zero.UNKNOWN and self.tension.reads_slack(slack_n, now_ns)
 
     def is_at_rest(self, displacement_m: float, now_ns: int) -> bool:
-        """Return whether no pull and no order is in force, and the tendon is slack [m]."""
+        """Return True if the tendon is slack at this displacement [m] without pull or order."""
         with self._lock:
             is_free = self._pull is None and self.state is State.FREE
             return is_free and self.is_slack(displacement_m, now_ns)
 
     def find_obstacle(self, displacement_m: float, now_ns: int) -> Refusal | None:
-        """Return why no pull may tighten now, or None."""
+        """Return why no pull may tighten the tendon now, or None."""
         with self._lock:
             obstacle = self._find_zero_obstacle(displacement_m)
             needs_samples = not self._config.unguarded
             return obstacle or self._find_obstacle(needs_samples, self.limit_n, now_ns)
 
-    # -- what is heard ---------------------------------------------------------------------
+    # -- input -----------------------------------------------------------------------------
 
     def add_blocks(
         self, blocks: Sequence[StrainBlock], now_ns: int, clock_ns: int | None = None
     ) -> bool:
-        """Take blocks of samples as `TensionSource.add`; return whether the order may change."""
+        """Pass blocks of samples to `TensionSource.add`; return True if the order may change."""
         with self._lock:
             return self._judge_tension(self.tension.add(blocks, now_ns, clock_ns), now_ns)
 
     def add_current(self, current_a: float, now_ns: int) -> None:
-        """Take the motor current of a poll [A], before `decide`."""
+        """Add the motor current [A] of a poll; called before `decide`."""
         with self._lock:
             tightens = self._tightens and self.ending is None
             self.tension.add_current(current_a if tightens else None, now_ns)
@@ -302,7 +320,10 @@ class TendonSafety:
         return config.current_limit_a if pull.slackens else config.currents_a[pull.contact]
 
     def set_zero(self, zero: Zero, reason: str = '') -> None:
-        """Note what is known of the zero, and why nothing is. Later samples confirm it."""
+        """Set the knowledge of the zero, and the reason if it is unknown.
+
+        Later samples confirm or refute an unconfirmed zero.
+        """
         with self._lock:
             self.zero, self._zero_reason = zero, reason
             self._at_zero_since_ns = None
@@ -311,12 +332,15 @@ class TendonSafety:
             elif zero is Zero.KNOWN and self._homing_epoch == self.tension.tare_epoch:
                 self.tension.confirm_tare()
 
-    # -- what is asked ---------------------------------------------------------------------
+    # -- commands --------------------------------------------------------------------------
 
     def check_pull(self, pull: Pull) -> float:
         """Return the tension limit of a pull's contact [N].
 
-        Raises `MotionRefusedError` when the contact is unknown or a tension is out of range.
+        Raises
+        ------
+        MotionRefusedError
+            If the contact is unknown or the stop tension is out of range.
         """
         limit_n = self._limits_n.get(pull.contact)
         if limit_n is None:
@@ -332,10 +356,24 @@ class TendonSafety:
         return limit_n
 
     def admit(self, pull: Pull, start_m: float, now_ns: int, fault: Refusal | None = None) -> None:
-        """Let a pull begin, or raise `MotionRefusedError` and change nothing.
+        """Admit a pull.
 
-        ``start_m`` is the displacement now, read under the bus's lock [m]: it tells whether the
-        pull tightens. With a ``fault`` of the servo it must not.
+        Parameters
+        ----------
+        pull : Pull
+            The requested pull.
+        start_m : float
+            Present displacement, read under the bus's lock [m]. It decides whether the pull
+            tightens.
+        now_ns : int
+            Monotonic time [ns].
+        fault : Refusal, optional
+            Fault of the servo, with which no pull may tighten.
+
+        Raises
+        ------
+        MotionRefusedError
+            If the pull is not allowed. Nothing is changed.
         """
         with self._lock:
             if not pull.slackens and (stop := self._latch.find_loss(now_ns)):
@@ -357,48 +395,48 @@ class TendonSafety:
                 if refusal:
                     raise MotionRefusedError(capitalise(str(refusal)))
                 self.limit_n = limit_n
-                if self.zero is Zero.UNCONFIRMED:  # without a sensor nothing else confirms it
+                if self.zero is Zero.UNCONFIRMED:  # without a sensor, nothing else confirms it
                     self.zero = Zero.KNOWN
-            self.limit_n = min(self.limit_n, limit_n)  # a higher one needs what tightening needs
+            self.limit_n = min(self.limit_n, limit_n)  # only a tightening pull raises the limit
             self._pull, self._tightens, self._homing_epoch = pull, tightens, epoch
             self.state, self._release_at_ns = State.FREE, None
             self.ending, self.reason = None, ''
 
     def finish(self) -> None:
-        """Forget the pull: it has ended. Limit and state stay in force."""
+        """End the pull. The limit and the state remain."""
         with self._lock:
             self._pull, self._tightens = None, False
 
     def hold(self, now_ns: int) -> None:
-        """Hold from now on; above the limit `decide` turns it into slackening at once.
+        """Order to hold; above the limit, `decide` orders to slacken instead.
 
-        Slackening goes on while the rig is stopped or something needed is lost.
+        Slackening continues while the rig is stopped, or a needed node or topic is lost.
         """
         with self._lock:
             if self.state is State.HOLDING and self._release_at_ns is not None:
-                return  # held for a loss, and slackened soon
+                return  # already held because of a loss, to be slackened later
             if self._is_slackening and (loss := self._find_need_loss(now_ns)):
                 self._enter(State.RELEASING, f'{loss} The tendon is slackened.', Ending.LOST)
                 return
             self._enter(State.HOLDING, 'The tendon was stopped.', Ending.STOPPED)
 
     def release(self, reason: str) -> None:
-        """Slacken from now on, until the tendon is slack or a pull is admitted."""
+        """Order to slacken until the tendon is slack or a pull is admitted."""
         with self._lock:
             self._enter(State.RELEASING, reason, Ending.STOPPED)
 
     def lose(self, reason: str, now_ns: int) -> None:
-        """Note that the servo has stopped by itself: hold, slacken later; a release goes on."""
+        """Handle a servo that has stopped by itself: hold, then slacken; a release continues."""
         with self._lock:
             if self._pull is not None and not self._tightens:
                 self._enter(State.RELEASING, reason, Ending.LOST)
             elif self.state is not State.RELEASING:
                 self._hold_then_release(reason, now_ns)
 
-    # -- what is to be done ------------------------------------------------------------------
+    # -- decision ----------------------------------------------------------------------------
 
     def decide(self, displacement_m: float, now_ns: int) -> Order:
-        """Return the order that holds now, at this displacement [m]."""
+        """Return the order to the servo at this displacement [m]."""
         with self._lock:
             is_slack = self.is_slack(displacement_m, now_ns)
             if self.tension.is_above(self.limit_n, now_ns):
@@ -430,7 +468,7 @@ class TendonSafety:
         if state is self.state and state is State.RELEASING:
             return
         if state is State.RELEASING:
-            self._release_at_ns = None  # a stop that ends the slackening holds for good
+            self._release_at_ns = None  # a hold that follows a release is not timed
         self.state, self.reason, self._cause = state, reason, ending
         pull = self._pull
         is_final = self.ending is not None and (self.ending, ending) != (
@@ -440,11 +478,11 @@ class TendonSafety:
         if pull is None or is_final:
             return
         if state is State.RELEASING and pull.slackens:
-            return  # it slackens itself
+            return  # the pull slackens already
         self.ending = ending
 
     def _hold_then_release(self, loss: str, now_ns: int) -> None:
-        if self._release_at_ns is None:  # a second loss postpones nothing, and the first is told
+        if self._release_at_ns is None:  # a second loss neither postpones nor renames the first
             self._release_at_ns, self._loss = now_ns + self._slack_after_ns, loss
         after_s = self._config.slack_after_s
         sentence = f'{self._loss} The tendon is held and slackened after {after_s:g} s.'
@@ -456,7 +494,7 @@ class TendonSafety:
         return self.state is State.RELEASING or (pull is not None and pull.slackens)
 
     def _judge_tension(self, highest_n: float | None, now_ns: int) -> bool:
-        """End a pull whose stop tension is reached; return whether the order may change."""
+        """End a pull whose stop tension is reached; return True if the order may change."""
         if highest_n is None:
             return self.tension.is_above(self.limit_n, now_ns)
         pull = self._pull
@@ -469,27 +507,27 @@ class TendonSafety:
         return is_reached or self.tension.is_above(self.limit_n, now_ns)
 
     def _find_loss(self, is_slack: bool, now_ns: int) -> Refusal | None:
-        """Return what a taut tendon, or a pull that tightens, lacks, or None."""
+        """Return the loss because of which the tendon must be held, or None."""
         pull = self._pull if self.ending is None else None
         if pull is not None and not pull.slackens and (stop := self._latch.find_loss(now_ns)):
             return stop
         if not self._tightens and (is_slack or pull is not None):
-            return None  # a slack tendon needs nothing, and slackening goes on
+            return None  # a slack tendon needs nothing, and slackening continues
         return self._find_need_loss(now_ns)
 
     def _find_need_loss(self, now_ns: int) -> Refusal | None:
-        """Return which need of a taut tendon, or of a pull that tightens, is lost, or None."""
+        """Return which node or topic that a taut tendon needs is lost, or None."""
         if loss := find_loss(self._watches, now_ns):
             return loss
         if not self._needs_samples(self._pull or Pull(0.0)):
             return None
         epoch = self._homing_epoch if self._pull else None
         if self.zero is Zero.UNKNOWN and not self._tightens:
-            epoch = self.tension.tare_epoch  # nothing tells that the tendon is taut
+            epoch = self.tension.tare_epoch  # an unconfirmed tare is no loss without a zero
         return self.tension.find_loss(now_ns, epoch)
 
     def _confirm_zero(self, displacement_m: float, now_ns: int) -> None:
-        """Believe a zero that was taken at rest if the sensor reads a slack tendon there."""
+        """Confirm a zero that was taken at rest if the sensor reads a slack tendon there."""
         tension = self.tension
         is_at_zero = displacement_m <= SLACK_M
         tension.judge_tare(is_at_zero and self.zero is Zero.KNOWN, now_ns)
@@ -499,14 +537,15 @@ class TendonSafety:
             self._at_zero_since_ns = None
         elif tension.is_below(self._config.taut_tension_n, now_ns):
             self.zero = Zero.KNOWN
-            if not tension.tare_epoch:  # one that has changed takes a still reading
+            if not tension.tare_epoch:  # a changed tare needs a still reading; see `judge_tare`
                 tension.confirm_tare()
         elif self._at_zero_since_ns is None:
             self._at_zero_since_ns = now_ns
         elif now_ns - self._at_zero_since_ns >= SETTLED_NS:
             self.zero = Zero.UNKNOWN
             self._zero_reason = (
-                f'the sensor read {tension.latest_n:.2f} N where the tendon should be slack'
+                f'the sensor reads {tension.latest_n:.2f} N at the zero, where the tendon should '
+                'be slack'
             )
 
     def _find_zero_obstacle(self, displacement_m: float) -> Refusal | None:
@@ -521,13 +560,13 @@ class TendonSafety:
         return None
 
     def _find_homing_obstacle(self, now_ns: int) -> Refusal | None:
-        """Return why the sensor's zero cannot be right, or None."""
+        """Return why the sensor's tare must be wrong, or None."""
         tension_n = self.tension.live_n(now_ns)
         if tension_n is None or tension_n > -self._config.taut_tension_n:
             return None
         return Refusal(
             f'The sensor reads {tension_n:.2f} N, and a tendon cannot push',
-            'let the tendon go slack and tare the sensor, or change the sign of its scale',
+            'slacken the tendon and tare the sensor, or change the sign of its scale',
         )
 
     def _find_obstacle(
@@ -546,5 +585,5 @@ class TendonSafety:
         return None
 
     def _needs_samples(self, pull: Pull) -> bool:
-        asks = pull.is_homing or pull.stop_tension_n
-        return bool(asks) or not self._config.unguarded
+        uses_tension = pull.is_homing or pull.stop_tension_n
+        return bool(uses_tension) or not self._config.unguarded

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A serial line with one thread that reads it."""
+"""A serial port with a reader thread."""
 
 from __future__ import annotations
 
@@ -15,18 +15,33 @@ import serial
 from linear_guide_driver.errors import DeviceConnectionError
 
 LINE_ERRORS = (OSError, termios.error, TypeError)
-"""Errors of pyserial when a line goes away: SerialException is an OSError, flushing a
-lost tty gives termios.error, and closing during a read gives TypeError."""
+"""Exceptions of pyserial when a port is lost: SerialException is an OSError, flushing a
+lost tty raises termios.error, and closing during a read raises TypeError."""
 
 TICK_S = 0.02
 
 
 class SerialLink:
-    """An open serial line. Opening and `write` raise `DeviceConnectionError`.
+    """An open serial port.
 
-    On the reader thread ``on_bytes`` is called with what has arrived, and ``on_tick`` after each
-    read, at least every 20 ms. ``on_lost`` is called once with a sentence when the line is lost,
-    on the thread that notices it: the reader's, or that of the writer before `write` raises.
+    Parameters
+    ----------
+    port : str
+        Name of the port.
+    baud : int
+        Speed [bit/s].
+    on_bytes : callable
+        Called on the reader thread with the received bytes.
+    on_tick : callable
+        Called on the reader thread after each read, at least every 20 ms.
+    on_lost : callable
+        Called once with the reason when the port is lost, on the thread that detects the loss:
+        the reader thread, or the caller of `write` before it raises.
+
+    Raises
+    ------
+    DeviceConnectionError
+        If the port cannot be opened; also by `write`.
     """
 
     def __init__(
@@ -56,25 +71,25 @@ class SerialLink:
         self._thread = threading.Thread(target=self._read, name='serial reader', daemon=True)
 
     def start(self) -> None:
-        """Start to read."""
+        """Start the reader thread."""
         self._thread.start()
 
     def write(self, data: bytes) -> None:
-        """Send bytes."""
+        """Write bytes to the port."""
         try:
             with self._write_lock:
                 self._serial.write(data)
         except LINE_ERRORS as error:
-            reason = f'the line to {self._port} is lost: {error}'
+            reason = f'the connection to {self._port} is lost: {error}'
             self._lose(reason)
             raise DeviceConnectionError(reason) from error
 
     def close(self) -> None:
-        """Stop reading and close the port. Harmless when called twice."""
+        """Stop reading and close the port; idempotent."""
         self._closing.set()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join(2.0)
-        with suppress(*LINE_ERRORS):  # it may be gone already
+        with suppress(*LINE_ERRORS):  # the port may be lost already
             self._serial.close()
 
     def _read(self) -> None:
@@ -83,19 +98,19 @@ class SerialLink:
                 try:
                     data = bytes(self._serial.read(self._serial.in_waiting or 1))
                 except LINE_ERRORS as error:
-                    self._lose(f'the line to {self._port} is lost: {error}')
+                    self._lose(f'the connection to {self._port} is lost: {error}')
                     return
                 if data:
                     self._on_bytes(data)
                 self._on_tick()
         except DeviceConnectionError as error:  # a query could not be written
             self._lose(str(error))
-        except Exception as error:  # nobody reads on, so the line is as good as lost
+        except Exception as error:  # without a reader, the port is unusable
             self._lose(f'reading {self._port} failed: {error!r}')
             raise
 
     def _lose(self, reason: str) -> None:
-        with self._losing:  # who comes second returns when the first has told
+        with self._losing:  # a second thread waits until the first has reported the loss
             if not self._is_lost and not self._closing.is_set():
                 self._is_lost = True
                 self._on_lost(reason)

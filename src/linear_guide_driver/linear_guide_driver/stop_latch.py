@@ -1,15 +1,15 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The latch of Stop: one stopped state of the rig, of which each node keeps a copy.
+"""The latch of Stop: the stopped state of a rig, of which each node keeps a copy.
 
 Both drivers and the trial runner have a `StopLatch`. They exchange its `StopState` on one topic,
-and the highest state counts. Every stop and every reset raises the number by one. A stop that
-comes at the same time as a reset therefore wins, the copies become equal in whatever order the
-states arrive, and a node that has started again gets the present state from the others.
+and the highest state is valid. Every stop and every reset increments the number of the state.
+Therefore a stop wins against a simultaneous reset, the copies become equal regardless of the
+order in which states arrive, and a restarted node receives the present state from the others.
 
-An `EmergencyInput` is a topic that must keep saying that all is well. It latches when it says
-stop and when it falls silent. Only `StopLatch.reset` ends the stopped state.
+An `EmergencyInput` is a topic on which false must be published periodically. The latch is set by
+the value true and by silence. Only `StopLatch.reset` ends the stopped state.
 
 No IO and no clock; thread-safe. Times are monotonic [ns].
 """
@@ -29,26 +29,25 @@ RESET = 'remove the cause, then call the service reset of one of its nodes, or u
 
 
 class StopState(NamedTuple):
-    """The stopped state of a rig. States are ordered: the highest one counts.
+    """Stopped state of a rig; mirrors ``tactile_msgs/StopState``.
 
-    ``number`` rises with each stop and each reset. ``reason`` is a clause that names the cause of
-    the stop; it is empty when the rig is not stopped.
+    States are ordered as tuples, and the highest one is valid.
     """
 
-    number: int = 0
+    number: int = 0  # incremented by each stop and each reset
     is_stopped: bool = False
-    reason: str = ''
+    reason: str = ''  # clause that names the cause of the stop; an empty string if not stopped
 
     @property
     def refusal(self) -> Refusal | None:
-        """Why nothing may move; None when the rig is not stopped."""
+        """Why motion is not allowed; None if the rig is not stopped."""
         return Refusal(f'The rig is stopped: {self.reason}', RESET) if self.is_stopped else None
 
 
 class EmergencyInput:
-    """An emergency stop on a topic: true is stop, false says that all is well.
+    """An emergency stop on a topic: true means stop, false means that motion is allowed.
 
-    Without a message for ``timeout_s`` [s] the input is lost, which counts as a stop.
+    If no message arrives for ``timeout_s`` [s], the input is lost, which counts as a stop.
     """
 
     def __init__(self, topic: str, timeout_s: float) -> None:
@@ -58,15 +57,15 @@ class EmergencyInput:
 
     @property
     def was_heard(self) -> bool:
-        """True once a message has come."""
+        """True once a message has arrived."""
         return self._last is not None
 
     def hear(self, is_stop: bool, now_ns: int) -> None:
-        """Take a message."""
+        """Record a message that arrived at ``now_ns`` [ns]."""
         self._last = now_ns, is_stop
 
     def find_stop(self, now_ns: int) -> Refusal | None:
-        """Return why the rig must stop, or None while all is well or nothing has come."""
+        """Return why the rig must stop, or None. Return None before the first message, too."""
         if self._last is None:
             return None
         remedy = 'release it, check its publisher, then reset'
@@ -75,14 +74,17 @@ class EmergencyInput:
             return Refusal(f'the emergency stop on {self._topic} is pressed', remedy)
         if now_ns - heard_at_ns > self._timeout_ns:
             silence_s = self._timeout_ns / 1e9
-            reason = f'the emergency stop on {self._topic} was not heard for {silence_s:g} s'
-            return Refusal(reason, remedy)
+            return Refusal(
+                f'no message has arrived from the emergency stop on {self._topic} for '
+                f'{silence_s:g} s',
+                remedy,
+            )
         return None
 
     def find_refusal(self, now_ns: int) -> Refusal | None:
-        """Return why nothing may move and no reset is possible; None while all is well."""
+        """Return why neither motion nor a reset is allowed, or None."""
         if not self.was_heard:
-            reason = f'The emergency stop on {self._topic} has not been heard yet'
+            reason = f'No message has arrived from the emergency stop on {self._topic} yet'
             return Refusal(reason, 'start its publisher')
         stop = self.find_stop(now_ns)
         return None if stop is None else Refusal(capitalise(stop.reason), stop.remedy)
@@ -91,15 +93,13 @@ class EmergencyInput:
 class StopLatch:
     """One node's copy of the stopped state; a `linear_guide_driver.safety.Watch`.
 
-    The latch outlives the connection of its node to the others, which is made by `join`: a node
-    that is configured again is still stopped.
+    `join` connects the node to the others, and `leave` disconnects it. The latch keeps its state
+    meanwhile: a stopped node is still stopped after it has been configured again.
     """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._lapse: Refusal | None = (
-            None  # a stop of the emergency input that `find_loss` has seen
-        )
+        self._lapse: Refusal | None = None  # an emergency stop that `find_loss` has detected
         self.state = StopState()
         self.emergency: EmergencyInput | None = None
         self.leave()
@@ -120,20 +120,20 @@ class StopLatch:
         self._on_change, self._count_publishers = on_change, count_publishers
 
     def leave(self) -> None:
-        """Keep the state, and exchange no more."""
+        """Disconnect from the other nodes, and keep the state."""
         self.join(lambda: None, lambda: 0)
 
     # -- changes ---------------------------------------------------------------------------
 
     def stop(self, reason: str) -> None:
-        """Stop the rig for a reason, a clause. A rig that is stopped keeps its first reason."""
+        """Stop the rig. ``reason`` is a clause; a stopped rig keeps its first reason."""
         with self._lock:
             number, is_stopped, first = self.state
             self.state = StopState(number + 1, True, first if is_stopped else reason)
         self._on_change()
 
     def reset(self, now_ns: int) -> Refusal | None:
-        """End the stopped state; return None, or why that is refused [ns]."""
+        """End the stopped state; return why this is refused at ``now_ns`` [ns], or None."""
         self.check(now_ns)
         if self.emergency is not None and (refusal := self.emergency.find_refusal(now_ns)):
             return refusal
@@ -145,7 +145,10 @@ class StopLatch:
         return None
 
     def take(self, state: StopState, sender: str) -> None:
-        """Take the state of a node, named by a string that no other run of a node uses."""
+        """Take over the state of a node if it is higher.
+
+        ``sender`` identifies the node and must be unique to each start of a node.
+        """
         with self._lock:
             self._senders.add(sender)
             if state <= self.state:
@@ -154,13 +157,13 @@ class StopLatch:
         self._on_change()
 
     def hear_emergency(self, is_stop: bool, now_ns: int) -> None:
-        """Take a message of the emergency stop [ns]."""
+        """Record a message of the emergency stop that arrived at ``now_ns`` [ns]."""
         if self.emergency is not None:
             self.emergency.hear(is_stop, now_ns)
             self.check(now_ns)
 
     def check(self, now_ns: int) -> None:
-        """Latch when the emergency stop says stop, or is lost. Call it periodically [ns]."""
+        """Set the latch if the emergency stop is pressed or lost; call this periodically."""
         if lapse := self._find_lapse(now_ns):
             self._lapse = None
             if not self.state.is_stopped:
@@ -175,11 +178,11 @@ class StopLatch:
         return is_known and len(self._senders) >= self._count_publishers()
 
     def find_loss(self, now_ns: int) -> Refusal | None:
-        """Return why nothing may move; None when it may [ns]."""
+        """Return why motion is not allowed at ``now_ns`` [ns], or None."""
         if refusal := self.state.refusal:
             return refusal
         if lapse := self._find_lapse(now_ns):
-            self._lapse = lapse  # `check` latches it, even if the input is heard again by then
+            self._lapse = lapse  # `check` sets the latch, even if the input has recovered by then
             return Refusal(f'The rig is stopped: {lapse.reason}', RESET)
         return None if self.emergency is None else self.emergency.find_refusal(now_ns)
 

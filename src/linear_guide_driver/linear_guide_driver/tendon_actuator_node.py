@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The tendon actuator as a ROS 2 node: actions to pull and to home, guarded by the tension."""
+"""ROS node of the tendon actuator: actions to pull and to home, with tension limits."""
 
 from __future__ import annotations
 
@@ -31,22 +31,23 @@ from tactile_ros.strain import StrainBlock as StrainRecord
 from tactile_ros.strain import StrainStatus
 
 STRAIN_REST_S = 0.02
-"""Period of taking strain samples while the tendon is slack and at rest, but for a shorter
-``guard_timeout_s``."""
+"""Period [s] of polling strain samples while the tendon is slack and at rest, unless
+``guard_timeout_s`` requires a shorter one."""
 
 LOOK_S = 0.2
-"""Period of counting the publishers of the samples, which takes a microsecond."""
+"""Period [s] of counting the publishers of the samples, which takes a microsecond."""
 
 WARM_C = 10.0
 FULL_CURRENT = 0.95
 
 
 class TendonActuatorNode(MotionNode):
-    """Drives the tendon actuator.
+    """Node of the tendon actuator.
 
-    Actions ``~/pull`` and ``~/home``, services ``~/stop``, ``~/reset`` and ``~/release``. Feeds
-    ``tendon_sensor/strain`` and the heartbeat topics to `linear_guide_driver.safety`, which every
-    motion has to pass. Topic ``~/slack`` says whether the tendon is slack, for the guide.
+    Provides the actions ``~/pull`` and ``~/home`` and the services ``~/stop``, ``~/reset`` and
+    ``~/release``, and publishes on ``~/slack`` whether the tendon is slack. Passes the samples of
+    ``tendon_sensor/strain`` and the heartbeats to `linear_guide_driver.safety`, which checks every
+    motion.
     """
 
     device = 'tendon actuator'
@@ -54,9 +55,9 @@ class TendonActuatorNode(MotionNode):
     def __init__(self, node_name: str = 'tendon_actuator', **node_options: Any) -> None:
         super().__init__(node_name, TendonActuatorConfig, **node_options)
         self._hang_watch: HangWatch | None = None
-        self._report_due_s = 0.0  # a joint state at rest
+        self._report_due_s = 0.0  # time of the next joint state at rest
         self._slack: Any = None  # publisher
-        self._slack_report = TendonReport(Slack.UNKNOWN)  # the last one
+        self._slack_report = TendonReport(Slack.UNKNOWN)  # the last published report
         self._slack_due_s = 0.0
 
     def set_up(self, config: TendonActuatorConfig) -> None:
@@ -71,9 +72,9 @@ class TendonActuatorNode(MotionNode):
             config,
             self._on_state,
             self.now_ns,
-            self.tell_trouble,
+            self.report_trouble,
             self._watches,
-            self._on_turn,
+            self._on_cycle,
             self._latch,
         )
         self._client.connect()
@@ -99,7 +100,7 @@ class TendonActuatorNode(MotionNode):
         self.offer(release=self._on_release)
 
     def stop(self) -> None:
-        """A driver that is not active is a loss for safety: it holds, and slackens later."""
+        """End all goals. For safety, an inactive driver is a loss: it holds, then slackens."""
         self.end_goals()
         self.on_stop_change()
 
@@ -108,14 +109,14 @@ class TendonActuatorNode(MotionNode):
             self._client.supervise()
 
     def stop_device(self) -> tuple[bool, str]:
-        """Hold, and slacken later. Safety ends goals that tighten; one to slack goes on."""
+        """Hold, then slacken. Safety ends goals that tighten; a goal to slack continues."""
         safety = self._client.safety
         try:
             self._client.hold_here()
         except LinearGuideDriverError as error:
             return False, str(error)
         if safety.state is State.FREE:
-            return True, 'The tendon is slack, and nothing tightens.'
+            return True, 'The tendon is slack and stays slack.'
         return True, safety.reason
 
     # -- goals -------------------------------------------------------------------------------
@@ -152,9 +153,7 @@ class TendonActuatorNode(MotionNode):
         message = f'The tendon rests at {state.displacement_m:.4f} m.'
         stopped_by_tension = client.safety.ending is Ending.REACHED
         if stopped_by_tension:
-            message = (
-                f'The tension reached {request.stop_tension_n:.2f} N. The tendon is held there.'
-            )
+            message = f'The tension reached {request.stop_tension_n:.2f} N; the tendon is held.'
         return PullTendon.Result(
             message=message, stopped_by_tension=stopped_by_tension, **find_rest()
         )
@@ -171,20 +170,20 @@ class TendonActuatorNode(MotionNode):
         taut_n = goal.request.taut_tension_n or self.config.taut_tension_n
         shift_m = self.carry_out(goal, partial(client.home, taut_n), to_feedback)
         return HomeTendon.Result(
-            message=f'The tendon is just taut at its new zero, {shift_m:.4f} m from the old one.',
+            message=f'The tendon is homed: the zero has moved by {shift_m:.4f} m.',
             shift_m=shift_m,
         )
 
-    # -- the rest ----------------------------------------------------------------------------
+    # -- topics ------------------------------------------------------------------------------
 
     def _on_strain(self, blocks: list[StrainBlock], _: Any) -> None:
-        """Take all blocks that wait: the worst value of all counts, and the age of the newest."""
+        """Pass all waiting blocks to safety, together."""
         client = self._client
         if client is None:
             return
         rest_s = min(STRAIN_REST_S, self.config.guard_timeout_s / 4)
         self.poll_every(rest_s if client.is_at_rest else POLL_S)
-        # A simulated clock, which may be slow or stand, tells no age.
+        # A simulated clock may be slow or paused, so it does not show the age of samples.
         clock_ns = None if self.get_clock().ros_time_is_active else self.now_ns()
         records = [self._to_record(block) for block in blocks if self._is_whole(block)]
         if client.safety.add_blocks(records, time.monotonic_ns(), clock_ns):
@@ -192,10 +191,10 @@ class TendonActuatorNode(MotionNode):
 
     def _is_whole(self, block: StrainBlock) -> bool:
         if not block.tension_n:
-            reason = 'tension_n is empty; a block holds one sample or more'
+            reason = 'tension_n is empty; a block must contain one sample or more'
             self.message_guard.refuse('tendon_sensor/strain', reason)
         elif not all(map(math.isfinite, block.tension_n)):
-            reason = 'a sample is no number; the others only count above the limit'
+            reason = 'a sample is not finite; the others are only compared with the limit'
             self.message_guard.refuse('tendon_sensor/strain', reason)
         return bool(block.tension_n)
 
@@ -215,7 +214,7 @@ class TendonActuatorNode(MotionNode):
             self._client.safety.tension.note_tare(stamp_ns)
 
     def _look_for_publishers(self) -> None:
-        """Ask for the names of the publishers when their number has changed, or is not one."""
+        """Query the names of the publishers if their number has changed or is not one."""
         with self.lock:
             client = self._client
             if client is None:
@@ -238,13 +237,13 @@ class TendonActuatorNode(MotionNode):
         except LinearGuideDriverError as error:
             self.end_goals()
             return False, str(error)
-        return True, 'The tendon is slackened.'
+        return True, 'The tendon is being slackened.'
 
-    def _on_turn(self, pause_s: float) -> None:
+    def _on_cycle(self, pause_s: float) -> None:
         self.beat()
         self._report_slack()
         if self._hang_watch is not None:
-            self._hang_watch.turn(pause_s)
+            self._hang_watch.feed(pause_s)
 
     def _on_state(self, state: TendonState) -> None:
         if self._client.is_at_rest and time.monotonic() < self._report_due_s:
@@ -253,11 +252,11 @@ class TendonActuatorNode(MotionNode):
         self.publish_joint(state.displacement_m, state.velocity_m_s, state.received_at_ns)
 
     def _report_slack(self) -> None:
-        """Publish whether the tendon is slack at each change, and now and then; poll thread."""
+        """Publish the slackness at each change and periodically. Runs on the poll thread."""
         client, now_s = self._client, time.monotonic()
         state, safety, trouble = client.state, client.safety, client.trouble
         if trouble or state is None:
-            reason = trouble.reason if trouble else 'no servo was read yet'
+            reason = trouble.reason if trouble else 'the servo has not been read yet'
             report = TendonReport(Slack.UNKNOWN, reason=reason)
         else:
             report = judge_slack(
@@ -276,7 +275,7 @@ class TendonActuatorNode(MotionNode):
             message.header.stamp = Time(nanoseconds=self.now_ns()).to_msg()
             self._slack.publish(message)
 
-    def is_well(self) -> bool:
+    def is_usable(self) -> bool:
         return self._client.trouble is None
 
     def find_obstacles(self) -> list[str]:
@@ -307,12 +306,17 @@ class TendonActuatorNode(MotionNode):
         if safety.alarm or safety.zero is Zero.UNKNOWN:
             return Health(WARN, safety.reason or next(iter(self.find_obstacles()), ''), values)
         if state.temperature_c >= client.temperature_limit_c - WARM_C:
-            sentence = f'The servo is hot; it shuts down at {client.temperature_limit_c:.0f} C.'
+            sentence = (
+                f'The servo is hot; it shuts down at {client.temperature_limit_c:.0f} C. Let it '
+                'cool.'
+            )
             return Health(WARN, sentence, values)
         if abs(state.current_a) >= FULL_CURRENT * self.config.current_limit_a:
-            return Health(WARN, 'The servo pulls with all the current that it may.', values)
+            return Health(WARN, 'The motor current has reached current_limit_a.', values)
         if safety.tension.latest_n is None:
-            return Health(WARN, 'No strain sample yet: the tension is not guarded.', values)
+            return Health(
+                WARN, 'The tension is not limited: no strain sample has arrived yet.', values
+            )
         if loss := safety.tension.find_loss(time.monotonic_ns()):
-            return Health(WARN, f'The tension is not guarded: {loss}', values)
+            return Health(WARN, f'The tension is not limited: {loss}', values)
         return Health(OK, 'The actuator is ready.', values)

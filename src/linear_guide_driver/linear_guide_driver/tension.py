@@ -1,18 +1,18 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The tension on the tendon: what it is, how old it is, and whether it can be relied on.
+"""The tension on the tendon: its value, its age, and whether it is reliable.
 
-`TensionSource` is the only place that judges the samples of ``tendon_sensor/strain``. Samples can
-be relied on while all of these hold:
+`TensionSource` is the only place that assesses the samples of ``tendon_sensor/strain``. The
+samples are reliable while all of these conditions hold:
 
-- One node publishes them.
-- They arrive, are valid, and are not old.
-- The tare is confirmed: the sensor has read a still, slack tendon since the sensor's driver or
-  device started, and since its tare was changed.
-- The motor current of a pull does not show much more tension than they do.
+- Exactly one node publishes them.
+- They arrive in time and are valid.
+- The tare is confirmed: since the start of the sensor's driver or device, and since the last
+  change of the tare, the sensor has read a still, slack tendon.
+- The motor current of a pull does not indicate a much higher tension.
 
-Samples above the limit of a contact count also while one of these does not hold.
+Unreliable samples are used for one purpose: a reading above the limit slackens the tendon.
 """
 
 from __future__ import annotations
@@ -28,22 +28,22 @@ from tactile_ros.strain import NOT_LIVE, StrainBlock, StrainStatus
 __all__ = ['SampleLag', 'TensionSource', 'find_limit_warnings']
 
 _HALF_WINDOW_NS = 5_000_000_000
-"""The minimum of the samples' lag is that of the last 5 to 10 s."""
+"""Half of the window of the minimum lag [ns]; the minimum covers the last 5 to 10 s."""
 
 STILL_NS = 500_000_000
-"""A slack tendon must read less than ``taut_tension_n`` for this long to confirm a tare. Samples
-come later than positions."""
+"""Time [ns] for which a slack tendon must read less than ``taut_tension_n`` to confirm a tare.
+Samples arrive later than positions, so a shorter time proves nothing."""
 
 RIVAL_NS = 3_000_000_000
-"""Sample numbers that go back twice within this time come from two publishers."""
+"""Sequence numbers that decrease twice within this time [ns] come from two publishers."""
 
 MISMATCH_NS = 100_000_000
-"""The motor current must disagree with the sensor for so long: a servo that starts to move needs
-more current for a moment, and samples come later than currents."""
+"""Time [ns] for which motor current and sensor must disagree: a servo that starts to move needs
+more current for a short time, and samples arrive later than currents."""
 
 CURRENT_RESERVE = 1.5
-"""A contact's current limit should allow this multiple of its tension limit, so that the sensor
-and not the stalled servo ends a pull."""
+"""The current limit of a contact should allow this multiple of its tension limit, so that a pull
+is ended by the sensor and not by a stalled servo."""
 
 _SATURATED = int(StrainStatus.SATURATED)
 _RESTARTED = int(StrainStatus.RESTARTED)
@@ -51,40 +51,45 @@ _CLOCK_STEP = int(StrainStatus.CLOCK_STEP)
 
 
 def find_limit_warnings(config: TendonActuatorConfig) -> list[str]:
-    """Return a sentence for each contact whose limit the sensor or the current cannot guard."""
+    """Return a warning for each limit that the sensor or the motor current cannot enforce."""
     warnings = []
     if not config.saturation_n:
         warnings.append(
-            'The range of the tendon sensor is not known, and a sensor that ends below a limit '
-            'never reads more than the limit; set saturation_n, here and in the sensor driver.'
+            'The range of the tendon sensor is not known. A sensor that saturates below a tension '
+            'limit cannot enforce it; set saturation_n, here and in the sensor driver.'
         )
     for contact, limit_n in config.limits_n.items():
         if 0.0 < config.saturation_n <= limit_n:
             warnings.append(
-                f'The tendon sensor saturates at {config.saturation_n:g} N (saturation_n), not '
-                f'above {contact}_limit_n, {limit_n:g} N: a {contact} pull is released at '
-                f'{config.saturation_n:g} N.'
+                f'The tendon sensor saturates at {config.saturation_n:g} N (saturation_n), which '
+                f'is not above {contact}_limit_n, {limit_n:g} N. In {contact}, the tendon is '
+                f'therefore slackened at {config.saturation_n:g} N.'
             )
         current_a = config.currents_a[contact]
         needed_a = config.to_current_a(limit_n)
         if current_a < needed_a:
             warnings.append(
-                f'{contact}_current_a, {current_a:g} A, does not reach {contact}_limit_n, '
-                f'{limit_n:g} N: that takes {needed_a:.3f} A. A {contact} pull may stall; set '
+                f'{contact}_current_a, {current_a:g} A, is too low for {contact}_limit_n, '
+                f'{limit_n:g} N, which needs {needed_a:.3f} A. A {contact} pull may stall; set '
                 f'{config.to_current_a(CURRENT_RESERVE * limit_n):.3f} A, or lower the limit.'
             )
     return warnings
 
 
 class TensionSource:
-    """Tension on the tendon, from the blocks of one topic. No IO and no clock; thread-safe.
+    """Tension on the tendon from the blocks of one topic; no IO and no clock, thread-safe.
 
-    Times are monotonic [ns]. Blocks older than ``guard_timeout_s`` are not live.
+    All times are monotonic [ns]. A tension is live if it is not older than ``guard_timeout_s``.
 
-    ``latest_n`` is the last valid tension [N]: infinite when saturated, None before the first.
-    ``worst_n`` is the largest magnitude in the latest blocks [N]: a limit holds for both signs,
-    because a sensor may be mounted the other way round. ``tare_epoch`` counts the events after
-    which the tare may be another one.
+    Attributes
+    ----------
+    latest_n : float or None
+        Latest valid tension [N]: infinite if saturated, None before the first sample.
+    worst_n : float
+        Largest magnitude in the latest blocks [N]. A limit applies to both signs, because a
+        sensor may be mounted the other way round.
+    tare_epoch : int
+        Number of events after which the tare may have changed.
     """
 
     def __init__(self, config: TendonActuatorConfig) -> None:
@@ -93,13 +98,13 @@ class TensionSource:
         self._lock = threading.RLock()
         self.latest_n: float | None = None
         self.worst_n = 0.0
-        self._heard_at_ns: int | None = None  # samples that can exceed a limit
-        self._live_at_ns: int | None = None  # valid samples that were not old
+        self._heard_at_ns: int | None = None  # arrival of the last samples, valid or not
+        self._live_at_ns: int | None = None  # arrival of the last valid samples in time
         self._lag = SampleLag()
-        self._age_ns = 0  # of the last block when it arrived, by the usual lag or the clock
-        self._clock_age_ns = 0  # the same by the clock alone; negative: stamped in the future
+        self._age_ns = 0  # age of the last block at its arrival, the larger of both estimates
+        self._clock_age_ns = 0  # its age by the clock; negative for a stamp in the future
         self._next_sequence: int | None = None
-        self._went_back_at_ns: int | None = None  # the sample numbers
+        self._went_back_at_ns: int | None = None  # last decrease of the sequence numbers
         self._rivals_at_ns: int | None = None
         self._publishers: dict[bytes, str] = {}
         self._had_publishers = False
@@ -116,16 +121,18 @@ class TensionSource:
     def add(
         self, blocks: Sequence[StrainBlock], now_ns: int, clock_ns: int | None = None
     ) -> float | None:
-        """Take the blocks that have just arrived; return their highest valid tension, or None [N].
+        """Add the blocks that have just arrived; return their highest valid tension [N], or None.
 
         Parameters
         ----------
         blocks : sequence of StrainBlock
-            Oldest first. The worst of all samples counts, and the age of the newest block.
+            Oldest first. The largest magnitude of all samples and the age of the newest block
+            are used.
         now_ns : int
             Time of arrival [ns].
         clock_ns : int, optional
-            Time of arrival by the clock of the stamps [ns]; None when that clock tells no age.
+            Time of arrival on the clock of the stamps [ns]; None if stamps have no valid age, as
+            with simulated time.
         """
         with self._lock:
             samples: list[float] = []
@@ -145,23 +152,23 @@ class TensionSource:
             return self._take(samples, is_saturated, is_valid, is_fresh, now_ns)
 
     def set_publishers(self, publishers: Mapping[bytes, str]) -> None:
-        """Note which nodes publish the samples: their full names by endpoint."""
+        """Set the nodes that publish the samples: their full names by endpoint."""
         with self._lock:
             new = [name for key, name in publishers.items() if key not in self._publishers]
             if new and self._had_publishers:
-                self._doubt_tare(f'{new[0]} has begun to publish tendon_sensor/strain')
+                self._doubt_tare(f'{new[0]} has started to publish tendon_sensor/strain')
             self._publishers = dict(publishers)
             self._had_publishers = self._had_publishers or bool(publishers)
 
     def note_tare(self, stamp_ns: int) -> None:
-        """Note the present tare of the sensor driver, as latched; ``stamp_ns`` identifies it."""
+        """Record the latched tare of the sensor driver, which ``stamp_ns`` identifies."""
         with self._lock:
             if self._tare_stamp_ns is not None and stamp_ns != self._tare_stamp_ns:
-                self._doubt_tare('it was measured or cleared')
+                self._doubt_tare('the tare was set or cleared')
             self._tare_stamp_ns = stamp_ns
 
     def add_current(self, current_a: float | None, now_ns: int) -> None:
-        """Take the motor current while a pull tightens [A]; None while none does."""
+        """Add the motor current [A] of a tightening pull; None while no pull tightens."""
         with self._lock:
             config = self._config
             sensed_n = self.worst_n if self.is_live(now_ns) else math.inf
@@ -174,7 +181,10 @@ class TensionSource:
             self._mismatch = current_a, sensed_n
 
     def judge_tare(self, is_slack: bool, now_ns: int) -> None:
-        """Confirm the tare once a tendon that is slack by a known zero reads still for a while."""
+        """Confirm the tare once the reading of a slack tendon is low for `STILL_NS`.
+
+        ``is_slack`` is True if the tendon is slack according to a known zero.
+        """
         with self._lock:
             if self._is_tare_confirmed:
                 return
@@ -186,45 +196,45 @@ class TensionSource:
                 self.confirm_tare()
 
     def confirm_tare(self) -> None:
-        """Note that the samples agree with a tendon that is known to be slack, or just taut."""
+        """Confirm the tare: the reading fits a tendon that is known to be slack or just taut."""
         self._is_tare_confirmed = True
 
     def forget(self) -> None:
-        """Count only samples from now on."""
+        """Discard the samples received so far."""
         self._heard_at_ns = self._live_at_ns = None
 
     # -- queries ---------------------------------------------------------------------------
 
     def live_n(self, now_ns: int) -> float | None:
-        """Return the latest tension [N]; None when valid samples do not arrive."""
+        """Return the latest tension [N], or None if it is not live."""
         return self.latest_n if self.is_live(now_ns) else None
 
     def is_live(self, now_ns: int) -> bool:
-        """Return whether valid samples arrive, and arrive in time."""
+        """Return True if valid samples arrive in time."""
         live_at_ns = self._live_at_ns
         return live_at_ns is not None and now_ns + self._age_ns - live_at_ns <= self._timeout_ns
 
     def is_above(self, limit_n: float, now_ns: int) -> bool:
-        """Return whether samples that arrive, late ones too, are above a limit [N]."""
+        """Return True if recently received samples, late ones included, exceed a limit [N]."""
         return self._is_recent(self._heard_at_ns, now_ns) and self.worst_n > limit_n
 
     def is_below(self, limit_n: float, now_ns: int) -> bool:
-        """Return whether live samples are below a limit [N]."""
+        """Return True if live samples are below a limit [N]."""
         return self.is_live(now_ns) and self.worst_n < limit_n
 
     def reads_slack(self, limit_n: float, now_ns: int) -> bool:
-        """Return whether live samples below a limit tell that the tendon is slack [N].
+        """Return True if the tendon is slack because live samples are below a limit [N].
 
-        After a change of the tare they do not.
+        Return False after a change of the tare until the new tare is confirmed.
         """
         is_same_tare = self._is_tare_confirmed or not self.tare_epoch
         return is_same_tare and self.is_below(limit_n, now_ns)
 
     def find_loss(self, now_ns: int, homing_epoch: int | None = None) -> Refusal | None:
-        """Return why the tension cannot be relied on now, or None.
+        """Return why the tension is not reliable now, or None.
 
-        ``homing_epoch`` is the ``tare_epoch`` at which a homing began: homing needs no confirmed
-        tare, because it lets the tendon go slack first.
+        ``homing_epoch`` is the ``tare_epoch`` at the start of a homing. Homing does not need a
+        confirmed tare, because it slackens the tendon first.
         """
         with self._lock:
             return (
@@ -235,7 +245,7 @@ class TensionSource:
             )
 
     def format_above(self, limit_n: float) -> str:
-        """Return a sentence that says that the limit is exceeded [N]."""
+        """Return a clause that states the tension and the exceeded limit [N]."""
         return f'The tension, {self.worst_n:.2f} N, is above the limit, {limit_n} N'
 
     # -- inside: samples -------------------------------------------------------------------
@@ -259,7 +269,8 @@ class TensionSource:
             self._still_since_ns = None
         if is_valid or is_saturated:
             self.latest_n = math.inf if is_saturated else samples[-1]
-        elif self._is_recent(self._heard_at_ns, now_ns):  # part of a block: no proof of less
+        elif self._is_recent(self._heard_at_ns, now_ns):
+            # A block with invalid samples does not prove that the tension has fallen.
             worst_n = max(worst_n, self.worst_n)
         self.worst_n, self._heard_at_ns = worst_n, now_ns
         if (is_valid and is_fresh) or is_saturated:
@@ -271,10 +282,10 @@ class TensionSource:
     def _judge_age(
         self, block: StrainBlock, status: int, now_ns: int, clock_ns: int | None
     ) -> bool:
-        """Note the age of a block when it arrived; return whether its stamp allows it to be live.
+        """Store the age of a block at its arrival; return True if the block can be live.
 
-        A stamp that is wrong for a moment, as when the clock was set and the sensor's driver has
-        not noticed yet, makes no loss: the block only does not count as live.
+        A stamp may be wrong for a short time, for example after the clock was set and before the
+        sensor's driver has noticed. Such a block is not live, but it is not a loss either.
         """
         if clock_ns is None:
             self._age_ns = self._clock_age_ns = 0
@@ -296,7 +307,7 @@ class TensionSource:
     # -- inside: origin and tare -----------------------------------------------------------
 
     def _follow(self, block: StrainBlock, status: int, now_ns: int) -> None:
-        """Notice by the sample numbers that another driver, or a second one, publishes."""
+        """Detect a restarted or a second sensor driver by the sequence numbers."""
         expected, self._next_sequence = (
             self._next_sequence,
             block.sequence + len(block.tension_n),
@@ -305,9 +316,12 @@ class TensionSource:
             last_ns, self._went_back_at_ns = self._went_back_at_ns, now_ns
             if last_ns is not None and now_ns - last_ns <= RIVAL_NS:
                 self._rivals_at_ns = now_ns
-            self._doubt_tare('the numbers of its samples went back, as after a start')
+            self._doubt_tare(
+                'the sequence numbers of the samples have decreased, as after a restart of the '
+                'sensor driver'
+            )
         elif expected is not None and status & _RESTARTED:
-            self._doubt_tare('the sensor has restarted, or may have')
+            self._doubt_tare('the sensor has restarted, or may have restarted')
 
     def _doubt_tare(self, reason: str) -> None:
         self.tare_epoch += 1
@@ -320,19 +334,19 @@ class TensionSource:
         if len(set(names)) < 2 and not (is_mixed and len(names) != 1):
             return None
         return Refusal(
-            f'Two nodes publish tendon_sensor/strain ({", ".join(names) or "names not known"})',
-            'end one of them, or start it in another namespace or with another ROS_DOMAIN_ID',
+            f'Two nodes publish tendon_sensor/strain ({", ".join(names) or "names unknown"})',
+            'stop one of them, or start it in another namespace or with another ROS_DOMAIN_ID',
         )
 
     def _find_silence(self, now_ns: int) -> Refusal | None:
         if self.is_live(now_ns):
             return None
-        remedy = 'start the tendon sensor, and see its diagnostics'
+        remedy = 'start the tendon sensor, and check its diagnostics'
         if not self._is_recent(self._heard_at_ns, now_ns):
             return Refusal('No valid strain sample arrives', remedy)
         clock_age_s = self._clock_age_ns / 1e9
         if abs(self._clock_age_ns) > self._timeout_ns:
-            old = f'{clock_age_s:.2f} s late by their stamps'
+            old = f'{clock_age_s:.2f} s late according to their stamps'
             ahead = f'with stamps {-clock_age_s:.2f} s in the future'
             return Refusal(
                 f'The strain samples arrive {old if clock_age_s > 0 else ahead}',
@@ -350,10 +364,10 @@ class TensionSource:
         current_a, sensed_n = self._mismatch
         pulled_n = self._config.to_tension_n(current_a)
         return Refusal(
-            f'The servo pulls with {current_a:.3f} A, or {pulled_n:.1f} N, and the sensor reads '
+            f'The servo pulls with {current_a:.3f} A, or {pulled_n:.1f} N, but the sensor reads '
             f'{sensed_n:.2f} N',
-            'see the diagnostics of the tendon sensor; if it is well, measure friction_current_a '
-            'again',
+            'check the diagnostics of the tendon sensor; if they show no error, measure '
+            'friction_current_a again',
         )
 
     def _find_tare_doubt(self) -> Refusal | None:
@@ -361,41 +375,47 @@ class TensionSource:
             return None
         reading = 'unknown' if self.latest_n is None else f'{self.latest_n:.2f} N'
         return Refusal(
-            f'The tare of the tendon sensor is not confirmed: {self._tare_doubt} (reading now: '
-            f'{reading})',
-            f'let the tendon go slack; it is confirmed where the sensor reads less than '
-            f'{self._config.taut_tension_n:g} N for {STILL_NS / 1e9:g} s. If it reads more there, '
-            'tare the sensor; if the zero of the tendon is unknown, home the tendon',
+            f'The tare of the tendon sensor is not confirmed: {self._tare_doubt} (present '
+            f'reading: {reading})',
+            'slacken the tendon; the tare is confirmed when the sensor reads less than '
+            f'{self._config.taut_tension_n:g} N for {STILL_NS / 1e9:g} s. If it reads more, tare '
+            'the sensor; if the zero of the tendon is unknown, home the tendon',
         )
 
 
 class SampleLag:
-    """Compares a sample's lag, arrival minus stamp, with the minimum of the last seconds.
+    """Compares the lag of a sample (arrival minus stamp) with its minimum over the last seconds.
 
-    Stamps and arrivals need no common clock: only differences of lags count, and a stamp can only
-    make a sample older. A stamp that is not later than the one before it tells that the clock was
-    set back, or stands: then the minimum begins anew with this sample. After a step that no stamp
-    shows, as one during a silence, it is right again after 10 s at the latest.
+    Stamps and arrivals need no common clock, because only differences of lags are used. A stamp
+    that is not later than the stamp before it means that the clock was set back or is stopped;
+    the minimum then restarts with this sample. After an undetected clock step, for example during
+    a silence, the minimum is correct again after 10 s at the latest.
     """
 
     def __init__(self) -> None:
         self._stamp_ns: int | None = None
         self._since_ns = 0
-        self._present_ns: int | None = None  # minimum since then
-        self._before_ns: int | None = None  # minimum of the half window before
+        self._present_ns: int | None = None  # minimum since `_since_ns`
+        self._before_ns: int | None = None  # minimum of the previous half window
 
     def add(self, stamp_ns: int, arrived_at_ns: int, *, is_step: bool = False) -> int:
-        """Take a sample; return how much its lag is above the recent minimum [ns].
+        """Add a sample; return the excess of its lag over the recent minimum [ns].
 
-        ``stamp_ns`` is by the clock of the sensor, ``arrived_at_ns`` by the monotonic one [ns].
-        ``is_step``: the sensor says that its clock was set.
+        Parameters
+        ----------
+        stamp_ns : int
+            Stamp on the clock of the sensor [ns].
+        arrived_at_ns : int
+            Time of arrival on the monotonic clock [ns].
+        is_step : bool
+            The sensor reports that its clock was set.
         """
         lag_ns = arrived_at_ns - stamp_ns
         if is_step or (self._stamp_ns is not None and stamp_ns <= self._stamp_ns):
             self._present_ns = self._before_ns = None
             self._since_ns = arrived_at_ns
         elif arrived_at_ns - self._since_ns >= _HALF_WINDOW_NS:
-            # However long none came: those of a queue that nobody emptied are old.
+            # Also after a long pause, because the samples of a full queue are old.
             self._before_ns = self._present_ns
             self._present_ns, self._since_ns = None, arrived_at_ns
         self._stamp_ns = stamp_ns

@@ -1,4 +1,4 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The ROS shell that all nodes share."""
+"""Base classes and helpers that all nodes share."""

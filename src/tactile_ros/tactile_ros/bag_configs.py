@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters of the recorder and the player of bags, free of ROS."""
+"""Parameters of the bag recorder and the bag player; independent of ROS."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class RecorderConfig:
     )
     namespaces: tuple[str, ...] = parameter(
         ('',),
-        'namespaces of the fingers to record; empty: the root',
+        'namespaces of the fingers to record; an empty name is the root namespace',
     )
     metadata: str = parameter(
         '{}',
@@ -28,15 +28,18 @@ class RecorderConfig:
     )
     rig: bool = parameter(
         True,
-        'the rig moves the fingers; false: a hand does, and no topic of the rig is waited for',
+        'the rig moves the fingers; false: a hand moves them, and the recorder does not wait for '
+        'topics of the rig',
     )
     classifier: bool = parameter(
         False,
-        'a classifier runs; false: its topics are recorded when they come, and not waited for',
+        'a classifier is running; false: its topics are recorded if present, but the recorder '
+        'does not wait for them',
     )
     match_timeout_s: float = parameter(
         10.0,
-        'time for every topic to get a publisher; then those without are reported as an error',
+        'longest wait for a publisher of every topic; after that, missing publishers are reported '
+        'as an error',
         unit='s',
         range=(0.0, 600.0),
     )
@@ -52,23 +55,23 @@ class PlayerConfig:
     )
     namespace: str = parameter(
         '',
-        'only the finger in this namespace; empty: all that were recorded',
+        'namespace of the only finger to play; an empty name plays all recorded fingers',
     )
     rate: float = parameter(
         1.0,
-        'how many times as fast as it was recorded',
+        'speed relative to the recording',
         unit='1',
         range=(0.001, 1000.0),
     )
     subscriber_timeout_s: float = parameter(
         0.0,
-        'how long to wait until every topic of the recording has a subscriber',
+        'longest wait until every topic of the recording has a subscriber',
         unit='s',
         range=(0.0, 600.0),
     )
     start_delay_s: float = parameter(
         1.0,
-        'time before the first message, for the nodes to find each other',
+        'time before the first message, during which nodes discover each other',
         unit='s',
         range=(0.0, 600.0),
     )

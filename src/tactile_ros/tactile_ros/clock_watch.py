@@ -1,11 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Detection of times in which this process did not run.
+"""Detection of periods in which this process did not run.
 
-A process that is stopped (``SIGSTOP``) and continued, that gets no core, or whose computer was
-suspended goes on in the middle of what it did. Requests that arrived meanwhile are still queued,
-and a suspend does not even advance the monotonic clock.
+A process may be stopped (``SIGSTOP``) and continued, may not get a core, or its computer may be
+suspended. It then continues where it was interrupted, and handles requests that arrived
+meanwhile. During a suspend, even the monotonic clock does not advance.
 """
 
 from __future__ import annotations
@@ -16,38 +16,37 @@ import time
 from typing import NamedTuple
 
 MOST_S = 1.0
-"""Longest pause between two looks that counts as running [s]."""
+"""Longest pause between two calls of `ClockWatch.look` that is not a standstill [s]."""
 
 LOOK_S = 0.25
-"""Period at which a process is to call `ClockWatch.look` [s]."""
+"""Period with which a process must call `ClockWatch.look` [s]."""
 
 
 def boot_time_s() -> float:
-    """Return the time since the computer was booted, suspends included [s].
+    """Return the time since the computer was booted, including suspends [s].
 
-    Where the system has no such clock, the monotonic clock is used and suspends are not seen.
+    On systems without such a clock, return the monotonic time; suspends are then not detected.
     """
     clock = getattr(time, 'CLOCK_BOOTTIME', None)  # Linux
     return time.monotonic() if clock is None else time.clock_gettime(clock)
 
 
 class Standstill(NamedTuple):
-    """A time in which the process did not run."""
+    """A period in which the process did not run."""
 
     duration_s: float
-    end_s: float
-    """When it ended, on the clock of the `ClockWatch` [s]."""
+    end_s: float  # end of the standstill on the clock of the `ClockWatch` [s]
 
 
 class ClockWatch:
-    """Detects that the process stood still; thread-safe.
+    """Detects standstills of the process; thread-safe.
 
     Parameters
     ----------
     most_s : float
-        Longest pause between two calls of `look` that counts as running [s].
+        Longest pause between two calls of `look` that is not a standstill [s].
     read_s : callable
-        The clock [s]. It must advance while the computer is suspended.
+        Returns the time [s] of a clock that advances while the computer is suspended.
     """
 
     def __init__(self, most_s: float = MOST_S, read_s: Callable[[], float] = boot_time_s) -> None:
@@ -58,10 +57,9 @@ class ClockWatch:
         self._looked_s = read_s()
 
     def look(self) -> Standstill | None:
-        """Note that the process runs now; return its last standstill, or None.
+        """Check for a standstill since the last call; return the last standstill, or None.
 
-        Must be called every `LOOK_S`; any thread may call it at any other time as well, and is the
-        first to hear of a standstill then.
+        Must be called every `LOOK_S`. It may also be called at other times, on any thread.
         """
         with self._lock:
             now_s = self.read_s()

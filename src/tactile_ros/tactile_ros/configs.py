@@ -1,11 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fields of a node's configuration: a frozen dataclass, each field of it a parameter.
+"""Configuration of a node: a frozen dataclass in which each field is a parameter.
 
-The metadata of a field: ``description`` and, where they apply, ``unit``, ``range`` (both ends
-included), ``choices``; ``live``, when it may change at any time; ``element``, the type within a
-tuple that is empty by default, where it is not str.
+Metadata of a field: ``description``, and optionally ``unit``; ``range``, including both ends;
+``choices``; ``live``, True if the parameter may change at any time; and ``element``, the type of
+the elements of a tuple, if the default is empty and the elements are not strings.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from typing import Any
 
 
 def parameter(default: Any, description: str, **metadata: Any) -> Any:
-    """Return a field of a configuration that a node declares as a parameter."""
+    """Return a dataclass field that a node declares as a parameter; see this module."""
     return dataclasses.field(default=default, metadata={'description': description, **metadata})
 
 
-def find_objection(field: dataclasses.Field[Any], value: Any) -> str:
-    """Return why a field cannot have a value, and what it can have; empty when it can."""
+def find_violation(field: dataclasses.Field[Any], value: Any) -> str | None:
+    """Return why a value is not allowed for a field, with the allowed values, or None."""
     if 'range' in field.metadata:
         low, high = field.metadata['range']
         if not low <= value <= high:
@@ -29,17 +29,24 @@ def find_objection(field: dataclasses.Field[Any], value: Any) -> str:
     if choices and value not in choices:
         allowed = ', '.join(str(choice) or 'empty' for choice in choices)
         return f'{field.name} is "{value}"; it must be one of {allowed}'
-    return ''
+    return None
 
 
 def check_parameters(config: Any, error: type[Exception] = ValueError) -> None:
     """Check each field of a configuration against its range and its choices.
 
+    Parameters
+    ----------
+    config : dataclass instance
+        The configuration.
+    error : type of Exception
+        Exception to raise.
+
     Raises
     ------
     error
-        When a value is not allowed; names it and what is.
+        If a value is not allowed. The message names the field and the allowed values.
     """
     for field in dataclasses.fields(config):
-        if objection := find_objection(field, getattr(config, field.name)):
-            raise error(objection)
+        if violation := find_violation(field, getattr(config, field.name)):
+            raise error(violation)

@@ -1,31 +1,32 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Errors that several packages share; free of ROS, so that all can import them."""
+"""Exceptions that several packages share; independent of ROS."""
 
 
 class TactileError(Exception):
-    """A command, a launch file or a bag cannot do as asked.
+    """A request of the user cannot be fulfilled.
 
-    The message is a sentence for the user: what is wrong, with which thing, what to do.
+    The message is a sentence for the user. It states the problem, the thing that has it, and a
+    remedy.
     """
 
 
 def plain_text(text: str, keep: str = '') -> str:
-    """Return a text with "?" for what a terminal would obey; the characters ``keep`` stay."""
+    """Return a text with "?" in place of control characters, except those in ``keep``."""
     return ''.join(c if c.isprintable() or c in keep else '?' for c in text)
 
 
 LONGEST_REASON = 300
-"""Characters of the reason of a `MessageError`; the rest is cut off."""
+"""Largest number of characters in the reason of a `MessageError`; longer ones are truncated."""
 
 
 class MessageError(ValueError):
-    """A message holds a value that it must not hold, or that is not known here.
+    """A message contains an invalid or unknown value.
 
-    A conversion raises it. The node refuses that message and runs on; see
-    `tactile_ros.lifecycle`. The reason goes into logs, so what others sent stands in it
-    without what a terminal would obey, and shortened.
+    Conversions raise this exception. The node then refuses the message and keeps running; see
+    `tactile_ros.lifecycle.MessageGuard`. The reason is logged and may contain text from other
+    nodes, so control characters are replaced and long reasons are truncated.
     """
 
     def __init__(self, reason: str) -> None:

@@ -1,23 +1,24 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Goals and service calls of a client, which survive a lost answer.
+"""Goals and service calls that survive the loss of an answer.
 
-A client finds a server before the server has found the client. Fast DDS then waits 0.1 s for the
-client before it drops the answer to a request that it has already carried out (rclpy warns of it:
-"client will not receive response"; https://github.com/ros2/rmw_fastrtps/issues/842). Until Fast
-DDS 3.6.2 a server can also miss a client for good, when two clients are found at the same moment
-(https://github.com/eProsima/Fast-DDS/pull/6371). So
+A client may discover a server before the server has discovered the client. Fast DDS then waits
+0.1 s for the client and drops the answer to a request that has already been executed (rclpy warns:
+"client will not receive response"; https://github.com/ros2/rmw_fastrtps/issues/842). Before Fast
+DDS 3.6.2, a server can also miss a client permanently if two clients are discovered at the same
+moment (https://github.com/eProsima/Fast-DDS/pull/6371). Therefore:
 
-- the client chooses the id of a goal. The status topic of the action tells that a goal was taken,
-  even if the answer was lost;
-- a result is requested again when the status says that the goal has ended, and every `ASK_S`. The
-  server keeps results for 15 minutes. When the goal has ended, every second repetition comes from
-  a new client, for the case that the server misses the present one;
-- a goal is never sent twice, and a call is repeated only where it may be carried out twice.
+- The client chooses the id of a goal. The status topic of the action shows that a goal was
+  accepted, even if the answer was lost.
+- A result is requested again when the status shows that the goal has ended, and every `ASK_S`.
+  The server keeps results for 15 minutes. After the end of the goal, every second repetition is
+  sent by a new client, in case the server has missed the present one.
+- A goal is never sent twice, and a service call is repeated only if executing it twice is
+  harmless.
 
-Every wait ends: when the server is gone, when another server has taken its place, or when no
-server takes the goal. A server that hangs is for the caller to notice: goals may last.
+Every wait ends if the server has disappeared, was replaced by another server, or does not accept
+the goal. A hanging server must be detected by the caller, because a goal may take any time.
 """
 
 from __future__ import annotations
@@ -44,19 +45,19 @@ LOOK_S = 0.5
 """Period of the check for lost answers [s]."""
 
 ASK_S = 5.0
-"""Period at which the result of a running goal is requested again [s].
+"""Period with which the result of a running goal is requested again [s].
 
-A server that was started again meanwhile answers that it does not know the goal.
+A server that has been restarted answers that it does not know the goal.
 """
 
 GONE_S = 2.0
 """Time without an action server after which its goals are lost [s]."""
 
 TAKE_S = 30.0
-"""Time after which a goal that no server has taken is lost [s]."""
+"""Time after which a goal that no server has accepted is lost [s]."""
 
 REPEAT_S = 1.0
-"""Period at which a service that has not answered is called again [s]."""
+"""Period with which a service that has not answered is called again [s]."""
 
 POLL_S = 0.02
 """Period of the check for an action server [s]."""
@@ -69,7 +70,7 @@ ENDED = (
 
 
 class GoalLostError(TactileError):
-    """The end of a goal cannot be known; the message says why."""
+    """The outcome of a goal cannot be determined; the message gives the reason."""
 
 
 class SentGoal:
@@ -78,11 +79,12 @@ class SentGoal:
     Attributes
     ----------
     taken : concurrent.futures.Future of bool
-        Done as soon as it is known whether the server has accepted the goal. False if the goal is
-        lost before that.
+        Done when it is known whether the server has accepted the goal. False if the goal is lost
+        before that.
     end : concurrent.futures.Future
-        rclpy's answer with ``status`` and ``result`` when the goal has ended. `GoalLostError` if
-        the goal was rejected, or the action server is gone or does not know the goal.
+        rclpy's answer with ``status`` and ``result`` when the goal has ended. Raises
+        `GoalLostError` if the goal was rejected, or if the action server has disappeared or does
+        not know the goal.
     """
 
     def __init__(self, client: GoalClient) -> None:
@@ -93,18 +95,18 @@ class SentGoal:
         self._client = client
         self._status = GoalStatus.STATUS_UNKNOWN
         self._is_cancelled = False
-        self._lost_count = 0  # answers to requests for the result
+        self._lost_count = 0  # number of lost answers to requests for the result
         self._asked_s = self._there_s = self._sent_s = time.monotonic()
 
     def cancel(self) -> None:
-        """Request the goal's end, again and again until it has ended; any thread may call this."""
+        """Request the cancellation repeatedly until the goal has ended. Thread-safe."""
         self._is_cancelled = True
         self._client.look_soon()
 
     # -- on the executor's thread ----------------------------------------------------------
 
     def on_answer(self, future: Future) -> None:
-        """Take the answer to the goal."""
+        """Handle the answer to the goal."""
         if self.taken.done():
             return
         if (error := future.exception()) is not None:
@@ -115,7 +117,7 @@ class SentGoal:
             self.on_status(GoalStatus.STATUS_ACCEPTED)
 
     def on_status(self, status: int) -> None:
-        """Take the goal's status, which implies that it was taken."""
+        """Handle the goal's status, which implies that the goal was accepted."""
         self._status = max(self._status, status)
         if not self.taken.done():
             self.taken.set_result(True)
@@ -123,18 +125,20 @@ class SentGoal:
             self._request_end()
 
     def look(self) -> None:
-        """Repeat what may have been lost, or give up."""
+        """Repeat requests whose answers may have been lost, or give up."""
         if self.end.done():
             return
         now_s = time.monotonic()
         if self._client.server_is_ready():
             self._there_s = now_s
         elif now_s - self._there_s > GONE_S:
-            self.lose('the action server went away; is its node running?')
+            self.lose('the action server has disappeared; check that its node is running')
             return
         if not self.taken.done():
             if now_s - self._sent_s > TAKE_S:
-                self.lose(f'the goal was not taken within {TAKE_S:g} s; see the log of its node')
+                self.lose(
+                    f'the goal was not accepted within {TAKE_S:g} s; check the log of its node'
+                )
             return
         self._request_end()
         has_ended = self._status in ENDED
@@ -145,7 +149,7 @@ class SentGoal:
             self._ask()
 
     def lose(self, reason: str) -> None:
-        """Give the goal up."""
+        """Give up the goal."""
         if not self.end.done():
             self.end.set_exception(GoalLostError(reason))
         if not self.taken.done():
@@ -160,8 +164,10 @@ class SentGoal:
             return
         reply = future.result()
         if reply.status == GoalStatus.STATUS_UNKNOWN:
-            self._client.ros.cancel_async(self.goal_id)  # if another server runs it
-            self.lose('its server does not know the goal; has its node been started again?')
+            self._client.ros.cancel_async(self.goal_id)  # in case another server runs it
+            self.lose(
+                'the action server does not know the goal; check whether its node was restarted'
+            )
         else:
             self.end.set_result(reply)
 
@@ -171,14 +177,14 @@ class SentGoal:
 
 
 class GoalClient:
-    """A client of one action; see the module.
+    """A client of one action; see this module.
 
-    An executor on another thread than that of the calls must spin the node.
+    The node must be spun by an executor on another thread than the caller's.
     """
 
     def __init__(self, node: Node, action_type: Any, name: str) -> None:
         self._node, self._type, self._name = node, action_type, name
-        self._goals: list[SentGoal] = []  # that have not ended
+        self._goals: list[SentGoal] = []  # goals that have not ended
         self._lock = threading.Lock()  # an rclpy client must not be destroyed while it is used
         self._connected_s = -math.inf
         self._is_closed = False
@@ -187,9 +193,9 @@ class GoalClient:
         self._looks = SLOW_CALLS.every(LOOK_S, self.look_soon)
 
     def close(self) -> None:
-        """Give up all goals and destroy the client. Harmless when called twice.
+        """Give up all goals and destroy the client; idempotent.
 
-        Call it on the executor's thread, or when no executor spins the node.
+        Must be called on the executor's thread, or when no executor spins the node.
         """
         self._looks.cancel()
         while self._goals:
@@ -200,14 +206,14 @@ class GoalClient:
                 self.ros.destroy()
 
     def server_is_ready(self) -> bool:
-        """Return True if an action server is there."""
+        """Return True if an action server is available."""
         with self._lock:
-            # A new client needs a moment to find the server that the last one knew.
+            # A new client needs some time to discover the server.
             is_new = time.monotonic() - self._connected_s < GONE_S
             return is_new or bool(self.ros.server_is_ready())
 
     def wait_for_server(self, timeout_s: float) -> bool:
-        """Wait until an action server is there; return False on time-out [s]."""
+        """Wait until an action server is available; return False after a timeout [s]."""
         deadline_s = time.monotonic() + timeout_s
         while not self.server_is_ready():
             if time.monotonic() > deadline_s or not self._node.context.ok():
@@ -216,7 +222,7 @@ class GoalClient:
         return True
 
     def send(self, message: Any) -> SentGoal:
-        """Send a goal; RuntimeError when no executor spins the node."""
+        """Send a goal; raise RuntimeError if no executor spins the node."""
         goal = SentGoal(self)
 
         def start() -> None:
@@ -232,13 +238,13 @@ class GoalClient:
         return goal
 
     def send_unwatched(self, message: Any) -> None:
-        """Send a goal on this thread, which is the executor's, and forget it."""
+        """Send a goal without tracking it. Must be called on the executor's thread."""
         self.ros.send_goal_async(message)
 
     # -- for the goals -----------------------------------------------------------------------
 
     def look_soon(self) -> None:
-        """Have the executor's thread check all goals."""
+        """Check all goals on the executor's thread."""
         if self._goals:
             with suppress(RuntimeError):  # the process is ending
                 _run_on_executor(self._node, self._look)
@@ -269,16 +275,31 @@ class GoalClient:
 def call_until_answered(
     node: Node, client: Client, request: Any, timeout_s: float
 ) -> concurrent.futures.Future[Any]:
-    """Call a service, again every `REPEAT_S` until it answers; return the answer to be.
+    """Call a service every `REPEAT_S` until it answers; return a future of the answer.
 
-    For requests that may be carried out twice, such as a stop. TimeoutError when no answer has
-    come within ``timeout_s``. RuntimeError when no executor spins the node.
+    Only for requests that may be executed twice, such as a stop.
+
+    Parameters
+    ----------
+    node : Node
+        Node that an executor on another thread spins.
+    client : Client
+        Client of the service.
+    request
+        The request.
+    timeout_s : float
+        Time after which the future raises TimeoutError [s].
+
+    Raises
+    ------
+    RuntimeError
+        If no executor spins the node.
     """
     answer: concurrent.futures.Future[Any] = concurrent.futures.Future()
     deadline_s = time.monotonic() + timeout_s
 
     def take(future: Future) -> None:
-        with suppress(concurrent.futures.InvalidStateError):  # answered, late or given up
+        with suppress(concurrent.futures.InvalidStateError):  # already answered or timed out
             if (error := future.exception()) is not None:
                 answer.set_exception(error)
             else:

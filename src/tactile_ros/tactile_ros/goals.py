@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Goals of actions on threads of their own, and requests with a deadline."""
+"""Action servers whose goals run on separate threads, and requests with a deadline."""
 
 from __future__ import annotations
 
@@ -19,21 +19,34 @@ from tactile_ros.clock_watch import ClockWatch, LOOK_S, Standstill
 from tactile_ros.refusal import Refusal
 
 EXPIRE_S = 1.0
-"""Time after a standstill of the process in which no goal is begun [s].
+"""Time after a standstill of the process during which new goals are refused [s].
 
-Goals that were sent during the standstill are taken within a moment after it."""
+Goals that were sent during the standstill arrive within this time."""
 
 
 def send(node: Node, request: Callable[[], Future]) -> concurrent.futures.Future[Any]:
-    """Have the executor's thread send a request of ``node``; return its answer to be.
+    """Send a request of ``node`` on the executor's thread; return a future of the answer.
 
-    It cannot be cancelled: an answer that comes after its time-out finds a place.
+    An action client of rclpy registers a request only after sending it. If another thread sent
+    the request, the executor could receive the answer before that, and drop it.
 
-    An action client of rclpy notes a request only after it is sent: were it sent from
-    another thread, the executor could take in the answer before that, and drop it.
+    Parameters
+    ----------
+    node : Node
+        Node that an executor on another thread spins.
+    request : callable
+        Sends the request and returns rclpy's future, for example
+        ``lambda: client.send_goal_async(goal)``.
 
-    ``request`` sends and returns rclpy's future, as ``lambda: client.send_goal_async(goal)``. An
-    executor on another thread must spin the node; RuntimeError when none does any more.
+    Returns
+    -------
+    concurrent.futures.Future
+        It cannot be cancelled, so that a late answer can always be stored.
+
+    Raises
+    ------
+    RuntimeError
+        If no executor spins the node.
     """
     answer: concurrent.futures.Future[Any] = concurrent.futures.Future()
     answer.set_running_or_notify_cancel()
@@ -58,7 +71,10 @@ def send(node: Node, request: Callable[[], Future]) -> concurrent.futures.Future
 
 
 def wait_for(future: Future, timeout_s: float) -> Any:
-    """Block this thread, not the executor's, until the future is done; None on time-out."""
+    """Block this thread until the future is done; return its result, or None after a timeout [s].
+
+    Must not be called on the executor's thread.
+    """
     done = threading.Event()
     future.add_done_callback(lambda _: done.set())
     if not future.done() and not done.wait(timeout_s):
@@ -67,7 +83,7 @@ def wait_for(future: Future, timeout_s: float) -> Any:
 
 
 class GoalEnd(Exception):  # noqa: N818 - an outcome of a goal, not a fault of the program
-    """Ends a goal early, with a sentence and perhaps other fields of its result."""
+    """Ends a goal early. ``fields`` are further fields of the result message."""
 
     def __init__(self, message: str, **fields: Any) -> None:
         super().__init__(message)
@@ -79,13 +95,20 @@ class GoalAborted(GoalEnd):
 
 
 class GoalCanceled(GoalEnd):
-    """Ends a goal as cancelled; as aborted, when no client asked for that."""
+    """Ends a goal as cancelled, or as aborted if no client has requested the cancellation."""
 
 
 class Goal:
-    """One goal, as its worker sees it; ``request`` is the goal message.
+    """A running goal, from the worker's point of view.
 
-    With a ``watch`` the goal ends early when the process has stood still.
+    If a ``watch`` is given, the goal ends early after a standstill of the process.
+
+    Attributes
+    ----------
+    request
+        The goal message.
+    end_reason : Refusal or None
+        Why the goal must end early, unless the end was requested.
     """
 
     def __init__(
@@ -93,7 +116,6 @@ class Goal:
     ) -> None:
         self.request = handle.request
         self.end_reason: Refusal | None = None
-        """Why the goal is to end early, if it is not by request."""
         self._handle = handle
         self._feedback_type = feedback_type
         self._watch = watch
@@ -101,17 +123,17 @@ class Goal:
         self._end = threading.Event()
 
     def feedback(self, **fields: Any) -> None:
-        """Publish feedback with these fields."""
+        """Publish a feedback message with these fields."""
         if self._handle.is_active:
             self._handle.publish_feedback(self._feedback_type(**fields))
 
     def request_end(self) -> None:
-        """Make every `wait` return at once and `check` raise."""
+        """Request the end of the goal: every `wait` returns immediately, and `check` raises."""
         self._end.set()
 
     @property
     def end_requested(self) -> bool:
-        """True when the goal is to end early."""
+        """True if the goal must end early."""
         last = self._watch.look() if self._watch is not None else None
         if last is not None and last.end_s > self._began_s and self.end_reason is None:
             self.end_reason = _refuse_after(last)
@@ -119,36 +141,48 @@ class Goal:
         return self._end.is_set()
 
     def wait(self, seconds: float) -> bool:
-        """Sleep; return True as soon as the goal is to end early."""
+        """Sleep for some time [s]; return True as soon as the goal must end early."""
         return self._end.wait(seconds) or self.end_requested
 
     def check(self) -> None:
-        """Raise `GoalCanceled` when the goal is to end early."""
+        """Raise `GoalCanceled` if the goal must end early."""
         if self.end_requested:
             raise GoalCanceled(str(self.end_reason or 'cancelled'))
 
 
 def _refuse_after(standstill: Standstill) -> Refusal:
     return Refusal(
-        f'This process stood still for {standstill.duration_s:.1f} s: it was stopped, or its '
-        'computer was suspended',
+        f'This process did not run for {standstill.duration_s:.1f} s, because it was stopped or '
+        'its computer was suspended',
         'send the goal again',
     )
 
 
 class GoalRunner:
-    """An action server that runs ``work(goal)`` for one goal at a time, on a separate thread.
+    """An action server that runs one goal at a time on a separate thread.
 
-    ``work`` returns the result message, or raises `GoalAborted` or `GoalCanceled`; any other
-    exception aborts the goal with its text. Result messages must have a field ``message``.
-    ``find_refusal()`` returns why no goal can be taken now, or None. A goal that arrives then, or
-    while another runs, is aborted with that reason in its result: a rejection would reach the
-    client without one. A request for which ``preempts(request)`` is true ends every running goal
-    of the node instead, and ``find_refusal`` is not asked.
+    A goal that is refused, or arrives while another goal runs, is aborted with the reason in its
+    result, because a rejection could not carry a reason. A goal ends early after a standstill of
+    the process, and a goal that may have been sent during the standstill is refused.
 
-    A goal ends early when the process stood still meanwhile, and a goal that may have waited for
-    that long is not begun. Both do not apply to requests that preempt. ``watch`` detects
-    standstills.
+    Parameters
+    ----------
+    node : TactileNode
+        The node.
+    action_type
+        Type of the action, whose result must have a field ``message``.
+    name : str
+        Name of the action.
+    work : callable
+        Executes a `Goal` and returns the result message. It may raise `GoalAborted` or
+        `GoalCanceled`; any other exception aborts the goal with its text.
+    find_refusal : callable
+        Returns why no goal can be accepted now, or None.
+    preempts : callable
+        Returns True for a request that ends all running goals of the node. Such a request is
+        never refused, and does not end after a standstill.
+    watch : ClockWatch, optional
+        Detects standstills.
     """
 
     def __init__(
@@ -171,7 +205,7 @@ class GoalRunner:
         self._looks = node.call_every(LOOK_S, self._look)
         self._lock = threading.Lock()
         self._goal: Goal | None = None
-        self._ended = Future()  # done when the running goal is over
+        self._ended = Future()  # done when the running goal has ended
         self._thread: threading.Thread | None = None
         self._server = ActionServer(
             node,
@@ -185,19 +219,20 @@ class GoalRunner:
 
     @property
     def is_busy(self) -> bool:
-        """True while a goal runs, or has ended and its client does not know yet."""
+        """True while a goal runs, or has ended and its result has not been sent yet."""
         return self._goal is not None
 
     def end_goal(self) -> None:
-        """Ask the running goal, if any, to end early."""
+        """Request the end of the running goal, if there is one."""
         goal = self._goal
         if goal is not None:
             goal.request_end()
 
     def close(self, timeout_s: float = 5.0) -> None:
-        """End the running goal and take the server down. Harmless when called twice.
+        """End the running goal and destroy the server; idempotent.
 
-        The client of a goal that still runs gets no result: the server is gone.
+        Wait for the goal for up to ``timeout_s`` [s]. If the goal runs for longer, its client
+        gets no result.
         """
         self.end_goal()
         self._looks.cancel()
@@ -215,16 +250,16 @@ class GoalRunner:
         return CancelResponse.ACCEPT
 
     def _look(self) -> None:
-        """End the running goal if the process stood still; periodic."""
+        """End the running goal after a standstill of the process; called periodically."""
         self._watch.look()
         goal = self._goal
         if goal is not None:
-            goal.end_requested  # noqa: B018 - looks
+            goal.end_requested  # noqa: B018 - the property checks the watch
 
     def _find_refusal(self, preempts: bool) -> Refusal | None:
-        """Return why a goal cannot be begun now, or None."""
+        """Return why a goal cannot be started now, or None."""
         if self._goal:
-            return Refusal('Another goal is running', 'wait for its end, or cancel it')
+            return Refusal('Another goal is running', 'wait for it to end, or cancel it')
         if preempts:
             return None
         last = self._watch.look()
@@ -238,7 +273,7 @@ class GoalRunner:
             for runner in self._node.goal_runners:
                 while runner.is_busy:
                     runner.end_goal()
-                    await runner._ended  # noqa: SLF001 - of its own class
+                    await runner._ended  # noqa: SLF001 - same class
         with self._lock:
             refusal = self._find_refusal(preempts)
             if refusal is None:
@@ -248,7 +283,7 @@ class GoalRunner:
         if refusal is not None:
             handle.abort()
             return self._type.Result(message=str(refusal))
-        if handle.is_cancel_requested:  # while it waited for its turn
+        if handle.is_cancel_requested:  # cancelled before it started
             goal.request_end()
 
         outcome: list[Any] = []
@@ -276,19 +311,19 @@ class GoalRunner:
             self._ended.set_result(None)
 
     def _finish(self, handle: ServerGoalHandle, outcome: Any) -> Any:
-        """Set the goal's final state from what its work returned or raised."""
+        """Set the goal's final state from the result or exception of its work."""
         if not isinstance(outcome, Exception):
             handle.succeed()
             return outcome
-        # Asked here, on the executor's thread, where cancel requests are taken in too.
-        # Whoever asked for the end hears of it, even if what was stopped noticed something first.
+        # Checked on the executor's thread, which also handles cancel requests. A client that has
+        # requested the cancellation gets the state CANCELED, even if the work failed before.
         if isinstance(outcome, GoalEnd) and handle.is_cancel_requested:
             handle.canceled()
         else:
             handle.abort()
         if not isinstance(outcome, GoalEnd):
             self._node.get_logger().error(f'goal failed: {outcome}')
-        # Work that does not use `Goal.check` knows only that it had to end.
+        # The message of work that does not use `Goal.check` lacks the reason of the end.
         message = str(outcome)
         reason = None if self._goal is None else self._goal.end_reason
         if reason is not None and str(reason) not in message:

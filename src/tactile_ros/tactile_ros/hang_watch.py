@@ -1,13 +1,14 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A small process that kills its parent when the parent's worker hangs.
+"""Watchdog process that kills its parent when the parent's worker thread hangs.
 
-A process that is stopped (``SIGSTOP``) or whose threads block heeds no signal but ``SIGKILL``, and
-a launch starts only a dead node again. So the node starts this file as a child of its own and
-tells it, through a pipe, each time that its worker comes round. The child ends with the pipe. It
-imports a few core modules only: 4 MB, and some eight wake-ups a second. It has a session of its
-own, so that neither Ctrl-Z nor a signal to the parent's process group stops both.
+A process that is stopped (``SIGSTOP``), or whose threads block, reacts only to ``SIGKILL``, and
+launch restarts a node only after it has died. The node therefore starts this file as a child
+process, to which its worker writes through a pipe in each cycle. The child ends when the pipe is
+closed. It imports only a few core modules, needs 4 MB, and wakes up about eight times a second.
+It runs in a separate session, so that neither Ctrl-Z nor a signal to the parent's process group
+stops both.
 """
 
 from __future__ import annotations
@@ -22,29 +23,33 @@ import threading
 import time
 
 _ALLOWANCE = struct.Struct('d')
-"""One message: time until the next one [s]; infinite: there is none."""
+"""Format of a message: longest time until the next message [s]; infinite for the last one."""
 
 _SLICES = 4
-"""The child waits in so many slices, and counts each as one, however long it took: where the
-child got no core, the parent may have got none either."""
+"""Number of parts into which the child divides a timeout. A part that took too long counts as one
+part: if the child did not get a core, the parent may not have got one either."""
 
 
 class HangWatch:
-    """Starts the child, and tells it that the worker turns.
+    """Starts the watchdog process and feeds it.
 
-    After ``timeout_s`` without `turn` the process is killed [s]. It counts from the first.
+    Parameters
+    ----------
+    timeout_s : float
+        Time without a call of `feed` after which this process is killed [s]. It starts with the
+        first call.
     """
 
     def __init__(self, timeout_s: float) -> None:
-        import subprocess  # the child does without its megabyte
+        import subprocess  # imported here to save 1 MB in the child
 
         self._timeout_s = timeout_s
         self._due_s = 0.0
         self._lock = threading.Lock()
         reader, writer = os.pipe()
         self._writer: int | None = writer
-        os.set_blocking(writer, False)  # a child that hangs must not stop the worker
-        # The child inherits the mask: a signal to all is no reason to leave the parent alone.
+        os.set_blocking(writer, False)  # a hanging child must not block the worker
+        # The child inherits the mask: signals that end the parent must not end the watchdog.
         blocked = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
         mask = signal.pthread_sigmask(signal.SIG_BLOCK, blocked)
         try:
@@ -58,11 +63,11 @@ class HangWatch:
             signal.pthread_sigmask(signal.SIG_SETMASK, mask)
             os.close(reader)
 
-    def turn(self, pause_s: float = 0.0) -> None:
-        """Note that the worker has come round.
+    def feed(self, pause_s: float = 0.0) -> None:
+        """Feed the watchdog; must be called in each cycle of the worker.
 
-        ``pause_s`` is how much longer than usual the next turn may take [s]; infinite: there is
-        none. Without the child, as when somebody has killed it, this does nothing.
+        ``pause_s`` is the additional time that the next cycle may take [s]; infinite in the last
+        cycle. This has no effect if the child has died.
         """
         now_s = time.monotonic()
         if not pause_s and now_s < self._due_s:
@@ -73,7 +78,7 @@ class HangWatch:
                 os.write(self._writer, _ALLOWANCE.pack(self._timeout_s + pause_s))
 
     def close(self) -> None:
-        """End the child; harmless when called twice."""
+        """End the child; idempotent."""
         with self._lock:
             if self._writer is None:
                 return
@@ -83,7 +88,7 @@ class HangWatch:
 
 
 def watch(parent: int, pipe: int) -> None:
-    """Kill the parent when no message comes in time; return when the pipe is closed."""
+    """Kill the parent if no message arrives in time; return when the pipe is closed."""
     slice_s: float | None = None
     silent = 0
     while True:
@@ -98,8 +103,9 @@ def watch(parent: int, pipe: int) -> None:
         silent += 1
         if silent >= _SLICES and os.getppid() == parent:
             sys.stderr.write(
-                f'Process {parent} has hung for {allowance_s:g} s and is killed, so that its '
-                'launch starts it again. hang_timeout_s:=0 leaves it alone, as under a debugger.\n'
+                f'Process {parent} has hung for {allowance_s:g} s and is killed, so that launch '
+                'can restart it. Set hang_timeout_s to 0 to turn this off, for example under a '
+                'debugger.\n'
             )
             sys.stderr.flush()
             os.kill(parent, signal.SIGKILL)

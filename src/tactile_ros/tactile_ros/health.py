@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Health on ``/diagnostics``, ``~/ready``, and signs of life by DDS liveliness."""
+"""Diagnostics, readiness, and heartbeats by DDS liveliness."""
 
 from __future__ import annotations
 
@@ -39,21 +39,29 @@ ERROR = DiagnosticStatus.ERROR
 
 
 class Health(NamedTuple):
-    """One row of diagnostics: a level, a sentence, and values by name."""
+    """Contents of one ``diagnostic_msgs/DiagnosticStatus``."""
 
     level: bytes
     message: str
-    values: Mapping[str, object]
+    values: Mapping[str, object]  # key-value pairs
 
 
 class Diagnostics:
-    """Publishes what ``provider()`` returns, under the node's name, once a second.
+    """Publishes the health of a node on ``/diagnostics`` once a second.
 
-    The rejections of the node's `MessageGuard` are added; the level is a warning for a while
-    after a message was refused.
+    Messages refused by the node's `MessageGuard` are added. For some time after a refused
+    message, the level is at least a warning.
 
-    A `TactileNode` asks ``provider`` on the thread of periodic calls, any other on its executor.
-    It must not take the lock of a stage, which may wait for `close`.
+    Parameters
+    ----------
+    node : Node
+        The node.
+    hardware_id : callable
+        Returns an identifier of the hardware.
+    provider : callable
+        Returns the present `Health`. It is called on the thread of periodic calls if the node is
+        a `TactileNode`, otherwise on the executor. It must not take the lock of a stage, because
+        the holder of that lock may wait for `close`.
     """
 
     def __init__(
@@ -66,7 +74,7 @@ class Diagnostics:
         self._is_closed = False
         self._stop_timer: Callable[[], object]
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        # Once a second of the computer's time: what is asked about may be why the other stands.
+        # On a steady clock: diagnostics must not stop when simulated time is paused.
         if isinstance(node, TactileNode):
             self._stop_timer = node.call_every(PERIOD_S, self.publish).cancel
         else:
@@ -75,11 +83,11 @@ class Diagnostics:
             self._stop_timer = lambda: node.destroy_timer(timer)
 
     def publish(self) -> None:
-        """Publish at once."""
+        """Publish immediately."""
         with self._lock:
             if self._is_closed:
                 return
-            health = self._provider()  # asked in any case: it may count what has come since
+            health = self._provider()  # called even without subscribers: it may count events
             if self._publisher.get_subscription_count():
                 self._publisher.publish(self._to_message(health))
 
@@ -103,12 +111,12 @@ class Diagnostics:
         return message
 
     def close(self) -> None:
-        """Publish no more. Harmless when called twice."""
+        """Stop publishing; idempotent."""
         self._stop_timer()
         with self._lock:
             if not self._is_closed:
                 self._is_closed = True
-                del self._provider, self._hardware_id  # they hold what asked for diagnostics
+                del self._provider, self._hardware_id  # avoid references to the owner
                 self._node.destroy_publisher(self._publisher)
 
 
@@ -116,23 +124,32 @@ READY_PERIOD_S = 0.1
 
 
 class ReadinessPublisher:
-    """Publishes ``~/ready`` once at the start and then at each change.
+    """Publishes ``~/ready`` at the start and at each change.
 
-    ``find_missing`` returns a sentence for each thing that is missing. It is asked ten times a
-    second on the thread of periodic calls, and by `update`, but not after `close` has returned.
-    ``missing`` has the sentences published last; None: none yet.
+    Parameters
+    ----------
+    node : TactileNode
+        The node.
+    find_missing : callable
+        Returns a sentence for each thing that is missing. It is called ten times a second on the
+        thread of periodic calls, and by `update`, but not after `close` has returned.
+
+    Attributes
+    ----------
+    missing : list of str or None
+        The sentences published last; None before the first.
     """
 
     def __init__(self, node: TactileNode, find_missing: Callable[[], Sequence[str]]) -> None:
         self._node, self._find_missing = node, find_missing
-        self._lock = threading.Lock()  # no older answer is published after a newer one
+        self._lock = threading.Lock()  # keeps the order of published states
         self._is_closed = False
         self.missing: list[str] | None = None
         self._publisher = node.create_publisher(Readiness, '~/ready', LATEST)
         self._calls = node.call_every(READY_PERIOD_S, self.update)
 
     def update(self) -> None:
-        """Publish if something has changed."""
+        """Publish if the missing things have changed."""
         with self._lock:
             if self._is_closed:
                 return
@@ -145,7 +162,7 @@ class ReadinessPublisher:
             self._publisher.publish(message)
 
     def close(self) -> None:
-        """Publish no more. Harmless when called twice."""
+        """Stop publishing; idempotent."""
         self._calls.cancel()
         with self._lock:
             if not self._is_closed:
@@ -154,19 +171,20 @@ class ReadinessPublisher:
 
 
 LEASE_S = 0.15
-"""Lease that a heartbeat offers [s]: a listener can ask for this or a longer one."""
+"""Lease that a heartbeat offers [s]; a subscription can request this or a longer lease."""
 
 BEAT_PERIOD_S = 0.03
-"""Shortest time between two beats [s]. Workers turn every 17 or 20 ms: four beats a lease."""
+"""Shortest period of a heartbeat [s]. Workers run every 17 or 20 ms: four beats per lease."""
 
 
 _watch_numbers = itertools.count(1)
-"""Nanoseconds that each watch adds to its lease. Fast DDS tells readers of one participant, topic
-and lease only of changes: one that joins beside another would never hear that the writer lives."""
+"""Nanoseconds that each watch adds to its lease, so that all leases differ. Fast DDS informs
+readers with the same participant, topic and lease only about changes, so a second reader would
+never learn that the writer is alive."""
 
 
 def heartbeat_qos(lease_s: float = LEASE_S, extra_ns: int = 0) -> QoSProfile:
-    """Return the quality of service of a heartbeat topic with a lease [s] and some ns more."""
+    """Return the QoS of a heartbeat topic whose lease is ``lease_s`` [s] plus ``extra_ns``."""
     return QoSProfile(
         depth=1,
         reliability=ReliabilityPolicy.BEST_EFFORT,
@@ -176,32 +194,41 @@ def heartbeat_qos(lease_s: float = LEASE_S, extra_ns: int = 0) -> QoSProfile:
 
 
 class Heartbeat:
-    """Publisher of ``~/heartbeat``; before each beat it asks ``is_well()``.
+    """Publisher of a heartbeat.
 
-    On another ``topic`` it offers another lease [s].
+    Parameters
+    ----------
+    node : Node
+        The node.
+    is_healthy : callable
+        Called before each beat; if it returns False, the beat is skipped.
+    topic : str
+        Name of the topic.
+    lease_s : float
+        Lease that the publisher offers [s].
     """
 
     def __init__(
         self,
         node: Node,
-        is_well: Callable[[], bool],
+        is_healthy: Callable[[], bool],
         topic: str = '~/heartbeat',
         lease_s: float = LEASE_S,
     ) -> None:
-        self._node, self._is_well = node, is_well
+        self._node, self._is_healthy = node, is_healthy
         self._publisher = node.create_publisher(Empty, topic, heartbeat_qos(lease_s))
         self._lock = threading.Lock()
         self._due_s = 0.0
         self._is_closed = False
 
     def beat(self) -> None:
-        """Beat if the node is well and the last beat is `BEAT_PERIOD_S` old.
+        """Publish a beat if the node is healthy and the last beat is `BEAT_PERIOD_S` old.
 
-        Call it on the thread that does the work, each time that it comes round: a thread of its
-        own would go on when the work hangs.
+        Must be called in each cycle of the thread that does the work, because a separate thread
+        would continue if the work hangs.
         """
         now_s = time.monotonic()
-        if now_s < self._due_s or not self._is_well():
+        if now_s < self._due_s or not self._is_healthy():
             return
         with self._lock:
             if not self._is_closed and self._node.context.ok():
@@ -209,22 +236,34 @@ class Heartbeat:
                 self._publisher.publish(Empty())
 
     def close(self) -> None:
-        """Take the publisher away."""
+        """Destroy the publisher."""
         with self._lock:
             self._is_closed = True
             self._node.destroy_publisher(self._publisher)
 
 
 class HeartbeatWatch:
-    """Liveliness of one heartbeat topic; thread-safe.
+    """Watch of the liveliness of one heartbeat topic; thread-safe.
 
-    Exactly one publisher must be alive. Two are two rigs in one ROS domain, which would answer
-    each other's goals. A publisher that was killed is alive no longer than the lease, although
-    it stays in the graph for many seconds.
+    Exactly one publisher must be alive. Two live publishers mean two rigs in one ROS domain,
+    which would answer each other's goals. A killed publisher stays in the ROS graph for many
+    seconds, but is not alive after the lease.
 
-    A publisher that is silent for longer than the lease ``timeout_s``, at least the lease that it
-    offers, is not alive [s]. With ``rivals_only`` the topic may be silent: only a second publisher
-    is a loss. TactileError: the middleware does not tell of liveliness.
+    Parameters
+    ----------
+    node : Node
+        The node.
+    topic : str
+        Name of the heartbeat topic.
+    timeout_s : float
+        Silence after which a publisher is not alive [s]; at least the lease that it offers.
+    rivals_only : bool
+        Report only a second publisher as a loss; the topic may be silent.
+
+    Raises
+    ------
+    TactileError
+        If the middleware does not support liveliness.
     """
 
     def __init__(
@@ -251,8 +290,8 @@ class HeartbeatWatch:
         except UnsupportedEventTypeError:
             node.destroy_subscription(self._subscription)
             raise TactileError(
-                f'{get_rmw_implementation_identifier()} does not tell which publishers are '
-                'alive; set RMW_IMPLEMENTATION=rmw_fastrtps_cpp'
+                f'{get_rmw_implementation_identifier()} does not report the liveliness of '
+                'publishers; set RMW_IMPLEMENTATION=rmw_fastrtps_cpp'
             ) from None
         self._lock = threading.Lock()
         self._alive = 0
@@ -260,13 +299,13 @@ class HeartbeatWatch:
 
     @property
     def was_heard(self) -> bool:
-        """True once a publisher was alive, and always of a topic that may be silent."""
+        """True once a publisher was alive; always True for a topic that may be silent."""
         return self._count_alive() > 0 or self._was_heard or self._rivals_only
 
     def find_loss(self, now_ns: int = 0) -> Refusal | None:
-        """Return why nothing may move, or None while one publisher is alive.
+        """Return why motion is not allowed, or None while exactly one publisher is alive.
 
-        ``now_ns`` is not used: the middleware goes by a monotonic clock of its own.
+        ``now_ns`` is unused, because the middleware uses its own monotonic clock.
         """
         alive = self._count_alive()
         if alive > 1:
@@ -275,19 +314,19 @@ class HeartbeatWatch:
             return None
         if self._was_heard:
             return Refusal(
-                f'Nothing was heard on {self._topic} for {self._timeout_s:g} s',
+                f'No message has arrived on {self._topic} for {self._timeout_s:g} s',
                 'check that its node is running and active',
             )
         if self._has_misfit:
             return Refusal(
-                f'The publisher of {self._topic} has another quality of service',
+                f'The publisher of {self._topic} has an incompatible QoS',
                 f'it must offer the liveliness MANUAL_BY_TOPIC with a lease of '
                 f'{self._timeout_s:g} s or less',
             )
-        return Refusal(f'Nothing has been heard on {self._topic} yet', 'start its node')
+        return Refusal(f'No message has arrived on {self._topic} yet', 'start its node')
 
     def close(self) -> None:
-        """Take the subscription away."""
+        """Destroy the subscription."""
         with self._lock:
             self._is_closed = True
             self._liveliness.destroy()
@@ -309,25 +348,30 @@ class HeartbeatWatch:
             return status is not None and status.total_count > 0
 
     def _describe_rivals(self, alive: int) -> Refusal:
-        """Name the publishers; the graph also knows dead ones."""
+        """Return a refusal with the names of all publishers in the graph, dead ones included."""
         known = self._node.get_publishers_info_by_topic(self._subscription.topic_name)
         names = [f'{each.node_namespace.rstrip("/")}/{each.node_name}' for each in known]
         return Refusal(
             f'{alive} nodes are alive on {self._topic} ({", ".join(sorted(names))}): '
             'two rigs share this ROS domain',
-            'end one, or start it with another ROS_DOMAIN_ID or namespace',
+            'stop one, or start it with another ROS_DOMAIN_ID or namespace',
         )
 
 
 PRESENCE_LEASE_S, PRESENCE_PERIOD_S = 1.0, 0.3
-"""Lease and period of the beats of a `Presence` [s]."""
+"""Lease and period of the heartbeat of a `Presence` [s]."""
 
 
 class Presence:
-    """Sign on ``~/presence`` that a node has servers, and a watch for a second node with them.
+    """Heartbeat on ``~/presence`` of a node with servers, and a watch for a second such node.
 
-    A heartbeat ceases while the device is not well. Its node still receives goals, though, and
-    its answer could hide that of the other node. ``rivals`` is a loss while there are two nodes.
+    ``~/heartbeat`` stops while the device is not usable, although the node still receives goals.
+    If there are two nodes, the answer of such a node could hide the other answer.
+
+    Attributes
+    ----------
+    rivals : HeartbeatWatch
+        Reports a loss while two nodes are present.
     """
 
     def __init__(self, node: TactileNode) -> None:
@@ -337,14 +381,14 @@ class Presence:
         self._calls = node.call_every(PRESENCE_PERIOD_S, self._beats.beat)
 
     def close(self) -> None:
-        """Take publisher and watch away."""
+        """Destroy heartbeat and watch."""
         self._calls.cancel()
         self._beats.close()
         self.rivals.close()
 
 
 def watch_rivals(node: Node, name: str) -> HeartbeatWatch:
-    """Return a watch on another node that is a loss while two nodes of that name have servers."""
+    """Return a watch that reports a loss while two nodes with this name have servers."""
     return HeartbeatWatch(node, f'{name}/presence', PRESENCE_LEASE_S, rivals_only=True)
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The lifecycle of all nodes, parameters from a Config class, guarded subscriptions."""
+"""Base class of all nodes: lifecycle, parameters from a Config class, guarded subscriptions."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
-from tactile_ros.configs import find_objection
+from tactile_ros.configs import find_violation
 from tactile_ros.errors import MessageError
 from tactile_ros.periodic import Periodic, SLOW_CALLS, Ticker
 from tactile_ros.qos import STREAM
@@ -38,18 +38,24 @@ from tactile_ros.rclpy_internals import (
 )
 
 LOG_PERIOD_S = 10.0
-"""The log mentions refused messages at most this often."""
+"""Shortest time between two log messages about refused messages [s]."""
 
 SHOWN_S = 10.0
-"""Diagnostics warn of a refused message for this long."""
+"""Time for which diagnostics warn about a refused message [s]."""
 
 
 class MessageGuard:
-    """Keeps a node running when a message cannot be converted.
+    """Keeps a node running if a message cannot be converted.
 
-    A callback that raises `MessageError` ends with that message. Every other exception is a
-    fault of the program and ends the node. ``refused_count`` counts the messages refused since the
-    node was made; ``last_reason`` has the topic of the last one, and why it was refused.
+    If a callback raises `MessageError`, the message is refused and the node continues. Every
+    other exception is a fault of the program and ends the node.
+
+    Attributes
+    ----------
+    refused_count : int
+        Number of messages refused since the node was created.
+    last_reason : str
+        Topic of the last refused message, and the reason.
     """
 
     def __init__(self, node: Node) -> None:
@@ -60,9 +66,9 @@ class MessageGuard:
         self._logged_at_s: float | None = None
 
     def wrap(self, topic: str, callback: Callable[..., Any]) -> Callable[..., Any]:
-        """Return the callback of a subscription, guarded."""
+        """Return a callback for a subscription that refuses messages on `MessageError`."""
 
-        @functools.wraps(callback)  # rclpy looks at the signature
+        @functools.wraps(callback)  # rclpy inspects the signature
         def guarded(*arguments: Any) -> None:
             try:
                 callback(*arguments)
@@ -72,7 +78,7 @@ class MessageGuard:
         return guarded
 
     def refuse(self, topic: str, reason: object) -> None:
-        """Count one refused message."""
+        """Count and log a refused message."""
         now_s = time.monotonic()
         self.refused_count += 1
         self.last_reason = f'{topic}: {reason}'
@@ -84,16 +90,16 @@ class MessageGuard:
             )
 
     @property
-    def warning(self) -> str:
-        """A sentence for `SHOWN_S` after a message was refused; empty otherwise."""
+    def warning(self) -> str | None:
+        """A message for `SHOWN_S` after a message was refused; otherwise None."""
         at_s = self._refused_at_s
         if at_s is None or time.monotonic() - at_s > SHOWN_S:
-            return ''
+            return None
         return f'refused a message on {self.last_reason}'
 
     @property
     def values(self) -> dict[str, object]:
-        """Values for diagnostics: count and last reason; empty until a message is refused."""
+        """Values for diagnostics: count and last reason; no values before a refused message."""
         if not self.refused_count:
             return {}
         return {'refused_messages': self.refused_count, 'last_refused_message': self.last_reason}
@@ -105,7 +111,7 @@ REMEDY = 'deactivate and clean up the node first'
 
 
 def describe_field(field: dataclasses.Field[Any]) -> ParameterDescriptor:
-    """Return the descriptor of the parameter that stands for one Config field."""
+    """Return the parameter descriptor of a Config field."""
     metadata = field.metadata
     text = metadata['description']
     if metadata.get('unit'):
@@ -129,8 +135,12 @@ def describe_field(field: dataclasses.Field[Any]) -> ParameterDescriptor:
 def declare_config(node: Node, config_class: type[Config]) -> None:
     """Declare a parameter for every field of ``config_class``.
 
-    While the node's ``is_configured`` is true, only fields that are live can change. rclpy's
-    InvalidParameterValueException: an override is out of range or of the wrong type.
+    While the node's ``is_configured`` is True, only live parameters can be changed.
+
+    Raises
+    ------
+    rclpy.exceptions.InvalidParameterValueException
+        If an override is out of range or has the wrong type.
     """
     for field in dataclasses.fields(config_class):  # type: ignore[arg-type]
         default = list(field.default) if isinstance(field.default, tuple) else field.default
@@ -152,37 +162,40 @@ def declare_config(node: Node, config_class: type[Config]) -> None:
 
     def check(parameters: list[Parameter]) -> SetParametersResult:
         known = ((fields[p.name], p) for p in parameters if p.name in fields)
-        reasons = (_find_objection(node, field, parameter) for field, parameter in known)
-        reason = next(filter(None, reasons), '')
-        return SetParametersResult(successful=not reason, reason=reason)
+        reasons = (_find_violation(node, field, parameter) for field, parameter in known)
+        reason = next(filter(None, reasons), None)
+        return SetParametersResult(successful=reason is None, reason=reason or '')
 
     node.add_on_set_parameters_callback(check)
 
 
 def _with_float(field: dataclasses.Field[Any], parameter: Parameter) -> Parameter:
-    """Return the parameter; an integer becomes a float where the field is one."""
+    """Return the parameter, converted from an integer to a float if the field is a float."""
     if isinstance(field.default, float) and parameter.type_ == Parameter.Type.INTEGER:
         return Parameter(parameter.name, value=float(parameter.value))
     return parameter
 
 
-def _find_objection(node: Node, field: dataclasses.Field[Any], parameter: Parameter) -> str:
-    """Return why a parameter cannot take a value; empty when it can."""
-    if objection := find_objection(field, parameter.value):
-        return objection
+def _find_violation(node: Node, field: dataclasses.Field[Any], parameter: Parameter) -> str | None:
+    """Return why a parameter cannot be set to a value, or None."""
+    if violation := find_violation(field, parameter.value):
+        return violation
     if not node.is_configured or field.metadata.get('live'):
-        return ''
-    # A file of parameters may be loaded again: what it does not change is no change.
+        return None
+    # An equal value is accepted, so that a file of parameters can be loaded again.
     present = node.get_parameter_or(field.name, None)
     if present is not None and present.get_parameter_value() == parameter.get_parameter_value():
-        return ''
+        return None
     return f'{parameter.name} is read when the node is configured: {REMEDY}'
 
 
 def read_config(node: Node, config_class: type[Config]) -> Config:
-    """Return a Config that holds the parameters' present values.
+    """Return a Config with the parameters' present values.
 
-    ValueError: a value is not one of the field's choices, or ``__post_init__`` refuses it.
+    Raises
+    ------
+    ValueError
+        If a value is not one of the field's choices, or ``__post_init__`` refuses it.
     """
     values = {}
     for field in dataclasses.fields(config_class):  # type: ignore[arg-type]
@@ -190,40 +203,50 @@ def read_config(node: Node, config_class: type[Config]) -> Config:
         value = field.default if value is None or value.value is None else value.value
         if isinstance(field.default, tuple):
             value = tuple(value)
-        if objection := find_objection(field, value):
-            raise ValueError(objection)
+        if violation := find_violation(field, value):
+            raise ValueError(violation)
         values[field.name] = value
     return config_class(**values)
 
 
 class TactileNode(LifecycleNode):
-    """A lifecycle node whose parameters are the fields of a Config class, a frozen dataclass.
+    """A lifecycle node whose parameters are the fields of a Config class.
 
-    The constructor declares; ``node_options`` go to `rclpy.lifecycle.LifecycleNode`. A subclass
-    says what else happens:
+    The constructor declares the parameters. A subclass overrides some of these methods:
 
     ``set_up(config)``
-        configure: build publishers and subscriptions, open devices. What it
-        raises refuses the transition; the message is logged.
-    ``start()`` / ``stop()``
-        activate / deactivate: let the data flow, or not.
+        Called on configure: create publishers and subscriptions, open devices. An exception
+        refuses the transition and is logged.
+    ``start()``, ``stop()``
+        Called on activate and deactivate: start or stop the data flow.
     ``on_goal_end()``
-        the work of a goal has ended; its client does not know yet. On the executor's thread.
+        Called on the executor's thread when the work of a goal has ended, before the result is
+        sent.
     ``tear_down()``
-        cleanup, shutdown, error, end of the process: give everything back. Must
-        be harmless when called twice or after a ``set_up`` that failed half way.
+        Called on cleanup, shutdown, error, and at the end of the process: release everything.
+        Must be idempotent, and work after an incomplete ``set_up``.
+
+    Parameters
+    ----------
+    name : str
+        Name of the node.
+    config_class : type
+        Frozen dataclass; see `tactile_ros.configs`.
+    **node_options
+        Passed to `rclpy.lifecycle.LifecycleNode`.
 
     Attributes
     ----------
     is_finished, has_failed : bool
-        Set by a node whose work comes to an end, as a recording does: its process ends
-        then, with 1 when it has failed.
+        Set by a node whose work has an end, such as a recording. The process then ends, with
+        exit code 1 if ``has_failed`` is True.
     is_quiet : bool
-        Nothing but requests wakes the node's executor: nodes like it can share one.
+        Only requests wake the node's executor, so that several such nodes can share one.
     is_configured : bool
-        From the begin of configure to the end of cleanup: parameters do not change.
+        True from the start of configure to the end of cleanup. Meanwhile only live parameters
+        can change.
     ending : threading.Event
-        Set when the process is to end. What waits for long in ``set_up``, waits on this.
+        Set when the process must end. Long waits in ``set_up`` must wait for this event.
     message_guard : MessageGuard
         Guards every subscription of the node: a callback may raise `MessageError`.
     """
@@ -256,28 +279,29 @@ class TactileNode(LifecycleNode):
     def create_subscription(
         self, message_type: Any, topic: str, callback: Callable[..., Any], *args: Any, **opts: Any
     ) -> Any:
-        """Subscribe; a message for which the callback raises `MessageError` is refused."""
+        """Create a subscription that refuses messages if the callback raises `MessageError`."""
         guarded = self.message_guard.wrap(topic, callback)
         return super().create_subscription(message_type, topic, guarded, *args, **opts)
 
     def create_stream_publisher(
         self, message_type: Any, topic: str, profile: QoSProfile = STREAM
     ) -> Any:
-        """Make a lifecycle publisher of samples, whose quality of service can be overridden.
+        """Create a lifecycle publisher whose QoS can be overridden by parameters.
 
-        By parameters, as ``qos_overrides./tendon_sensor/strain.publisher.reliability``.
+        For example ``qos_overrides./tendon_sensor/strain.publisher.reliability``.
         """
         return self.create_lifecycle_publisher(
             message_type,
             topic,
-            copy.copy(profile),  # rclpy writes the overrides into it
+            copy.copy(profile),  # rclpy writes the overrides into the profile
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
 
     def call_every(self, period_s: float, callback: Callable[[], object]) -> Periodic:
-        """Call again and again by the monotonic clock, on the thread for all periodic calls.
+        """Call ``callback`` every ``period_s`` [s] of the monotonic clock.
 
-        An exception of the callback ends the node's executor, as one of its own callbacks would.
+        The callback runs on the thread of periodic calls. Its exceptions end the node's executor,
+        like exceptions of the node's other callbacks.
         """
         return self._call_on(SLOW_CALLS, period_s, callback)
 
@@ -296,7 +320,7 @@ class TactileNode(LifecycleNode):
         return periodic
 
     def _fail(self, error: Exception) -> None:
-        """End the executor with what a callback of another thread has raised."""
+        """End the executor with an exception that was raised on another thread."""
 
         def fail() -> None:
             raise error
@@ -326,7 +350,7 @@ class TactileNode(LifecycleNode):
             self.set_up(self.config)
         except Exception as error:
             self.get_logger().error(f'cannot configure: {error}')
-            self._give_back()
+            self._release()
             return TransitionCallbackReturn.FAILURE
         return TransitionCallbackReturn.SUCCESS
 
@@ -348,13 +372,13 @@ class TactileNode(LifecycleNode):
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         if any(runner.is_busy for runner in self.goal_runners):
-            # To wait here would keep the executor from telling the goal's client its end,
-            # and a goal that needs other nodes from ever coming to rest.
+            # Waiting here would block the executor, which must send the result of the goal and
+            # may be needed for the goal to end.
             self.get_logger().error(
-                'cannot clean up: a goal is still coming to rest; try again when it has ended'
+                'cannot clean up: a goal is still ending; try again when it has ended'
             )
             return TransitionCallbackReturn.FAILURE
-        self._give_back()
+        self._release()
         return TransitionCallbackReturn.SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -367,30 +391,30 @@ class TactileNode(LifecycleNode):
     # -- use --------------------------------------------------------------------------
 
     def bring_up(self) -> bool:
-        """Configure and activate; return whether both succeeded, and the process is not ending."""
+        """Configure and activate; return True on success, False also if the process is ending."""
         for transition in (self.trigger_configure, self.trigger_activate):
             if self.ending.is_set() or transition() != TransitionCallbackReturn.SUCCESS:
                 return False
         return True
 
     def take_down(self) -> None:
-        """Stop, give everything back and destroy the node, from any state."""
+        """Stop, release everything and destroy the node, from any state."""
         try:
             self._stop_and_tear_down()
         finally:
             self.destroy_node()
 
     def destroy_node(self) -> None:
-        # A log level belongs to the process and the name: the next node of that name is not quiet.
+        # The log level belongs to the name; reset it for the next node with this name.
         self.get_logger().set_level(LoggingSeverity.UNSET)
         super().destroy_node()
         destroy_state_machine(self)
 
     def _refuse_impossible_transitions(self) -> None:
-        """Answer an invalid transition request with "no".
+        """Answer requests for invalid transitions with ``success: false``.
 
-        rclpy raises instead, which leaves the caller without an answer, and the executor
-        without the requests that came with it.
+        rclpy raises an exception instead. The caller would then get no answer, and the executor
+        would drop the requests that arrived together with this one.
         """
         service = change_state_service(self)
         change_state = service.callback
@@ -399,7 +423,7 @@ class TactileNode(LifecycleNode):
             try:
                 return change_state(request, response)
             except RCLError as error:
-                self.get_logger().error(f'a transition is not possible: {error}')
+                self.get_logger().error(f'the requested transition is not possible: {error}')
                 response.success = False
                 return response
 
@@ -411,8 +435,8 @@ class TactileNode(LifecycleNode):
                 self.is_active = False
                 self.stop()
         finally:
-            self._give_back()
+            self._release()
 
-    def _give_back(self) -> None:
+    def _release(self) -> None:
         self.tear_down()
         self.is_configured = False

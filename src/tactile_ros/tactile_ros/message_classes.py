@@ -15,7 +15,7 @@ def message_class(type_name: str) -> Any:
     Raises
     ------
     LookupError
-        When no such message is installed.
+        If this message type is not installed.
     """
     package, kind, name = type_name.split('/')
     try:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Nodes that live in one process, from start to an orderly end."""
+"""Execution of the nodes of one process, from the start to an orderly end."""
 
 from __future__ import annotations
 
@@ -32,38 +32,50 @@ from tactile_ros.process import (
 from tactile_ros.rclpy_internals import RCLError
 
 REST_TIMEOUT_S = 3.0
-"""Longest wait at the end of a process for running goals to come to rest [s]."""
+"""Longest wait at the end of a process for running goals to end [s]."""
 
 PEERS_END_S = 0.4
-"""Time that the DDS participant outlives its node at the end of a process [s]; see `run_node`."""
+"""Time for which the DDS participant is kept after its node was destroyed [s]; see `run_node`."""
 
 PARTICIPANT_ENDS_S = 5.0
 """Longest shutdown of the process after that [s]; then it exits with a traceback."""
 
 SPIN_S = 2.0
-"""Longest sleep of an executor. What it waits for, and the end, wake it earlier."""
+"""Longest sleep of an executor [s], unless a callback or the end wakes it earlier."""
 
 POLL_S = 0.2
 """Period of the check for a finished node [s]."""
 
 
 class NodeGroup:
-    """Spins nodes: the quiet ones of a class on one executor, each other on one of its own.
+    """Spins nodes; a context manager.
 
-    An executor goes through all that its nodes own each time it wakes. Only requests and trial
-    events wake that of quiet nodes; see docs/decisions/0006-executor.md.
+    Quiet nodes of a class share one executor, every other node has a separate one. Each time an
+    executor wakes up, it checks all entities of its nodes. The executor of quiet nodes is woken
+    only by requests and trial events; see docs/decisions/0006-executor.md.
 
-    On close, running goals are asked to end and the executors go on until they have, so that the
-    devices are brought to rest over a graph that still works. Then a `TactileNode` is taken down,
-    any other node destroyed. Use as a context manager.
+    On close, running goals are ended first, while the executors still run, so that devices come
+    to rest with a working graph. Then each `TactileNode` is taken down and any other node
+    destroyed.
 
-    A callback that raises ends its executor, and the group is to be closed: a node that has
-    lost a callback half way must not go on moving things. The traceback is logged and the
-    exception kept.
+    An exception of a callback ends its executor, and the group must then be closed, because a
+    node with an incomplete callback must not continue to move a device. The traceback is logged.
 
-    ``on_end`` is called once, when the first executor has stopped, for whatever reason, on its
-    thread. ``ended`` is an event set then; ``error`` is the first exception that a callback raised
-    and that ended an executor.
+    Parameters
+    ----------
+    nodes : sequence of Node
+        The nodes.
+    context : Context, optional
+        Context of the executors.
+    on_end : callable
+        Called once on the thread of the first executor that has stopped, for any reason.
+
+    Attributes
+    ----------
+    ended : threading.Event
+        Set when the first executor has stopped.
+    error : Exception or None
+        First exception of a callback that ended an executor.
     """
 
     def __init__(
@@ -107,7 +119,9 @@ class NodeGroup:
             pass
         except Exception as error:
             self.error = self.error or error
-            _logger().fatal(f'a callback failed, so all nodes end here:\n{traceback.format_exc()}')
+            _logger().fatal(
+                f'a callback failed, so all nodes of this process end:\n{traceback.format_exc()}'
+            )
         finally:
             with self._end_lock:
                 is_first = not self.ended.is_set()
@@ -116,9 +130,9 @@ class NodeGroup:
                 self._on_end()
 
     def close(self) -> None:
-        """End goals, stop spinning, take the nodes down. Harmless when called twice.
+        """End goals, stop spinning, and take the nodes down; idempotent.
 
-        Ctrl-C does not interrupt it.
+        Ctrl-C does not interrupt this.
         """
         with uninterrupted():
             self._close()
@@ -139,15 +153,15 @@ class NodeGroup:
         self._ending.set()
         for executor, thread in self._spinning:
             if thread.is_alive():
-                # A mere wake-up would go back to waiting; something to do ends the wait.
+                # After a wake-up without a task, the executor would wait again.
                 executor.create_task(lambda: None)
         deadline = time.monotonic() + REST_TIMEOUT_S
         for executor, thread in self._spinning:
             if thread.is_alive():
                 thread.join(max(0.0, deadline - time.monotonic()))
-            if thread.is_alive():  # the other nodes have devices to bring to rest
+            if thread.is_alive():  # continue, because other nodes must bring devices to rest
                 names = ', '.join(node.get_name() for node in executor.get_nodes())
-                _logger().error(f'a callback of {names} does not end')
+                _logger().error(f'a callback of {names} does not return')
         nodes, self._nodes = self._nodes, []
         spinning, self._spinning = self._spinning, []
         for node in reversed(nodes):
@@ -159,8 +173,8 @@ class NodeGroup:
                     node.take_down()
                 else:
                     node.destroy_node()
-            except Exception:  # the other nodes have devices to bring to rest, too
-                _logger().error(f'{name} did not end well:\n{traceback.format_exc()}')
+            except Exception:  # continue, because other nodes must bring devices to rest
+                _logger().error(f'{name} failed while it ended:\n{traceback.format_exc()}')
         for executor, _ in spinning:
             executor.shutdown()
 
@@ -169,7 +183,7 @@ def _spin_once(executor: SingleThreadedExecutor) -> None:
     try:
         executor.spin_once(timeout_sec=SPIN_S)
     except RCLError as error:
-        # rclpy raises here for an invalid request. That must not stop the rig.
+        # rclpy raises here for an invalid request, which must not stop the rig.
         _logger().error(f'a request failed: {error}')
 
 
@@ -178,24 +192,25 @@ def _logger() -> Any:
 
 
 def run_node(factory: Callable[[], TactileNode], args: list[str] | None = None) -> int:
-    """Run one node until it is finished or a signal comes; return the process's exit code.
+    """Run one node until it is finished or a signal arrives; return the process's exit code.
 
-    With the parameter ``autostart`` (the default) the node configures and activates itself;
-    without, it waits for a lifecycle manager. A node that cannot, or whose callback raises, exits
-    with 1. After SIGINT, SIGTERM or SIGHUP the code is 0, also while the node is configured, which
-    is given up. Ctrl-Z is ignored.
+    If the parameter ``autostart`` is true (the default), the node configures and activates itself;
+    otherwise it waits for a lifecycle manager. The exit code is 1 if this fails or a callback
+    raises, and 0 after SIGINT, SIGTERM or SIGHUP, also if the signal arrives during configure.
+    Ctrl-Z is ignored.
 
-    Fast DDS can wait forever when a participant is destroyed while it hears another one end
-    (eProsima/Fast-DDS issue 6513; seen with the wheels of PyPI). The nodes of a launch end
-    together, so the participant stays a moment longer than its node. A process that hangs there
-    all the same is ended with exit code 1. Call this last: the process has 5 s to end after it.
+    Fast DDS can wait forever if a participant is destroyed while another one ends
+    (eProsima/Fast-DDS issue 6513; observed with the wheels of PyPI). Nodes that were launched
+    together also end together, so the participant is kept for a moment after its node. A process
+    that hangs nevertheless is ended with exit code 1. Call this last, because the process must
+    end within 5 s after it.
     """
     signals = hold_signals()
     try:
         try:
             keep_heap_small()
-            # No handlers of rclpy, because they take the context down at once: a node could no
-            # longer tell the guide to stop.
+            # Without the handlers of rclpy, which shut the context down immediately, so that a
+            # node could no longer stop the guide.
             rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
             node = factory()
         except Exception as error:
@@ -209,8 +224,8 @@ def run_node(factory: Callable[[], TactileNode], args: list[str] | None = None) 
 
 @contextmanager
 def outliving(*nodes: Any) -> Iterator[None]:
-    """Keep the DDS participant of nodes for a moment after the block, which destroys them."""
-    with ExitStack() as handles:  # the participant lives for as long as a handle is in use
+    """Keep the DDS participant of nodes for a moment after the block, which destroys the nodes."""
+    with ExitStack() as handles:  # the participant exists as long as a handle is in use
         for node in nodes:
             handles.enter_context(node.handle)
         yield
@@ -219,14 +234,14 @@ def outliving(*nodes: Any) -> Iterator[None]:
 
 
 def end_process(context: Context | None = None) -> None:
-    """Shut ROS down, and see to it that the process ends; call this last, see `run_node`."""
+    """Shut ROS down and make sure that the process ends; call this last, see `run_node`."""
     faulthandler.dump_traceback_later(PARTICIPANT_ENDS_S, exit=True, file=STDERR)
     rclpy.try_shutdown(context=context)
     ignore_signals()
 
 
 def _serve(node: TactileNode, signals: Signals) -> int:
-    """Run a node until it is finished or a signal comes; return the process's exit code."""
+    """Run a node until it is finished or a signal arrives; return the process's exit code."""
     if node.get_parameter('autostart').value:
         if not signals.run(node.bring_up, node.ending.set):
             node.take_down()

@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The program behind every node's executable.
+"""The program behind the executables of all nodes.
 
-A package names its nodes in the entry point group ``tactile.nodes``, and this module's `main`
-as the executable of each.
+A package lists its node classes in the entry point group ``tactile.nodes``, and uses `main` of
+this module as the console script of each node.
 """
 
 from __future__ import annotations
@@ -32,25 +32,25 @@ def find_node_class(executable: str) -> Any:
     Raises
     ------
     LookupError
-        When no installed package has such a node.
+        If no installed package has this node.
     """
     for entry in entry_points(group=GROUP, name=executable):
         return entry.load()
-    raise LookupError(f'no installed package has a node {executable}; build the workspace anew')
+    raise LookupError(f'no installed package has a node {executable}; build the workspace again')
 
 
 def prepare_process() -> Signals:
-    """Hold the signals of this process and set what must be set before its imports."""
+    """Hold the signals of this process, and make the settings that must precede its imports."""
     signals = hold_signals()  # before the imports, which take a second
     os.environ.update(choose_transports(os.environ, 'SUBNET'))
-    # Matrices are small, and a thread of OpenBLAS has memory of its own. Before NumPy is loaded.
+    # Before NumPy is imported: each thread of OpenBLAS needs memory, and our matrices are small.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     share_one_heap()
     return signals
 
 
 def main() -> int:
-    """Run the node that this program's name stands for; return the exit code."""
+    """Run the node that belongs to this program's name; return the exit code."""
     signals = prepare_process()
     from tactile_ros.node_group import run_node
 

@@ -3,9 +3,9 @@
 
 """Periodic calls on a plain thread.
 
-A timer of rclpy wakes an executor, which goes through all services, parameters and subscriptions
-of its nodes each time: 0.6 ms for a lifecycle node. A `Ticker` sleeps until the next call is due,
-and costs 0.03 ms a call.
+A timer of rclpy wakes an executor, which then checks all services, parameters and subscriptions
+of its nodes; for a lifecycle node this takes 0.6 ms. A `Ticker` sleeps until the next call is due
+and needs 0.03 ms per call.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import time
 
 
 class Periodic:
-    """A call that a `Ticker` makes again and again."""
+    """A periodic call of a `Ticker`."""
 
     def __init__(self, ticker: Ticker, period_s: float, callback: Callable[[], object]) -> None:
         self._ticker = ticker
@@ -25,27 +25,35 @@ class Periodic:
         self.due_s = time.monotonic() + period_s
 
     def cancel(self) -> None:
-        """Make no further call. One that runs on the ticker's thread is not waited for."""
+        """End the periodic call, without waiting for a call that is running."""
         self._ticker.remove(self)
-        self.callback = _do_nothing  # a circle would keep what it holds until Python collects it
+        self.callback = _do_nothing  # break a reference cycle
 
     def change_period(self, period_s: float) -> None:
-        """Call with another period [s]; on another thread, after the call that is due."""
+        """Change the period [s].
+
+        If called on another thread than the ticker's, it applies after the next call.
+        """
         if period_s != self._period_s:
             self._period_s = period_s
             self.due_s = min(self.due_s, time.monotonic() + period_s)
 
     def schedule(self, now_s: float) -> None:
-        """Set the time of the next call; calls that were missed are left out."""
+        """Set the time of the next call; missed calls are skipped."""
         self.due_s += self._period_s
         if self.due_s <= now_s:
             self.due_s = now_s + self._period_s
 
 
 class Ticker:
-    """Calls at fixed periods of the monotonic clock, on one thread.
+    """Makes periodic calls on one thread, by the monotonic clock.
 
-    A callback must not raise: the exception would end the thread, which has the ticker's name.
+    A callback must not raise, because an exception would end the thread.
+
+    Parameters
+    ----------
+    name : str
+        Name of the thread.
     """
 
     def __init__(self, name: str) -> None:
@@ -55,7 +63,7 @@ class Ticker:
         self._thread: threading.Thread | None = None
 
     def every(self, period_s: float, callback: Callable[[], object]) -> Periodic:
-        """Call every ``period_s`` seconds until the returned call is cancelled."""
+        """Call ``callback`` every ``period_s`` [s] until the returned `Periodic` is cancelled."""
         call = Periodic(self, period_s, callback)
         with self._changed:
             self._calls.append(call)
@@ -67,7 +75,7 @@ class Ticker:
         return call
 
     def remove(self, call: Periodic) -> None:
-        """Make no further call."""
+        """Remove a periodic call."""
         with self._changed:
             if call in self._calls:
                 self._calls.remove(call)
@@ -86,11 +94,12 @@ class Ticker:
                     continue
                 call.schedule(now_s)
             call.callback()
-            del call  # it would keep what it holds until the next one is due
+            del call  # do not keep its objects alive until the next call
 
 
 def _do_nothing() -> None: ...
 
 
 SLOW_CALLS = Ticker('periodic calls')
-"""Diagnostics and watches of all nodes of the process. Callbacks return within milliseconds."""
+"""Ticker of diagnostics and watches of all nodes; its callbacks must return within
+milliseconds."""

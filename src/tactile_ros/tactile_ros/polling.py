@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Subscriptions that are asked for their messages: each wake-up of an executor costs more."""
+"""Subscriptions that are polled, because waking an executor for each message is expensive."""
 
 from __future__ import annotations
 
@@ -22,13 +22,27 @@ Take = Callable[[Any, Any], object]
 
 
 class PolledSubscription:
-    """The messages of one topic that have come since it was asked last.
+    """A subscription whose messages are taken by `poll`.
 
-    `poll` calls ``take(message, info)`` for each, in order; ``info`` is rclpy's dictionary of
-    ``received_timestamp``, ``source_timestamp`` and sequence numbers. The depth of the profile
-    bounds the messages that wait. ``raw``: as bytes. ``overridable``: by parameters
-    ``qos_overrides…``. ``together``: ``take`` gets a list of all messages that wait, and the
-    information of the newest.
+    Parameters
+    ----------
+    node : Node
+        The node.
+    message_type
+        Class of the messages.
+    topic : str
+        Name of the topic.
+    take : callable
+        Called as ``take(message, info)`` for each message in order of arrival. ``info`` is
+        rclpy's dictionary with ``received_timestamp``, ``source_timestamp`` and sequence numbers.
+    profile : QoSProfile
+        QoS; its depth limits the number of waiting messages.
+    raw : bool
+        Pass messages as bytes.
+    overridable : bool
+        Allow QoS overrides by the parameters ``qos_overrides…``.
+    together : bool
+        Call ``take`` once with a list of all waiting messages and the ``info`` of the newest.
     """
 
     def __init__(
@@ -64,13 +78,14 @@ class PolledSubscription:
         self.qos_profile: QoSProfile = self._subscription.qos_profile
 
     def get_publisher_count(self) -> int:
-        """Return the number of publishers whose quality of service fits."""
+        """Return the number of publishers with a compatible QoS."""
         return int(self._subscription.get_publisher_count())
 
     def waiting(self) -> list[tuple[Any, Any]]:
-        """Return message and information of each that waits, at most as many as a queue holds.
+        """Return the waiting messages with their ``info``, at most the depth of the queue.
 
-        A message that is not of its type ends the list and is logged; the next call goes on.
+        A message that cannot be deserialised is logged and ends the list. The next call continues
+        after it.
         """
         taken: list[tuple[Any, Any]] = []
         if self._subscription is None:
@@ -81,26 +96,27 @@ class PolledSubscription:
                 if one is None:
                     break
                 taken.append(one)
-        except Exception as error:  # of the middleware; other topics must go on
+        except Exception as error:  # from the middleware; other topics must continue
             if not self._node.context.ok():
                 return taken
             self._node.get_logger().error(
-                f'a message on {self.topic_name} is unusable: {error}', throttle_duration_sec=10.0
+                f'a message on {self.topic_name} cannot be deserialised: {error}',
+                throttle_duration_sec=10.0,
             )
         return taken
 
     def poll(self) -> None:
-        """Hand on what waits."""
+        """Call ``take`` with the waiting messages."""
         waiting = self.waiting()
         if self._together and waiting:
             waiting = [([message for message, _ in waiting], waiting[-1][1])]
         for message, info in waiting:
-            if self._subscription is None:  # the callback before has closed it
+            if self._subscription is None:  # closed by the previous call of ``take``
                 return
             self._take(message, info)
 
     def warn_of_misfits(self) -> None:
-        """Log each publisher whose quality of service does not fit, once."""
+        """Log each publisher with an incompatible QoS, once."""
         if self._subscription is None:
             return
         for info in self._node.get_publishers_info_by_topic(self.topic_name):
@@ -109,14 +125,14 @@ class PolledSubscription:
             if level == QoSCompatibility.ERROR and publisher not in self._warned:
                 self._warned.add(publisher)
                 self._node.get_logger().warning(
-                    f'nothing comes from {publisher} on {self.topic_name}: its quality of service '
-                    f'does not fit: {reason}'
+                    f'no messages are received from {publisher} on {self.topic_name}, because its '
+                    f'QoS is incompatible: {reason}'
                 )
 
     def close(self) -> None:
-        """Unsubscribe. Harmless when called twice."""
+        """Unsubscribe; idempotent."""
         subscription, self._subscription = self._subscription, None
-        self._take = _ignore  # a circle would keep what it holds until Python collects it
+        self._take = _ignore  # break a reference cycle
         if subscription is not None:
             self._node.destroy_subscription(subscription)
 
@@ -125,18 +141,24 @@ def _ignore(message: Any, info: Any) -> None: ...
 
 
 POLL_S = 0.005
-"""Default period of asking; samples of another process arrive so much later at most."""
+"""Default period of polling [s]; the largest additional delay of samples of other processes."""
 
 MISFITS_S = 2.0
-"""Period of looking for publishers whose quality of service does not fit."""
+"""Period of the check for publishers with an incompatible QoS [s]."""
 
 
 class PollingNode(TactileNode):
-    """A `TactileNode` with polled subscriptions, whose callbacks hold its lock.
+    """A `TactileNode` with polled subscriptions.
 
-    An exception of a callback, but for `MessageError`, ends the node's executor and so its
-    process. Every callback of a subscription holds ``lock``. ``poll_s`` is the period of asking
-    [s]; None: only `poll_now` asks. See `poll_every`.
+    Every callback of a subscription is called with ``lock`` held. An exception of a callback,
+    except `MessageError`, ends the node's executor and thus its process.
+
+    Attributes
+    ----------
+    lock : RLock
+        Held during callbacks of subscriptions.
+    poll_s : float or None
+        Period of polling [s]; None: only `poll_now` polls. See `poll_every`.
     """
 
     is_quiet = True
@@ -147,7 +169,7 @@ class PollingNode(TactileNode):
         self._poller = Ticker(f'topics of {name}')
         self._polled: tuple[PolledSubscription, ...] = ()
         self._polling: list[Periodic] = []
-        self._asking: Periodic | None = None  # the one of them that polls
+        self._asking: Periodic | None = None  # the element of `_polling` that calls `poll_now`
         super().__init__(name, config_class, **node_options)
 
     def poll(
@@ -158,9 +180,10 @@ class PollingNode(TactileNode):
         profile: QoSProfile,
         **options: bool,
     ) -> PolledSubscription:
-        """Subscribe to what comes often; ``take(message, info)`` runs on the polling thread.
+        """Subscribe to a topic with a high rate.
 
-        And on that of `poll_now`. The options are those of `PolledSubscription`.
+        ``take(message, info)`` is called on the polling thread, or on the thread that calls
+        `poll_now`. See `PolledSubscription` for the options.
         """
         guarded = self.message_guard.wrap(topic, take)
         subscription = PolledSubscription(self, message_type, topic, guarded, profile, **options)
@@ -174,19 +197,22 @@ class PollingNode(TactileNode):
         return subscription
 
     def poll_every(self, period_s: float) -> None:
-        """Ask with another period from now on [s]; on another thread, after the next time."""
+        """Change the period of polling [s].
+
+        If called on another thread than the polling thread, it applies after the next poll.
+        """
         self.poll_s = period_s
         if self._asking is not None:
             self._asking.change_period(period_s)
 
     def poll_now(self) -> None:
-        """Hand on what has come on all polled topics, on this thread."""
+        """Handle the waiting messages of all polled topics on this thread."""
         for subscription in self._polled:
             with self.lock:
                 subscription.poll()
 
     def unpoll(self, subscription: PolledSubscription) -> None:
-        """Close a subscription. Harmless when called twice."""
+        """Close a subscription; idempotent."""
         with self.lock:
             self._polled = tuple(s for s in self._polled if s is not subscription)
             subscription.close()
@@ -202,9 +228,9 @@ class PollingNode(TactileNode):
     def create_subscription(
         self, message_type: Any, topic: str, callback: Callable[..., Any], *args: Any, **opts: Any
     ) -> Any:
-        """Subscribe to what comes seldom; the callback runs on the executor."""
+        """Subscribe to a topic with a low rate; the callback runs on the executor."""
 
-        @functools.wraps(callback)  # rclpy looks at the signature
+        @functools.wraps(callback)  # rclpy inspects the signature
         def locked(*arguments: Any) -> None:
             with self.lock:
                 callback(*arguments)

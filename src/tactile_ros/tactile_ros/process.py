@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A process of nodes: its memory, its signals, its transports."""
+"""Memory, signals and DDS transports of a process with nodes."""
 
 from __future__ import annotations
 
@@ -22,29 +22,29 @@ M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8
 """Options of mallopt(3)."""
 
 LARGE_BYTES = 128 * 1024
-"""Blocks from this size on are mapped, each by itself: glibc's own initial value."""
+"""Smallest block that is mapped separately [B]; the initial value of glibc."""
 
 
 @cache
 def share_one_heap() -> None:
-    """Let all threads that begin later take small blocks from one heap.
+    """Make all threads that are started later use one heap for small blocks.
 
-    Call it before NumPy and rclpy are imported: a thread that they start has a heap of its own
-    otherwise, and later threads share that one, too. What the user has set in the environment
-    stays. Without glibc this does nothing.
+    Must be called before NumPy and rclpy are imported, because threads that they start would get
+    separate heaps. The environment variable of glibc takes precedence. Has no effect without
+    glibc.
     """
     _set_option('MALLOC_ARENA_MAX', M_ARENA_MAX, 1)
 
 
 @cache
 def keep_heap_small() -> None:
-    """Share one heap, and give large blocks back to the system when they are freed.
+    """Share one heap, and return large blocks to the system when they are freed.
 
-    Call it before ROS starts its threads. glibc raises the size from which it maps a block to
-    the largest that was freed, so a recorder's buffers lay among the small blocks of 16 heaps,
-    which grew by 40 MB an hour; with mapped buffers by 2 MB (``benchmarks/nodes/soak.py``). Not
-    for programs that only compute: their arrays would be mapped anew each time, which took an
-    evaluation 5 % longer.
+    Must be called before ROS starts its threads. By default, glibc raises the size from which
+    blocks are mapped separately to the size of the largest freed block. The buffers of a recorder
+    were then placed between the small blocks of 16 heaps, which grew by 40 MB per hour; with
+    mapped buffers they grow by 2 MB (``benchmarks/nodes/soak.py``). Programs that only compute
+    should not use this, because mapping every array made an evaluation 5 % slower.
     """
     share_one_heap()
     _set_option('MALLOC_MMAP_THRESHOLD_', M_MMAP_THRESHOLD, LARGE_BYTES)
@@ -57,16 +57,16 @@ def _set_option(variable: str, option: int, value: int) -> None:
 
 
 NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""Signals that end a process in order. A terminal sends SIGHUP when it is closed."""
+"""Signals that end a process in an orderly way. A terminal sends SIGHUP when it is closed."""
 
 INTERRUPT_TIMEOUT_S = 10.0
 """Longest wait for interrupted work to end [s]."""
 
 ENDS_WITHIN_S = 30.0
-"""After a signal the process has so long to end; see `Signals`."""
+"""Longest time from a signal to the end of the process [s]; see `Signals`."""
 
 STDERR = 2
-"""By number: a program may have closed its `sys.stderr`."""
+"""Descriptor of the standard error, because a program may have closed `sys.stderr`."""
 
 REPEAT_S = 0.05
 """Pause between two attempts to interrupt the main thread."""
@@ -75,11 +75,15 @@ Result = TypeVar('Result')
 
 
 class Signals:
-    """The signals that have come since `hold_signals`.
+    """The signals received since `hold_signals`.
 
-    ``received`` is the number of the first one; 0 while there is none. A process that has not
-    ended `ENDS_WITHIN_S` after the last one hangs, as Fast DDS can at its end. It is then ended
-    with exit code 1 and a traceback.
+    A process that has not ended `ENDS_WITHIN_S` after the last signal hangs, which Fast DDS can
+    cause. It is then ended with exit code 1 and a traceback.
+
+    Attributes
+    ----------
+    received : int
+        Number of the first received signal; 0 if there is none.
     """
 
     def __init__(self) -> None:
@@ -89,25 +93,25 @@ class Signals:
         for end in (self._read_end, self._write_end):
             os.set_blocking(end, False)
         for number in NUMBERS:
-            # nohup has SIGHUP ignored, and what it starts goes on without its terminal.
+            # Under nohup, SIGHUP is ignored and must remain so.
             if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
                 signal.signal(number, self._take)
         signal.set_wakeup_fd(self._write_end, warn_on_full_buffer=False)
         os.register_at_fork(
             before=lambda: signal.pthread_sigmask(signal.SIG_BLOCK, NUMBERS),
             after_in_parent=lambda: signal.pthread_sigmask(signal.SIG_UNBLOCK, NUMBERS),
-            after_in_child=_give_back,
+            after_in_child=_restore_in_child,
         )
 
     def _take(self, number: int, frame: FrameType | None) -> None:
         self.received = self.received or number
         faulthandler.dump_traceback_later(ENDS_WITHIN_S, exit=True, file=STDERR)
         if self._raises:
-            self._raises = False  # once: nothing interrupts the clearing up
+            self._raises = False  # only once, so that the clean-up is not interrupted
             raise KeyboardInterrupt
 
     def wait(self, timeout_s: float | None = None) -> bool:
-        """Wait for a signal, a `wake` or the time-out; return whether a signal has come."""
+        """Wait for a signal, a call of `wake`, or a timeout [s]; return True after a signal."""
         if not self.received:
             select.select([self._read_end], [], [], timeout_s)
             self._read()
@@ -120,14 +124,15 @@ class Signals:
 
     def wake(self) -> None:
         """End a `wait` from another thread."""
-        with suppress(BlockingIOError):  # a full pipe ends the wait, too
+        with suppress(BlockingIOError):  # a full pipe also ends the wait
             os.write(self._write_end, b'\0')
 
     def run(self, work: Callable[[], Result], interrupt: Callable[[], object]) -> Result | None:
-        """Run ``work()`` on a thread of its own, and return what it returns or raise its error.
+        """Run ``work()`` on a separate thread; return its result or raise its exception.
 
-        When a signal comes, ``interrupt()`` is called on this thread, and the work has
-        `INTERRUPT_TIMEOUT_S` to end. The result is None if it does not, or never began.
+        After a signal, ``interrupt()`` is called on this thread, and the work has
+        `INTERRUPT_TIMEOUT_S` to end. Return None if it does not end, or if a signal was received
+        before it started.
         """
         results: list[Result] = []
         errors: list[BaseException] = []
@@ -156,9 +161,9 @@ class Signals:
     def raising(self) -> Iterator[None]:
         """Raise KeyboardInterrupt in the main thread at the first signal within the block.
 
-        The interpreter runs handlers between two instructions. A signal that comes just
-        before a long wait would act after it, so a thread interrupts the main thread again
-        until the handler has run. Later signals do nothing.
+        The interpreter runs signal handlers between two instructions. A signal that arrives just
+        before a long wait would take effect after it, so a thread interrupts the main thread
+        repeatedly until the handler has run. Later signals have no effect.
         """
         over = threading.Event()
         thread = threading.Thread(target=self._repeat, args=(over,), daemon=True)
@@ -174,7 +179,7 @@ class Signals:
 
     @contextmanager
     def holding(self) -> Iterator[None]:
-        """Within `raising`, let a signal wait for the end of this block."""
+        """Within `raising`, delay a signal until the end of this block."""
         raises, self._raises = self._raises, False
         try:
             yield
@@ -198,9 +203,9 @@ _signals: Signals | None = None
 
 
 def hold_signals() -> Signals:
-    """Take over `NUMBERS` for the rest of this process; call it on the main thread.
+    """Handle the signals `NUMBERS` for the rest of this process; call this on the main thread.
 
-    Nothing happens by itself when one comes: ask `Signals.received`, `Signals.wait`.
+    The signals no longer end the process: use `Signals.received` or `Signals.wait`.
     """
     global _signals
     if _signals is None:
@@ -209,27 +214,27 @@ def hold_signals() -> Signals:
 
 
 def held_signals() -> Signals | None:
-    """Return what `hold_signals` has returned in this process; None before."""
+    """Return the `Signals` of this process, or None before `hold_signals` was called."""
     return _signals
 
 
 def uninterrupted() -> AbstractContextManager[None]:
-    """Within `Signals.raising`, let a signal wait until a block has brought things to rest."""
+    """Within `Signals.raising`, delay a signal until the end of the block."""
     is_main = threading.current_thread() is threading.main_thread()
     return _signals.holding() if _signals is not None and is_main else nullcontext()
 
 
 def ignore_signals() -> None:
-    """Let no further signal spoil the exit code of a process that is ending.
+    """Ignore further signals, so that they do not change the exit code of an ending process.
 
-    The interpreter gives signals their deadly default back before it is gone.
+    At its end, the interpreter restores the default handlers, which would kill the process.
     """
     for number in NUMBERS:
         signal.signal(number, signal.SIG_IGN)
 
 
-def _give_back() -> None:
-    """Give a forked child the usual handlers, and leave its parent's pipe alone."""
+def _restore_in_child() -> None:
+    """Restore the default handlers in a forked child, and detach it from its parent's pipe."""
     signal.set_wakeup_fd(-1)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
@@ -239,14 +244,15 @@ def _give_back() -> None:
 
 
 STOPS = (signal.SIGTSTP, signal.SIGTTOU)
-"""Signals by which a terminal stops a process: Ctrl-Z, and output of a background process."""
+"""Signals with which a terminal stops a process: on Ctrl-Z, and on output in the background."""
 
 
 @contextmanager
 def ignoring_terminal_stops() -> Iterator[None]:
-    """Ignore the signals by which a terminal stops a process, until the block ends.
+    """Ignore the signals with which a terminal stops a process, until the block ends.
 
-    For processes of nodes: a stopped driver watches nothing. Without effect off the main thread.
+    Used for processes with nodes, because a stopped driver monitors nothing. Has no effect on
+    other threads than the main thread.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -263,24 +269,25 @@ RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
 PROFILES = ('FASTDDS_DEFAULT_PROFILES_FILE', 'FASTRTPS_DEFAULT_PROFILES_FILE')
 PROFILES_OF = {'jazzy': PROFILES[1], 'kilted': PROFILES[0], 'lyrical': PROFILES[0]}
-"""By ROS distribution: the variable that its Fast DDS reads."""
+"""Environment variable with the profiles of Fast DDS, by ROS distribution."""
 
 LOOPBACK = Path(__file__).parent / 'loopback.xml'
-"""A Fast DDS profile: UDP on the loopback interface alone."""
+"""A Fast DDS profile that uses only UDP on the loopback interface."""
 
 
 def choose_transports(environment: Mapping[str, str], default_range: str) -> dict[str, str]:
-    """Return the variables to set before ROS starts; what the user has chosen stays.
+    """Return the environment variables to set before ROS starts.
 
-    ``default_range`` stands for ``ROS_AUTOMATIC_DISCOVERY_RANGE`` where it is not set.
+    The user's own settings are kept. ``default_range`` is used if
+    ``ROS_AUTOMATIC_DISCOVERY_RANGE`` is not set.
     """
     if any(environment.get(name) for name in PROFILES):
-        return {}  # a profile chooses transports and reach
+        return {}  # a profile of the user selects transports and range
     chosen_range = environment.get(RANGE) or default_range
     if chosen_range != 'LOCALHOST':
         return {} if environment.get(TRANSPORTS) else {TRANSPORTS: 'UDPv4'}
     variable = PROFILES_OF.get(environment.get('ROS_DISTRO', ''))
     if variable is None or 'fastrtps' not in environment.get('RMW_IMPLEMENTATION', ''):
-        return {RANGE: chosen_range}  # nothing else surely reads the profile
-    # In the range LOCALHOST, ROS adds shared memory itself. The profile confines as well.
+        return {RANGE: chosen_range}  # it is not certain that the profile would be read
+    # In the range LOCALHOST, ROS adds shared memory. The profile restricts to this host as well.
     return {RANGE: 'SUBNET', variable: str(LOOPBACK)}

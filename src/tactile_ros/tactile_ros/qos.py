@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The quality of service of every topic, in one place.
+"""QoS profiles of all topics.
 
-Publishers are reliable, which best-effort subscribers (REP-2003 sensor data)
-can read too: a lost sample is a gap in a window, so nobody loses one by default.
+Publishers are reliable, because a lost sample is a gap in a window. Best-effort subscriptions
+(sensor data of REP-2003) are compatible with them.
 """
 
 from functools import partial
@@ -21,16 +21,16 @@ STREAM = _reliable(depth=1000, durability=DurabilityPolicy.VOLATILE)
 NEWEST = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE
 )
-"""For who wants to know that samples come, and not each of them."""
+"""Latest sample only, best effort; for liveness checks."""
 
 RESULTS = _reliable(depth=100, durability=DurabilityPolicy.VOLATILE)
-"""Features and classifications: a few a trial, each of them wanted."""
+"""Features and classifications: a few per trial, none of which may be lost."""
 
 EVENTS = _reliable(depth=16, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""Trial events, latched: the depth holds all the events of one trial."""
+"""Trial events, latched; the depth is sufficient for all events of one trial."""
 
 CLOCK = _reliable(depth=1, durability=DurabilityPolicy.VOLATILE)
-"""Time on ``/clock``: nobody wants what it was before; best-effort listeners fit, too."""
+"""Time on ``/clock``: only the latest value; compatible with best-effort subscriptions."""
 
 LATEST = _reliable(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""A state, latched: a late subscriber receives the present one."""
+"""A latched state: a late subscriber receives the present state."""

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Private parts of rclpy that the packages use.
 
-Look here first when a new version of rclpy breaks something.
+Check this module first if a new version of rclpy breaks something.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 
 RCLError = rclpy_implementation.RCLError
-"""Error of the C layer. `rclpy.exceptions` has no name for it."""
+"""Exception of the C layer, which `rclpy.exceptions` does not export."""
 
 
 class NotOnExecutor(MutuallyExclusiveCallbackGroup):  # type: ignore[misc]
-    """Keeps the executor from waiting on a subscription that is asked for its messages.
+    """Excludes a polled subscription from the executor.
 
-    rclpy offers no subscription without an executor.
+    rclpy does not provide subscriptions without an executor.
     """
 
     def can_execute(self, entity: Any) -> bool:
@@ -35,9 +35,9 @@ class NotOnExecutor(MutuallyExclusiveCallbackGroup):  # type: ignore[misc]
 
 
 class SubscriptionStatus:
-    """A status of a subscription, such as its liveliness, that is asked for on any thread.
+    """A status of a subscription, such as its liveliness, that can be read on any thread.
 
-    rclpy hands a status to executors only. Destroy it before its subscription.
+    rclpy passes a status only to executors. Must be destroyed before its subscription.
     """
 
     def __init__(self, subscription: Subscription, kind: Any) -> None:
@@ -45,20 +45,30 @@ class SubscriptionStatus:
             self._event = rclpy_implementation.EventHandle(subscription.handle, kind)
 
     def take(self) -> Any:
-        """Return the present status; None when the middleware has none."""
+        """Return the present status, or None if the middleware has none."""
         with self._event:
             return self._event.take_event()
 
     def destroy(self) -> None:
-        """Give it back; `take` then raises."""
+        """Release the status; after that, `take` raises."""
         self._event.destroy_when_not_in_use()
 
 
 class GoalIdClient(ActionClient):  # type: ignore[misc]
-    """An action client that knows goals by their id, whether or not their acceptance was heard.
+    """An action client that identifies goals by their id, even if their acceptance was lost.
 
-    ``on_status`` is called on the executor's thread with each list of statuses that the server
-    publishes. rclpy keeps only the statuses of goals whose acceptance has arrived.
+    rclpy keeps only the status of goals whose acceptance has arrived.
+
+    Parameters
+    ----------
+    node : Node
+        The node.
+    action_type
+        Type of the action.
+    name : str
+        Name of the action.
+    on_status : callable
+        Called on the executor's thread with each list of statuses that the server publishes.
     """
 
     def __init__(
@@ -68,24 +78,24 @@ class GoalIdClient(ActionClient):  # type: ignore[misc]
         super().__init__(node, action_type, name)
 
     def result_async(self, goal_id: Any) -> Future:
-        """Request a goal's result; it has the status UNKNOWN when the server has no such goal."""
+        """Request a goal's result; its status is UNKNOWN if the server does not know the goal."""
         return ClientGoalHandle(self, goal_id, None).get_result_async()
 
     def cancel_async(self, goal_id: Any) -> Future:
-        """Request the end of a goal."""
+        """Request the cancellation of a goal."""
         return ClientGoalHandle(self, goal_id, None).cancel_goal_async()
 
     async def execute(self, taken_data: dict[str, Any]) -> None:
-        """Take what has come; called by the executor."""
+        """Handle received data; called by the executor."""
         if 'status' in taken_data:
             self._on_status(taken_data['status'].status_list)
         await super().execute(taken_data)
 
 
 def take_message(subscription: Subscription) -> tuple[Any, Any] | None:
-    """Return the oldest message that waits and its information; None when there is none.
+    """Return the oldest waiting message and its ``info``, or None if there is none.
 
-    rclpy offers this to executors only.
+    rclpy provides this only to executors.
     """
     with subscription.handle:
         taken: tuple[Any, Any] | None = subscription.handle.take_message(
@@ -95,22 +105,22 @@ def take_message(subscription: Subscription) -> tuple[Any, Any] | None:
 
 
 def parameter_overrides(node: Node) -> dict[str, Parameter]:
-    """Return the parameters that a node was started with, to be changed before they are declared.
+    """Return the parameter overrides of a node, to be changed before they are declared.
 
-    rclpy offers no other way: an integer for a float is refused as soon as it is declared.
+    Otherwise rclpy would refuse an integer for a float parameter at its declaration.
     """
     overrides: dict[str, Parameter] = node._parameter_overrides
     return overrides
 
 
 def change_state_service(node: LifecycleNode) -> Any:
-    """Return the service that carries out transitions, to answer what it cannot with "no"."""
+    """Return the service ``change_state`` of a node, to replace its callback."""
     return node._service_change_state
 
 
 def destroy_state_machine(node: LifecycleNode) -> None:
     """Destroy the state machine of a destroyed node, which would keep it in the ROS graph.
 
-    rclpy leaves it to the garbage collector, until which the node's name is seen, and found.
+    rclpy leaves this to the garbage collector, so that the node would remain visible until then.
     """
     node._state_machine.destroy_when_not_in_use()

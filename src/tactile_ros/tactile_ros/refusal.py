@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The reason why a request is refused, as a value."""
+"""The refusal of a request, as a value."""
 
 from __future__ import annotations
 
@@ -13,12 +13,11 @@ __all__ = ['Refusal']
 class Refusal(NamedTuple):
     """Why a request is refused. Functions return ``Refusal | None``; None means accepted.
 
-    ``reason`` says what is wrong with which thing, ``remedy`` what to do. Neither ends in a full
-    stop; ``str`` joins both to one sentence.
+    Neither text ends in a full stop; ``str`` joins both to one sentence.
     """
 
-    reason: str
-    remedy: str
+    reason: str  # the problem, and the thing that has it
+    remedy: str  # action for the user
 
     def __str__(self) -> str:
         return f'{self.reason}; {self.remedy}.'

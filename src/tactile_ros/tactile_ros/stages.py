@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Publishers of a stage, and the node that hosts one."""
+"""Stages of the data path: their publishers, and the nodes that host them."""
 
 from __future__ import annotations
 
@@ -16,10 +16,21 @@ from tactile_ros.polling import PollingNode
 
 
 class RecordPublisher:
-    """Publishes records as messages, while its node is active and somebody subscribes.
+    """Publishes records as messages while its node is active and there are subscribers.
 
-    ``to_message`` returns the message of a record. The profile can be overridden by parameters. It
-    is volatile: a late subscriber of a latched topic would miss what was not built.
+    Parameters
+    ----------
+    node : TactileNode
+        The node.
+    message_type
+        Class of the messages.
+    topic : str
+        Name of the topic.
+    to_message : callable
+        Converts a record to a message.
+    profile : QoSProfile
+        QoS, which parameters can override. It must be volatile, because messages without
+        subscribers are not created and so could not be latched.
     """
 
     def __init__(
@@ -37,34 +48,40 @@ class RecordPublisher:
         self._handle = self._publisher.handle
 
     def publish(self, record: Any) -> None:
-        """Publish a record, unless the node is inactive or nobody subscribes."""
-        # The handle's own count, since it is asked for every record.
+        """Publish a record, unless the node is inactive or there are no subscribers."""
+        # The count of the handle is faster, which matters for every record.
         if self._handle.get_subscription_count() and self._publisher.is_activated:
             self._publisher.publish(self._to_message(record))
 
     def close(self) -> None:
-        """Take the publisher away."""
+        """Destroy the publisher."""
         self._node.destroy_lifecycle_publisher(self._publisher)
 
 
 def ignore(_: object) -> None:
-    """Take an output that nobody wants."""
+    """Discard an output; the default of ``emit``."""
 
 
 class Stage:
     """A part of the data path between configure and cleanup."""
 
     def stop(self) -> None:
-        """Give out what is left: the node becomes inactive."""
+        """Emit unfinished outputs, because the node becomes inactive."""
 
     def close(self) -> None:
-        """Give topics and devices back; samples come no more."""
+        """Release topics and devices. No samples arrive after that."""
 
 
 class StageNode(PollingNode):
-    """A `PollingNode` around one ``stage``, which a subclass makes; None while not configured.
+    """A `PollingNode` that hosts a stage.
 
-    ``is_fed_by_calls``: another node of the process calls it. Set before the node is configured.
+    Attributes
+    ----------
+    stage : Stage or None
+        The stage, created by `make_stage`; None while the node is not configured.
+    is_fed_by_calls : bool
+        Another node in the process calls the stage directly. Must be set before the node is
+        configured.
     """
 
     def __init__(self, name: str, config_class: type, **node_options: Any) -> None:
@@ -73,15 +90,15 @@ class StageNode(PollingNode):
         super().__init__(name, config_class, **node_options)
 
     def make_stage(self, config: Any) -> Stage:
-        """Return the stage of a configuration; an exception refuses the transition."""
+        """Return the stage for a configuration; an exception refuses the transition."""
         raise NotImplementedError
 
     def input(self, topic: str, call: Callable[[Any, Any], object]) -> Callable[[Any], None]:
-        """Return an input for another node's output: ``call(stage, record)``, under the lock.
+        """Return a function that takes the output of another node's stage.
 
-        A record for which it raises `MessageError` is refused, as its message on ``topic`` would
-        be; another exception ends the node's executor. Nothing is called while the node is not
-        configured.
+        The function calls ``call(stage, record)`` with the lock held, unless the node is not
+        configured. If ``call`` raises `MessageError`, the record is refused like a message on
+        ``topic``. Other exceptions end the node's executor.
         """
 
         def take(record: Any) -> None:
@@ -92,7 +109,7 @@ class StageNode(PollingNode):
                     call(self.stage, record)
                 except MessageError as error:
                     self.message_guard.refuse(topic, error)
-                except Exception as error:  # as in a callback of its own
+                except Exception as error:  # as in a callback of this node
                     self._fail(error)
 
         return take
@@ -105,7 +122,7 @@ class StageNode(PollingNode):
             self.poll(message_type, topic, lambda message, _: take(message), profile)
 
     def set_up(self, config: Any) -> None:
-        stage = self.make_stage(config)  # without the lock: it may read files, or open a device
+        stage = self.make_stage(config)  # without the lock, because it may read files or devices
         with self.lock:
             self.stage = stage
 

@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A block of samples of the tension: the one record from the sensor's driver to the features.
+"""A block of samples of the tension, as it is passed from the sensor's driver to the features.
 
-It is plain Python and mirrors ``tactile_msgs/StrainBlock``.
+The record is independent of ROS and mirrors ``tactile_msgs/StrainBlock``.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ class StrainStatus(IntFlag):
 
 
 NOT_LIVE = int(StrainStatus.STUCK | StrainStatus.DEVICE_ERROR)
-"""With one of these bits a sample says nothing about the tension."""
+"""Status bits of samples that contain no information about the tension."""
 
 NO_MEASUREMENT = int(NOT_LIVE | StrainStatus.SATURATED)
-"""With one of these bits the value is not the tension. A saturated one is a lower bound of it."""
+"""Status bits of samples whose value is not the tension. A saturated value is a lower bound."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +49,13 @@ class StrainBlock:
     """
 
     stamp_ns: int  # time of the first sample (ROS time) [ns]
-    sequence: int  # number of the first sample; lost samples are counted, too
+    sequence: int  # number of the first sample; lost samples are numbered, too
     period_ns: int  # nominal time between two samples [ns]
     tension_n: NDArray[np.float64]  # tension [N], shape (samples,)
     _: KW_ONLY
     lost_before: int = 0  # samples known to be lost between the block before and this one
     status: StrainStatus = StrainStatus.OK  # holds for every sample
-    stamp_error_s: float = -1.0  # bound on the error of the stamps [s]; negative: not known
+    stamp_error_s: float = -1.0  # bound on the error of the stamps [s]; negative if unknown
     # Fx, Fy, Fz [N], Tx, Ty, Tz [N m] in the sensor's own axes, shape (samples, 6). None for a
-    # sensor of one axis and outside of the driver: the message does not have it.
+    # sensor with one axis, and after conversion from a message, which does not contain it.
     wrench: NDArray[np.float64] | None = None

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Topics of a finger: names, types, and what a recording needs of them. Free of ROS."""
+"""Topics of a finger: names, types, and requirements of recordings. Independent of ROS."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ class RecordedTopic:
     type_name : str
         For example ``tactile_msgs/msg/StrainBlock``.
     latched : bool
-        Whether late subscribers receive earlier messages.
+        Late subscribers receive earlier messages.
     optional : bool
-        A recording is not waiting for it: its node need not run.
+        The recorder does not wait for a publisher of this topic.
     of_rig : bool
-        Published by what moves a finger on the rig; optional where a hand moves it.
+        Published by a node of the rig; optional if a hand moves the finger.
     of_classifier : bool
-        Published by the classifier; optional where none runs.
+        Published by the classifier; optional if none is running.
     """
 
     name: str
@@ -71,7 +71,7 @@ FINGER_TOPICS = (
     CLASSIFICATION_TOPIC,
     MODELS_TOPIC,
 )
-"""Every topic of one finger that a recording holds."""
+"""All topics of one finger that are recorded."""
 
 
 def join_topic(namespace: str, name: str) -> str:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Untrusted YAML files, by PyYAML's safe loader."""
+"""Reading of untrusted YAML files with PyYAML's safe loader."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ import yaml
 from tactile_ros.errors import TactileError
 
 MAX_DEPTH = 32
-"""Deepest nesting; what is read here needs ten levels."""
+"""Deepest allowed nesting; our files need ten levels."""
 
-# The parser of libyaml reads twenty times faster, where it is installed.
+# If libyaml is installed, its parser is twenty times faster.
 _Safe: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 
 
 class _Loader(_Safe):
-    """The safe loader, without the numbers to base 60 of YAML 1.1: ``1:30`` is a text."""
+    """The safe loader without sexagesimal numbers of YAML 1.1, so that ``1:30`` is a text."""
 
     def number(self, node: Any, construct: Any) -> Any:
         text = self.construct_scalar(node)
@@ -36,10 +36,16 @@ _Loader.add_constructor(
 
 
 def read_text(path: Path, max_bytes: int) -> str:
-    """Return the text of a file; `TactileError` when it is none, too large or not UTF-8."""
+    """Return the text of a file.
+
+    Raises
+    ------
+    TactileError
+        If it is not a regular file, is larger than ``max_bytes``, or is not UTF-8.
+    """
     try:
-        if path.exists() and not path.is_file():  # a pipe would wait for its other end
-            raise TactileError('it is no file')
+        if path.exists() and not path.is_file():  # reading a pipe might block
+            raise TactileError('it is not a regular file')
         with path.open('rb') as file:
             data = file.read(max_bytes + 1)
         if len(data) > max_bytes:
@@ -52,20 +58,23 @@ def read_text(path: Path, max_bytes: int) -> str:
 
 
 def load_yaml(text: str) -> Any:
-    """Return what a YAML text holds: mappings, lists, texts, numbers.
+    """Return the contents of a YAML text: mappings, lists, texts, numbers.
 
-    An alias lets a few bytes stand for any number of values, and libyaml's loader crashes on a
-    text that is nested too deeply; so both are a `TactileError` before the values are built.
+    Raises
+    ------
+    TactileError
+        If the text is not valid YAML, contains aliases, or is nested too deeply. With aliases, a
+        few bytes can expand to any number of values, and deep nesting crashes libyaml's loader.
     """
     depth = 0
     try:
         for event in yaml.parse(text, Loader=_Loader):
             if isinstance(event, yaml.AliasEvent):
-                raise TactileError('it has YAML aliases; write the values themselves')
+                raise TactileError('it contains YAML aliases; write the values instead')
             depth += isinstance(event, yaml.CollectionStartEvent)
             depth -= isinstance(event, yaml.CollectionEndEvent)
             if depth > MAX_DEPTH:
                 raise TactileError(f'it is nested deeper than {MAX_DEPTH} levels')
         return yaml.load(text, Loader=_Loader)
     except (yaml.YAMLError, ValueError, OverflowError, RecursionError, TypeError) as error:
-        raise TactileError(f'it is no YAML: {" ".join(str(error).split())[:200]}') from None
+        raise TactileError(f'it is not valid YAML: {" ".join(str(error).split())[:200]}') from None

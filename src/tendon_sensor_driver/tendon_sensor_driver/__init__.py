@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reads the force sensor on the tendon and publishes the tension as strain blocks."""
+"""Driver of the force sensor on the tendon; publishes the tension as strain blocks."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import importlib
 from typing import Any
 
 _HOMES = {
-    'Bias': '.tare',
-    'Health': '.records',
+    'TareValue': '.tare',
+    'SensorHealth': '.records',
     'LineDecoder': '.line_sensor',
     'LinkError': '.errors',
-    'Reading': '.records',
+    'LineReading': '.records',
     'SensorClient': '.client',
     'StrainBlock': 'tactile_ros.strain',
     'StrainStatus': 'tactile_ros.strain',
@@ -32,7 +32,7 @@ __all__ = sorted(_HOMES)
 
 
 def __getattr__(name: str) -> Any:
-    # On first use, so that who needs the records alone imports no serial port.
+    # Imported on first use: the record types can be used without importing pyserial.
     if name in _HOMES:
         return getattr(importlib.import_module(_HOMES[name], __name__), name)
     raise AttributeError(f'module {__name__} has no attribute {name}')

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bytes from a serial port."""
+"""The serial port, and the base classes of the sensor clients."""
 
 from __future__ import annotations
 
@@ -23,35 +23,46 @@ from serial.tools import list_ports
 from tactile_ros.strain import StrainBlock
 from tendon_sensor_driver.clock import ArrivalClock
 from tendon_sensor_driver.errors import LinkError, TendonSensorError
-from tendon_sensor_driver.records import Health, TendonSensorConfig
+from tendon_sensor_driver.records import SensorHealth, TendonSensorConfig
 from tendon_sensor_driver.strain_stream import Stream
 
 _WRITE_TIMEOUT_S = 0.5
 _MOST_BYTES = 4096
 
-# What pyserial lets through when the other side of a port dies; termios.error is no OSError.
+# Exceptions that pyserial raises when a device is unplugged; termios.error is not an OSError.
 _FAILURES = (OSError, termios.error, ValueError)
 
 _REMEDIES = {
     errno.ENOENT: 'there is no such device; check the cable and the parameter "port"',
     errno.EACCES: 'no permission; add the user to the group that owns it (usually dialout)',
-    errno.EAGAIN: 'another program has it open; close that first',
-    errno.EBUSY: 'another program has it open; close that first',
+    errno.EAGAIN: 'another program has it open; close that program first',
+    errno.EBUSY: 'another program has it open; close that program first',
 }
 
 
 class SerialTransport:
     """A serial port that is open from construction to `close`.
 
-    Boards that reset when their port is opened do so here. Every method raises LinkError when
-    the port cannot be opened, has gone or takes nothing.
+    Some boards reset when their port is opened.
+
+    Parameters
+    ----------
+    port : str
+        Name of the device, such as ``/dev/ttyUSB0``.
+    baud : int
+        Speed of the port [baud].
+
+    Raises
+    ------
+    LinkError
+        If the port cannot be opened. `read` and `write` raise it when the port is lost.
     """
 
     def __init__(self, port: str, baud: int) -> None:
         self._name = port
         self._lock = threading.Lock()
         try:
-            # exclusive: two readers would each get half of the lines.
+            # Exclusive access, because two readers would each receive a part of the lines.
             self._port = serial.Serial(
                 port, baud, timeout=0, write_timeout=_WRITE_TIMEOUT_S, exclusive=True
             )
@@ -67,8 +78,8 @@ class SerialTransport:
         self._wait = waiting.poll
 
     def read(self, timeout_s: float) -> bytes:
-        """Return what has arrived, or nothing after some time without any or after `cancel`."""
-        # As pyserial's read, but with one wait and one read for all that has come.
+        """Return the received bytes; none after ``timeout_s`` [s] of silence or after `cancel`."""
+        # Like pyserial's read, but with a single wait and a single read for all received bytes.
         ready = self._wait(timeout_s * 1000)
         if not ready:
             return b''
@@ -83,26 +94,26 @@ class SerialTransport:
             raise LinkError(f'lost serial port {self._name}: {error}') from error
         if not data:
             raise LinkError(
-                f'lost serial port {self._name}: it is ready to read and gives nothing'
+                f'lost serial port {self._name}: it reports data to read but returns none'
             )
         return data
 
     def write(self, data: bytes) -> None:
-        """Send bytes."""
+        """Write bytes to the port."""
         try:
             self._port.write(data)
         except _FAILURES as error:
             raise LinkError(f'cannot write to serial port {self._name}: {error}') from error
 
     def cancel(self) -> None:
-        """Make a `read` that waits in another thread return. Harmless on a closed port."""
-        with self._lock:  # the pipe's number may belong to another file after close
+        """Interrupt a `read` that waits in another thread. Has no effect on a closed port."""
+        with self._lock:  # after `close`, the pipe's descriptor may belong to another file
             if self._port.is_open:
-                with suppress(BlockingIOError):  # a full pipe ends the wait, too
+                with suppress(BlockingIOError):  # a full pipe also ends the wait
                     os.write(self._cancel, b'x')
 
     def close(self) -> None:
-        """Close the port. Not while another thread reads: `cancel` first."""
+        """Close the port. If another thread may be in `read`, call `cancel` first."""
         with self._lock:
             if self._port.is_open:
                 self._port.close()
@@ -111,11 +122,11 @@ class SerialTransport:
 
 
 def find_serial_number(port: str) -> str:
-    """Return the serial number of the USB adapter behind a port, empty when it has none."""
+    """Return the serial number of a port's USB adapter, or an empty string if it has none."""
     device = os.path.realpath(port)
     try:
         ports = list_ports.comports()
-    except (OSError, TypeError, ValueError):  # of pyserial, while a device is being unplugged
+    except (OSError, TypeError, ValueError):  # pyserial raises them while a device is unplugged
         return ''
     for found in ports:
         if os.path.realpath(found.device) == device:
@@ -136,10 +147,23 @@ _logger = logging.getLogger(__name__)
 
 
 class SensorClient(ABC):
-    """One sensor, opened once, that hands out blocks on a thread of its own until it is closed.
+    """Base class of the clients, which read one sensor until they are closed.
 
-    It calls ``on_block(block)`` on that thread. ``now_ns()`` returns the present ROS time [ns].
-    ``identity`` is the sensor's serial number or the like, empty while it is not known.
+    A client can be opened only once.
+
+    Parameters
+    ----------
+    config : TendonSensorConfig
+        Kind and parameters of the sensor.
+    on_block : callable
+        Called with each `StrainBlock` on the client's own thread.
+    now_ns : callable
+        Returns the present ROS time [ns].
+
+    Attributes
+    ----------
+    identity : str
+        Serial number or another identifier of the sensor; an empty string while it is unknown.
     """
 
     def __init__(self, config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) -> None:
@@ -164,24 +188,27 @@ class SensorClient(ABC):
 
     @abstractmethod
     def open(self) -> None:
-        """Open the link and start to read.
+        """Open the link and start reading.
 
-        TendonSensorError: there is no such sensor, or it refuses its settings.
+        Raises
+        ------
+        TendonSensorError
+            If the sensor cannot be found or does not accept its settings.
         """
 
     @abstractmethod
     def close(self) -> None:
-        """Hand out what has arrived and close the link. Harmless when called twice."""
+        """Deliver the samples that have been received, and close the link; idempotent."""
 
     @abstractmethod
-    def health(self) -> Health:
-        """Return the state of the link now."""
+    def health(self) -> SensorHealth:
+        """Return the present state of the link."""
 
     # -- for subclasses ------------------------------------------------------------------
 
-    def _make_health(self, stream: Stream[Any] | None, **values: Any) -> Health:
-        """Return what all sensors tell, what their streams count, and these values."""
-        # Of the last reading, on the host's clock as it is set now.
+    def _make_health(self, stream: Stream[Any] | None, **values: Any) -> SensorHealth:
+        """Return the health: fields of all sensors, counters of the stream, and ``values``."""
+        # Computed from the monotonic clock, so that it stays valid when the host's clock is set.
         heard_at_ns = self._host_ns() - (time.monotonic_ns() - self._heard_monotonic_ns)
         common: dict[str, Any] = {'reconnects': self._reconnects, 'last_error': self._last_error}
         if stream is not None:
@@ -195,14 +222,14 @@ class SensorClient(ABC):
                 'restarts': clock.restarts,
                 'status': stream.status,
             }
-        return Health(self._is_connected, heard_at_ns, **{**common, **values})
+        return SensorHealth(self._is_connected, heard_at_ns, **{**common, **values})
 
     def _note_heard(self) -> None:
         self._heard_monotonic_ns = time.monotonic_ns()
 
     def _check_is_new(self, was_opened: bool) -> None:
         if was_opened or self._stop.is_set():
-            raise TendonSensorError('this client has been opened before; make a new one')
+            raise TendonSensorError('this client has been opened before; create a new one')
 
     def _deliver(self, blocks: list[StrainBlock]) -> None:
         for block in blocks:
@@ -212,7 +239,7 @@ class SensorClient(ABC):
         try:
             self._on_block(block)
         except Exception as error:
-            # The stream outlives a fault of its consumer, which is told once.
+            # An exception of the consumer does not end the stream; each is logged once.
             text = f'the consumer of the blocks failed: {error}'
             if text != self._last_error:
                 self._last_error = text
@@ -227,9 +254,10 @@ LinkType = TypeVar('LinkType', bound=_Link)
 
 
 class LinkClient(SensorClient, Generic[LinkType]):
-    """Reads over a link on one thread, and makes the link anew after every loss.
+    """Base class of clients that read from a link in one thread and reconnect after a loss.
 
-    The first attempt comes after 0.25 s, further ones every 0.5 s. A subclass has the stream.
+    The first attempt to reconnect follows after 0.25 s, further ones every 0.5 s. A subclass
+    sets ``_stream``.
     """
 
     _stream: Stream[Any]
@@ -252,7 +280,7 @@ class LinkClient(SensorClient, Generic[LinkType]):
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join(JOIN_TIMEOUT_S)
             if self._thread.is_alive():
-                self._last_error = 'the consumer of the blocks does not return'
+                self._last_error = 'the consumer of the blocks does not return from on_block'
 
     # -- for subclasses ------------------------------------------------------------------
 
@@ -262,21 +290,21 @@ class LinkClient(SensorClient, Generic[LinkType]):
 
     @abstractmethod
     def _connect(self) -> LinkType:
-        """Set the sensor up and start its stream; LinkError when that fails."""
+        """Configure the sensor and start its stream; raise LinkError on failure."""
 
     @abstractmethod
     def _read(self, link: LinkType) -> None:
-        """Deliver what has arrived; LinkError when the link is lost."""
+        """Read and deliver the received samples; raise LinkError if the link is lost."""
 
     def _note_loss(self, link: LinkType) -> None:
-        """Take over what counts from a link that has been closed."""
+        """Accumulate the counters of a link that has been closed."""
 
     def _wants_pause(self, error: LinkError) -> bool:
-        """Tell whether to wait before the next attempt."""
+        """Return True if the client should wait before it reconnects after this error."""
         return True
 
     def _note_samples(self, monotonic_ns: int) -> None:
-        """Note that new samples have come at a monotonic time [ns]: the link is well."""
+        """Record that samples arrived at this monotonic time [ns], so the link works."""
         self._heard_monotonic_ns = monotonic_ns
         self._delay_s = FIRST_DELAY_S
         if not self._is_connected:

@@ -1,11 +1,12 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The time of samples: clocks of hosts and devices, and what is missing between two samples.
+"""Stamps of samples from host and device clocks, and the number of missing samples.
 
-A `SampleClock` gives the samples of one sensor their place: it drops what has none, and returns
-`Run` of consecutive samples. Clocks that look at one sample at a time implement `place`; a clock
-of whole batches overrides `place_batch`.
+A `SampleClock` assigns a time to each sample of one sensor. It drops duplicate and late samples
+and those with an implausible time, and returns the others as `Run` of consecutive samples. A
+clock that handles one sample at a time implements `place`; one that handles whole batches
+overrides `place_batch`.
 """
 
 from __future__ import annotations
@@ -25,57 +26,57 @@ from tactile_ros.strain import StrainStatus
 
 SECOND_NS = 1_000_000_000
 STEP_NS = SECOND_NS
-"""A larger rise of the difference is treated as a clock step, not as a delay [ns]."""
+"""A rise of the time difference above this is treated as a clock step, not as a delay [ns]."""
 
-_HORIZON = 30  # least differences that are kept
-_LEAST_SAMPLES = 30  # for one least difference, so that it is likely to be a short delay
-_MOST_SECONDS = 3  # however few samples come
-_FORGET_S = 8.0  # weight of the past, against a drift that changes
-_FEWEST = 5  # least differences that tell a slope
-_RECENT = 10  # least differences that tell the scatter
-_LARGEST_SLOPE = 0.01  # a ceramic resonator is off by 0.5 %
-_RISE_NS = 50_000_000  # of all of the last few: the host's clock was set
-_CHANGE_NS = 500_000  # a drift that changes by 10 ppm, bursts that beat with the samples
+_HORIZON = 30  # number of stored minima
+_LEAST_SAMPLES = 30  # samples per minimum, so that it is likely to contain a short delay
+_MOST_SECONDS = 3  # longest time for one minimum, for devices with few samples per second
+_FORGET_S = 8.0  # time constant of the weights, to follow a changing drift
+_FEWEST = 5  # fewest minima for an estimate of the slope
+_RECENT = 10  # latest minima, from which the scatter is estimated
+_LARGEST_SLOPE = 0.01  # a ceramic resonator deviates by 0.5 %
+_RISE_NS = 50_000_000  # if all of the latest minima rise by more, the host's clock was set
+_CHANGE_NS = 500_000  # allowance for a drift that changes by 10 ppm and for periodic bursts
 
 
 class ClockSkewFilter:
-    """A lower bound of the differences, linear in time, refitted once a second.
+    """Linear lower bound of "arrival time minus device time", refitted once a second.
 
-    Differences are kept as the least one of each second, or of thirty samples or three
-    seconds of a slow device. The line goes along the lower convex hull of the last thirty of
-    them, by the edge under their mean time, which is weighted towards the present. Where the
-    last five lie more than 50 ms above the line, a clock was set and what is older is
-    forgotten.
+    A delay only ever increases this difference, so its lower bound follows the clocks. The
+    filter stores the smallest difference of each second; for a slow device, of thirty samples
+    or three seconds. The line is an edge of the lower convex hull of the latest thirty minima:
+    the edge below their mean time, which is weighted towards the present. If the latest five
+    minima are more than 50 ms above the line, a clock was set, and older minima are dropped.
 
     Attributes
     ----------
     slope : float
-        Drift: host time per device time, less one [1]; within 0.01.
+        Drift: host time per device time, minus one [1]; within ±0.01.
     scatter_ns : int
-        How far the line may be off [ns]: three times the median (the largest, of fewer than
-        ten) of how far the least differences of the last seconds lie above it, and 0.5 ms for
-        what bursts and a changing drift hide. Negative: not known, for the slope is not yet.
+        Bound on the error of the line [ns]: three times the median distance of the latest ten
+        minima above the line (three times the largest distance if there are fewer than ten),
+        plus 0.5 ms for errors that are not visible here. Negative until the slope is known.
     """
 
     def __init__(self) -> None:
         self.slope = 0.0
         self.scatter_ns = -1
         self._points: deque[tuple[int, int]] = deque(maxlen=_HORIZON)
-        self._device_ns = 0  # a point of the line
+        self._device_ns = 0  # with _difference_ns: one point of the line
         self._difference_ns = 0
-        self._second = 0  # of the least difference under construction
+        self._second = 0  # device time of the present minimum [s]
         self._samples = 0
         self._least = (0, 0)
 
     def restart(self, device_ns: int, difference_ns: int) -> None:
-        """Begin again with one point. The slope stays, because the crystals are the same."""
+        """Restart from one point. The slope is kept, because the oscillators are the same."""
         self._points.clear()
         self.scatter_ns = -1
         self._device_ns, self._difference_ns = device_ns, difference_ns
         self._begin_least(device_ns, difference_ns)
 
     def shift(self, step_ns: int) -> None:
-        """Move line and differences up by a step of the host's clock [ns]."""
+        """Shift the line and the minima by a step of the host's clock [ns]."""
         self._difference_ns += step_ns
         self._least = (self._least[0], self._least[1] + step_ns)
         self._points = deque(
@@ -84,11 +85,11 @@ class ClockSkewFilter:
         )
 
     def at(self, device_ns: int) -> int:
-        """Return the line's difference at a device time [ns]."""
+        """Return the value of the line at a device time [ns]."""
         return self._difference_ns + round(self.slope * (device_ns - self._device_ns))
 
     def add(self, device_ns: int, difference_ns: int) -> int:
-        """Take a newer sample's difference; return that of the line there, then [ns]."""
+        """Add the difference of a newer sample; return the line's value at its time [ns]."""
         seconds = device_ns // SECOND_NS - self._second
         if seconds >= (1 if self._samples >= _LEAST_SAMPLES else _MOST_SECONDS):
             self._points.append(self._least)
@@ -118,7 +119,7 @@ class ClockSkewFilter:
             points = newest
             self._points.clear()
             self._points.extend(newest)
-        # Relative to the newest point, in which floats are exact enough.
+        # Relative to the newest point, so that the precision of floats is sufficient.
         origin_ns, base_ns = points[-1]
         relative = [((x - origin_ns) / 1e9, float(y - base_ns)) for x, y in points]
         if len(points) >= _FEWEST:
@@ -134,7 +135,7 @@ class ClockSkewFilter:
 
 
 def _compute_slope(points: list[tuple[float, float]]) -> float:
-    """Return the slope of the lower hull's edge under the weighted mean of the abscissae."""
+    """Return the slope of the lower hull's edge below the weighted mean of the x values."""
     weights = [math.exp(x / _FORGET_S) for x, _ in points]
     mean = sum(w * x for w, (x, _) in zip(weights, points, strict=True)) / sum(weights)
     hull: list[tuple[float, float]] = []
@@ -166,23 +167,27 @@ _STEP, _LEAP = int(StrainStatus.CLOCK_STEP), int(StrainStatus.RESYNCHRONISED)
 
 
 class ArrivalClock:
-    """The host's time [ns], whose steps are told by the monotonic clock.
+    """The host's clock, with detection of clock steps by means of the monotonic clock.
 
-    The host's clock may be set back or forward at any moment, the monotonic clock never. When
-    the difference of the two changes by more than 0.1 s from one reading to the next, the
-    host's clock was stepped. A slow change is drift, as of a simulated time. ``step_ns`` is the
-    sum of the steps since `take_step_ns` [ns]. Its methods belong to one thread.
+    The host's clock may be set at any moment, the monotonic clock never. A change of their
+    difference by more than 0.1 s between two calls of `now_ns` is a step of the host's clock. A
+    slow change is drift, as with simulated time. Not thread-safe.
+
+    Attributes
+    ----------
+    step_ns : int
+        Sum of the steps since the last call of `take_step_ns` [ns].
     """
 
     def __init__(self, now_ns: Callable[[], int]) -> None:
         self.step_ns = 0
         self._now_ns = now_ns
-        self._offset_ns: int | None = None  # host's time less monotonic time
+        self._offset_ns: int | None = None  # host time minus monotonic time
         self._slack_ns = 0
 
     def now_ns(self) -> int:
-        """Return the host's time; note whether it was stepped since the last call [ns]."""
-        for _ in range(_ATTEMPTS):  # other threads may run between two looks at the clocks
+        """Return the host's time [ns]; add a step since the last call to ``step_ns``."""
+        for _ in range(_ATTEMPTS):  # other threads may run between reading the two clocks
             before_ns = time.monotonic_ns()
             now_ns = self._now_ns()
             slack_ns = time.monotonic_ns() - before_ns
@@ -198,83 +203,92 @@ class ArrivalClock:
         return now_ns
 
     def take_step_ns(self) -> int:
-        """Return `step_ns` and set it to 0."""
+        """Return ``step_ns`` and reset it to 0."""
         step_ns, self.step_ns = self.step_ns, 0
         return step_ns
 
 
 class Instant(NamedTuple):
-    """When one sample was taken."""
+    """The time of one sample."""
 
-    device_ns: int | None  # device time without wraps [ns]; None when the device has no clock
+    device_ns: int | None  # device time without wraps [ns]; None if the device has no clock
     stamp_ns: int  # ROS time [ns]; strictly increasing
-    stamp_error_s: float  # bound on the error of the stamp [s]; negative when not known
-    is_restart: bool = False  # the device's clock started anew: `device_ns` does not continue
-    is_step: bool = False  # the stamp leaps because the host's clock was set
-    # The stamp leaps though the host's clock was not set, as far as the monotonic clock tells:
-    # the device or the line stood still.
+    stamp_error_s: float  # bound on the error of the stamp [s]; negative if not known
+    is_restart: bool = False  # the device's clock restarted, so ``device_ns`` is discontinuous
+    is_step: bool = False  # the stamp jumps because the host's clock was set
+    # The stamp jumps without a step of the host's clock: the device or the link paused.
     is_leap: bool = False
 
 
 class Batch(NamedTuple):
-    """Samples that were read together, in the order of their arrival."""
+    """Samples that were read together, in order of arrival."""
 
-    # Host time of the arrival of the sample ``timed`` [ns]; the others came at about that time.
+    # Host time at which sample number ``timed`` arrived [ns]; the others arrived close to it.
     received_at_ns: int
     tension_n: NDArray[np.float64]  # tension [N], float64, shape (samples,)
     # Device time or counter of each sample; None for a device without a clock.
     ticks: NDArray[np.uint32] | Sequence[int] | None = None
     # Fx, Fy, Fz [N], Tx, Ty, Tz [N m], float64, shape (samples, 6)
     wrench: NDArray[np.float64] | None = None
-    # Bits of `StrainStatus` by the device, uint32, shape (samples,)
+    # Bits of `StrainStatus` as reported by the device, uint32, shape (samples,)
     status: NDArray[np.uint32] | None = None
-    timed: int = 0  # index of the sample whose arrival is known
-    # Numbers of the records in this session of the link, uint32, shape (samples,)
+    timed: int = 0  # index of the sample whose time of arrival is known
+    # Record numbers, counted from the start of the link's session, uint32, shape (samples,)
     records: NDArray[np.uint32] | None = None
 
 
 class Run(NamedTuple):
-    """Consecutive samples of a batch, nothing missing between them."""
+    """Consecutive samples of a batch without a gap between them."""
 
-    samples: slice | NDArray[np.intp]  # which samples of the batch, oldest first
-    stamp_ns: int  # ROS time of the first [ns]; the others follow by the clock's period
-    stamp_error_s: float  # bound on the error of the stamps [s]; negative when not known
-    lost: int = 0  # samples missing before the first
-    event: int = 0  # bits of `StrainStatus`: restart, clock step or leap before the first
+    samples: slice | NDArray[np.intp]  # index of the samples in the batch, oldest first
+    stamp_ns: int  # ROS time of the first sample [ns]; the others follow at the clock's period
+    stamp_error_s: float  # bound on the error of the stamps [s]; negative if not known
+    lost: int = 0  # number of samples missing before the first one
+    event: int = 0  # bits of `StrainStatus`: restart, clock step or jump before the first sample
 
 
 class SampleClock:
-    """Base class of the clocks of sensors.
+    """Base class of the clocks, which assign times to the samples of one sensor.
 
-    The samples lost before one are the device time since the one before, in whole periods,
-    less one. Only neighbours are compared, so ticks coarser than the period's fraction and a
-    device rate a little off the nominal one never add up to a false gap; a gap of some thousand
-    samples is still counted exactly at 100 ppm.
+    The number of missing samples is the device time between two neighbouring samples in whole
+    periods, minus one. Because only neighbours are compared, neither coarse ticks nor a device
+    rate slightly off the nominal one add up to a false gap. At a deviation of 100 ppm, a gap of
+    several thousand samples is still counted exactly.
 
-    ``period_ns`` is the nominal time between two samples [ns]. ``duplicates``, ``late_samples``
-    and ``outliers`` count the samples without a place, ``restarts`` the times that the device's
-    clock began anew.
+    Attributes
+    ----------
+    period_ns : int
+        Nominal time between two samples [ns].
+    duplicates, late_samples, outliers : int
+        Numbers of samples dropped because they were received twice, after a newer sample, or
+        with an implausible time.
+    restarts : int
+        Number of times that the device's clock restarted.
     """
 
     def __init__(self, period_ns: int) -> None:
         self.period_ns = period_ns
         self.duplicates = self.late_samples = self.outliers = self.restarts = 0
-        self._outlier: tuple[int, int] | None = None  # its own time, arrival [ns]
-        self._device_ns: int | None = None  # of the newest sample that has a place
+        self._outlier: tuple[int, int] | None = None  # sample time, time of arrival [ns]
+        self._device_ns: int | None = None  # device time of the newest accepted sample
 
     def note_reconnection(self) -> None:
-        """Note that the link was lost and came back before the next sample."""
+        """Record that the link was lost and re-established before the next sample."""
 
     def note_step(self, step_ns: int) -> None:
-        """Follow the host's clock, which was set by this before the next sample [ns]."""
+        """Follow a step of the host's clock [ns] that occurred before the next sample."""
         if self._outlier is not None:
             self._outlier = (self._outlier[0], self._outlier[1] + step_ns)
 
     def note_newest(self, ticks: int | None, received_at_ns: int) -> None:
-        """Note the newest of several samples that arrive as one, before the first; see `place`."""
+        """Announce the newest of several samples that arrived together, before `place`.
+
+        The newest sample has waited for the shortest time in the port, so its arrival gives the
+        best first estimate of the clock's offset.
+        """
 
     def place_batch(self, batch: Batch) -> list[Run]:
-        """Return the samples that have a place in time, as runs."""
+        """Assign times to the samples of a batch; return the accepted samples as runs."""
         runs = []
         ticks = batch.ticks
         for i in range(len(batch.tension_n)):
@@ -288,9 +302,14 @@ class SampleClock:
         return runs
 
     def place(self, ticks: int | None, received_at_ns: int) -> Instant | None:
-        """Return when a sample was taken, or None when its time fits nowhere.
+        """Return the time of a sample, or None if the sample is dropped.
 
-        ``ticks`` is its device time, None without a clock; it arrived at ``received_at_ns`` [ns].
+        Parameters
+        ----------
+        ticks : int or None
+            Device time of the sample in ticks; None for a device without a clock.
+        received_at_ns : int
+            Host time of arrival [ns].
         """
         raise NotImplementedError
 
@@ -303,14 +322,17 @@ class SampleClock:
         return periods - 1 if periods > 1 else 0
 
     def _drop_old(self, behind_ns: int) -> None:
-        """Count a sample that is so far behind the newest one, or is that one again."""
+        """Count a sample that is this far [ns] behind the newest one; 0 is a duplicate."""
         if behind_ns:
             self.late_samples += 1
         else:
             self.duplicates += 1
 
     def _continues_outlier(self, time_ns: int, received_at_ns: int, slack_ns: int) -> bool:
-        """Tell whether a sample follows the outlier before it; if not, it is one itself."""
+        """Return True if this sample confirms the previous outlier; else count it as an outlier.
+
+        Two consistent samples in a row mean that the clock behind them was restarted or set.
+        """
         before, self._outlier = self._outlier, (time_ns, received_at_ns)
         if before is not None and 0 < time_ns - before[0] <= received_at_ns - before[1] + slack_ns:
             return True
@@ -319,7 +341,7 @@ class SampleClock:
 
 
 class HostClock(SampleClock):
-    """Stamps for a device without a clock: the time of arrival, made strictly increasing."""
+    """Clock of a device without a clock: stamps are times of arrival, strictly increasing."""
 
     def __init__(self, period_ns: int) -> None:
         super().__init__(period_ns)
@@ -340,45 +362,50 @@ class HostClock(SampleClock):
 class DeviceClock(SampleClock):
     """Maps the ticks of one device to ROS time.
 
-    stamp = device time + offset. The offset follows the line under "arrival minus device
-    time" (`ClockSkewFilter`), which knows the drift, by at most 1/20 of the device time that
-    passes: two stamps differ by what the device says, within 6 %, and never go backwards.
-    A step of the host's clock that `note_step` tells moves line and stamps at once. A rise of the
-    line that nobody told comes from the device, whose clock stood still. It moves the stamps when
-    the line has come more than 1 s above them.
+    stamp = device time + offset. The offset follows the lower bound of "arrival time minus
+    device time" (`ClockSkewFilter`), by at most 1/20 of the elapsed device time. Thus the
+    difference of two stamps equals the difference of their device times within 6 %, and stamps
+    never decrease. A step of the host's clock, announced by `note_step`, shifts bound and stamps
+    immediately. An unannounced upward jump of the bound means that the device clock paused. The
+    stamps follow it when the bound is more than 1 s above them.
 
-    The stated error is one tick, plus what the offset still lacks of the line, plus how far
-    the line may be off; in the first five seconds it is not known. It is relative to the shortest
-    delay: the constant part of the way from the sensor to the host cannot be seen from here.
+    The stated error is the sum of one tick, the distance between offset and bound, and the error
+    of the bound. It is unknown during the first five seconds. It does not include the constant
+    part of the delay from the sensor to the host, which cannot be measured here.
 
-    The first samples may have waited in the port until the host's thread ran. The newest of them
-    waited least, and gives the first offset.
+    The first samples may have waited in the port until the reading thread started. The newest of
+    them has waited for the shortest time and gives the first offset.
 
-    A tick counter of 32 bits may wrap. A reading with the device time of the one before is
-    a duplicate, one up to 0.25 s before it is late; both have no place. One that is further
-    back, or more than 1 s ahead of the host, is an outlier and has none either, unless the
-    next one continues it: then the device has restarted. After a reconnection one such
-    reading is enough, or one that is more than 1 s behind: nothing old survives in the port.
+    A 32-bit tick counter may wrap. Samples without a new device time are dropped: a duplicate
+    has the device time of the sample before it, a late sample is up to 0.25 s older. A sample
+    that is even older, or more than 1 s ahead of the host, is an outlier and is dropped, too. A
+    second consistent sample means that the device restarted. After a reconnection, one sample is
+    enough, and so is a sample that is more than 1 s behind: no old data survive in the port.
 
-    ``tick_s`` is the device time of one tick [s].
+    Parameters
+    ----------
+    tick_s : float
+        Device time of one tick [s].
+    period_ns : int
+        Nominal time between two samples [ns].
     """
 
     def __init__(self, tick_s: float, period_ns: int) -> None:
         super().__init__(period_ns)
         self._tick_s = tick_s
-        # As a fraction (0.001 is 1/1000 again), so that days of ticks stay exact.
+        # A fraction (0.001 becomes 1/1000), so that the time stays exact over days.
         tick_ns = Fraction(tick_s).limit_denominator(10**9) * SECOND_NS
         self._numerator, self._denominator = tick_ns.numerator, tick_ns.denominator
         self._skew = ClockSkewFilter()
         self._last: Instant | None = None
-        self._last_ns = 0  # device time of the last reading
+        self._last_ns = 0  # device time of the last sample
         self._wrapped_ticks = 0
-        self._offset_ns = self._line_ns = 0  # of the stamps and of the line, at the last reading
-        self._first_offset_ns: int | None = None  # of the newest of the first readings
+        self._offset_ns = self._line_ns = 0  # offset and lower bound at the last sample
+        self._first_offset_ns: int | None = None  # offset of the newest of the first samples
         self._is_reconnected = False
 
     def note_reconnection(self) -> None:
-        # The next reading is fresh; perhaps the device has restarted.
+        # The next sample is recent, and the device may have restarted.
         self._is_reconnected = True
 
     def note_step(self, step_ns: int) -> None:
@@ -395,7 +422,7 @@ class DeviceClock(SampleClock):
 
     def place(self, ticks: int | None, received_at_ns: int) -> Instant | None:
         if ticks is None:
-            raise ValueError('a device clock needs readings with device time')
+            raise ValueError('a device clock needs samples with a device time')
         if self._last is None:
             return self._begin(ticks, received_at_ns, is_restart=False)
         expected_ns = received_at_ns - self._line_ns
@@ -439,7 +466,7 @@ class DeviceClock(SampleClock):
         offset_ns = self._line_ns = self._skew.add(device_ns, received_at_ns - device_ns)
         away_ns = self._offset_ns - self._skew.at(self._last_ns)
         lack_ns = 0
-        if away_ns >= -STEP_NS:  # else the stamps leap to the line
+        if away_ns >= -STEP_NS:  # otherwise the stamps jump to the lower bound
             lack_ns = max(abs(away_ns) - (device_ns - self._last_ns) // _SLEW_DIVISOR, 0)
             offset_ns += lack_ns if away_ns > 0 else -lack_ns
         is_leap = offset_ns - self._offset_ns > STEP_NS
@@ -449,10 +476,10 @@ class DeviceClock(SampleClock):
     def _stamp(
         self, device_ns: int, lack_ns: int, *, is_restart: bool, is_leap: bool = False
     ) -> Instant:
-        """Return the instant of a device time whose offset lacks so much of the line [ns]."""
+        """Return the time of a sample; ``lack_ns`` is the distance from offset to bound [ns]."""
         stamp_ns = device_ns + self._offset_ns
         if self._last is not None and stamp_ns <= self._last.stamp_ns:
-            stamp_ns = self._last.stamp_ns + 1  # ticks of single nanoseconds
+            stamp_ns = self._last.stamp_ns + 1  # possible if a tick is only a few nanoseconds
         self._last_ns = device_ns
         self._outlier = None
         self._is_reconnected = False

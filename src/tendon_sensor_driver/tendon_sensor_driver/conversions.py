@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Records to ROS messages, and health to diagnostics."""
+"""Conversion of records to ROS messages, and of the sensor's health to diagnostics."""
 
 from __future__ import annotations
 
@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 
 from tactile_ros.message_classes import time_to_msg
 from tactile_ros.strain import StrainBlock, StrainStatus
-from tendon_sensor_driver.records import AXES, Health, TendonSensorConfig
-from tendon_sensor_driver.tare import Bias
+from tendon_sensor_driver.records import AXES, SensorHealth, TendonSensorConfig
+from tendon_sensor_driver.tare import TareValue
 
 LEVEL_OK, LEVEL_WARN, LEVEL_ERROR = 0, 1, 2
 """The levels of ``diagnostic_msgs/DiagnosticStatus``."""
+
+_TIMES = {'line': 'device time', 'net_ft': 'sample counter', 'topic': 'stamps'}
 
 
 def to_strain_msg(block: StrainBlock, frame_id: str) -> Any:
@@ -30,7 +32,7 @@ def to_strain_msg(block: StrainBlock, frame_id: str) -> Any:
     message.header.frame_id = frame_id
     message.sequence = block.sequence
     message.period_ns = block.period_ns
-    # A list would be checked number by number.
+    # rclpy checks a list element by element, an array only by its type.
     message.tension_n = array.array('d', block.tension_n.tobytes())
     message.lost_before = block.lost_before
     message.stamp_error_s = block.stamp_error_s
@@ -41,9 +43,9 @@ def to_strain_msg(block: StrainBlock, frame_id: str) -> Any:
 def to_wrench_msg(block: StrainBlock, frame_id: str, axis: str = 'fx', scale: float = 1.0) -> Any:
     """Return the block's last sample as ``geometry_msgs/WrenchStamped``, the tension along +x.
 
-    A wrench of six axes is turned from the sensor's own axes into the frame, whose +x lies
-    along ``axis``, against it where ``scale`` is negative. The type has no status: a
-    saturated value is published as it is.
+    The wrench of a six-axis sensor is rotated from the sensor's own axes into ``frame_id``. The
+    +x axis of this frame points along ``axis``, or against it if ``scale`` is negative. The
+    message type has no status, so a saturated value looks like a valid one.
     """
     from geometry_msgs.msg import WrenchStamped
 
@@ -61,11 +63,17 @@ def to_wrench_msg(block: StrainBlock, frame_id: str, axis: str = 'fx', scale: fl
 
 
 def turn_wrench(wrench: NDArray[np.float64], axis: str, scale: float) -> NDArray[np.float64]:
-    """Return a wrench in the frame whose +x is ``axis``, or its opposite for a negative scale.
+    """Return a wrench in the frame whose +x points along ``axis``.
 
-    The other two axes follow in their cyclic order; for the opposite the frame is turned half
-    a turn about its second axis, so that it stays right-handed. The wrench has shape (6,), in the
-    sensor's own axes [N, N m].
+    Parameters
+    ----------
+    wrench : ndarray of shape (6,)
+        Force [N] and torque [N m] in the sensor's own axes.
+    axis : str
+        One of ``AXES``. The other two axes follow in cyclic order.
+    scale : float
+        If negative, +x points against ``axis``: the frame is rotated by half a turn about its
+        second axis, so that it stays right-handed.
     """
     first = AXES.index(axis) % 3
     order = [(first + i) % 3 for i in range(3)]
@@ -75,27 +83,34 @@ def turn_wrench(wrench: NDArray[np.float64], axis: str, scale: float) -> NDArray
     return turned
 
 
-def to_tare_msg(bias: Bias, frame_id: str) -> Any:
-    """Return the bias as ``tactile_msgs/Tare``."""
+def to_tare_msg(tare: TareValue, frame_id: str) -> Any:
+    """Return the tare as ``tactile_msgs/Tare``."""
     from tactile_msgs.msg import Tare
 
     message = Tare()
-    message.header.stamp = time_to_msg(bias.stamp_ns)
+    message.header.stamp = time_to_msg(tare.stamp_ns)
     message.header.frame_id = frame_id
-    message.is_set = bias.samples > 0
-    message.bias_n = bias.bias_n
-    message.spread_n = bias.spread_n
-    message.samples = bias.samples
+    message.is_set = tare.samples > 0
+    message.bias_n = tare.tare_n
+    message.spread_n = tare.spread_n
+    message.samples = tare.samples
     return message
 
 
 def assess_health(
-    health: Health, before: Health, config: TendonSensorConfig, now_ns: int
+    health: SensorHealth, before: SensorHealth, config: TendonSensorConfig, now_ns: int
 ) -> tuple[int, str]:
-    """Return a level and a sentence that say how the link does.
+    """Return the level and the message of the diagnostics.
 
-    What has been counted since ``before``, some time ago, is news. ``now_ns`` is on the clock of
-    the client [ns].
+    Parameters
+    ----------
+    health, before : SensorHealth
+        Present state, and the state about a second ago. Counters that have increased since then
+        are reported.
+    config : TendonSensorConfig
+        Parameters of the sensor.
+    now_ns : int
+        Present time on the client's clock [ns].
     """
     if not health.is_connected:
         what = 'no samples' if config.sensor == 'topic' else 'link down, reconnecting'
@@ -106,22 +121,24 @@ def assess_health(
     if health.device_status or health.status & StrainStatus.DEVICE_ERROR:
         return LEVEL_ERROR, f'the device reports: {health.device_status or "an error"}'
     if health.status & StrainStatus.SATURATED:
-        return LEVEL_ERROR, 'saturated: the tension is beyond the range, release the tendon'
+        return LEVEL_ERROR, 'saturated: the tension is out of range; slacken the tendon'
     if health.status & StrainStatus.STUCK:
         return LEVEL_WARN, (
             f'stuck: the same value for more than {config.stuck_s:g} s; check the load cell and '
-            'its amplifier, or set stuck_s for a coarse sensor'
+            'its amplifier, or set stuck_s to 0 for a sensor of coarse resolution'
         )
     if health.restarts > before.restarts:
         return LEVEL_WARN, f'{format_restart(config)}; tare again'
     if health.reconnects > before.reconnects:
-        return LEVEL_WARN, 'the link was lost and is back'
+        return LEVEL_WARN, 'the link was lost and has been re-established'
     if health.advice:
         return LEVEL_WARN, health.advice
     rejected = health.rejected_lines - before.rejected_lines
     if rejected:
+        what = 'message' if config.sensor == 'topic' else 'line'
         return LEVEL_WARN, (
-            f'{rejected} lines were no readings, just now, such as "{health.last_rejected}"'
+            f'{rejected} {what}{"" if rejected == 1 else "s"} could not be read during the last '
+            f'second, such as "{health.last_rejected}"'
             + (f': {health.last_reason}' if health.last_reason else '')
         )
     lost = health.lost_samples - before.lost_samples
@@ -130,41 +147,46 @@ def assess_health(
         for name in ('duplicates', 'late_samples', 'outliers')
     )
     if lost or dropped:
-        return LEVEL_WARN, f'{lost} samples lost and {dropped} without a place, just now'
+        parts = [f'{lost} missing, judged by their {_TIMES[config.sensor]}'] * bool(lost)
+        parts += [f'{dropped} dropped: duplicate, late or implausible time'] * bool(dropped)
+        return LEVEL_WARN, f'samples during the last second: {"; ".join(parts)}'
     return LEVEL_OK, 'samples arrive'
 
 
 def format_restart(config: TendonSensorConfig) -> str:
-    """Return the sentence for a device that has restarted, or of which nobody can know."""
+    """Return the message for a device that has restarted, or may have restarted."""
     if config.sensor == 'line' and config.time_column < 0:
-        return 'the link was lost and is back: a device without a clock may have restarted'
+        return (
+            'the link was lost and has been re-established; the device may have restarted, which '
+            'cannot be known of a device without a clock'
+        )
     return 'the device has restarted'
 
 
 def _format_silence(
-    silence_s: float, health: Health, before: Health, config: TendonSensorConfig
+    silence_s: float, health: SensorHealth, before: SensorHealth, config: TendonSensorConfig
 ) -> str:
     sentence = f'no reading for {silence_s:.1f} s'
     if config.sensor == 'topic':
         if health.rejected_lines > before.rejected_lines:
-            return f'{sentence}; messages arrive but hold no tension: {health.last_rejected}'
+            return f'{sentence}; messages arrive, but without a tension: {health.last_rejected}'
         return f'{sentence}; {health.advice}' if health.advice else sentence
-    # What came before the last reading says nothing about the silence.
+    # Lines from before the last reading do not explain the silence.
     if config.sensor != 'line' or before.heard_at_ns != health.heard_at_ns:
         return sentence
     if health.rejected_lines > before.rejected_lines:
         sentence += (
-            f'; lines arrive but none is a reading in {config.unit}, such as '
+            f'; lines arrive, but none is a reading in {config.unit}, such as '
             f'"{health.last_rejected}": '
             + (health.last_reason or 'check the columns, the unit and the baud')
         )
     elif health.bytes > before.bytes:
-        sentence += '; bytes arrive but no lines: check the baud'
+        sentence += '; bytes arrive, but no lines: check the baud'
     return sentence
 
 
-def to_values(health: Health) -> dict[str, object]:
-    """Return the values of the diagnostics by name."""
+def to_values(health: SensorHealth) -> dict[str, object]:
+    """Return the key-value pairs of the diagnostics."""
     values = dataclasses.asdict(health)
     values['status'] = health.status.describe()
     return values

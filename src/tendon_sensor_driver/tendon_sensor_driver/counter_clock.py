@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The sample counter of a device as a clock: new samples, their time, what is missing."""
+"""Clock of a device with a sample counter: times of samples, and missing samples."""
 
 from __future__ import annotations
 
@@ -15,57 +15,64 @@ from tactile_ros.strain import StrainStatus
 from tendon_sensor_driver.clock import Batch, DeviceClock, Instant, Run, SampleClock
 from tendon_sensor_driver.errors import LinkError
 
-_AGREEMENT_S = 1.0  # of the device's counter with the host's clock
+_AGREEMENT_S = 1.0  # largest deviation of the device's counter from the host's clock
 _HALF = 1 << 31
 _SECOND_NS = 1_000_000_000
 _MASK = (1 << 32) - 1
 
 
 class CounterRestartError(LinkError):
-    """The device's counter does not go on from where it was: it has been restarted."""
+    """The device's counter jumped, so the device has restarted."""
 
 
-class Order(NamedTuple):
+class NewSamples(NamedTuple):
     """The new samples of a batch."""
 
-    indices: NDArray[np.intp]  # of the new samples, oldest first, shape (new,)
-    # Whole samples from the one before to each, 1 when nothing is missing, int64, shape (new,)
+    indices: NDArray[np.intp]  # indices of the new samples, oldest first, shape (new,)
+    # Distance of each new sample from the one before it [samples]; 1 without a gap, shape (new,)
     steps: NDArray[np.int64]
-    # Ticks of each sample of the batch after the newest one of the batch before, int64, shape
-    # (samples,)
+    # Distance of each sample of the batch from the newest earlier one [ticks], shape (samples,)
     ahead_ticks: NDArray[np.int64]
-    ticks: NDArray[np.uint32]  # the counter at each sample of the batch, uint32, shape (samples,)
-    is_restart: bool  # the counter began anew: nothing is known of what is missing
+    ticks: NDArray[np.uint32]  # counter at each sample of the batch, shape (samples,)
+    is_restart: bool  # the counter restarted, so the number of missing samples is unknown
 
 
 class CounterClock(SampleClock):
-    """Follows the counter of a device over batches, wraps and sessions: clock and number in one.
+    """Follows the sample counter of a device across batches, wraps and sessions.
 
-    The ticks from one sample to the next are taken from the records themselves, because a
-    box rounds the rate that it reports; until two measurements agree, ``ticks_per_sample``
-    stands in.
+    The number of ticks per sample is measured from the records, because a Net F/T rounds the
+    rate that it reports. Until two measurements agree, the value given to `begin_session` is
+    used.
     """
 
     def __init__(self) -> None:
         super().__init__(period_ns=1)
         self.ticks_per_sample = 1
         self._tick_rate_hz = 1.0
-        self._clock: DeviceClock | None = None  # of the ticks
-        self._newest: tuple[int, int] | None = None  # ticks, host time [ns]
+        self._clock: DeviceClock | None = None  # maps ticks to ROS time
+        self._newest: tuple[int, int] | None = None  # ticks and host time [ns] of the newest
         self._record: int | None = None
         self._measured = 0
         self._is_new_session = True
-        self._lost = 0  # samples that had no place in time, before the next one
+        self._lost = 0  # samples dropped since the last accepted one
         self._end_ns: int | None = None  # stamp of the newest sample
-        self._event = 0  # bits of `StrainStatus`, before the next sample
+        self._event = 0  # bits of `StrainStatus` for the next sample
 
     @property
     def rate_hz(self) -> float:
-        """Rate at which the device truly sends [Hz]."""
+        """Measured rate of the samples [Hz]."""
         return self._tick_rate_hz / self.ticks_per_sample
 
     def begin_session(self, tick_rate_hz: float, ticks_per_sample: int) -> None:
-        """Expect record numbers from 1, and perhaps a counter that began anew."""
+        """Begin a session: record numbers start again, and the counter may have restarted.
+
+        Parameters
+        ----------
+        tick_rate_hz : float
+            Rate of the counter [Hz].
+        ticks_per_sample : int
+            Ticks per sample according to the device's settings.
+        """
         if self._clock is None or tick_rate_hz != self._tick_rate_hz:
             self._tick_rate_hz = tick_rate_hz
             self._clock = DeviceClock(float(1 / Fraction(tick_rate_hz)), self.period_ns)
@@ -84,32 +91,38 @@ class CounterClock(SampleClock):
             self._end_ns += step_ns
 
     def place_batch(self, batch: Batch) -> list[Run]:
-        """Return new samples as runs; CounterRestartError: begin another session first."""
-        assert self._clock is not None, 'begin_session comes first'
-        order = self._sort(batch)
-        if order.is_restart:
+        """Return the new samples as runs.
+
+        Raises
+        ------
+        CounterRestartError
+            If the counter jumped within a session. Call `begin_session` before the next batch.
+        """
+        assert self._clock is not None, 'call begin_session first'
+        new = self._sort(batch)
+        if new.is_restart:
             self._event |= int(StrainStatus.RESTARTED)
-        indices, ahead = order.indices, order.ahead_ticks
+        indices, ahead = new.indices, new.ahead_ticks
         if not len(indices):
             return []
-        # A sample that came twice or late has no place in time.
+        # The time of arrival of a duplicate or late sample cannot be used.
         timed = batch.timed if ahead[batch.timed] > 0 else int(indices[0])
-        instant = self._clock.place(int(order.ticks[timed]), batch.received_at_ns)
-        if instant is None:  # its time fits nothing: what is dropped here is missed below
+        instant = self._clock.place(int(new.ticks[timed]), batch.received_at_ns)
+        if instant is None:  # implausible time: the dropped samples are counted as lost later
             self.outliers += len(indices)
-            self._lost += int(order.steps.sum())
+            self._lost += int(new.steps.sum())
             return []
-        # The counter, not the clock, shows a restart: without it the host's clock was set.
+        # A restart shows in the counter. If only the clock shows one, the host's clock was set.
         if instant.is_step or (instant.is_restart and not self._event & StrainStatus.RESTARTED):
             self._event |= int(StrainStatus.CLOCK_STEP)
         if instant.is_leap:
             self._event |= int(StrainStatus.RESYNCHRONISED)
-        return self._make_runs(order, ahead[indices] - ahead[timed], instant)
+        return self._make_runs(new, ahead[indices] - ahead[timed], instant)
 
-    def _make_runs(self, order: Order, ticks: NDArray[np.int64], instant: Instant) -> list[Run]:
-        """Return runs of new samples; later than any before.
+    def _make_runs(self, new: NewSamples, ticks: NDArray[np.int64], instant: Instant) -> list[Run]:
+        """Return the new samples as runs, with stamps later than all earlier ones.
 
-        ``ticks`` are those from the sample of ``instant`` to each new one, int64, shape (new,).
+        ``ticks`` is the distance of each new sample from the sample of ``instant``, shape (new,).
         """
         offsets_ns = np.rint(ticks * (_SECOND_NS / self._tick_rate_hz)).astype(np.int64)
         stamps_ns = instant.stamp_ns + offsets_ns
@@ -120,20 +133,20 @@ class CounterClock(SampleClock):
                 stamps_ns += shift_ns
                 error_s += shift_ns / 1e9 if error_s >= 0 else 0.0
         self._end_ns = int(stamps_ns[-1])
-        lost = order.steps - 1
+        lost = new.steps - 1
         lost[0] += self._lost
         self._lost = 0
         starts = [0, *(np.flatnonzero(lost[1:]) + 1).tolist()]
         event, self._event = self._event, 0
         runs = []
         for first, last in zip(starts, [*starts[1:], len(lost)], strict=True):
-            samples = order.indices[first:last]
+            samples = new.indices[first:last]
             runs.append(Run(samples, int(stamps_ns[first]), error_s, int(lost[first]), event))
             event = 0
         return runs
 
-    def _sort(self, batch: Batch) -> Order:
-        """Return the new samples of a batch in their order."""
+    def _sort(self, batch: Batch) -> NewSamples:
+        """Return the new samples of a batch in order of time."""
         ticks = np.asarray(batch.ticks, dtype=np.uint32)
         is_restart = self._judge(ticks, batch.received_at_ns)
         if is_restart or self._newest is None:
@@ -152,19 +165,19 @@ class CounterClock(SampleClock):
             if is_restart:
                 elapsed[0] = self.ticks_per_sample
             steps = np.maximum(np.rint(elapsed / self.ticks_per_sample).astype(np.int64), 1)
-        return Order(indices, steps, ahead, ticks, is_restart)
+        return NewSamples(indices, steps, ahead, ticks, is_restart)
 
     def _set_period(self, ticks_per_sample: int) -> None:
         self.ticks_per_sample = ticks_per_sample
         self.period_ns = round(_SECOND_NS * ticks_per_sample / self._tick_rate_hz)
 
     def _judge(self, batch_ticks: NDArray[np.uint32], received_at_ns: int) -> bool:
-        """Return whether the counter began anew with this session; an error if within one."""
+        """Return True if the counter restarted before this session; raise an error if within."""
         is_new_session, self._is_new_session = self._is_new_session, False
         if self._newest is None:
             return False
         ticks, before_ns = self._newest
-        # The host's clock may be set back, the counter not.
+        # The host's clock may be set back; the counter never runs backwards.
         elapsed_s = max(0.0, (received_at_ns - before_ns) / 1e9)
         jump_s = int(_subtract(batch_ticks, ticks).max()) / self._tick_rate_hz
         least_s = elapsed_s - _AGREEMENT_S if is_new_session else -_AGREEMENT_S / 4
@@ -172,7 +185,7 @@ class CounterClock(SampleClock):
             return False
         if not is_new_session:
             raise CounterRestartError(
-                f'the sample counter jumped by {jump_s:.1f} s: the device was restarted'
+                f'the sample counter jumped by {jump_s:.1f} s: the device has restarted'
             )
         self.restarts += 1
         return True
@@ -187,7 +200,7 @@ class CounterClock(SampleClock):
         return chosen
 
     def _measure(self, record: int, ahead_ticks: int) -> None:
-        """Correct the ticks of a sample when two measurements in turn agree on another."""
+        """Update the ticks per sample when two consecutive measurements agree."""
         if self._record is not None:
             records = (record - self._record) & _MASK
             if 0 < records < _HALF and ahead_ticks >= records:
@@ -199,6 +212,6 @@ class CounterClock(SampleClock):
 
 
 def _subtract(ticks: NDArray[np.uint32], before: int) -> NDArray[np.int64]:
-    """Signed difference of 32-bit counters."""
+    """Return the signed difference of 32-bit counters, int64."""
     difference: NDArray[np.uint32] = ticks.astype(np.uint32) - np.uint32(before)
     return difference.view(np.int32).astype(np.int64)

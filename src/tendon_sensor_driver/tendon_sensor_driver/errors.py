@@ -5,8 +5,8 @@
 
 
 class TendonSensorError(Exception):
-    """Root of this package's errors."""
+    """Base class of this package's exceptions."""
 
 
 class LinkError(TendonSensorError):
-    """The link to the sensor cannot be opened, or broke."""
+    """The link to the sensor cannot be opened or was lost."""

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Load cells that write lines of text: their forms, and the client that reads them."""
+"""Load cells that write lines of text: the decoder of the lines, and the client."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from tendon_sensor_driver.client import (
     OnBlock,
     SerialTransport,
 )
-from tendon_sensor_driver.records import Health, Reading, TendonSensorConfig
+from tendon_sensor_driver.records import LineReading, SensorHealth, TendonSensorConfig
 from tendon_sensor_driver.strain_stream import StrainStream
 
 MAX_LINE_BYTES = 256
-"""A longer line is dropped: no load cell sends one, and the memory stays bounded."""
+"""Longer lines are dropped: no load cell sends them, and the memory stays bounded."""
 
 MAX_VALUE = 1e15
-"""A larger value is refused: no load cell counts that far, and no later product overflows."""
+"""Larger values are refused: no load cell sends them, and later products might overflow."""
 
 SIMULATED = b'SIMULATED'
-"""A column after the value with which a simulated load cell says that it is one."""
+"""Column after the value that marks a line of a simulated load cell."""
 
 _UNIT_NAMES = {
     'kg': (b'kg', b'Kg', b'KG', b'kgf'),
@@ -39,11 +39,11 @@ _UNIT_NAMES = {
     'oz': (b'oz', b'OZ', b'ozf'),
 }
 UNITS = {name: unit for unit, names in _UNIT_NAMES.items() for name in names}
-"""The parameter ``unit`` by the word in a line."""
+"""Value of the parameter ``unit`` for each spelling in a line."""
 
-_BRACKETS = b'[]():='  # of a unit
+_BRACKETS = b'[]():='  # characters around a unit
 _STATE_LETTERS = (b'N', b'G')  # before a value: net, gross
-_STABILITY = frozenset((b'ST', b'US', b'S', b'D'))  # stable or not; they alternate
+_STABILITY = frozenset((b'ST', b'US', b'S', b'D'))  # stable, unstable; may change at any time
 _FAULTS = frozenset(
     form.encode()
     for word in ('OVERLOAD', 'UNDERLOAD', 'OVERFLOW', 'UNDERFLOW', 'ERROR')
@@ -52,26 +52,32 @@ _FAULTS = frozenset(
 _FAULT_LINES = (b'S +', b'S -')  # of Mettler SICS: overload, underload
 
 _NUMBER = rb'[+-]?(?:\d+%(mark)s?\d*|%(mark)s\d+)(?:[eE][+-]?\d+)?'
-# Patterns, because float() and int() take more: '1_0', 'infinity', digits of other scripts.
+# float() and int() accept too much: '1_0', 'infinity', digits of other scripts.
 _POINT, _COMMA = (_NUMBER % {b'mark': mark} for mark in (rb'\.', b','))
 _NAMED = rb'([A-Za-z_]*[:=])?(%s)([A-Za-z]*)'  # 'Weight:' and '12.3g' written together
 _split_columns = re.compile(rb'[ \t]*[,;][ \t]*|[ \t]+').split
-# Where a comma is the decimal mark, it separates columns unless digits are on both sides.
+# If the comma is the decimal mark, it separates columns unless there are digits on both sides.
 _split_at_other_commas = re.compile(rb'[ \t]*(?:;|(?<!\d),|,(?!\d))[ \t]*|[ \t]+').split
 _join_sign = re.compile(rb'(?<![^ \t,;])([+-]) +(?=[\d.,])').sub
 _find_digit = re.compile(rb'\d').search
-_find_letter = re.compile(rb'[A-Za-z%\x80-\xff]').search  # % is a unit, too
+_find_letter = re.compile(rb'[A-Za-z%\x80-\xff]').search  # '%' may be a unit
 _begins_number = re.compile(rb'[+-]?[.,]?\d').match
 
 _FEW_COLUMNS = 'it has too few columns: check value_column and time_column'
 _NO_TIME = 'its time_column holds no device time: check time_column and time_decimals'
 _NO_NUMBER = 'its value_column holds no number: check value_column and decimal_mark'
-_UNUSUAL = 'its columns or words are not those of the lines before: is it cut, or a banner?'
-_OTHER_COUNT = 'it has {} columns, and line_columns is {}: is it cut, or is a number divided?'
+_UNUSUAL = (
+    'its columns or words differ from the previous lines: check whether lines are incomplete or '
+    'mixed with text'
+)
+_OTHER_COUNT = (
+    'it has {} columns, but line_columns is {}: check whether lines are incomplete or a comma '
+    'divides a number'
+)
 _NUMBER_BESIDE = (
-    'the number {} is beside its value: if the comma is a decimal mark, set decimal_mark to ","; '
-    'thousands separators cannot be read; if it is another column, set line_columns to the number '
-    'of columns in a line'
+    'the number {} is next to its value: if the comma is a decimal mark, set decimal_mark to ","; '
+    'if the number is another column, set line_columns to the number of columns in a line; '
+    'thousands separators are not supported'
 )
 _FAULT = 'the device reports an overload or an error: unload it, then see its manual'
 _TOO_LONG = 'it is too long: check the baud'
@@ -80,11 +86,11 @@ _Shape = tuple[int, tuple[bytes, ...]]
 
 
 class _RefusedLineError(Exception):
-    """A line is no reading; the message is the reason, and a remedy."""
+    """A line cannot be read; the message is the reason, with a remedy."""
 
 
 def split_line(line: bytes, decimal_mark: str = '.') -> list[bytes]:
-    """Return the columns of a line without its end."""
+    """Return the columns of a line, which is given without its line ending."""
     line = line.strip(b' \t')
     if b'+ ' in line or b'- ' in line:
         line = _join_sign(rb'\1', line)
@@ -96,26 +102,26 @@ def _is_word(column: bytes) -> bool:
 
 
 def format_line(line: bytes) -> str:
-    r"""Return a line as printable text; other bytes as ``\xff``."""
+    r"""Return a line as printable text; other bytes are written as ``\xff``."""
     return ''.join(chr(b) if 0x20 <= b < 0x7F else f'\\x{b:02x}' for b in line)
 
 
 class LineDecoder:
-    """Incremental decoder of load-cell lines. No IO, no clock.
+    """Incremental decoder of load-cell lines, without IO and clock.
 
-    The first line after the start and after `reset` is dropped without being counted: its
-    beginning may be missing.
+    The first line after the start and after `reset` is dropped without being counted, because
+    its beginning may be missing.
 
     Attributes
     ----------
     bytes, lines, readings, rejected_lines : int
-        Counters; see `tendon_sensor_driver.records.Health`.
+        Counters; see `tendon_sensor_driver.records.SensorHealth`.
     last_rejected : bytes
         The last rejected line, or the start of it.
     last_reason : str
-        The reason of its rejection, and a remedy.
+        Why this line was rejected, with a remedy.
     last_byte : bytes
-        The last byte since the start or `reset`, empty before the first.
+        The last byte since the start or `reset`; no byte before the first one.
     """
 
     def __init__(self, config: TendonSensorConfig) -> None:
@@ -144,22 +150,30 @@ class LineDecoder:
         self.rejected_lines = 0
         self.last_rejected = b''
         self.last_reason = ''
-        # Number of columns and words before the value in a line of this device; None: not
-        # known yet. And in the line before, when they were others.
+        # Number of columns, and the words before the value, in the lines of this device; None
+        # until known. _odd_shape: the same of the previous line if that one differed.
         self._shape: _Shape | None = None
         self._odd_shape: _Shape | None = None
         self.last_byte = b''
         self.reset()
 
     def reset(self) -> None:
-        """Forget the unfinished line: the bytes that follow do not continue it."""
+        """Drop the unfinished line: the bytes that follow do not continue it."""
         self._rest = b''
         self._skip_line = True
         self._has_dropped = False
         self.last_byte = b''
 
-    def feed(self, data: bytes, received_at_ns: int) -> list[Reading]:
-        """Return the readings that the next bytes of the stream complete, received then [ns]."""
+    def feed(self, data: bytes, received_at_ns: int) -> list[LineReading]:
+        """Decode the next bytes of the stream; return the readings that they complete.
+
+        Parameters
+        ----------
+        data : bytes
+            Bytes in any partition of the stream.
+        received_at_ns : int
+            Host time at which they were received [ns].
+        """
         self.bytes += len(data)
         self.last_byte = data[-1:] or self.last_byte
         *lines, rest = (self._rest + data).replace(b'\r', b'\n').split(b'\n')
@@ -192,7 +206,7 @@ class LineDecoder:
         self._rest = rest
         return readings
 
-    def _decode_line(self, line: bytes, received_at_ns: int) -> Reading:
+    def _decode_line(self, line: bytes, received_at_ns: int) -> LineReading:
         plain = _join_sign(rb'\1', line) if b'+ ' in line or b'- ' in line else line
         columns = self._split(plain)
         if line in _FAULT_LINES or not _FAULTS.isdisjoint(columns):
@@ -229,13 +243,13 @@ class LineDecoder:
             self._odd_shape = None
         else:
             self._check_shape(*shape)
-        return Reading(ticks, value, received_at_ns, self._has_dropped, SIMULATED in columns)
+        return LineReading(ticks, value, received_at_ns, self._has_dropped, SIMULATED in columns)
 
     def _check_count(self, columns: list[bytes]) -> None:
-        """Refuse a line in which the value may be part of a number that is divided.
+        """Refuse a line whose value may be a part of a number that a separator divides.
 
-        Either a line has the stated number of columns, or there is no number beside the value
-        apart from the time.
+        A line must have ``line_columns`` columns. If that is 0, the time is the only number
+        that may be next to the value.
         """
         if self._line_columns:
             count = len(columns) - (not columns[-1])  # a line may end in a separator
@@ -248,18 +262,18 @@ class LineDecoder:
                 raise _RefusedLineError(_NUMBER_BESIDE.format(format_line(columns[place])))
 
     def _check_after(self, columns: list[bytes]) -> None:
-        """Refuse a unit, or a word that may be one, in the columns after the value."""
+        """Refuse another unit, or a word that may be a unit, in the columns after the value."""
         for number, column in enumerate(columns):
             if self._match_number(column) or column.strip(_BRACKETS) in self._units:
-                break  # the value of something else, or the unit
+                break  # another quantity begins, or this is the unit
             if column in self._other_units or (number == 0 and _is_word(column)):
                 raise self._refuse_word(column)
 
     def _check_shape(self, count: int, words: tuple[bytes, ...]) -> None:
-        """Refuse a line that has other columns or words before the value than the last one.
+        """Refuse a line whose columns or words before the value differ from the last line's.
 
-        A cut or melted line differs once, and so does a banner that looks like a reading; a
-        device that was set up anew differs for good.
+        An incomplete line, two joined lines, or text that looks like a reading differ once. If
+        the next line has the same new shape, the device's settings were changed.
         """
         for word in words:
             if word not in _STATE_LETTERS and word.strip(_BRACKETS) in self._other_units:
@@ -276,12 +290,12 @@ class LineDecoder:
         word = word.strip(_BRACKETS)
         if word in UNITS:
             return _RefusedLineError(
-                f'its unit is {word.decode()}, and "unit" is {self._unit}: '
-                f'set unit to {UNITS[word]}'
+                f'its unit is {word.decode()}, but the parameter "unit" is {self._unit}: set '
+                f'unit to {UNITS[word]}'
             )
         return _RefusedLineError(
-            f'the word "{format_line(word)}" after the value is no unit that is known here: let '
-            f'the device send {self._unit}, or no word'
+            f'the word "{format_line(word)}" after the value is not a known unit: let the device '
+            f'send {self._unit} or no unit'
         )
 
     def _reject(self, line: bytes, reason: str) -> None:
@@ -302,8 +316,23 @@ def encode_reading(
 ) -> bytes:
     r"""Return one line as an OpenScale writes it, such as ``b'1204,0.53000,kg,\r\n'``.
 
-    Without device time the column is left out; lbf is written ``lbs``; ``decimals`` are the digits
-    after the point; `SIMULATED` is one more column. ValueError: ``value`` is not finite.
+    Parameters
+    ----------
+    device_ticks : int or None
+        Device time in ticks; None omits the column.
+    value : float
+        Value in ``unit``.
+    unit : str
+        A key of `NEWTONS`; lbf is written as ``lbs``.
+    decimals : int
+        Number of digits after the decimal point.
+    is_simulated : bool
+        Append the column `SIMULATED`.
+
+    Raises
+    ------
+    ValueError
+        If ``value`` is not finite.
     """
     if not math.isfinite(value):
         raise ValueError(f'a reading must be a finite number, not {value}')
@@ -314,7 +343,7 @@ def encode_reading(
 
 
 LONGEST_DELIVERY_NS = 250_000_000
-"""Longest time a consumer may take before the kernel's serial buffer can overflow [ns]."""
+"""Longest time that ``on_block`` may take before the kernel's buffer can overflow [ns]."""
 
 _DROP_S = 0.05
 _BURST_READINGS = 3
@@ -322,19 +351,18 @@ _MENU_PROMPT = b'>'
 
 
 class TendonSensorClient(LinkClient[SerialTransport]):
-    """Reads one sensor and hands out blocks of tension until it is closed.
+    """Client of a load cell that writes lines to a serial port.
 
-    One thread reads, decodes and calls ``on_block``, which must return soon: bytes that come
-    meanwhile are stamped late. If it takes longer than 0.25 s, what has come meanwhile is dropped,
-    since the kernel may have dropped parts of it. That is counted, and visible in the blocks like
-    any other lost sample.
+    One thread reads, decodes and calls ``on_block``. While ``on_block`` runs, arriving bytes
+    wait, and their time of arrival is taken late. If it runs for more than 0.25 s, the waiting
+    bytes are dropped, because the kernel may have dropped some of them already. Such an overrun
+    is counted, and its samples are counted as lost.
 
-    A board that says nothing may be an OpenScale whose settings menu somebody left open. A
-    carriage return makes the menu show itself and means nothing to a board that measures;
-    the prompt of a menu is answered with the ``x`` that leaves it.
+    A silent board may be an OpenScale whose settings menu is open. The client therefore sends a
+    carriage return, which makes the menu print its prompt and has no effect on a measuring
+    board, and answers the prompt with ``x``, which leaves the menu.
 
-    A client is opened once; make a new one to open the port again. Its ``identity`` is the serial
-    number of the USB adapter.
+    ``identity`` is the serial number of the USB adapter. See `SensorClient` for the parameters.
     """
 
     _stream: StrainStream
@@ -354,7 +382,7 @@ class TendonSensorClient(LinkClient[SerialTransport]):
             link.cancel()
         super().close()
 
-    def health(self) -> Health:
+    def health(self) -> SensorHealth:
         decoder = self._decoder
         return self._make_health(
             self._stream,
@@ -403,7 +431,7 @@ class TendonSensorClient(LinkClient[SerialTransport]):
         self._delivered_in_ns = time.monotonic_ns() - began_ns
 
     def _drop_input(self, link: SerialTransport) -> None:
-        """Drop what has come meanwhile: pieces of two lines may be joined in it."""
+        """Drop the waiting bytes, in which pieces of two lines may be joined."""
         end_s = time.monotonic() + _DROP_S
         while time.monotonic() < end_s:
             link.read(_DROP_S)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""ATI Net F/T: the link that asks for packets, and the client."""
+"""ATI Net F/T: the UDP link and the client."""
 
 from __future__ import annotations
 
@@ -31,27 +31,45 @@ from tendon_sensor_driver.net_ft_protocol import (
     MOST_RECORDS,
     RECORD_BYTES,
 )
-from tendon_sensor_driver.records import AXES, Health, TendonSensorConfig
+from tendon_sensor_driver.records import AXES, SensorHealth, TendonSensorConfig
 from tendon_sensor_driver.strain_stream import Stream
 
 _WAIT_S = 0.1
 _LONGEST_WAIT_S = 0.25
 _DEAD_S = 0.6
-_PERIODS = 6  # without a record, after which one is missing
+_PERIODS = 6  # sample periods without a record after which the stream is requested again
 _LONGEST_GATHER_S = 0.02
-_MOST_DATAGRAMS = 4096  # in one batch
+_MOST_DATAGRAMS = 4096  # per batch
 _BUFFER_BYTES = 4 << 20
 
 
 class NetFtLink:
-    """A running stream of records.
+    """A running stream of records from a Net F/T.
 
-    In buffered mode a datagram holds up to 40 records: then the kernel keeps some hundred
-    milliseconds at 7000 Hz for a host that is busy elsewhere, and loses nothing. ``counts`` has
-    bytes and datagrams received, and datagrams rejected because they were no records.
+    In buffered mode, a datagram holds up to 40 records. The kernel's buffer then bridges several
+    hundred milliseconds at 7000 Hz during which the host is busy.
 
-    The box sends at ``rate_hz`` [Hz]; ``now_ns()`` is the host's time [ns]. LinkError: there is no
-    such host.
+    Parameters
+    ----------
+    config : TendonSensorConfig
+        Address and axis of the sensor.
+    box : BoxConfiguration
+        Configuration that the sensor reports.
+    rate_hz : float
+        Rate of the records [Hz].
+    now_ns : callable
+        Returns the host's time [ns].
+
+    Attributes
+    ----------
+    counts : Counter
+        Received bytes, received datagrams, and rejected datagrams, which did not contain whole
+        records.
+
+    Raises
+    ------
+    LinkError
+        If the host cannot be reached.
     """
 
     def __init__(
@@ -81,10 +99,11 @@ class NetFtLink:
         )
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
-            # The kernel grants less than is asked for where its limit is lower.
+            # The kernel grants less than requested if its limit is lower.
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
             self._socket.setblocking(False)
-            self._socket.connect((config.host, config.rdt_port))  # so that nobody else is heard
+            # A connected socket receives datagrams of this host only.
+            self._socket.connect((config.host, config.rdt_port))
             self._socket.send(encode_request(Command.STOP))
             self._socket.send(encode_request(self._start))
         except OSError as error:
@@ -92,13 +111,16 @@ class NetFtLink:
             raise LinkError(f'cannot reach the Net F/T at {config.host}: {error}') from error
 
     def format_status(self) -> str:
-        """Return what the newest record says is wrong with the box; empty when nothing is."""
+        """Return the errors in the newest record, comma-separated; an empty string for none."""
         return ', '.join(format_status(self._status_word, is_axia=self._is_axia))
 
     def read(self) -> Batch | None:
-        """Return what has arrived, or None after a quarter of a second without any.
+        """Return the received samples, or None if none arrive for up to 0.25 s.
 
-        LinkError: no records come any more.
+        Raises
+        ------
+        LinkError
+            If the stream of records has ended.
         """
         try:
             if not select.select([self._socket], [], [], self._wait_s)[0]:
@@ -121,7 +143,7 @@ class NetFtLink:
         return self._decode(good, received_at_ns)
 
     def close(self) -> None:
-        """Ask the box to stop, and let go of it."""
+        """Stop the stream and close the socket."""
         with contextlib.suppress(OSError):
             self._socket.send(encode_request(Command.STOP))
         self._socket.close()
@@ -134,7 +156,7 @@ class NetFtLink:
         return datagrams
 
     def _decode(self, datagrams: list[bytes], received_at_ns: int) -> Batch:
-        """Note that records came; return them as a batch."""
+        """Return the records as a batch, and restart the time of silence."""
         records: NDArray[np.void] = decode_records(b''.join(datagrams))
         words = records['status'].astype(np.uint32)
         self._heard_s = self._asked_s = time.monotonic()
@@ -146,13 +168,13 @@ class NetFtLink:
             ticks=records['ft_sequence'].astype(np.uint32),
             wrench=wrench,
             status=classify_status(words, is_axia=self._is_axia),
-            # A datagram is sent as soon as its last record is there.
+            # A datagram is sent as soon as it has its last record.
             timed=len(datagrams[0]) // RECORD_BYTES - 1,
             records=records['rdt_sequence'].astype(np.uint32),
         )
 
     def _check_silence(self) -> bool:
-        """Return whether to request the stream again; LinkError: nothing came all the same."""
+        """Return True if the stream must be requested again; raise LinkError if it has ended."""
         now_s = time.monotonic()
         if now_s - self._heard_s > self._dead_s:
             raise LinkError(
@@ -174,14 +196,15 @@ def _is_whole(datagram: bytes) -> bool:
 
 
 class NetFtClient(LinkClient[NetFtLink]):
-    """Reads one Net F/T and hands out blocks of tension and wrench until it is closed.
+    """Client of a Net F/T; its blocks contain tension and wrench.
 
-    Opening it reads the box's configuration from its web server, sets rate, filter and
-    buffer where they differ, reads back what the box made of them, and starts the stream;
-    after every loss of the link the same is done again.
+    On opening and after every loss of the link, the client reads the configuration from the
+    sensor's web server, sets rate, filter and buffer if they differ, reads back the values that
+    the sensor took over, and starts the stream.
 
-    One thread reads, decodes and calls ``on_block``; while that does not return, the kernel
-    keeps what arrives, and what does not fit there is counted as lost.
+    One thread reads, decodes and calls ``on_block``. While ``on_block`` runs, the kernel buffers
+    the arriving datagrams. Samples of datagrams that do not fit into the buffer are counted as
+    lost. See `SensorClient` for the parameters.
     """
 
     _stream: Stream[CounterClock]
@@ -190,10 +213,10 @@ class NetFtClient(LinkClient[NetFtLink]):
         super().__init__(config, on_block, now_ns)
         self._web = BoxWeb(config.host, config.http_port)
         self._stream = Stream(config, CounterClock())
-        self._before = _no_counts()  # of the links before this one
+        self._before = _no_counts()  # sum over the earlier links
         self._seen_rejected = 0
 
-    def health(self) -> Health:
+    def health(self) -> SensorHealth:
         link = self._link
         counts = self._before if link is None else self._before + link.counts
         return self._make_health(
@@ -219,7 +242,7 @@ class NetFtClient(LinkClient[NetFtLink]):
         return link
 
     def _set_up(self, box: BoxConfiguration) -> tuple[BoxConfiguration, float]:
-        """Give the box the settings that it lacks; return what it then says, and its rate."""
+        """Set rate, filter and buffer where they differ; return configuration and rate [Hz]."""
         config = self._config
         if config.rate_hz > box.internal_rate_hz:
             raise LinkError(
@@ -227,21 +250,23 @@ class NetFtClient(LinkClient[NetFtLink]):
                 f'{config.rate_hz:g} Hz; set a lower "rate_hz"'
             )
         wanted_hz = compute_rate_hz(max(1, round(config.rate_hz)), box.internal_rate_hz)
-        # They lie in its flash memory: what is right already is not written again.
+        # The settings are in flash memory, so they are written only if they differ.
         if not self._is_set_up(box, wanted_hz):
             self._web.write_settings(config.rate_hz, config.low_pass_hz, config.block_samples)
             box = self._web.read_configuration()
         if not box.is_rdt_enabled:
-            raise LinkError('the Net F/T keeps RDT disabled; enable it on its communications page')
+            raise LinkError(
+                'RDT is still disabled in the Net F/T; enable it on its communications page'
+            )
         if box.low_pass_hz not in (config.low_pass_hz, -1):
             raise LinkError(
-                f'the Net F/T was asked for a low pass of {config.low_pass_hz} Hz and has '
-                f'{box.low_pass_hz} Hz; set another "low_pass_hz"'
+                f'the low-pass filter of the Net F/T was set to {config.low_pass_hz} Hz, but it '
+                f'reports {box.low_pass_hz} Hz; set another "low_pass_hz"'
             )
         rate_hz = compute_rate_hz(box.rdt_rate_hz or config.rate_hz, box.internal_rate_hz)
         if abs(rate_hz - wanted_hz) > 0.05 * wanted_hz:
             raise LinkError(
-                f'the Net F/T was asked for {config.rate_hz:g} Hz and sends {rate_hz:.2f} Hz; '
+                f'the Net F/T was set to {config.rate_hz:g} Hz, but sends at {rate_hz:.2f} Hz; '
                 'set another "rate_hz"'
             )
         return box, rate_hz
@@ -256,10 +281,11 @@ class NetFtClient(LinkClient[NetFtLink]):
         )
 
     def _note_loss(self, link: NetFtLink) -> None:
-        self._before = self._before + link.counts  # a new one: `health` may be reading the old
+        # A new Counter instead of +=, because `health` may be reading the old one.
+        self._before = self._before + link.counts
 
     def _wants_pause(self, error: LinkError) -> bool:
-        # A box that was restarted is there already.
+        # A sensor that has restarted can be reached immediately.
         return not isinstance(error, CounterRestartError)
 
     def _read(self, link: NetFtLink) -> None:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""ATI Net F/T: units, packets (RDT), settings from its web pages."""
+"""ATI Net F/T: units, RDT packets, and settings on its web pages."""
 
 from __future__ import annotations
 
@@ -41,29 +41,45 @@ _UNITS = {
         'kN-m': 1e3,
     },
 }
-"""Newtons or newton metres in one unit, in the order of ATI's codes, which begin with 1."""
+"""Newtons or newton metres per unit, in the order of ATI's codes, which start at 1."""
 
 
 def unit_of_code(kind: str, code: int) -> str:
-    """Return the name of a unit of ``force`` or ``torque`` by ATI's code; LinkError: no such."""
+    """Return the unit with ATI's code of ``force`` or ``torque``; LinkError if unknown."""
     names = tuple(_UNITS[kind])
     if not 1 <= code <= len(names):
-        raise LinkError(f'the sensor names {kind} unit {code}; known are 1 to {len(names)}')
+        raise LinkError(
+            f'the sensor reports the {kind} unit {code}; known units are 1 to {len(names)}'
+        )
     return names[code - 1]
 
 
 def compute_si_per_count(
     force_unit: str, torque_unit: str, counts_per_force: float, counts_per_torque: float
 ) -> NDArray[np.float64]:
-    """Return one count of each component [N, N, N, N m, N m, N m], float64, shape (6,).
+    """Return the value of one count of each component, float64, shape (6,).
 
-    The units are as the sensor spells them; ``Nm`` and ``N-m`` are the same. LinkError when one is
-    not known, or a number of counts per unit is not positive.
+    Parameters
+    ----------
+    force_unit, torque_unit : str
+        Units as the sensor spells them; ``Nm`` and ``N-m`` are equivalent.
+    counts_per_force, counts_per_torque : float
+        Counts per unit.
+
+    Returns
+    -------
+    ndarray of shape (6,)
+        Force [N] and torque [N m] of one count.
+
+    Raises
+    ------
+    LinkError
+        If a unit is unknown, or a number of counts is not positive and finite.
     """
     for name, counts in (('force', counts_per_force), ('torque', counts_per_torque)):
         if not 0 < counts < float('inf'):
             raise LinkError(
-                f'the sensor states {counts} counts per {name} unit; '
+                f'the sensor reports {counts} counts per {name} unit; '
                 'check that its active configuration has a calibration'
             )
     force_n = _find('force', force_unit) / counts_per_force
@@ -77,13 +93,13 @@ def _find(kind: str, name: str) -> float:
         if unit.replace('-', '').lower() == wanted:
             return value
     raise LinkError(
-        f'the sensor states its {kind} in "{name}"; set it to one of {", ".join(_UNITS[kind])}'
+        f'the sensor reports its {kind} in "{name}"; set it to one of {", ".join(_UNITS[kind])}'
     )
 
 
 RECORD_BYTES = 36
 MOST_RECORDS = 40
-"""The most records in one datagram, in buffered mode."""
+"""Largest number of records in one datagram in buffered mode."""
 INTERNAL_RATE_HZ = 7000
 SATURATED = 1 << 17
 CONDITION_LATCHED = 1 << 16
@@ -95,7 +111,7 @@ _REQUEST = struct.Struct('>HHI')
 RECORD = np.dtype(
     [('rdt_sequence', '>u4'), ('ft_sequence', '>u4'), ('status', '>u4'), ('counts', '>i4', (6,))]
 )
-"""One RDT record; big-endian as it travels."""
+"""One RDT record in network byte order."""
 
 _NET_FT_BITS = {
     30: 'CPU or RAM',
@@ -152,28 +168,38 @@ class Command(IntEnum):
 
 
 def encode_request(command: Command) -> bytes:
-    """Return a request, for samples without end."""
+    """Return a request with an unlimited number of samples."""
     return _REQUEST.pack(_HEADER, command, 0)
 
 
 def decode_records(datagram: bytes) -> NDArray[np.void]:
-    """Return whole records, of `RECORD`, shape (records,); a view of the bytes."""
+    """Return the records as a view of the bytes, dtype `RECORD`, shape (records,)."""
     return np.frombuffer(datagram, dtype=RECORD)
 
 
 def classify_status(words: NDArray[np.uint32], *, is_axia: bool) -> NDArray[np.uint32]:
     """Return the bits of `StrainStatus` for each status word.
 
-    The latch of a monitor condition is no error: it says that a threshold of the user's was
-    passed. Saturation alone is not called a device error. Both are uint32, shape (samples,). The
-    bits of an Ethernet Axia differ.
+    A latched monitor condition is not an error: it means that the sensor exceeded a threshold
+    that its user has set. Saturation is reported as saturation only, not also as a device error.
+
+    Parameters
+    ----------
+    words : ndarray of uint32, shape (samples,)
+        Status words of the records.
+    is_axia : bool
+        The sensor is an Ethernet Axia, whose bits differ.
+
+    Returns
+    -------
+    ndarray of uint32, shape (samples,)
     """
     if not words.any():
         return np.zeros(len(words), dtype=np.uint32)
     saturated = np.uint32(_AXIA_SATURATED if is_axia else SATURATED)
     harmless = saturated | np.uint32(CONDITION_LATCHED | ERROR_SUMMARY)
     is_saturated = (words & saturated) != 0
-    # The summary alone, without any bit that explains it, is an error too.
+    # The summary bit without a bit that explains it is an error, too.
     is_unexplained = words == ERROR_SUMMARY
     is_error = ((words & ~harmless) != 0) | is_unexplained
     status = np.where(is_saturated, int(StrainStatus.SATURATED), 0)
@@ -182,16 +208,16 @@ def classify_status(words: NDArray[np.uint32], *, is_axia: bool) -> NDArray[np.u
 
 
 def format_status(word: int, *, is_axia: bool) -> tuple[str, ...]:
-    """Return what a status word says, highest bit first; nothing for a healthy sensor."""
+    """Return the errors in a status word, highest bit first; none for a healthy sensor."""
     bits = _AXIA_BITS if is_axia else _NET_FT_BITS
     words = [bits.get(bit, f'bit {bit}') for bit in range(30, -1, -1) if word >> bit & 1]
     if word & ERROR_SUMMARY and not words:
-        words = ['an error without a reason']
+        words = ['an unspecified error']
     return tuple(words)
 
 
 def compute_rate_hz(asked_hz: float, internal_hz: float = INTERNAL_RATE_HZ) -> float:
-    """Return the rate that a box makes of the rate that is asked: the next 7000 / n above it."""
+    """Return the rate to which a sensor rounds ``asked_hz``: the next higher 7000 / n [Hz]."""
     return internal_hz / max(1, int(internal_hz / asked_hz + 1e-9))
 
 
@@ -205,11 +231,11 @@ class BoxConfiguration:
     """Configuration that a Net F/T reports on its web interface."""
 
     product: str
-    serial: str  # of the calibration; empty: not reported
-    # Newtons and newton metres of one count of each component, float64, shape (6,)
+    serial: str  # serial number of the calibration; an empty string if not reported
+    # Force [N] and torque [N m] of one count of each component, float64, shape (6,)
     si_per_count: NDArray[np.float64]
     internal_rate_hz: float  # rate of the sample counter [Hz]
-    rdt_rate_hz: float  # rate of the RDT records as the box rounds it [Hz]; 0: not reported
+    rdt_rate_hz: float  # rate of the RDT records, rounded by the sensor [Hz]; 0: not reported
     low_pass_hz: int  # cut-off frequency of its low-pass filter [Hz]; 0: off; -1: not reported
     records_per_datagram: int  # records per datagram in buffered mode; 0: not reported
     status: int
@@ -222,18 +248,20 @@ class BoxConfiguration:
 
 
 def parse_configuration(page: bytes) -> BoxConfiguration:
-    """Return the configuration from a ``netftapi2.xml`` page; LinkError: it is none."""
-    if b'<!' in page:  # entities and the like; a box sends none
-        raise LinkError('the configuration page of the Net F/T is no plain XML')
+    """Return the configuration on a ``netftapi2.xml`` page; LinkError if the page is invalid."""
+    if b'<!' in page:  # declarations such as entities, which a real sensor does not send
+        raise LinkError('the configuration page of the Net F/T contains XML declarations')
     try:
         root = ElementTree.fromstring(page)  # noqa: S314 - no declarations, see above
     except (ElementTree.ParseError, ValueError, LookupError) as error:
-        raise LinkError(f'the configuration page of the Net F/T is no XML: {error}') from error
+        raise LinkError(
+            f'the configuration page of the Net F/T is not valid XML: {error}'
+        ) from error
     tags = {element.tag: (element.text or '').strip() for element in root}
     force_unit = tags.get('scfgfu') or unit_of_code('force', int(_number(tags, 'cfgfu')))
     torque_unit = tags.get('scfgtu') or unit_of_code('torque', int(_number(tags, 'cfgtu')))
     filters = {code: cutoff_hz for cutoff_hz, code in LOW_PASS_CODES.items()}
-    # One public stand-in for a box spells the rate with two m.
+    # One publicly available simulator of the sensor spells this tag with two m.
     rate_tag = 'comrdtrate' if 'comrdtrate' in tags else 'commrdtrate'
     return BoxConfiguration(
         product=tags.get('prodname', ''),
@@ -259,7 +287,9 @@ def _number(tags: Mapping[str, str], tag: str, default: float | None = None) -> 
     except ValueError:
         value = float('nan')
     if not 0 <= abs(value) < 1e15:
-        raise LinkError(f'the configuration page of the Net F/T says {tag} = "{text}"')
+        raise LinkError(
+            f'the configuration page of the Net F/T has {tag} = "{text}"; a number is needed'
+        )
     return value
 
 
@@ -267,13 +297,15 @@ def _status(tags: Mapping[str, str]) -> int:
     try:
         return int(tags.get('runstat', '0'), 16) & 0xFFFFFFFF
     except ValueError as error:
-        raise LinkError(f'the Net F/T states its status as "{tags["runstat"]}"') from error
+        raise LinkError(
+            f'the Net F/T reports the status "{tags["runstat"]}"; a hexadecimal number is needed'
+        ) from error
 
 
 class BoxWeb:
-    """The web server of one box; each call is a connection of its own.
+    """Client of the web server of one Net F/T; each call opens a connection.
 
-    Its methods raise LinkError when the box does not answer, or refuses.
+    All methods raise LinkError if the sensor does not answer or refuses a setting.
     """
 
     def __init__(self, host: str, port: int) -> None:
@@ -285,10 +317,16 @@ class BoxWeb:
         return parse_configuration(self._get(CONFIGURATION_PAGE))
 
     def write_settings(self, rate_hz: float, low_pass_hz: int, records: int) -> None:
-        """Set rate, filter and records per datagram, 1 to 40, and allow RDT.
+        """Set rate, filter and records per datagram, and enable RDT.
 
-        The box takes the next rate of 7000 / n above ``rate_hz`` [Hz]; ``low_pass_hz`` is the
-        cut-off [Hz], a key of `LOW_PASS_CODES`.
+        Parameters
+        ----------
+        rate_hz : float
+            Rate of the records [Hz]; the sensor takes the next higher rate of 7000 / n.
+        low_pass_hz : int
+            Cut-off frequency of the low-pass filter [Hz], a key of `LOW_PASS_CODES`.
+        records : int
+            Records per datagram, 1 to 40.
         """
         self._set('setting.cgi', setuserfilter=LOW_PASS_CODES[low_pass_hz])
         self._set(
@@ -314,9 +352,9 @@ class BoxWeb:
             ) from error
         finally:
             connection.close()
-        if response.status not in (200, 302, 303):  # a box may send the browser back
+        if response.status not in (200, 302, 303):  # a sensor may answer with a redirection
             raise LinkError(
-                f'the Net F/T answers {path} with HTTP status {response.status}: '
-                'the setting was refused'
+                f'the Net F/T answers {path} with HTTP status {response.status}; check the '
+                'settings on its web page'
             )
         return body

@@ -12,12 +12,24 @@ from tendon_sensor_driver.records import TendonSensorConfig
 
 
 def make_sensor(config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) -> SensorClient:
-    """Return the client for ``config.sensor``, not opened yet; see `SensorClient`.
+    """Return a client for ``config.sensor`` that is not opened yet.
 
-    TendonSensorError: a topic needs a node.
+    Parameters
+    ----------
+    config : TendonSensorConfig
+        Kind and parameters of the sensor.
+    on_block, now_ns
+        See `SensorClient`.
+
+    Raises
+    ------
+    TendonSensorError
+        If ``config.sensor`` is ``topic``, because only a node can subscribe to a topic.
     """
     if config.sensor == 'topic':
-        raise TendonSensorError('a topic is read by the node tendon_sensor_node alone; run that')
+        raise TendonSensorError(
+            'a sensor on a topic can only be read by a ROS node; run tendon_sensor_node'
+        )
     if config.sensor == 'net_ft':
         from tendon_sensor_driver.net_ft import NetFtClient
 

@@ -1,16 +1,16 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Samples of any sensor to numbered, stamped blocks, without IO.
+"""Grouping of the samples of any sensor into numbered and stamped blocks, without IO.
 
-A client reads a `Batch`: a line of text is a batch of one, a datagram of a Net F/T one of forty.
-The sensor's clock (`SampleClock`) drops samples without a place in time and returns `Run` of
-consecutive ones. `Stream` judges the values and groups them into blocks:
+A client reads a `Batch`: one sample from a line of text, up to forty from a Net F/T datagram.
+The sensor's clock (`SampleClock`) drops duplicate, late and implausible samples and returns the
+others as `Run` of consecutive samples. `Stream` adds the status and groups samples into blocks:
 
     Batch -> SampleClock.place_batch -> Run, Run ... -> status of each sample -> StrainBlock ...
 
-A block ends when it is full, before a gap, before something that happened, before a change of
-status, and before a run whose stamp is more than half a period from where the block would put it.
+A block ends when it is full, before a gap, an event or a change of status, and before a run
+whose stamp deviates by more than half a period from its expected time in the block.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from numpy.typing import NDArray
 
 from tactile_ros.strain import StrainBlock, StrainStatus
 from tendon_sensor_driver.clock import Batch, DeviceClock, HostClock, Run, SampleClock
-from tendon_sensor_driver.records import NEWTONS, Reading, TendonSensorConfig
+from tendon_sensor_driver.records import LineReading, NEWTONS, TendonSensorConfig
 
 _FEWEST_EQUAL = 10
-# As integers: operations on flags take a third of the time of a sample.
+# Integers, because operations on IntFlag take a third of the time spent on a sample.
 _SATURATED, _STUCK = int(StrainStatus.SATURATED), int(StrainStatus.STUCK)
 _RECONNECTED = int(StrainStatus.RECONNECTED)
 _RESYNCHRONISED = int(StrainStatus.RESYNCHRONISED)
 _CLOCK_STEP = int(StrainStatus.CLOCK_STEP)
 _SIMULATED = np.array([int(StrainStatus.SIMULATED)], dtype=np.uint32)
 
-_status_of = functools.cache(StrainStatus)  # its members are found by a search
+_status_of = functools.cache(StrainStatus)  # constructing an IntFlag is slow
 
 Clock = TypeVar('Clock', bound=SampleClock)
 
@@ -49,33 +49,45 @@ class _OpenBlock:
     sequence: int
     lost_before: int
     error_s: float
-    status: int  # bits of each sample
-    event: int  # bits of what happened before the first
+    status: int  # status bits of each sample
+    event: int  # status bits of events before the first sample
     period_ns: int
     samples: int = 0
     tensions: list[NDArray[np.float64]] = field(default_factory=list)
     wrenches: list[NDArray[np.float64]] = field(default_factory=list)
 
     def misfit_ns(self, stamp_ns: int) -> int:
-        """Return how far a next sample is behind where the block would put it [ns]."""
+        """Return the deviation of the next sample from its expected time in the block [ns]."""
         return stamp_ns - self.stamp_ns - self.samples * self.period_ns
 
     def widen_error(self, stamp_ns: int, error_s: float) -> None:
-        """Have the error of the block bound that of a next sample, too; negative: not known."""
+        """Widen the error of the block for the next sample; a negative error is unknown."""
         if self.error_s >= 0:
             misfit_s = abs(self.misfit_ns(stamp_ns)) / 1e9
             self.error_s = max(self.error_s, error_s + misfit_s) if error_s >= 0 else -1.0
 
 
 class Stream(Generic[Clock]):
-    """Numbers the samples of one sensor, judges them and groups them into blocks.
+    """Numbers the samples of one sensor, adds their status and groups them into blocks.
 
-    A sample is saturated from ``saturation_n``, and stuck when it and those before it have been
-    exactly equal for ``stuck_s``, at least ten of them.
+    A sample is marked as saturated if its magnitude is at least ``saturation_n``, and as stuck
+    if at least ten equal samples in a row span ``stuck_s``.
 
-    ``clock`` gives the samples their time, and counts those that have no place in it. ``status``
-    holds for every sample, such as HOST_TIME. ``readings`` samples were handed on,
-    ``lost_samples`` are missing between them.
+    Parameters
+    ----------
+    config : TendonSensorConfig
+        Limits, and the number of samples in a block.
+    clock : SampleClock
+        Assigns times to the samples.
+    status : StrainStatus
+        Status that holds for every sample, such as HOST_TIME.
+
+    Attributes
+    ----------
+    readings : int
+        Number of accepted samples.
+    lost_samples : int
+        Number of missing samples.
     """
 
     def __init__(
@@ -88,12 +100,12 @@ class Stream(Generic[Clock]):
         self._always = int(status)
         self._saturation_n = config.saturation_n or math.inf
         self._stuck_ns = config.stuck_s * 1e9 or math.inf
-        self._equal = 0  # samples in a row, the newest one too
+        self._equal = 0  # number of equal samples in a row, including the newest
         self._last_n = math.nan
         self._sequence = -1
-        self._event = 0  # bits, before the next sample
+        self._event = 0  # status bits of events before the next sample
         self._open: _OpenBlock | None = None
-        self._next_ns: int | None = None  # no block begins before this
+        self._next_ns: int | None = None  # earliest stamp of the next block
 
     @property
     def status(self) -> StrainStatus:
@@ -101,13 +113,16 @@ class Stream(Generic[Clock]):
         return StrainStatus(self._status)
 
     def add(self, batch: Batch) -> list[StrainBlock]:
-        """Take samples that were read together; return the blocks that they complete.
+        """Add samples that were read together; return the blocks that they complete.
 
-        CounterRestartError: a counter jumped within a session; begin another one.
+        Raises
+        ------
+        CounterRestartError
+            If the counter of a `CounterClock` jumped within a session.
         """
         outliers = self.clock.outliers
         runs = self.clock.place_batch(batch)
-        if self.clock.outliers > outliers:  # samples were dropped after all
+        if self.clock.outliers > outliers:  # samples were dropped
             self._event |= _RESYNCHRONISED
         blocks: list[StrainBlock] = []
         for run in runs:
@@ -115,23 +130,23 @@ class Stream(Generic[Clock]):
         return blocks
 
     def note_dropped_bytes(self) -> None:
-        """Note that part of the stream is missing, or was no sample, before the next one."""
+        """Record that bytes before the next sample were lost or could not be decoded."""
         self._event |= _RESYNCHRONISED
 
     def note_reconnection(self) -> None:
-        """Note that the link was lost and came back before the next sample."""
+        """Record that the link was lost and re-established before the next sample."""
         self.clock.note_reconnection()
         self._event |= _RECONNECTED
 
     def note_clock_step(self, step_ns: int) -> None:
-        """Note that the host's clock was set by this before the next sample [ns]."""
+        """Record a step of the host's clock [ns] before the next sample."""
         self.clock.note_step(step_ns)
         if self._next_ns is not None:
             self._next_ns += step_ns
         self._event |= _CLOCK_STEP
 
     def flush(self) -> list[StrainBlock]:
-        """Return the unfinished block, if there is one."""
+        """Close the unfinished block, and return it in a list; an empty list if there is none."""
         return [] if self._open is None else [self._close(self._open)]
 
     # -- one run -----------------------------------------------------------------------
@@ -185,7 +200,7 @@ class Stream(Generic[Clock]):
         return blocks
 
     def _begin(self, stamp_ns: int, error_s: float, lost: int, status: int) -> _OpenBlock:
-        """Open a block that begins with the next sample, later than all before."""
+        """Open a block that starts at the next sample; its stamp is after all earlier ones."""
         if self._next_ns is not None and stamp_ns < self._next_ns:
             error_s += (self._next_ns - stamp_ns) / 1e9 if error_s >= 0 else 0.0
             stamp_ns = self._next_ns
@@ -198,7 +213,7 @@ class Stream(Generic[Clock]):
     def _close(self, made: _OpenBlock) -> StrainBlock:
         self._open = None
         tension_n = made.tensions[0] if len(made.tensions) == 1 else np.concatenate(made.tensions)
-        tension_n.flags.writeable = False  # neighbours in the process look at it, too
+        tension_n.flags.writeable = False  # shared with other stages in the process
         self._next_ns = made.stamp_ns + (made.samples - 1) * made.period_ns + 1
         return StrainBlock(
             made.stamp_ns,
@@ -214,8 +229,8 @@ class Stream(Generic[Clock]):
     def _judge(
         self, tension_n: NDArray[np.float64], stated: NDArray[np.uint32] | None
     ) -> Sequence[int] | NDArray[np.uint32]:
-        """Return the status bits of each sample: those stated, and those of its value."""
-        if len(tension_n) == 1:  # the same rule; a third of the time of arrays
+        """Return the status bits of each sample, from the device (``stated``) and its value."""
+        if len(tension_n) == 1:  # the same rule as below, in a third of the time
             value_n = float(tension_n[0])
             self._equal = self._equal + 1 if value_n == self._last_n else 1
             self._last_n = value_n
@@ -235,7 +250,7 @@ class Stream(Generic[Clock]):
         if not is_equal.any():
             self._equal = 1
             return status
-        # Equal samples in a row, up to and with each one.
+        # Number of equal samples in a row, up to and including each sample.
         position = np.arange(1, len(tension_n) + 1)
         change = np.maximum.accumulate(np.where(is_equal, -self._equal, position))
         equal = np.where(change > 0, position - change + 1, position + self._equal)
@@ -244,17 +259,17 @@ class Stream(Generic[Clock]):
         return status
 
     def _are_stuck(self, equal: Any) -> Any:
-        """Return whether so many equal samples in a row are a stuck sensor; int or array."""
+        """Return True where this number of equal samples means a stuck sensor; int or array."""
         return (equal >= _FEWEST_EQUAL) & ((equal - 1) * self.clock.period_ns >= self._stuck_ns)
 
 
 class StrainStream(Stream[SampleClock]):
-    """Turns the readings of a load-cell line into blocks of tension.
+    """Converts the readings of a load cell into blocks of tension.
 
-    Newtons are value * scale * (newtons in one unit) + offset.
+    tension = value * scale * newtons per unit + offset.
 
-    A board without a clock counts as restarted after every reconnection: it may have lost its
-    power, and many boards measure a zero of their own when they start.
+    A board without a clock is assumed to have restarted after every reconnection: it may have
+    lost its power, and many boards set their own zero when they start.
     """
 
     def __init__(self, config: TendonSensorConfig) -> None:
@@ -271,8 +286,8 @@ class StrainStream(Stream[SampleClock]):
             self.clock.restarts += 1
             self._event |= int(StrainStatus.RESTARTED)
 
-    def add_reading(self, reading: Reading) -> list[StrainBlock]:
-        """Take one reading; return the blocks that it completes."""
+    def add_reading(self, reading: LineReading) -> list[StrainBlock]:
+        """Add one reading; return the blocks that it completes."""
         if reading.resynchronised:
             self.note_dropped_bytes()
         return self.add(

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The zero of the sensor: measured when asked for, taken off every sample, or refused."""
+"""The tare of the sensor: measured on request and subtracted from every sample."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ _BREAKS = {
     StrainStatus.CLOCK_STEP: "the host's clock was set",
 }
 _ANY_BREAK = sum(int(bit) for bit in _BREAKS)
-"""Samples from before these say nothing about the zero from then on."""
+"""Status bits after which earlier samples can no longer be used for a tare."""
 
 
 class TareError(TendonSensorError):
-    """The last samples cannot be a zero.
+    """The latest samples cannot be used as a tare.
 
     Attributes
     ----------
     code : str
-        ``few``, ``old``, ``marked``, ``loaded``, ``moving`` or ``noisy``.
+        Kind of the reason: ``few``, ``old``, ``marked``, ``loaded``, ``moving`` or ``noisy``.
     """
 
     def __init__(self, code: str, message: str) -> None:
@@ -40,28 +40,28 @@ class TareError(TendonSensorError):
 
 
 @dataclass(frozen=True)
-class Bias:
-    """Bias subtracted from every sample; mirrors ``tactile_msgs/Tare``."""
+class TareValue:
+    """Value that is subtracted from every sample; mirrors ``tactile_msgs/Tare``."""
 
-    stamp_ns: int  # time at which it was measured or cleared [ns]
-    bias_n: float = 0.0  # mean of the tare samples [N]
-    spread_n: float = 0.0  # their standard deviation [N]
-    samples: int = 0  # number of tare samples; 0: no bias is subtracted
+    stamp_ns: int  # time at which the tare was measured or cleared [ns]
+    tare_n: float = 0.0  # mean of the tare samples [N]
+    spread_n: float = 0.0  # standard deviation of the tare samples [N]
+    samples: int = 0  # number of tare samples; 0: no tare is subtracted
 
 
 class Tare:
-    """Keeps the last samples as they came, and the bias that is taken off.
+    """Measures the tare from the latest samples and subtracts it from every block.
 
-    A tare is measured from samples that are there already, so it is answered at once: what
-    was to be still must have been so for that many samples before. It is refused when there
-    are not as many, when they are old, bad by status, spread too far, change over their
-    length, or lie too far from the sensor's own zero: a loaded sensor. Samples from before a
-    reconnection, a step of the host's clock or a silence of more than ``silence_s`` do not count.
+    A tare is measured from samples that were received before the request, so the finger must
+    have been unloaded and still during the last ``tare_samples`` samples. A tare is refused if
+    there are too few samples, or if the samples are old, have an error status, are noisy, drift,
+    or show a load. Samples from before a reconnection, a step of the host's clock or a silence
+    of more than ``silence_s`` are not used.
 
-    A device that restarted may have measured a zero of its own, as many load-cell boards do.
-    Then the bias is a number about another zero, and is forgotten.
+    Many load-cell boards set their own zero when they start. The tare is therefore cleared when
+    the device restarts.
 
-    Its methods may be called from several threads.
+    All methods are thread-safe.
     """
 
     def __init__(self, config: TendonSensorConfig) -> None:
@@ -69,101 +69,109 @@ class Tare:
         self._lock = threading.Lock()
         self._blocks: deque[StrainBlock] = deque()
         self._samples = 0
-        self._end_ns = 0  # of the newest block
-        self._break = ''  # of the samples, before the first of those that are kept
-        self._wrench_bias: NDArray[np.float64] | None = None
-        self._bias = Bias(0)
+        self._end_ns = 0  # end of the newest block
+        self._break = ''  # event before the first of the stored samples, for messages
+        self._wrench_tare: NDArray[np.float64] | None = None
+        self._value = TareValue(0)
 
     @property
-    def bias(self) -> Bias:
-        """Bias subtracted at present."""
-        return self._bias
+    def value(self) -> TareValue:
+        """The present tare."""
+        return self._value
 
     def apply(self, block: StrainBlock) -> StrainBlock:
-        """Take note of a block as it came, and return it with the bias taken off."""
+        """Store a block for the next tare, and return it with the present tare subtracted."""
         count = len(block.tension_n)
         with self._lock:
             silence_s = (block.stamp_ns - self._end_ns) / 1e9
             if int(block.status) & _ANY_BREAK:
-                self._begin_anew(next(text for bit, text in _BREAKS.items() if block.status & bit))
+                self._drop_samples(
+                    next(text for bit, text in _BREAKS.items() if block.status & bit)
+                )
             elif self._blocks and silence_s > self._config.silence_s:
-                self._begin_anew(f'a silence of {silence_s:.1f} s')
+                self._drop_samples(f'a silence of {silence_s:.1f} s')
             self._blocks.append(block)
             self._samples += count
             self._end_ns = block.stamp_ns + count * block.period_ns
             while self._samples - len(self._blocks[0].tension_n) >= self._config.tare_samples:
                 self._samples -= len(self._blocks.popleft().tension_n)
-            bias, wrench_bias = self._bias, self._wrench_bias
-        if not bias.samples:
+            value, wrench_tare = self._value, self._wrench_tare
+        if not value.samples:
             return block
         wrench = block.wrench
-        if wrench is not None and wrench_bias is not None:
-            wrench = wrench - wrench_bias
-        tension_n = block.tension_n - bias.bias_n
+        if wrench is not None and wrench_tare is not None:
+            wrench = wrench - wrench_tare
+        tension_n = block.tension_n - value.tare_n
         tension_n.flags.writeable = False
         return replace(block, tension_n=tension_n, wrench=wrench)
 
-    def measure(self, now_ns: int) -> Bias:
-        """Take the mean of the last samples as the new bias.
+    def measure(self, now_ns: int) -> TareValue:
+        """Set the tare to the mean of the latest samples, and return it.
+
+        Parameters
+        ----------
+        now_ns : int
+            Present ROS time [ns].
 
         Raises
         ------
         TareError
-            When they cannot be a zero; the bias stays as it was.
+            If the samples cannot be used as a tare. The tare stays as it was.
         """
         with self._lock:
             blocks = self._check(now_ns)
-            bias = self._compute(blocks, now_ns)
+            value = self._compute(blocks, now_ns)
             wrenches = [block.wrench for block in blocks if block.wrench is not None]
-            self._wrench_bias = (
-                np.concatenate(wrenches)[-bias.samples :].mean(axis=0) if wrenches else None
+            self._wrench_tare = (
+                np.concatenate(wrenches)[-value.samples :].mean(axis=0) if wrenches else None
             )
-            self._bias = bias
-        return bias
+            self._value = value
+        return value
 
-    def clear(self, now_ns: int) -> Bias:
-        """Take nothing off any more."""
+    def clear(self, now_ns: int) -> TareValue:
+        """Clear the tare: from now on, nothing is subtracted."""
         with self._lock:
-            self._wrench_bias = None
-            self._bias = Bias(now_ns)
-        return self._bias
+            self._wrench_tare = None
+            self._value = TareValue(now_ns)
+        return self._value
 
     def note_restart(self, now_ns: int) -> bool:
-        """Forget samples and bias of a device that has restarted; return whether one was set."""
+        """Clear the tare of a device that has restarted; return whether a tare was set."""
         with self._lock:
-            self._begin_anew(_BREAKS[StrainStatus.RESTARTED])
-        was_set = self._bias.samples > 0
+            self._drop_samples(_BREAKS[StrainStatus.RESTARTED])
+        was_set = self._value.samples > 0
         self.clear(now_ns)
         return was_set
 
     def compute_drift(self, now_ns: int) -> float | None:
-        """Return how far the sensor's zero is from the bias [N]; None when it is not to be seen.
+        """Return how far the unloaded sensor has drifted from the tare [N].
 
-        It can be seen while a tare would be accepted.
+        Return None if no tare is set, or if a new tare would be refused at present: the drift
+        can only be measured while the sensor is unloaded and still.
         """
-        if not self._bias.samples:
+        if not self._value.samples:
             return None
         with self._lock:
             try:
-                bias = self._compute(self._check(now_ns), now_ns)
+                value = self._compute(self._check(now_ns), now_ns)
             except TareError:
                 return None
-        return bias.bias_n - self._bias.bias_n
+        return value.tare_n - self._value.tare_n
 
-    def _begin_anew(self, event: str) -> None:
-        """Forget the samples: they say nothing about the zero after this event."""
+    def _drop_samples(self, event: str) -> None:
+        """Drop the stored samples: they cannot be used for a tare after this event."""
         self._blocks.clear()
         self._samples = 0
         self._break = event
 
     def _check(self, now_ns: int) -> list[StrainBlock]:
-        """Return the last blocks when there are enough, they are fresh and good."""
+        """Return the stored blocks if there are enough of them and they are recent and valid."""
         blocks, config = list(self._blocks), self._config
         if self._samples < config.tare_samples:
             since = f' since {self._break}' if self._break else ''
             raise TareError(
                 'few',
-                f'only {self._samples} of {config.tare_samples} samples have come{since}; leave '
+                f'only {self._samples} of {config.tare_samples} samples received{since}; leave '
                 'the sensor unloaded and try again',
             )
         silence_s = (now_ns - self._end_ns) / 1e9
@@ -174,22 +182,23 @@ class Tare:
         for block in blocks:
             if bad := block.status & NO_MEASUREMENT:
                 raise TareError(
-                    'marked', f'the last samples are marked {bad.describe()}; see the diagnostics'
+                    'marked',
+                    f'the latest samples have the status {bad.describe()}; see the diagnostics',
                 )
         return blocks
 
-    def _compute(self, blocks: list[StrainBlock], now_ns: int) -> Bias:
+    def _compute(self, blocks: list[StrainBlock], now_ns: int) -> TareValue:
         config = self._config
         tension_n = np.concatenate([block.tension_n for block in blocks])[-config.tare_samples :]
         mean_n, spread_n = float(tension_n.mean()), float(tension_n.std(ddof=1))
-        # Rise of the regression line over all samples, on places from -1/2 to 1/2.
-        places = np.linspace(-0.5, 0.5, len(tension_n))
-        change_n = float(places @ (tension_n - mean_n) / (places @ places))
+        # Rise of the regression line over all samples, whose positions run from -1/2 to 1/2.
+        positions = np.linspace(-0.5, 0.5, len(tension_n))
+        change_n = float(positions @ (tension_n - mean_n) / (positions @ positions))
         if abs(mean_n) > config.tare_limit_n:
             raise TareError(
                 'loaded',
-                f'loaded: the mean is {mean_n:.2f} N without any tare, beyond tare_limit_n '
-                f'({config.tare_limit_n:g} N); release the tendon',
+                f'loaded: the mean without any tare is {mean_n:.2f} N, more than tare_limit_n '
+                f'({config.tare_limit_n:g} N); slacken the tendon',
             )
         if abs(change_n) > config.tare_change_n:
             raise TareError(
@@ -203,4 +212,4 @@ class Tare:
                 f'noisy: the standard deviation is {spread_n:.3f} N, more than tare_spread_n '
                 f'({config.tare_spread_n:g} N); look for loose contacts and vibration',
             )
-        return Bias(now_ns, mean_n, spread_n, len(tension_n))
+        return TareValue(now_ns, mean_n, spread_n, len(tension_n))

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The sensor as a ROS node."""
+"""ROS node of the sensor."""
 
 from __future__ import annotations
 
@@ -35,27 +35,27 @@ from tendon_sensor_driver.conversions import (
     to_values,
     to_wrench_msg,
 )
-from tendon_sensor_driver.records import Health, TendonSensorConfig
+from tendon_sensor_driver.records import SensorHealth, TendonSensorConfig
 from tendon_sensor_driver.sensors import make_sensor
 
 WATCH_PERIOD_S = 0.2
-_NEWS_PERIODS = 5  # what was counted in the last second is news
+_PAST_PERIODS = 5  # counters that increased during the last second are reported
 
 
 class LastMessage:
-    """The last message of a topic, taken when it is asked for, so that it costs nothing before."""
+    """The last message of a topic, taken from the middleware only on request."""
 
     def __init__(self, node: TendonSensorNode, kind: Any, topic: str, profile: Any) -> None:
         self._message: Any = None
         self._subscription = PolledSubscription(node, kind, topic, self._take, profile)
 
     def get(self) -> Any:
-        """Return the message; None if none has come, or its publisher has gone."""
+        """Return the last message, or None if there is none or its publisher is gone."""
         self._subscription.poll()
         return self._message if self._subscription.get_publisher_count() else None
 
     def close(self) -> None:
-        """Unsubscribe. Harmless when called twice."""
+        """Unsubscribe; idempotent."""
         self._subscription.close()
 
     def _take(self, message: Any, _: Any) -> None:
@@ -63,7 +63,7 @@ class LastMessage:
 
 
 class TareGuard:
-    """Refuses a change of the tare that would shift the tension limits of a tendon in use."""
+    """Refuses changes of the tare while a tendon is in use, because they shift its limits."""
 
     def __init__(self, node: TendonSensorNode, config: TendonSensorConfig) -> None:
         self._slack = self._event = None
@@ -73,32 +73,42 @@ class TareGuard:
             self._event = LastMessage(node, TrialEvent, config.trial_topic, EVENTS)
 
     def find_refusal(self) -> Refusal | None:
-        """Return why the tare must stay as it is, or None."""
+        """Return why the tare must not be changed now, or None."""
         slack = self._slack.get() if self._slack else None
         if slack is not None and slack.state == TendonSlack.TAUT:
             return Refusal(
                 f'the tendon is tightened by {slack.displacement_m * 1e3:.1f} mm',
-                'let it go slack: ros2 service call /tendon_actuator/release std_srvs/srv/Trigger',
+                'slacken it: ros2 service call /tendon_actuator/release std_srvs/srv/Trigger',
             )
         event = self._event.get() if self._event else None
         ends = (TrialEvent.PHASE_DONE, TrialEvent.PHASE_ABORTED)
         if event is not None and event.phase not in ends:
-            return Refusal(f'trial {event.trial_id} is running', 'wait for its end, or cancel it')
+            return Refusal(f'trial {event.trial_id} is running', 'wait for it to end or cancel it')
         return None
 
     def close(self) -> None:
-        """Unsubscribe. Harmless when called twice."""
+        """Unsubscribe; idempotent."""
         for last in (self._slack, self._event):
             if last is not None:
                 last.close()
 
 
 class SensorStage(Stage):
-    """One sensor from its link to blocks of tension: ``~/strain``, ``~/wrench``, ``~/tare``.
+    """The sensor, its tare, and the topics ``~/strain``, ``~/wrench`` and ``~/tare_state``.
 
-    The node hosts the topics and services. While it is active, ``emit`` is given each block on
-    the thread of the sensor. TendonSensorError: there is no such sensor, or it refuses its
-    settings.
+    Parameters
+    ----------
+    node : TendonSensorNode
+        Owner of the topics and services.
+    config : TendonSensorConfig
+        Parameters of the sensor.
+    emit : callable
+        Called with each block on the sensor's thread while the node is active.
+
+    Raises
+    ------
+    TendonSensorError
+        If the sensor cannot be found or does not accept its settings.
     """
 
     def __init__(
@@ -110,7 +120,7 @@ class SensorStage(Stage):
         self._node = node
         self._config = config
         self._emit = emit
-        self._zero = tare.Tare(config)
+        self._tare = tare.Tare(config)
         self._drift_n: float | None = None
         self._strain = RecordPublisher(
             node,
@@ -126,9 +136,9 @@ class SensorStage(Stage):
             lambda block: to_wrench_msg(block, config.frame_id, config.axis, config.scale),
             STREAM,
         )
-        # Not held back while inactive: it is a state, and a recorder wants it from the start.
+        # Published while inactive, too: a recorder needs this latched state from the start.
         self._tare_state = node.create_publisher(Tare, '~/tare_state', LATEST)
-        self._publish_tare(self._zero.clear(self._node.now_ns()))
+        self._publish_tare(self._tare.clear(self._node.now_ns()))
         self._guard = TareGuard(node, config)
         self._services = [
             node.create_service(Trigger, name, callback)
@@ -146,7 +156,7 @@ class SensorStage(Stage):
             self.close()
             raise
         self._client = client
-        self._past: deque[Health] = deque([client.health()], maxlen=_NEWS_PERIODS)
+        self._past: deque[SensorHealth] = deque([client.health()], maxlen=_PAST_PERIODS)
         self._shown: tuple[object, ...] = ()
         self._diagnostics = diagnostics.Diagnostics(
             node,
@@ -156,7 +166,7 @@ class SensorStage(Stage):
         self._watching = node.call_every(WATCH_PERIOD_S, lambda: self._watch(client))
 
     def close(self) -> None:
-        """Close the sensor, then give back what its thread uses."""
+        """Close the sensor, then release the resources that its thread uses."""
         if self._watching is not None:
             self._watching.cancel()
         if self._diagnostics is not None:
@@ -185,12 +195,12 @@ class SensorStage(Stage):
     # -- on the sensor's thread ----------------------------------------------------------
 
     def _on_block(self, block: StrainRecord) -> None:
-        """Send one block, unless deactivated."""
+        """Subtract the tare from a block, and publish it while the node is active."""
         if block.stamp_ns < 0:
-            return  # /clock has told no time yet: rclpy's Time raises at a negative stamp
+            return  # no time on /clock yet; rclpy's Time raises for a negative stamp
         if block.status and block.status & StrainStatus.RESTARTED:
             self._forget_after_restart()
-        block = self._zero.apply(block)
+        block = self._tare.apply(block)
         if self._config.simulated:
             block = replace(block, status=block.status | StrainStatus.SIMULATED)
         if not self._node.is_active:
@@ -200,54 +210,54 @@ class SensorStage(Stage):
         self._emit(block)
 
     def _forget_after_restart(self) -> None:
-        if self._zero.note_restart(self._node.now_ns()):
+        if self._tare.note_restart(self._node.now_ns()):
             self._node.get_logger().warning(
-                f'{format_restart(self._config)}; the tare is gone, tare again'
+                f'{format_restart(self._config)}; the tare was cleared, tare again'
             )
             self._drift_n = None
-            self._publish_tare(self._zero.bias)
+            self._publish_tare(self._tare.value)
 
     # -- on the executor -----------------------------------------------------------------
 
     def _on_tare(self, _: Any, response: Any) -> Any:
         if refusal := self._guard.find_refusal():
-            response.message = f'no tare: {refusal}'
+            response.message = f'tare refused: {refusal}'
             self._node.get_logger().warning(response.message)
             return response
         try:
-            bias = self._zero.measure(self._node.now_ns())
+            value = self._tare.measure(self._node.now_ns())
         except tare.TareError as error:
-            response.message = f'no tare: {error}'
+            response.message = f'tare refused: {error}'
             self._node.get_logger().warning(response.message)
             return response
         self._drift_n = None
-        self._publish_tare(bias)
+        self._publish_tare(value)
         response.success = True
         response.message = (
-            f'{bias.bias_n:.3f} N are taken off from now on, the mean of {bias.samples} samples '
-            f'with a spread of {bias.spread_n:.3f} N'
+            f'tare set to {value.tare_n:.3f} N, the mean of {value.samples} samples with a '
+            f'standard deviation of {value.spread_n:.3f} N'
         )
         self._node.get_logger().info(response.message)
         return response
 
     def _on_clear_tare(self, _: Any, response: Any) -> Any:
         if refusal := self._guard.find_refusal():
-            response.message = f'the tare stays: {refusal}'
+            response.message = f'the tare was not cleared: {refusal}'
             return response
         self._drift_n = None
-        self._publish_tare(self._zero.clear(self._node.now_ns()))
+        self._publish_tare(self._tare.clear(self._node.now_ns()))
         response.success = True
-        response.message = 'nothing is taken off from now on'
+        response.message = 'tare cleared'
         return response
 
-    def _publish_tare(self, bias: tare.Bias) -> None:
-        self._tare_state.publish(to_tare_msg(bias, self._config.frame_id))
+    def _publish_tare(self, value: tare.TareValue) -> None:
+        self._tare_state.publish(to_tare_msg(value, self._config.frame_id))
 
     # -- on the thread of periodic calls -------------------------------------------------
 
     def _watch(self, client: SensorClient) -> None:
-        """Look at the link; tell at once when what there is to say is of another kind."""
-        self._node.look_for_simulated_time()
+        """Check the link; publish the diagnostics immediately when the state has changed."""
+        self._node.check_simulated_time()
         health = client.health()
         self._past.append(health)
         level, sentence = self._judge(health)
@@ -259,18 +269,18 @@ class SensorStage(Stage):
         self._shown = shown
         self._diagnostics.publish()
 
-    def _judge(self, health: Health) -> tuple[int, str]:
+    def _judge(self, health: SensorHealth) -> tuple[int, str]:
         return assess_health(health, self._past[0], self._config, self._node.now_ns())
 
     def _assess(self, client: SensorClient) -> diagnostics.Health:
         health = client.health()
         level, sentence = self._judge(health)
-        bias = self._zero.bias
-        drift_n = self._zero.compute_drift(self._node.now_ns())
+        value = self._tare.value
+        drift_n = self._tare.compute_drift(self._node.now_ns())
         self._drift_n = drift_n if drift_n is not None else self._drift_n
         values = {
             **to_values(health),
-            'tare_n': bias.bias_n if bias.samples else 'none',
+            'tare_n': value.tare_n if value.samples else 'none',
             'tare_drift_n': 'not known' if self._drift_n is None else f'{self._drift_n:.4f}',
         }
         return diagnostics.Health(bytes([level]), sentence, values)
@@ -279,11 +289,17 @@ class SensorStage(Stage):
 class TendonSensorNode(StageNode):
     """Publishes the tension on one tendon as ``~/strain`` and ``~/wrench``.
 
-    configure opens the link, activate lets the samples out, deactivate holds them back
-    while the link stays open, cleanup closes it. ``~/tare`` and ``~/clear_tare`` set the tare,
-    which is latched on ``~/tare_state``. The link is looked at five times a second:
-    a change for better or worse is on ``/diagnostics`` at once. While the node is active,
-    ``emit``, set before it is configured, is given each block on the thread of the sensor.
+    The transition ``configure`` opens the link, ``activate`` starts publishing, ``deactivate``
+    stops publishing while the link stays open, and ``cleanup`` closes the link. The services
+    ``~/tare`` and ``~/clear_tare`` set and clear the tare, which is latched on ``~/tare_state``.
+    The link is checked five times a second, and every change of its state is published
+    immediately on ``/diagnostics``.
+
+    Attributes
+    ----------
+    emit : callable
+        Called with each block on the sensor's thread while the node is active. Must be set
+        before the node is configured.
     """
 
     def __init__(self, node_name: str = 'tendon_sensor', **node_options: Any) -> None:
@@ -295,17 +311,17 @@ class TendonSensorNode(StageNode):
         """Return the present ROS time [ns]."""
         if self._is_simulated_time:
             return int(self.get_clock().now().nanoseconds)
-        return time.time_ns()  # the same, without objects of rclpy
+        return time.time_ns()  # the same value, but faster than through rclpy
 
-    def look_for_simulated_time(self) -> None:
-        """Note whether ROS time is that of ``/clock``: to ask for each sample takes a lock."""
+    def check_simulated_time(self) -> None:
+        """Cache whether ROS time comes from ``/clock``, because reading this takes a lock."""
         self._is_simulated_time = self.get_clock().ros_time_is_active
 
     def make_stage(self, config: TendonSensorConfig) -> SensorStage:
-        self.look_for_simulated_time()
+        self.check_simulated_time()
         return SensorStage(self, config, self.emit)
 
 
 def main() -> int:
-    """Run the node until it is told to stop."""
+    """Run the node until it is stopped."""
     return run_node(TendonSensorNode)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A force that another node publishes: the client, and what is amiss."""
+"""A force that another node publishes: the client, and the diagnosis of its topic."""
 
 from __future__ import annotations
 
@@ -25,60 +25,61 @@ from tactile_ros.rclpy_internals import RCLError
 from tactile_ros.stages import StageNode
 from tendon_sensor_driver.client import NowNs, OnBlock, SensorClient
 from tendon_sensor_driver.errors import TendonSensorError
-from tendon_sensor_driver.records import Health, TendonSensorConfig
+from tendon_sensor_driver.records import SensorHealth, TendonSensorConfig
 from tendon_sensor_driver.topic_stream import READERS, ReadingError, TopicStream
 
 RATE_TOLERANCE = 0.02
-"""Windows of a rate further off are refused."""
+"""Largest relative deviation of the rate; windows with a larger one are refused."""
 
 LARGEST_DELAY_S = 0.02
-"""From there on, the shortest window of the texture protocol may be refused."""
+"""With a longer delay, the shortest window of the texture protocol may be refused."""
 
 
 class Publisher(NamedTuple):
-    """One publisher of a topic, as the graph shows it."""
+    """One publisher of a topic, as listed in the ROS graph."""
 
-    node: str  # its name, with namespace
-    type_name: str  # such as ``std_msgs/msg/Float64``
-    # Why it cannot reach the subscription, by quality of service; empty: it can
-    objection: str = ''
+    node: str  # name of its node, with namespace
+    type_name: str  # message type, such as ``std_msgs/msg/Float64``
+    qos_conflict: str | None = None  # why its QoS is incompatible with the subscription
 
 
-def choose_type(publishers: Sequence[Publisher], present: str = '') -> str:
-    """Return the type to subscribe to; empty when no publisher has one that is known.
+def choose_type(publishers: Sequence[Publisher], present: str | None = None) -> str | None:
+    """Return the message type to subscribe to, or None if no publisher has a supported type.
 
-    The type of the present subscription stays while somebody publishes it.
+    The type ``present`` of the existing subscription is kept while it has a publisher.
     """
     types = [publisher.type_name for publisher in publishers if publisher.type_name in READERS]
-    return present if present in types else next(iter(types), '')
+    return present if present in types else next(iter(types), None)
 
 
-def format_publishers(topic: str, publishers: Sequence[Publisher], type_name: str) -> str:
-    """Return why nothing can come from the publishers of a topic; empty when something can.
+def find_publisher_problem(
+    topic: str, publishers: Sequence[Publisher], type_name: str | None
+) -> str | None:
+    """Return why no publisher of a topic can be received, with a remedy, or None.
 
-    ``type_name`` is that of the subscription; empty: there is none yet.
+    ``type_name`` is the type of the existing subscription, if there is one.
     """
     if not publishers:
         return (
-            f'nobody publishes {topic}; start its publisher, or set "topic" to a name of '
+            f'{topic} has no publisher; start its publisher, or set "topic" to a topic from '
             '"ros2 topic list -t"'
         )
     fitting = [publisher for publisher in publishers if publisher.type_name == type_name]
     if not fitting and choose_type(publishers):
-        return f'{topic} was found just now and is not subscribed to yet; listen longer'
+        return f'{topic} has only just been discovered and is not subscribed yet; listen longer'
     if not fitting:
         types = ', '.join(sorted({publisher.type_name for publisher in publishers}))
         known = ', '.join(READERS)
-        return f'{topic} is {types}, which holds no tension; it must be one of {known}'
-    if all(publisher.objection for publisher in fitting):
+        return f'{topic} has the type {types}; a supported type is needed: {known}'
+    if all(publisher.qos_conflict for publisher in fitting):
         return (
-            f'{fitting[0].node} publishes {topic} with another quality of service: '
-            f'{fitting[0].objection}; change the publisher or the qos_overrides of this node'
+            f'{fitting[0].node} publishes {topic} with an incompatible QoS: '
+            f'{fitting[0].qos_conflict}; change the publisher or the qos_overrides of this node'
         )
-    return ''
+    return None
 
 
-def format_stream(
+def find_stream_problem(
     topic: str,
     stream: TopicStream,
     publishers: Sequence[Publisher],
@@ -86,27 +87,39 @@ def format_stream(
     is_silent: bool,
     new_duplicates: int = 0,
     new_samples: int = 0,
-) -> str:
-    """Return what is wrong with what comes, with the remedy; empty when nothing is.
+) -> str | None:
+    """Return a problem of the received messages, with a remedy, or None.
 
-    Of the last while are ``new_duplicates``, readings with the stamp of the one before, and
-    ``new_samples``, readings that count.
+    Parameters
+    ----------
+    topic : str
+        Name of the topic.
+    stream : TopicStream
+        Stream of its messages.
+    publishers : sequence of Publisher
+        Publishers of the topic.
+    is_silent : bool
+        No message has arrived for ``silence_s``.
+    new_duplicates : int
+        Readings of the last second with the stamp of the reading before.
+    new_samples : int
+        Other readings of the last second.
     """
     nodes = ', '.join(sorted({publisher.node for publisher in publishers}))
     if is_silent:
         return (
-            f'{nodes} has the publisher of {topic} and sends nothing: see whether its controller '
-            'is active'
+            f'{nodes} has a publisher of {topic} but sends nothing; check that its controller is '
+            'active'
         )
     if len(publishers) > 1:
         return (
-            f'{topic} has {len(publishers)} publishers ({nodes}), whose samples mix; end all but '
-            'one, or name a topic of its own'
+            f'{topic} has {len(publishers)} publishers ({nodes}), whose samples are mixed; stop '
+            'all but one, or set "topic" to a topic with one publisher'
         )
     if new_duplicates and not new_samples:
         return (
-            'each message has the stamp of the one before; set topic_stamps to arrival, or have '
-            'the publisher stamp them'
+            'all messages have the same stamp; set topic_stamps to arrival, or let the publisher '
+            'stamp each message'
         )
     if stream.clock is not None and stream.clock.least_delay_ns is not None:
         delay_s = stream.clock.least_delay_ns / 1e9
@@ -120,26 +133,27 @@ def format_stream(
     rate_hz, measured_hz = stream.rate_hz, stream.meter.rate_hz
     if rate_hz and measured_hz and abs(measured_hz - rate_hz) > RATE_TOLERANCE * rate_hz:
         return (
-            f'{topic} comes at {measured_hz:.2f} Hz and rate_hz is {rate_hz:g}; set rate_hz of '
-            f'this node to {measured_hz:.4g}, or to 0 to have it measured'
+            f'{topic} is published at {measured_hz:.2f} Hz, but rate_hz is {rate_hz:g}; set rate_hz '
+            f'of this node to {measured_hz:.4g}, or to 0 to measure it'
         )
-    return ''
+    return None
 
 
 LOOK_PERIOD_S = 0.1
-_LOOKS = 10  # of which what was counted is news
+_LOOKS = 10  # number of looks whose counters are kept, for the counts of the last second
 _LARGEST_WAIT_NS = 10_000_000_000
 
 BEST_EFFORT = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Reliable publishers fit, too. The depth is a second at 1 kHz."""
+"""Compatible with reliable publishers, too. The depth is one second at 1 kHz."""
 
 
 class TopicClient(SensorClient):
-    """Takes the force of a topic and hands out blocks until it is closed.
+    """Client of a sensor whose force another node publishes on a topic.
 
-    The publisher may come later, go and come back: ten times a second the graph is looked at,
-    and the subscription made that fits the publisher's type. Messages come on the thread that
-    polls the node's subscriptions, under the node's lock.
+    The publisher may start later, stop and start again: the client checks the ROS graph ten
+    times a second and subscribes with the publisher's type. Messages are handled on the thread
+    that polls the node's subscriptions, with the node's lock held. See `SensorClient` for the
+    parameters.
     """
 
     def __init__(
@@ -153,24 +167,30 @@ class TopicClient(SensorClient):
         self._node = node
         self._stream = TopicStream(config)
         self.identity = str(node.resolve_topic_name(config.topic))
-        self._type_name = ''
+        self._type_name: str | None = None
         self._subscription: PolledSubscription | None = None
         self._looks: Periodic | None = None
         self._publishers: list[Publisher] = []
         self._has_met = False
         self._rejected = 0
         self._last_rejected = ''
-        self._refusal = ''  # of the subscription
+        self._refusal: str | None = None  # why the subscription failed
         self._past: deque[tuple[int, int]] = deque(maxlen=_LOOKS)  # duplicates, samples
 
     def open(self) -> None:
-        """Look for the publisher from now on; TendonSensorError: it is this node itself."""
+        """Start to look for the publisher.
+
+        Raises
+        ------
+        TendonSensorError
+            If this node itself publishes the topic.
+        """
         self._check_is_new(self._looks is not None)
         own = [self._node.resolve_topic_name(name) for name in ('~/wrench', '~/strain')]
         if self.identity in own:
             raise TendonSensorError(
-                f'{self.identity} is published by this node itself; set "topic" to that of the '
-                'force'
+                f'{self.identity} is published by this node itself; set "topic" to the topic of '
+                'the force'
             )
         self._note_heard()
         self._look()
@@ -186,12 +206,14 @@ class TopicClient(SensorClient):
             self._is_connected = False
             self._deliver(self._stream.flush())
 
-    def health(self) -> Health:
+    def health(self) -> SensorHealth:
         stream = self._stream
         error = {}
         if not self._is_connected:
-            error['last_error'] = self._refusal or format_publishers(
-                self.identity, self._publishers, self._type_name
+            error['last_error'] = (
+                self._refusal
+                or find_publisher_problem(self.identity, self._publishers, self._type_name)
+                or ''
             )
         return self._make_health(
             stream.samples,
@@ -201,17 +223,17 @@ class TopicClient(SensorClient):
             device_status='' if stream.is_value_finite else 'the value is not a finite number',
             rate_hz=stream.meter.rate_hz,
             last_rejected=self._last_rejected,
-            advice=self._advise(),
+            advice=self._find_problem() or '',
             **error,
         )
 
-    def _advise(self) -> str:
+    def _find_problem(self) -> str | None:
         if not self._is_connected:
-            return ''
+            return None
         now = (self._count_duplicates(), self._stream.readings)
         before = self._past[0] if self._past else now
         duplicates = now[0] - before[0]
-        return format_stream(
+        return find_stream_problem(
             self.identity,
             self._stream,
             self._publishers,
@@ -230,17 +252,17 @@ class TopicClient(SensorClient):
     # -- under the node's lock -------------------------------------------------------------
 
     def _look(self) -> None:
-        """Look who publishes; subscribe to what fits, and flush when nothing comes."""
+        """Check the publishers, subscribe if possible, and flush the stream during silence."""
         with self._node.lock:
             if not self._stop.is_set():
-                self._look_around()
+                self._check_publishers()
 
-    def _look_around(self) -> None:
+    def _check_publishers(self) -> None:
         self._publishers = self._list_publishers()
         wanted = choose_type(self._publishers, self._type_name)
         if wanted and wanted != self._type_name:
             self._subscribe(wanted)
-        is_there = not format_publishers(self.identity, self._publishers, self._type_name)
+        is_there = not find_publisher_problem(self.identity, self._publishers, self._type_name)
         if is_there and not self._is_connected:
             self._note_heard()
             if self._has_met:
@@ -257,9 +279,9 @@ class TopicClient(SensorClient):
         found = []
         for info in self._node.get_publishers_info_by_topic(self.identity):
             level, reason = qos_check_compatible(info.qos_profile, profile)
-            objection = reason if level == QoSCompatibility.ERROR else ''
+            conflict = reason if level == QoSCompatibility.ERROR else None
             node = f'{info.node_namespace.rstrip("/")}/{info.node_name}'
-            found.append(Publisher(node, info.topic_type, objection))
+            found.append(Publisher(node, info.topic_type, conflict))
         return found
 
     def _subscribe(self, type_name: str) -> None:
@@ -270,8 +292,8 @@ class TopicClient(SensorClient):
         def on_message(message: Any, info: Any) -> None:
             if self._stop.is_set() or type_name != self._type_name:
                 return
-            # In this order a pause of the thread makes the arrival later, which does no harm. An
-            # arrival that seems too early makes the sample an outlier, which is dropped.
+            # In this order, a pause of the thread makes the arrival appear too late, which is
+            # harmless. An arrival that appears too early would make the sample an outlier.
             wait_ns = _measure_wait_ns(info)
             received_at_ns = self._arrivals.now_ns() - wait_ns
             if self._arrivals.step_ns:
@@ -287,7 +309,8 @@ class TopicClient(SensorClient):
             blocks = stream.add(reading, received_at_ns, info.get('publication_sequence_number'))
             if stream.rate_hz != rate_hz:
                 self._node.get_logger().info(
-                    f'{self.identity} comes at {stream.rate_hz:.3f} Hz, which is taken as rate_hz'
+                    f'{self.identity} is published at {stream.rate_hz:.3f} Hz, which is used as '
+                    'rate_hz'
                 )
             self._deliver(blocks)
 
@@ -296,14 +319,14 @@ class TopicClient(SensorClient):
                 message_class(type_name),
                 self._config.topic,
                 on_message,
-                copy.copy(BEST_EFFORT),  # rclpy writes the overrides into it
+                copy.copy(BEST_EFFORT),  # rclpy writes the overrides into the profile
                 overridable=True,
             )
-        except RCLError as error:  # a topic has one type within a process
-            self._type_name = ''
+        except RCLError as error:  # within a process, all users of a topic share one type
+            self._type_name = None
             self._refusal = f'cannot subscribe to {self.identity} as {type_name}: {error}'
         else:
-            self._type_name, self._refusal = type_name, ''
+            self._type_name, self._refusal = type_name, None
 
     def _unsubscribe(self) -> None:
         subscription, self._subscription = self._subscription, None
@@ -312,7 +335,7 @@ class TopicClient(SensorClient):
 
 
 def _measure_wait_ns(info: Any) -> int:
-    """Return how long a message lay in the middleware before it was taken [ns]."""
+    """Return how long a message waited in the middleware before it was taken [ns]."""
     received_ns = info.get('received_timestamp') or 0
     wait_ns = time.time_ns() - received_ns
     return wait_ns if 0 < wait_ns < _LARGEST_WAIT_NS else 0

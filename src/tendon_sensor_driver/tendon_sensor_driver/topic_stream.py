@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Samples of a topic: fields of its messages, and their stamps: rate, lost ones, order."""
+"""Samples of a topic: reading its messages, and handling stamps, rate and missing samples."""
 
 from __future__ import annotations
 
@@ -22,17 +22,16 @@ from tendon_sensor_driver.strain_stream import Stream
 
 
 class ReadingError(TendonSensorError):
-    """A message holds no tension."""
+    """A message does not contain a tension."""
 
 
 class TopicReading(NamedTuple):
-    """One message."""
+    """The tension in one message."""
 
-    # Stamp of its header [ns]; None when it has no header, or a stamp of zero
-    stamp_ns: int | None
-    tension_n: float  # tension, scaled [N]; not finite when the message says so
-    # Fx, Fy, Fz [N], Tx, Ty, Tz [N m] in the axes of the message; None for a message of one
-    # value, and where the tension is the length of the force
+    stamp_ns: int | None  # stamp of the header [ns]; None without a header or if the stamp is zero
+    tension_n: float  # tension after scaling [N]; not finite if the value in the message is not
+    # Fx, Fy, Fz [N], Tx, Ty, Tz [N m] in the axes of the message; None for a message with a
+    # single value, and if the tension is the magnitude of the force
     wrench: list[float] | None = None
 
 
@@ -45,7 +44,10 @@ def read_wrench_stamped(message: Any, config: TendonSensorConfig) -> TopicReadin
 def read_wrench(message: Any, config: TendonSensorConfig) -> TopicReading:
     """Return the reading of a ``geometry_msgs/Wrench``.
 
-    ReadingError: the configuration names a joint, as ``TOPIC:AXIS`` with an unknown axis does.
+    Raises
+    ------
+    ReadingError
+        If the configuration names a joint, which ``TOPIC:AXIS`` with an unknown axis does.
     """
     if config.joint:
         axes = ', '.join([*AXES, NORM])
@@ -62,19 +64,25 @@ def read_wrench(message: Any, config: TendonSensorConfig) -> TopicReading:
 def read_value(message: Any, config: TendonSensorConfig) -> TopicReading:
     """Return the reading of a ``std_msgs/Float64`` or ``std_msgs/Float32``.
 
-    ReadingError: the configuration names a joint.
+    Raises
+    ------
+    ReadingError
+        If the configuration names a joint.
     """
     if config.joint:
         raise ReadingError(
-            f'the message is one number and has no joint "{config.joint}"; leave out "joint"'
+            f'the message is a single number without a joint "{config.joint}"; remove "joint"'
         )
     return TopicReading(None, config.scale * float(message.data))
 
 
 def read_joint_state(message: Any, config: TendonSensorConfig) -> TopicReading:
-    """Return the reading of a ``sensor_msgs/JointState``: the effort of a joint, found by name.
+    """Return the reading of a ``sensor_msgs/JointState``: the effort of one joint.
 
-    ReadingError: there is no such joint, or it has no effort.
+    Raises
+    ------
+    ReadingError
+        If the joint is not in the message or has no effort.
     """
     names = list(message.name)
     joint = config.joint or (names[0] if len(names) == 1 else '')
@@ -82,12 +90,14 @@ def read_joint_state(message: Any, config: TendonSensorConfig) -> TopicReading:
         known = ', '.join(names) or 'none'
         if joint:
             raise ReadingError(f'there is no joint {joint}, only {known}; set "joint"')
-        raise ReadingError(f'the joints are {known}; name one of them in "joint"')
+        raise ReadingError(
+            f'the message has {len(names)} joints ({known}); set "joint" to one of them'
+        )
     index = names.index(joint)
     if index >= len(message.effort):
         raise ReadingError(
-            f'the joint {joint} has no effort; have its driver or joint_state_broadcaster '
-            'publish the effort'
+            f'the joint {joint} has no effort; let its driver or joint_state_broadcaster publish '
+            'the effort'
         )
     return TopicReading(_read_stamp(message), config.scale * float(message.effort[index]))
 
@@ -99,7 +109,7 @@ READERS: dict[str, Callable[[Any, TendonSensorConfig], TopicReading]] = {
     'std_msgs/msg/Float32': read_value,
     'sensor_msgs/msg/JointState': read_joint_state,
 }
-"""Reader of each supported message type, by the name of the type."""
+"""Function that reads each supported message type."""
 
 
 def _read_stamp(message: Any) -> int | None:
@@ -110,36 +120,42 @@ def _read_stamp(message: Any) -> int | None:
 _SECOND_NS = 1_000_000_000
 _LATE_NS = _SECOND_NS // 4
 _STEP_NS = _SECOND_NS // 10
-_RECENT_NS = 10 * _SECOND_NS  # of which the shortest delay is known
-_MEMORY = 64  # samples that the grid is fitted to
-_LARGEST_DETUNING = 0.05  # of the period
-_MOST_MISSING = 1.1  # samples per sample that came
+_RECENT_NS = 10 * _SECOND_NS  # period over which the shortest delay is taken
+_MEMORY = 64  # number of samples to which the grid is fitted
+_LARGEST_DETUNING = 0.05  # largest deviation of the period, as a fraction of the nominal one
+_MOST_MISSING = 1.1  # largest ratio of all samples, including missing ones, to received samples
 
 MEASURE_NS = 2 * _SECOND_NS
 """Time over which a rate is measured [ns]."""
 
 FEWEST_MEASURED = 10
-"""Messages that a rate is measured from, at least."""
+"""Smallest number of messages from which a rate is measured."""
 
 
 class StampGrid:
-    """Numbers stamps that lie near multiples of a period, whatever is missing between them.
+    """Numbers stamps that lie close to multiples of a period, with any number of gaps.
 
-    The grid is the line fitted to some 64 of the stamps by an alpha-beta filter. Its period
-    stays within 5 % of the nominal one. A stamp may be off the grid by somewhat less than half
-    a period. It begins with the nominal period and the first stamp [ns].
+    The grid is a line fitted to about 64 stamps by an alpha-beta filter. Its period stays within
+    5 % of the nominal one. Stamps may deviate from the grid by a little less than half a period.
+
+    Parameters
+    ----------
+    period_ns : float
+        Nominal period [ns].
+    stamp_ns : int
+        First stamp [ns].
     """
 
     def __init__(self, period_ns: float, stamp_ns: int) -> None:
         self._nominal_ns = self._period_ns = period_ns
         self._fitted = 1
-        self._expected_ns = stamp_ns  # of the last sample
+        self._expected_ns = stamp_ns  # grid time of the last sample
 
     def advance(self, stamp_ns: int) -> int:
-        """Take the next stamp [ns]; return how many periods lie before it, one or more."""
+        """Add the next stamp [ns]; return the number of periods since the last one, at least 1."""
         steps = max(1, round((stamp_ns - self._expected_ns) / self._period_ns))
         off_ns = stamp_ns - self._expected_ns - steps * self._period_ns
-        # The gains of a least-squares line through n samples, as n grows to its bound.
+        # The gains of a least-squares line through n samples; n grows up to _MEMORY.
         n = self._fitted = min(self._fitted + 1, _MEMORY)
         gain = 2 * (2 * n - 1) / (n * (n + 1))
         self._expected_ns += round(steps * self._period_ns + gain * off_ns)
@@ -152,32 +168,38 @@ class StampGrid:
 
 
 class StampClock(SampleClock):
-    """Stamps samples with the headers of their messages, or with their arrival.
+    """Clock of a topic: stamps are taken from message headers, or from the time of arrival.
 
-    A header's stamp is ROS time already, and is the sample's. The bound on its error is the
-    shortest delay from a stamp to its arrival in the last ten seconds, or its magnitude where
-    the stamp is ahead: as far may the publisher's clock be from ours.
+    The stamp of a header is ROS time and is used unchanged. The bound on its error is the
+    magnitude of the shortest delay from stamp to arrival during the last ten seconds, because
+    the publisher's clock may deviate from this host's clock by this amount.
 
-    Lost samples are counted on a `StampGrid`. ``device_ns`` of an `Instant` counts whole nominal
-    periods on it.
+    Missing samples are counted on a `StampGrid`. ``device_ns`` of an `Instant` is the position
+    on this grid in nominal periods.
 
-    A stamp equal to the one before is a duplicate, one up to 0.25 s before it is late; both
-    have no place. One further back is an outlier and has none either, and so is one that leaps
-    forward: by more than 0.1 s against the arrivals, to a delay that much below the shortest.
-    If the next one continues an outlier, the publisher's clock was set, and the samples lost
-    meanwhile are not known.
+    Three kinds of samples are dropped. A duplicate has the same stamp as the sample before. A
+    late sample has a stamp up to 0.25 s earlier. An outlier has an even earlier stamp, or one
+    that jumps forward by more than 0.1 s relative to the arrivals and lies more than 0.1 s below
+    the shortest delay. If the next sample confirms an outlier, the publisher's clock was set;
+    the number of samples missing across such a step is unknown.
 
-    A sample without a stamp has its arrival as time, of unknown error. The middleware's number
-    of the message, where there is one, tells what was lost on the way. ``steps`` counts the times
-    that the publisher's clock was set.
+    A sample without a stamp gets the time of arrival, with unknown error. Missing samples are
+    then counted by the middleware's sequence numbers, if it provides them.
+
+    Attributes
+    ----------
+    steps : int
+        Number of times that the publisher's clock was set.
+    number : int or None
+        Sequence number of the message that is placed next.
     """
 
     def __init__(self, period_ns: int) -> None:
         super().__init__(period_ns)
         self.steps = 0
-        self.number: int | None = None  # of the message that is placed next
-        self._delays_ns: list[int] = []  # the shortest of the last two spans of 5 s
-        self._span_ns = 0  # arrival that began the newer one
+        self.number: int | None = None
+        self._delays_ns: list[int] = []  # shortest delay in each of the last two spans of 5 s
+        self._span_ns = 0  # time of arrival at which the newer span began
         self._received_ns = 0  # arrival of the last sample with a stamp
         self._last: Instant | None = None
         self._has_stamps = False
@@ -187,11 +209,11 @@ class StampClock(SampleClock):
 
     @property
     def least_delay_ns(self) -> int | None:
-        """Shortest delay from stamp to arrival in the last ten seconds [ns]; None: no stamp."""
+        """Shortest delay from stamp to arrival in the last 10 s [ns]; None without stamps."""
         return min(self._delays_ns, default=None)
 
     def note_reconnection(self) -> None:
-        # Another publisher numbers its messages anew.
+        # Every publisher starts its own sequence of numbers.
         self._last_number = None
 
     def note_step(self, step_ns: int) -> None:
@@ -203,7 +225,7 @@ class StampClock(SampleClock):
             self._last = self._last._replace(stamp_ns=self._last.stamp_ns + step_ns)
 
     def place(self, ticks: int | None, received_at_ns: int) -> Instant | None:
-        # The ticks are the stamp of the header [ns].
+        # ``ticks`` is the stamp of the header [ns].
         if ticks is None:
             return self._place_by_arrival(received_at_ns)
         if self._last is None:
@@ -227,7 +249,7 @@ class StampClock(SampleClock):
         self._last_number = number
         self._has_stamps = False
         if number is not None and before is not None and not is_step:
-            # Numbers of two publishers interleave: none of them tells a gap.
+            # The numbers of two publishers interleave; a decrease is not a gap.
             self._index += max(1, number - before)
         else:
             self._index += 1
@@ -274,11 +296,15 @@ class StampClock(SampleClock):
 
 
 class RateMeter:
-    """Measures the rate of a topic, every two seconds anew.
+    """Measures the rate of a topic every two seconds.
 
-    With stamps the periods of a `StampGrid` are counted: up to a tenth of lost samples do not
-    lower the rate. Without, messages are counted over the time of arrival. ``rate_hz`` is 0 until
-    it is measured [Hz].
+    If messages have stamps, the periods of a `StampGrid` are counted, so that the rate stays
+    correct with up to 10 % of lost samples. Otherwise, the arriving messages are counted.
+
+    Attributes
+    ----------
+    rate_hz : float
+        Measured rate [Hz]; 0 until it is known.
     """
 
     def __init__(self) -> None:
@@ -287,7 +313,7 @@ class RateMeter:
         self._has_stamps = True
 
     def add(self, stamp_ns: int | None, received_at_ns: int) -> bool:
-        """Take the times of one message; return whether the rate was measured with it."""
+        """Add the times of one message [ns]; return True if this completed a measurement."""
         has_stamp = stamp_ns is not None
         time_ns = received_at_ns if stamp_ns is None else stamp_ns
         times_ns = self._times_ns
@@ -303,11 +329,17 @@ class RateMeter:
 
 
 def measure_rate_hz(times_ns: list[int], *, is_regular: bool) -> float:
-    """Return the rate of samples that came in this order of times [Hz]; 0: they do not tell.
+    """Return the rate of samples [Hz], or 0 if it cannot be measured.
 
-    Regular times are stamps: gaps are whole periods, up to a tenth may be missing, and they may be
-    off by a fifth of a period. With 0.3 of a period 2 to 4 % of the rates are wrong by more than
-    0.5 % (1500 draws). Otherwise they are arrivals, which may come in bursts, and are counted.
+    Parameters
+    ----------
+    times_ns : list of int
+        Times of the samples in order of arrival [ns].
+    is_regular : bool
+        The times are stamps: up to 10 % of the samples may be missing, and stamps may deviate
+        by 0.2 periods. With deviations of 0.3 periods, 2 to 4 % of the measured rates are wrong
+        by more than 0.5 % (1500 simulated draws). If False, the times are arrivals, which may
+        come in bursts, and the samples are only counted.
     """
     span_ns = times_ns[-1] - times_ns[0]
     counted_hz = (len(times_ns) - 1) * 1e9 / span_ns if span_ns > 0 else 0.0
@@ -319,21 +351,28 @@ def measure_rate_hz(times_ns: list[int], *, is_regular: bool) -> float:
         return counted_hz
     grid = StampGrid(statistics.median(b - a for a, b in pairwise(rising)), rising[0])
     rate_hz = sum(map(grid.advance, rising[1:])) * 1e9 / (rising[-1] - rising[0])
-    # Of a publisher that catches up after each pause most differences are too short.
+    # If a publisher catches up after each pause, most differences are too short.
     return rate_hz if rate_hz < _MOST_MISSING * counted_hz else counted_hz
 
 
 LARGEST_TENSION_N = 1e9
-"""A larger value is no tension of anything, and is refused by who takes the blocks."""
+"""Larger values are implausible and treated like non-finite ones."""
 
 
 class TopicStream:
-    """Turns the readings of one topic into blocks.
+    """Converts the readings of one topic into blocks.
 
-    A value that is not finite is handed on as not a number and marked ``DEVICE_ERROR``. With
-    ``rate_hz`` 0 the rate is measured first; the readings until then make no blocks. ``readings``
-    counts all that were taken; ``meter`` measures the rate all the time; ``is_value_finite`` tells
-    whether the newest value was a number.
+    A non-finite value becomes NaN with the status ``DEVICE_ERROR``. If ``rate_hz`` is 0, the
+    rate is measured first, and the readings until then are dropped.
+
+    Attributes
+    ----------
+    meter : RateMeter
+        Continuous measurement of the rate.
+    readings : int
+        Number of readings, including the dropped ones.
+    is_value_finite : bool
+        The newest value was finite.
     """
 
     def __init__(self, config: TendonSensorConfig) -> None:
@@ -353,15 +392,22 @@ class TopicStream:
 
     @property
     def rate_hz(self) -> float:
-        """Nominal rate [Hz]; 0 until it is measured."""
+        """Nominal rate [Hz]; 0 until it has been measured."""
         return self._config.rate_hz
 
     def add(
         self, reading: TopicReading, received_at_ns: int, number: int | None = None
     ) -> list[StrainBlock]:
-        """Take one reading that arrived then [ns]; return the blocks that it completes.
+        """Add one reading; return the blocks that it completes.
 
-        ``number`` is the middleware's of the message, consecutive for one publisher.
+        Parameters
+        ----------
+        reading : TopicReading
+            Reading of one message.
+        received_at_ns : int
+            Host time of arrival [ns].
+        number : int or None
+            The middleware's sequence number, consecutive for one publisher.
         """
         self.readings += 1
         stamp_ns = reading.stamp_ns if self._config.topic_stamps == 'header' else None
@@ -388,15 +434,15 @@ class TopicStream:
         )
 
     def note_reconnection(self) -> None:
-        """Say that the publisher went away and one came back."""
+        """Record that the publisher stopped and a publisher has started again."""
         if self.samples is not None:
             self.samples.note_reconnection()
 
     def note_clock_step(self, step_ns: int) -> None:
-        """Say that the host's clock was set by this before the next reading [ns]."""
+        """Record a step of the host's clock [ns] before the next reading."""
         if self.samples is not None:
             self.samples.note_clock_step(step_ns)
 
     def flush(self) -> list[StrainBlock]:
-        """Return the unfinished block, if there is one."""
+        """Close the unfinished block, and return it in a list; an empty list if there is none."""
         return [] if self.samples is None else self.samples.flush()

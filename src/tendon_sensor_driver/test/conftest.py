@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A sensor on a real pty, and waiting on conditions."""
+"""A sensor on a real pseudo-terminal, and helpers to wait for conditions."""
 
 import os
 from pathlib import Path
@@ -13,15 +13,15 @@ import pytest
 
 from tendon_sensor_driver import encode_reading
 
-# The simulated Net F/T lies beside the tests and is no part of the package.
+# The simulated Net F/T is next to the tests and not part of the package.
 sys.path.insert(0, str(Path(__file__).parent / 'peers'))
 
 
 class PtySensor:
-    """Stands where a load-cell board stands: bytes go in, the client reads them.
+    """A pseudo-terminal in place of a load-cell board: the test writes, the client reads.
 
-    ``port`` is a symlink, so that the sensor can be plugged in again as another pty
-    under the same name.
+    ``port`` is a symlink, so that the sensor can be plugged in again under the same name as
+    another pseudo-terminal.
     """
 
     def __init__(self, port):

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One servo on a Dynamixel bus through ``dynamixel_sdk``, made safe to share and to unplug."""
+"""Access to one servo on a Dynamixel bus: ``dynamixel_sdk`` with locking and reconnection."""
 
 from __future__ import annotations
 
@@ -28,31 +28,45 @@ from linear_guide_driver.serial_link import LINE_ERRORS
 READ_WAIT_S = 0.002
 
 ATTEMPTS = 3
-"""At a ping, or at reading or writing one register. All registers hold absolute values, so to
-write one twice does no harm."""
+"""Attempts to ping, or to read or write one register. Writing a register twice is harmless,
+because all registers contain absolute values."""
 
 READ_LENGTHS = 4
-"""Lengths of successive reads of one block: an answer that is late by fewer reads is noticed."""
+"""Number of different lengths for reads of one block; an answer that is late by fewer reads is
+detected by its length."""
 
 WRITE_WAIT_S = 0.1
-"""Longest time for the port to take a packet; then the packet counts as lost."""
+"""Longest time [s] until the port has accepted a packet; after that, the packet counts as lost."""
 
 LATE_S = 0.02
-"""Rest before the next attempt: an answer that is merely late arrives in it and is dropped."""
+"""Pause [s] before the next attempt, during which a late answer arrives and is dropped."""
 
 
 class SilentServoError(DeviceConnectionError):
-    """No valid answer to one instruction; the line itself is there."""
+    """The servo did not give a valid answer to an instruction; the port is still open."""
 
 
 class DynamixelBus:
-    """Reads and writes registers of one servo; thread-safe. Closes its port when the line is lost.
+    """Reads and writes registers of one servo; thread-safe. Closes the port when it is lost.
 
-    Its calls raise `SilentServoError` without a valid answer, `DeviceRefusedError` when the servo
-    refuses, and `DeviceConnectionError` when the port cannot be opened or is lost.
+    Methods raise `SilentServoError` without a valid answer, `DeviceRefusedError` if the servo
+    refuses an instruction, and `DeviceConnectionError` if the port cannot be opened or is lost.
 
-    ``name`` names servo and port in messages. ``lock`` is held during each call; hold it to keep
-    several calls together.
+    Parameters
+    ----------
+    port : str
+        Name of the serial port.
+    baud : int
+        Speed [bit/s].
+    device_id : int
+        ID of the servo.
+
+    Attributes
+    ----------
+    name : str
+        Description of servo and port for messages.
+    lock : RLock
+        Held during each call; hold it around several calls that belong together.
     """
 
     def __init__(self, port: str, baud: int, device_id: int) -> None:
@@ -65,44 +79,45 @@ class DynamixelBus:
         self.open()
 
     def open(self) -> None:
-        """Open the port; harmless when it is open."""
+        """Open the port, unless it is open."""
         with self.lock:
             if self._is_open:
                 return
             try:
-                # Not openPort(): that opens at 1 Mbaud whatever is asked for.
+                # Not openPort(), which always opens the port at 1 Mbaud.
                 if not self._port.setBaudRate(self._baud):
                     raise DeviceConnectionError(
-                        f'dynamixel_sdk does not know {self._baud} baud; use one of its speeds'
+                        f'dynamixel_sdk does not support {self._baud} baud; set baud to a '
+                        'supported speed'
                     )
                 self._port.ser.exclusive = True
-                # The SDK asks for bytes in a loop; let each request sleep a little.
+                # The SDK reads bytes in a busy loop; the timeout lets each read sleep.
                 self._port.ser.timeout = READ_WAIT_S
                 self._port.ser.write_timeout = WRITE_WAIT_S
             except (*LINE_ERRORS, ValueError) as error:
                 self.close()
                 raise DeviceConnectionError(
                     f'cannot open {self._port.getPortName()}: {error}; check that the device is '
-                    'plugged in, that the parameter port names it and that no other program uses '
-                    'it'
+                    'plugged in, that the parameter port is correct and that no other program '
+                    'uses the port'
                 ) from error
 
     def ping(self) -> int:
         """Return the servo's model number.
 
-        Asks twice: a driver that was killed may have left a question, and its answer comes first.
+        Two pings are sent, because the first answer may belong to an instruction of a driver that
+        was killed.
         """
         with self.lock:
-            self._insist(self._ping_once)
+            self._retry(self._ping_once)
             time.sleep(LATE_S)
-            return int(self._insist(self._ping_once))
+            return int(self._retry(self._ping_once))
 
     def read_block(self, block: Register) -> bytes:
-        """Return the bytes of a register or of a run of registers, asking once.
+        """Return the bytes of a register or of a range of registers, in one attempt.
 
-        The protocol does not number its packets. So that a late answer to one read is not taken
-        for the answer to the next one, the length varies: up to three registers before the block
-        are read as well.
+        The protocol does not number its packets. To distinguish a late answer from the answer to
+        the next read, the length varies: up to three bytes before the block are also read.
         """
         with self.lock:
             self._reads += 1
@@ -113,30 +128,30 @@ class DynamixelBus:
             return self._exchange(action, INSTRUCTION_READ, parameters, size)[extra:]
 
     def read(self, register: Register) -> int:
-        """Return a register's value, signed where the register is; try more than once."""
-        data = self._insist(lambda: self.read_block(register))
+        """Return the value of a register; retry if the servo is silent."""
+        data = self._retry(lambda: self.read_block(register))
         return registers.decode_register(register, data, register.address)
 
     def write_block(self, block: Register, data: bytes) -> None:
-        """Write the bytes of a register or of a run of registers, once."""
+        """Write the bytes of a register or of a range of registers, in one attempt."""
         parameters = block.address.to_bytes(2, 'little') + data
         action = f'writing register {block.address}'
         self._exchange(action, INSTRUCTION_WRITE, parameters, 0)
 
     def write_once(self, register: Register, value: int) -> None:
-        """Write a register's value, signed where the register is, once."""
+        """Write the value of a register, in one attempt."""
         self.write_block(register, registers.encode_register(register, value))
 
     def write(self, register: Register, value: int) -> None:
-        """Write a register's value, signed where the register is; try more than once."""
-        self._insist(lambda: self.write_once(register, value))
+        """Write the value of a register; retry if the servo is silent."""
+        self._retry(lambda: self.write_once(register, value))
 
     def reboot(self) -> None:
-        """Restart the servo, which then is silent for a while."""
+        """Restart the servo, which does not answer meanwhile."""
         self._exchange('restarting', INSTRUCTION_REBOOT, b'', 0)
 
     def close(self) -> None:
-        """Close the port. Harmless when called twice."""
+        """Close the port; idempotent."""
         if self._is_open:
             with suppress(*LINE_ERRORS):
                 self._port.closePort()
@@ -149,7 +164,7 @@ class DynamixelBus:
 
     def _ping_once(self) -> int:
         try:
-            data = self._exchange('asking', INSTRUCTION_PING, b'', 3)
+            data = self._exchange('ping', INSTRUCTION_PING, b'', 3)
         except SilentServoError as error:
             raise SilentServoError(
                 f'no answer from {self.name}; check ID, baud, wiring and power'
@@ -157,14 +172,14 @@ class DynamixelBus:
         return int.from_bytes(data[:2], 'little')
 
     def _exchange(self, action: str, instruction: int, parameters: bytes, size: int) -> bytes:
-        """Send one instruction and return the data of its answer, which must have this size."""
+        """Send one instruction; return the data of its answer, which must have ``size`` bytes."""
         length = len(parameters) + 3
         packet = [0, 0, 0, 0, self._id, length & 0xFF, length >> 8, instruction]
         answer, result, error = self._call(
             lambda: self._packets.txRxPacket(self._port, [*packet, *parameters, 0, 0])
         )
         self._check(action, result, error)
-        # The SDK cuts a longer answer, as one that comes late, to the length that was asked for.
+        # The SDK truncates an answer that is longer than requested, such as a late one.
         end = 7 + answer[5] + 256 * answer[6]
         data = bytes(answer[9 : end - 2])
         if len(data) != size:
@@ -174,8 +189,8 @@ class DynamixelBus:
             )
         return data
 
-    def _insist(self, transaction: Callable[[], Any]) -> Any:
-        with self.lock:  # throughout: an old goal must not follow a newer one
+    def _retry(self, transaction: Callable[[], Any]) -> Any:
+        with self.lock:  # held during all attempts: an old goal must not follow a newer one
             for _ in range(ATTEMPTS - 1):
                 with suppress(SilentServoError):
                     return transaction()
@@ -186,24 +201,28 @@ class DynamixelBus:
         with self.lock:
             try:
                 if not self._is_open:
-                    raise DeviceConnectionError(f'the line to {self.name} is lost; plug it in')
-                # The SDK before 4.0.5 leaves late answers in the buffer, for the next to take.
+                    raise DeviceConnectionError(
+                        f'the connection to {self.name} is lost; plug it in'
+                    )
+                # Versions of the SDK before 4.0.5 leave late answers in the buffer.
                 self._port.ser.reset_input_buffer()
                 return transaction()
             except serial.SerialTimeoutException as error:
-                with suppress(*LINE_ERRORS):  # what was not sent yet must not be sent later
+                with suppress(*LINE_ERRORS):  # unsent bytes must not be sent later
                     self._port.ser.reset_output_buffer()
                 raise SilentServoError(
-                    f'the port of {self.name} took no bytes for {WRITE_WAIT_S} s'
+                    f'the port of {self.name} accepted no bytes for {WRITE_WAIT_S} s'
                 ) from error
             except LINE_ERRORS as error:
-                self.close()  # `open` then finds the device that is plugged in again
-                raise DeviceConnectionError(f'the line to {self.name} is lost: {error}') from error
+                self.close()  # `open` must find the device after it is plugged in again
+                raise DeviceConnectionError(
+                    f'the connection to {self.name} is lost: {error}'
+                ) from error
             except IndexError as error:
-                # A well-formed packet that is shorter than its kind: the SDK runs off its end.
+                # The SDK reads past the end of a well-formed packet that is too short.
                 raise SilentServoError(f'{self.name} sent a packet that is too short') from error
             finally:
-                # An exception leaves the flag set, and every later call would say "busy".
+                # After an exception the flag stays set, and every later call would fail as busy.
                 self._port.is_using = False
 
     def _check(self, action: str, result: int, error: int) -> None:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The control table of the Dynamixel XM430 servos: addresses, units, error words.
+"""Control table of the Dynamixel XM430 servos: addresses, units and error codes.
 
 Source: ROBOTIS e-Manual, XM430-W350 and XM430-W210 control tables, Protocol 2.0.
 """
@@ -43,23 +43,23 @@ PRESENT_POSITION = Register(132, 4, True)
 PRESENT_VOLTAGE = Register(144, 2)
 PRESENT_TEMPERATURE = Register(146, 1)
 MARK = Register(220, 4)
-"""Indirect addresses 27 and 28: no function of the servo uses them unless somebody reads or writes
-through them. They can be changed with the torque off, and are lost without power."""
+"""Indirect addresses 27 and 28, which have no effect unless they are used for indirect access.
+They can be changed while the torque is off, and are lost without power."""
 
 MODELS = {1020: 'XM430-W350', 1030: 'XM430-W210'}
-"""Model numbers whose table and units are the ones of this module."""
+"""Names of the supported models by model number; their tables and units are identical."""
 
 FIRMWARE_WITH_WATCHDOG = 38
 MODE_CURRENT_BASED_POSITION = 5
 EEPROM_END = 64
-"""Registers below are kept over power cycles and can be written only with torque off."""
+"""Registers below this address are kept without power and writable only with the torque off."""
 
 STATUS_ALWAYS = 2
 STARTUP_TORQUE_ON = 0x01
 WATCHDOG_STEP_S = 0.02
 WATCHDOG_OFF, WATCHDOG_TRIPPED = 0, 255
 OUR_MARK = 375 | 515 << 16
-"""Value of `MARK` in a servo that this driver has set up: two addresses that are allowed."""
+"""Value of `MARK` in a servo that this driver has set up: two valid addresses."""
 NO_MARK = 250 | 251 << 16
 """Value of `MARK` at power-up."""
 
@@ -91,13 +91,13 @@ HARDWARE_ERRORS = {
 
 
 def format_status_error(error: int) -> str:
-    """Return what the error byte of a status packet means, the alert bit left out."""
+    """Return the meaning of the error byte of a status packet, without the alert bit."""
     code = error & ~STATUS_ALERT
     return STATUS_ERRORS.get(code, f'unknown error {code}')
 
 
 def format_hardware_error(word: int) -> str:
-    """Return the reasons in a hardware error word, joined by "and"."""
+    """Return the errors in a hardware error word, joined by "and"."""
     names = [name for bit, name in HARDWARE_ERRORS.items() if word & bit]
     unknown = word & ~sum(HARDWARE_ERRORS)
     if unknown:
@@ -106,12 +106,12 @@ def format_hardware_error(word: int) -> str:
 
 
 def encode_register(register: Register, value: int) -> bytes:
-    """Return the bytes of one register's value."""
+    """Return the value of a register as bytes."""
     return value.to_bytes(register.size, 'little', signed=register.is_signed)
 
 
 def decode_register(register: Register, block: bytes, block_address: int) -> int:
-    """Return one register's value from a block read at ``block_address``, which holds it."""
+    """Return the value of a register in a block that was read from ``block_address``."""
     start = register.address - block_address
     return int.from_bytes(
         block[start : start + register.size], 'little', signed=register.is_signed
@@ -122,40 +122,40 @@ def decode_register(register: Register, block: bytes, block_address: int) -> int
 
 
 def counts_to_m(counts: float, pulley_radius_m: float) -> float:
-    """Return the tendon length of a turn by ``counts``: 2 pi r counts / 4096 [m]."""
+    """Return the tendon length [m] of a rotation by ``counts``: 2 pi r counts / 4096."""
     return counts / COUNTS_PER_TURN * math.tau * pulley_radius_m
 
 
 def m_to_counts(length_m: float, pulley_radius_m: float) -> int:
-    """Return the nearest position difference for a tendon length [counts]."""
+    """Return the rotation [counts] nearest to a tendon length [m]."""
     return round(length_m / (math.tau * pulley_radius_m) * COUNTS_PER_TURN)
 
 
 def velocity_to_m_s(velocity: int, pulley_radius_m: float) -> float:
-    """Return the tendon speed of a velocity in units of 0.229 rpm [m/s]."""
+    """Return the tendon speed [m/s] of a velocity in units of 0.229 rpm."""
     return velocity * VELOCITY_UNIT_RPM / 60 * math.tau * pulley_radius_m
 
 
 def m_s_to_velocity(speed_m_s: float, pulley_radius_m: float) -> int:
-    """Return the nearest velocity in units of 0.229 rpm, 1 or more.
+    """Return the velocity in units of 0.229 rpm nearest to a tendon speed [m/s], at least 1.
 
-    In the profile velocity 0 means "as fast as possible", so it is never returned.
+    0 is never returned, because a profile velocity of 0 means "as fast as possible".
     """
     return max(1, round(speed_m_s / (math.tau * pulley_radius_m) * 60 / VELOCITY_UNIT_RPM))
 
 
 def velocity_to_counts_s(velocity: int) -> float:
-    """Return a velocity in units of 0.229 rpm as counts a second."""
+    """Convert a velocity in units of 0.229 rpm to counts per second."""
     return velocity * VELOCITY_UNIT_RPM / 60 * COUNTS_PER_TURN
 
 
 def current_to_a(current: int) -> float:
-    """Return a current in units of 2.69 mA as amperes."""
+    """Convert a current in units of 2.69 mA to amperes."""
     return current * CURRENT_UNIT_A
 
 
 def a_to_current(current_a: float) -> int:
-    """Return the nearest current in units of 2.69 mA."""
+    """Return the current in units of 2.69 mA nearest to a current in amperes."""
     return round(current_a / CURRENT_UNIT_A)
 
 
@@ -183,7 +183,7 @@ class ServoState(NamedTuple):
 STATE_BLOCK = Register(
     TORQUE_ENABLE.address, PRESENT_TEMPERATURE.address + 1 - TORQUE_ENABLE.address
 )
-"""Torque enable to present temperature: one read, 94 bytes on the wire, 0.9 ms at 1 Mbaud."""
+"""Torque enable to present temperature: one read of 94 bytes on the wire, 0.9 ms at 1 Mbaud."""
 
 
 def decode_state(block: bytes) -> ServoState:
@@ -210,7 +210,7 @@ def decode_state(block: bytes) -> ServoState:
 
 
 class ServoSettings(NamedTuple):
-    """One read of `SETTINGS_BLOCK`: registers that are kept without power."""
+    """One read of `SETTINGS_BLOCK`, whose registers are kept without power."""
 
     firmware: int
     drive_mode: int
@@ -247,8 +247,8 @@ GOAL_BLOCK = Register(
     PROFILE_ACCELERATION.address,
     GOAL_POSITION.address + GOAL_POSITION.size - PROFILE_ACCELERATION.address,
 )
-"""Profile acceleration, profile velocity and goal position: one write, so that no goal is in force
-with the velocity of another one."""
+"""Profile acceleration, profile velocity and goal position, in one write, so that a goal never
+gets the velocity of another goal."""
 
 
 def encode_goal(velocity: int, goal_counts: int) -> bytes:

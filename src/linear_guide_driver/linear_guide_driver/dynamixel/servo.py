@@ -1,16 +1,16 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The tendon's servo: recognised, set up, and brought to a desired state.
+"""The tendon's servo: recognition, set-up, and control by a desired state.
 
-A caller chooses a `DesiredState`, reads the servo, and lets `TendonServo.bring` write the
-registers that differ. A write that is lost differs at the next read.
+The caller selects a `DesiredState`, reads the servo, and calls `TendonServo.apply`, which writes
+the registers that differ. If a write is lost, the register still differs at the next read.
 
-Nothing is written to a servo before it is known to be the tendon's. While a driver runs, that is
-the servo with the model, firmware, modes and homing offset of the one that it has set up. At the
-start it is a servo with its torque off, or one with the registers that a driver leaves: above all
-an armed or tripped bus watchdog, or a mark, which a servo forgets without power. The mark tells a
-servo whose driver was killed just before it armed the watchdog.
+Nothing is written to a servo until it is known to be the tendon's servo. While the driver runs,
+this is the servo with the model, firmware, modes and homing offset that the driver has set up. At
+the start, it is a servo with its torque off, or with registers as a driver leaves them: in
+particular an armed or tripped bus watchdog, or a mark, which is lost without power. The mark
+identifies a servo whose driver was killed just before it armed the watchdog.
 """
 
 from __future__ import annotations
@@ -38,30 +38,31 @@ SETTLING_PERIOD_S = 0.1
 SETTLED_COUNTS = 2
 
 CONNECT_S = 3.0
-"""A servo that does not answer at once is asked again for so long: it may be restarting."""
+"""Time [s] for which a silent servo is queried again at the start: it may be restarting."""
 
 CONNECT_PAUSE_S = 0.2
 
 REBOOT_S = 3.0
-"""A restarted servo is silent for some 0.3 s."""
+"""Longest time [s] until a restarted servo answers; usually it takes about 0.3 s."""
 
 SLACK_BELOW_M = 0.001
-"""A tendon found this far below its zero cannot be one that was tightened from it."""
+"""Largest distance [m] of a valid displacement below the zero; with a larger one, the zero is
+wrong."""
 
 ZERO_COUNTS = 2
-"""A zero that is off by so little is not written again: the EEPROM wears out."""
+"""Deviation of the zero up to which it is not written again, because the EEPROM wears out."""
 
 SET_UP_CYCLES = 8
-"""Reads, each followed by writes, in which a set-up must be confirmed: it takes four of them, and
-packets may be lost."""
+"""Number of cycles of read and write in which a set-up must be confirmed. It takes four cycles,
+and packets may be lost."""
 
 JUMP_COUNTS = registers.COUNTS_PER_TURN // 2
 JUMP_SPEED_SHARE = 1.5
-"""Largest change of position between two reads: half a turn, and this share of the velocity limit.
-A servo that has lost its power has lost whole turns."""
+"""Largest plausible change of position between two reads: half a turn plus this multiple of the
+velocity limit times the elapsed time. A servo that has lost its power has lost whole turns."""
 
 EXCHANGE_S = 0.3
-"""After a longer time without an answer the servo is identified again: it may be another one."""
+"""Time without an answer [s] after which the servo is identified again: it may be another one."""
 
 _logger = logging.getLogger(__name__)
 
@@ -69,26 +70,25 @@ _Read = TypeVar('_Read')
 
 
 class DesiredState(NamedTuple):
-    """State that the servo is brought to; the torque, the watchdog and no limit of the
-    acceleration always belong to it.
+    """Desired state of the servo.
 
-    ``displacement_m`` is infinite for holding where the servo stands [m]. Unless ``tightens``, the
-    goal is never further in than the servo stands when it is written. ``velocity`` and ``current``
-    are in the servo's units.
+    It always includes the torque on, the watchdog armed, and an unlimited acceleration.
     """
 
-    displacement_m: float
-    velocity: int
-    current: int
-    tightens: bool = False
+    displacement_m: float  # goal [m]; infinite: hold the present position
+    velocity: int  # profile velocity, in the servo's units
+    current: int  # current limit, in the servo's units
+    tightens: bool = False  # False: the goal is limited to the position at the time of writing
 
 
 class Found(Enum):
     """Condition in which `TendonServo.set_up` has found a servo."""
 
     SAME = 'as this driver has left it'
-    KEPT = 'holding as an earlier driver has left it, zero included'
-    MISPLACED = 'holding as an earlier driver has left it, at a place that its zero cannot explain'
+    KEPT = 'holding as an earlier driver has left it, with a valid zero'
+    MISPLACED = (
+        'holding as an earlier driver has left it, at a position that does not fit its zero'
+    )
     OFF = 'torque off, or set up by this driver and restarted since'
 
 
@@ -100,7 +100,7 @@ class ServoLimits(NamedTuple):
 
 
 class _Identity(NamedTuple):
-    """Values that identify a servo; kept without power."""
+    """Values that identify a servo; the servo keeps them without power."""
 
     model: int
     firmware: int
@@ -110,13 +110,16 @@ class _Identity(NamedTuple):
 
 
 class ServoChangedError(DeviceConnectionError):
-    """The servo is not in the condition in which this driver has left it."""
+    """The servo was exchanged, restarted or changed since this driver last read it."""
 
 
 def open_servo(config: TendonActuatorConfig) -> tuple[TendonServo, Found]:
-    """Open the bus and set the servo up; ask again for `CONNECT_S` if it does not answer.
+    """Open the bus and set the servo up; retry for `CONNECT_S` if it does not answer.
 
-    Raises `DeviceConnectionError`, and what `TendonServo.set_up` raises; the bus is closed then.
+    Raises
+    ------
+    DeviceConnectionError
+        If the servo does not answer; also the errors of `TendonServo.set_up`. The bus is closed.
     """
     deadline_s = time.monotonic() + CONNECT_S
     servo: TendonServo | None = None
@@ -133,7 +136,7 @@ def open_servo(config: TendonActuatorConfig) -> tuple[TendonServo, Found]:
                 servo.bus.close()
             if time.monotonic() > deadline_s:
                 raise
-            _logger.warning('%s; asking again', error)
+            _logger.warning('%s; trying again', error)
         except DeviceRefusedError:
             if servo is not None:
                 servo.switch_off()
@@ -142,10 +145,18 @@ def open_servo(config: TendonActuatorConfig) -> tuple[TendonServo, Found]:
 
 
 class TendonServo:
-    """One servo, in lengths of tendon; its count is 0 where the tendon is slack.
+    """The servo, in lengths of tendon; its position count is 0 where the tendon is slack.
 
-    Hold ``bus.lock`` around calls that belong together. ``limits`` and ``identification``, model
-    and firmware, are known after `set_up`.
+    Hold ``bus.lock`` around calls that belong together.
+
+    Attributes
+    ----------
+    bus : DynamixelBus
+        Bus of the servo.
+    limits : ServoLimits
+        Limits stored in the servo; valid after `set_up`.
+    identification : str
+        Model and firmware; valid after `set_up`.
     """
 
     def __init__(self, bus: DynamixelBus, config: TendonActuatorConfig) -> None:
@@ -156,22 +167,22 @@ class TendonServo:
         self._sign = -1 if config.reverse else 1
         self._watchdog = math.ceil(config.watchdog_s / registers.WATCHDOG_STEP_S - 1e-9)
         self._desired = DesiredState(math.inf, self.to_velocity(config.speed_m_s), self.current)
-        self._goal_counts: int | None = None  # as it was last written for the desired state
-        self._known: tuple[_Identity, _Identity] | None = None  # before and after being set up
-        self._found: Found | None = None  # when the set-up began
+        self._goal_counts: int | None = None  # goal last written for the desired state
+        self._known: tuple[_Identity, _Identity] | None = None  # before and after the set-up
+        self._found: Found | None = None  # condition at the start of the set-up
         self._is_set_up = False
-        self._is_arming = False  # the watchdog was switched off by this driver
-        self._seen: tuple[int, float] | None = None  # last position and its time [counts, s]
+        self._is_arming = False  # this driver has switched the watchdog off to arm it again
+        self._seen: tuple[int, float] | None = None  # last position [counts] and its time [s]
 
     # -- the desired state ---------------------------------------------------------------
 
     @property
     def desired(self) -> DesiredState:
-        """The state that `bring` brings about."""
+        """The desired state, which `apply` writes."""
         return self._desired
 
     def desire(self, desired: DesiredState) -> None:
-        """Choose another state; `bring` writes it."""
+        """Select another desired state; `apply` writes it."""
         self._desired, self._goal_counts = desired, None
 
     @property
@@ -180,43 +191,54 @@ class TendonServo:
         return registers.a_to_current(self._config.current_limit_a)
 
     def to_velocity(self, speed_m_s: float) -> int:
-        """Return a tendon speed in the servo's units [m/s]."""
+        """Return a tendon speed [m/s] in the servo's units."""
         return registers.m_s_to_velocity(speed_m_s, self._config.pulley_radius_m)
 
     def read(self) -> ServoState:
-        """Read all registers that the desired state is about, asking once."""
+        """Read all registers of the desired state, in one attempt."""
         return registers.decode_state(self.bus.read_block(registers.STATE_BLOCK))
 
     def read_displacement_m(self) -> float:
-        """Return the present displacement [m]; ask again if the servo is silent."""
-        return self._to_displacement_m(self._insist(self.read).position_counts)
+        """Return the present displacement [m]; retry if the servo is silent."""
+        return self._to_displacement_m(self._retry(self.read).position_counts)
 
-    def is_goal_in_force(self, actual: ServoState) -> bool:
-        """Return whether the servo holds the goal of the desired state."""
+    def has_goal(self, actual: ServoState) -> bool:
+        """Return True if the servo has the goal of the desired state."""
         return self._goal_counts is not None and actual.goal_counts == self._goal_counts
 
-    def bring(self, actual: ServoState, *, may_tighten: bool) -> bool:
-        """Write what differs from the desired state; return whether nothing waits to be written.
+    def apply(self, actual: ServoState, *, may_tighten: bool) -> bool:
+        """Write the registers that differ from the desired state.
 
-        ``actual`` was just read. A goal that tightens, which needs ``may_tighten``, waits for a
-        read that confirms watchdog and current. It travels in one packet with its velocity. A
-        lower current is written before the goal, a higher one after it. The torque is switched on
-        after a read that confirms everything else.
+        A goal that tightens is written only after a read has confirmed watchdog and current, in
+        one packet with its velocity. A lower current is written before the goal, a higher one
+        after it. The torque is switched on only after a read has confirmed everything else.
+
+        Parameters
+        ----------
+        actual : ServoState
+            State that was just read.
+        may_tighten : bool
+            Allow a goal that tightens.
+
+        Returns
+        -------
+        bool
+            True if nothing remains to be written.
         """
         desired = self._desired
         if actual.watchdog == registers.WATCHDOG_TRIPPED:
             self._goal_counts, self._is_arming = None, True
             self.bus.write_once(registers.BUS_WATCHDOG, registers.WATCHDOG_OFF)
-            if actual.is_torque_on:  # so that it trips again if nothing else is heard
+            if actual.is_torque_on:  # arm it immediately, so that it trips if packets fail
                 self.bus.write_once(registers.BUS_WATCHDOG, self._watchdog)
-            actual = self.read()  # it may have moved: the goal that was locked is in force again
+            actual = self.read()  # the servo may have moved, because its goal is unlocked again
         if actual.watchdog == self._watchdog:
             self._is_arming = False
         is_armed = actual.watchdog == self._watchdog
         has_current = actual.goal_current == desired.current
         tightens = desired.tightens and may_tighten
-        is_goal_there = self.is_goal_in_force(actual) or (
-            # Some firmware lets the goal follow the position while the torque is off.
+        is_goal_there = self.has_goal(actual) or (
+            # With some firmware, the goal follows the position while the torque is off.
             not actual.is_torque_on
             and abs(actual.goal_counts - actual.position_counts) <= SETTLED_COUNTS
         )
@@ -232,7 +254,7 @@ class TendonServo:
             self.bus.write_block(registers.GOAL_BLOCK, data)
         if not has_current and not lowers_current:
             self.bus.write_once(registers.GOAL_CURRENT, desired.current)
-        if not is_armed:  # it counts only with the torque on
+        if not is_armed:  # the watchdog is active only while the torque is on
             self._is_arming = True
             self.bus.write_once(registers.BUS_WATCHDOG, self._watchdog)
         if actual.is_torque_on:
@@ -252,26 +274,27 @@ class TendonServo:
     # -- recognition ---------------------------------------------------------------------
 
     def check_unchanged(self, actual: ServoState) -> None:
-        """Raise `ServoChangedError` if a servo with its torque on is not as this driver left it.
+        """Raise `ServoChangedError` if a servo with its torque on has been changed or exchanged.
 
-        Call it with each state. The position counts from the last one without a change.
+        Must be called with each state, because the position is compared with the previous one.
         """
         known = (self._watchdog, registers.WATCHDOG_TRIPPED)
         if actual.watchdog not in known and not self._is_arming:
             raise ServoChangedError(
-                f'the bus watchdog of {self.bus.name} was {self._watchdog} and is '
-                f'{actual.watchdog}: it has lost its power, or is another servo'
+                f'the bus watchdog of {self.bus.name} has changed from {self._watchdog} to '
+                f'{actual.watchdog}: the servo has lost its power or was exchanged'
             )
         now_s = time.monotonic()
         if self._seen is not None:
             counts, seen_s = self._seen
             if now_s - seen_s > EXCHANGE_S and not self._is_known(self._identify()[0]):
-                raise ServoChangedError(f'{self.bus.name} is another servo than before')
+                raise ServoChangedError(f'{self.bus.name} has been exchanged for another servo')
             speed = JUMP_SPEED_SHARE * registers.velocity_to_counts_s(self.limits.velocity)
             if abs(actual.position_counts - counts) > JUMP_COUNTS + speed * (now_s - seen_s):
                 raise ServoChangedError(
                     f'the position of {self.bus.name} has jumped from {counts} to '
-                    f'{actual.position_counts} counts: it has lost its power, or is another servo'
+                    f'{actual.position_counts} counts: the servo has lost its power or was '
+                    'exchanged'
                 )
         self._seen = actual.position_counts, now_s
 
@@ -289,9 +312,9 @@ class TendonServo:
         )
 
     def _was_left_by_driver(self, identity: _Identity, actual: ServoState) -> bool:
-        """Return whether a servo with its torque on has the registers that a driver leaves."""
+        """Return True if a servo with its torque on has registers as this driver sets them."""
         is_watched = actual.watchdog in (self._watchdog, registers.WATCHDOG_TRIPPED)
-        is_unarmed = actual.watchdog == registers.WATCHDOG_OFF  # its driver was about to arm it
+        is_unarmed = actual.watchdog == registers.WATCHDOG_OFF  # before its driver had armed it
         return (
             identity.drive_mode == 0
             and identity.operating_mode == registers.MODE_CURRENT_BASED_POSITION
@@ -307,23 +330,23 @@ class TendonServo:
         return False
 
     def _write_mark(self, mark: int) -> None:
-        with suppress(DeviceRefusedError):  # a servo that does not take it works without
+        with suppress(DeviceRefusedError):  # the mark is optional
             self.bus.write(registers.MARK, mark)
 
     def _find_condition(
         self, identity: _Identity, settings: ServoSettings, actual: ServoState
     ) -> Found:
-        """Return the condition of a servo that may be written to, or raise; writes nothing."""
+        """Return the condition of a servo, or raise if it must not be used; writes nothing."""
         name = self.bus.name
         if identity.model not in registers.MODELS:
             raise DeviceRefusedError(
-                f'{name} has model number {identity.model}; supported are '
+                f'{name} has model number {identity.model}; supported models are '
                 f'{", ".join(registers.MODELS.values())}'
             )
         if identity.firmware < registers.FIRMWARE_WITH_WATCHDOG:
             raise DeviceRefusedError(
-                f'{name} has firmware {identity.firmware} without bus watchdog; update it to '
-                f'{registers.FIRMWARE_WITH_WATCHDOG} or later'
+                f'{name} has firmware {identity.firmware}, which has no bus watchdog; update it '
+                f'to {registers.FIRMWARE_WITH_WATCHDOG} or later'
             )
         if actual.status_return_level != registers.STATUS_ALWAYS:
             raise DeviceRefusedError(
@@ -333,9 +356,9 @@ class TendonServo:
         if self._known is not None:
             if not self._is_known(identity):
                 raise DeviceRefusedError(
-                    f'{name} is another servo than before, or has another mode or homing offset; '
-                    'nothing was written to it. Connect the right one, or configure the driver '
-                    'again to use this one'
+                    f'{name} was exchanged, or its mode or homing offset was changed; nothing was '
+                    'written to it. Connect the former servo, or configure the driver again to '
+                    'use this one'
                 )
             if self._is_set_up:
                 if actual.is_torque_on:
@@ -344,20 +367,20 @@ class TendonServo:
                     except ServoChangedError:
                         return Found.OFF
                     return Found.SAME
-                # One that has shut down is restarted only when the driver is configured.
+                # A servo that has shut down is restarted only when the driver is configured.
                 return Found.SAME if actual.hardware_error else Found.OFF
-            if self._found and actual.is_torque_on:  # a set-up was cut off half way
+            if self._found and actual.is_torque_on:  # a set-up was interrupted
                 return self._found
         if not actual.is_torque_on:
             return Found.OFF
         if not self._was_left_by_driver(identity, actual):
             startup = ''
             if settings.startup_configuration & registers.STARTUP_TORQUE_ON:
-                startup = ' Its Startup Configuration switches the torque on: set it to 0.'
+                startup = ' Its Startup Configuration switches the torque on; set it to 0.'
             raise DeviceRefusedError(
-                f'{name} holds with its torque on and was not set up by this driver; nothing was '
+                f'{name} has its torque on, but was not set up by this driver; nothing was '
                 'written to it. Check port and device_id. If it is the servo of the tendon, '
-                f'switch its torque or its power off, then configure the driver again.{startup}'
+                f'switch off its torque or power, then configure the driver again.{startup}'
             )
         displacement_m = self._to_displacement_m(actual.position_counts)
         highest_m = self._config.max_displacement_m + SLACK_BELOW_M
@@ -367,19 +390,27 @@ class TendonServo:
     # -- set-up ---------------------------------------------------------------------------
 
     def set_up(self) -> Found:
-        """Recognise the servo; set modes, limits and zero; hold it where it stands.
+        """Identify the servo, set modes, limits and zero, and hold its present position.
 
-        A servo that is as this driver has left it is left alone. One that an earlier driver has
-        left keeps its zero. Every other one gets its zero where the tendon comes to rest with the
-        torque off.
+        A servo in the condition `Found.SAME` is not changed, and one in the condition
+        `Found.KEPT` keeps its zero. Every other servo gets its zero at the position where the
+        tendon comes to rest with the torque off.
 
-        Raises `DeviceRefusedError` when it is not a supported servo, is too old, holds something
-        that this driver has not set up, reports a hardware error that a restart does not end, or
-        its limits are below those of the configuration. Nothing is written to a servo that is not
-        known to be the tendon's.
+        Returns
+        -------
+        Found
+            Condition in which the servo was found.
+
+        Raises
+        ------
+        DeviceRefusedError
+            If the model or firmware is not supported, the torque is on although this driver has
+            not set up the servo, the servo reports a hardware error after a restart, or its
+            limits are below the configured ones. Nothing is written to a servo that is not known
+            to be the tendon's servo.
         """
         identity, settings = self._identify()
-        actual = self._insist(self.read)
+        actual = self._retry(self.read)
         found = self._find_condition(identity, settings, actual)
         if found is Found.SAME:
             return found
@@ -394,7 +425,7 @@ class TendonServo:
             found = self._found = Found.OFF
         if found is not Found.KEPT:
             self._switch_torque_off()
-            position_counts = self._wait_settled()  # it may be off since just now
+            position_counts = self._wait_settled()  # the torque may have been on until now
             self._write_settings(wanted, position_counts)
             self._write_mark(registers.OUR_MARK)
         self.limits = ServoLimits(settings.velocity_limit, settings.temperature_limit_c)
@@ -405,28 +436,28 @@ class TendonServo:
         return found
 
     def hold(self) -> None:
-        """Switch the torque on and hold where the servo stands, confirmed by a last read."""
+        """Switch the torque on and hold the present position, confirmed by a final read."""
         self._seen, self._is_arming = None, True
         self.desire(DesiredState(math.inf, self._desired.velocity, self._desired.current))
 
         def is_done() -> bool:
             actual = self.read()
-            return self.bring(actual, may_tighten=False) and not self._is_arming
+            return self.apply(actual, may_tighten=False) and not self._is_arming
 
-        self._repeat(is_done, 'does not take its set-up')
+        self._repeat(is_done, 'does not accept its set-up')
 
     def write_zero(self, displacement_m: float) -> None:
-        """Make a displacement the servo's zero [m]; the torque is off for some milliseconds."""
+        """Set the servo's zero to a displacement [m]; the torque is off for some milliseconds."""
         identity, _ = self._identify()
         if not self._is_known(identity):
-            raise ServoChangedError(f'another servo than before answers as {self.bus.name}')
+            raise ServoChangedError(f'{self.bus.name} has been exchanged for another servo')
         self._is_arming = True
         self._switch_torque_off()
         self._write_settings(identity, self._to_counts(displacement_m))
         self.hold()
 
     def switch_off(self) -> None:
-        """Switch the torque off if the servo is the one that was set up, and close the bus."""
+        """Switch the torque off if this is the servo that was set up, and close the bus."""
         with suppress(LinearGuideDriverError):
             if self._known is not None and self._is_known(self._identify()[0]):
                 self._switch_torque_off()
@@ -441,13 +472,13 @@ class TendonServo:
                 settings.velocity_limit, config.pulley_radius_m
             )
             raise DeviceRefusedError(
-                f'speed_m_s is {config.speed_m_s} and the servo allows {fastest_m_s:.4f} m/s; '
-                'lower it'
+                f'speed_m_s is {config.speed_m_s}, but the servo allows {fastest_m_s:.4f} m/s; '
+                'reduce speed_m_s'
             )
         if self.current > settings.current_limit:
             raise DeviceRefusedError(
-                f'current_limit_a is {config.current_limit_a} and the servo allows '
-                f'{registers.current_to_a(settings.current_limit):.3f} A; lower it'
+                f'current_limit_a is {config.current_limit_a}, but the servo allows '
+                f'{registers.current_to_a(settings.current_limit):.3f} A; reduce current_limit_a'
             )
 
     def _switch_torque_off(self) -> None:
@@ -460,10 +491,10 @@ class TendonServo:
         self._repeat(is_off, 'does not switch its torque off')
 
     def _write_settings(self, identity: _Identity, zero_counts: int) -> None:
-        """Write modes, and a position as the zero, where they differ; the torque must be off.
+        """Write modes and zero where they differ; the torque must be off.
 
-        The servo keeps its position over turns for as long as it has power. ``zero_counts`` is in
-        the present count.
+        ``zero_counts`` is the position of the new zero in present counts. The servo keeps its
+        position over several turns only while it has power.
         """
         if abs(zero_counts) > ZERO_COUNTS:
             offset = identity.homing_offset - zero_counts
@@ -480,17 +511,17 @@ class TendonServo:
                     (registers.OPERATING_MODE, identity.operating_mode, settings.operating_mode),
                     (registers.HOMING_OFFSET, identity.homing_offset, settings.homing_offset),
                 )
-                if wanted != present  # EEPROM wears out
+                if wanted != present  # unneeded writes would wear out the EEPROM
             ]
             for register, wanted in differing:
                 self.bus.write_once(register, wanted)
             return not differing
 
-        self._repeat(is_written, 'does not keep its modes and its zero')
+        self._repeat(is_written, 'does not store its modes and its zero')
         self._known = identity, identity
 
     def _reboot(self, words: str) -> None:
-        """Restart a servo that has shut down; only that ends it, and what ails it comes again."""
+        """Restart a servo that has shut down, and raise if it still reports an error."""
         _logger.warning('%s has shut down: %s; restarting it', self.bus.name, words)
         self.bus.reboot()
         deadline_s = time.monotonic() + REBOOT_S
@@ -504,34 +535,37 @@ class TendonServo:
                     raise
         if word:
             raise DeviceRefusedError(
-                f'{self.bus.name} has shut down: {registers.format_hardware_error(word)}, and a '
-                'restart did not help; remove the cause, let it cool, and configure the driver '
-                'again'
+                f'{self.bus.name} has shut down: {registers.format_hardware_error(word)}. A '
+                'restart did not help; remove the cause, let the servo cool, and configure the '
+                'driver again'
             )
 
     def _wait_settled(self) -> int:
-        """Return the position at which a tendon without torque has come to rest [counts]."""
-        # The finger's spring unwinds a tendon that was held; slack is where that ends.
+        """Return the position [counts] at which the tendon comes to rest without torque."""
+        # The elastic finger pulls the tendon out until it is slack.
         deadline_s = time.monotonic() + SETTLING_S
-        last = self._insist(self.read).position_counts
+        last = self._retry(self.read).position_counts
         while time.monotonic() < deadline_s:
             time.sleep(SETTLING_PERIOD_S)
-            now = self._insist(self.read).position_counts
+            now = self._retry(self.read).position_counts
             if abs(now - last) <= SETTLED_COUNTS:
                 return now
             last = now
-        raise DeviceRefusedError('the tendon does not come to rest with the torque off')
+        raise DeviceRefusedError(
+            'the tendon does not come to rest with the torque off; check that nothing moves the '
+            'finger'
+        )
 
     # -- inside ---------------------------------------------------------------------------
 
     def _read_settings(self) -> ServoSettings:
-        return self._insist(
+        return self._retry(
             lambda: registers.decode_settings(self.bus.read_block(registers.SETTINGS_BLOCK))
         )
 
     @staticmethod
-    def _insist(read: Callable[[], _Read]) -> _Read:
-        """Read; again if the servo is silent."""
+    def _retry(read: Callable[[], _Read]) -> _Read:
+        """Read, and retry if the servo is silent."""
         for _ in range(ATTEMPTS - 1):
             with suppress(SilentServoError):
                 return read()
@@ -539,7 +573,7 @@ class TendonServo:
         return read()
 
     def _repeat(self, is_done: Callable[[], bool], problem: str) -> None:
-        """Read and write until a read confirms what was written."""
+        """Call ``is_done``, which reads and writes, until it returns True."""
         for _ in range(SET_UP_CYCLES - 1):
             with suppress(SilentServoError, DeviceRefusedError):
                 if is_done():
@@ -550,7 +584,7 @@ class TendonServo:
             raise DeviceRefusedError(f'{self.bus.name} {problem}; configure the driver again')
 
     def to_state(self, servo: ServoState, received_at_ns: int) -> TendonState:
-        """Return a polled state in lengths of tendon."""
+        """Convert a polled state to lengths of tendon."""
         radius_m = self._config.pulley_radius_m
         return TendonState(
             displacement_m=self._to_displacement_m(servo.position_counts),

@@ -1,13 +1,14 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reads the servo's state at a steady rate and notices faults at once, whatever it is doing.
+"""Polling of the servo at a steady rate, with detection of faults and outages.
 
-The rate falls while nothing moves and the tendon is slack. A command, a taut tendon or a failed
-read brings the full rate back.
+The rate is lower while nothing moves and the tendon is slack. A command, a taut tendon or a
+failed read restores the full rate.
 
-The reads also feed the servo's bus watchdog: when they end, the servo stops by itself. The thread
-ends with the client alone. After an outage it goes on asking, or makes the connection again.
+The reads also feed the servo's bus watchdog, so that the servo stops by itself when they end.
+The poll thread runs until the client is closed. During an outage it keeps polling, or
+re-establishes the connection.
 """
 
 from __future__ import annotations
@@ -30,28 +31,28 @@ from linear_guide_driver.records import REST_AFTER_S, TendonActuatorConfig, Tend
 from tactile_ros.refusal import Refusal
 
 FAILED_POLLS = 5
-"""Polls in a row that are not answered, or refused, after which it is an outage: about 0.2 s.
+"""Consecutive polls without an answer, or refused, that count as an outage: about 0.2 s.
 
-Fewer ended pulls on a busy host, where an answer can be late three times in a row.
+With a smaller number, pulls ended on a busy host, where three answers in a row may be late.
 """
 
 FIRST_BACK_OFF_S, LONGEST_BACK_OFF_S = 0.25, 2.0
-"""Pause before a lost connection is made again; each failure doubles it."""
+"""Pauses [s] before attempts to re-establish a lost connection; each failure doubles the pause."""
 
 RESTORE_S = 10.0
-"""Longest attempt to make a lost connection again: to open, set up and come to rest."""
+"""Longest duration [s] of an attempt to open the port, set the servo up and come to rest."""
 
 REST_POLLS = 4
-"""Polls per ``watchdog_s`` at rest: two in a row may come late."""
+"""Polls per ``watchdog_s`` at rest, so that two polls in a row may be late."""
 
 LONGEST_REST_POLL_S = 0.04
-"""Longest period of polls at rest, however long ``watchdog_s`` is."""
+"""Longest period of polls at rest [s], also if ``watchdog_s`` is long."""
 
 RESTART = 'remove the cause and configure the driver again'
-"""Remedy of a servo that reports a fault or has shut down."""
+"""Remedy for a servo that reports a fault or has shut down."""
 
 CLOSING_S = 6.0
-"""Longest wait for the thread: a servo that is just set up comes to rest within three seconds."""
+"""Longest wait for the thread [s]; during its set-up, a servo needs up to 3 s to come to rest."""
 
 _logger = logging.getLogger(__name__)
 
@@ -59,14 +60,37 @@ _logger = logging.getLogger(__name__)
 class ServoMonitor:
     """The poll thread of one servo.
 
-    ``on_poll`` makes a `TendonState` of a `ServoState` and acts on it, under the bus's lock, in
-    each `cycle`. ``is_slack`` tells whether nothing moves in that state and the tendon is slack.
-    On the poll thread: ``on_state`` is called with each state. ``on_turn`` is called each time
-    that the thread comes round, with how much longer than usual the next time may take [s]:
-    infinite when there is none. ``restore`` makes a lost connection again, or raises.
+    Parameters
+    ----------
+    servo : TendonServo
+        The servo.
+    config : TendonActuatorConfig
+        Rate and timeouts.
+    on_poll : callable
+        Called in each `cycle` with the bus's lock held. Converts a `ServoState` to a
+        `TendonState` and acts on it.
+    on_state : callable
+        Called on the poll thread with each state.
+    on_loss : callable
+        Called with a reason at each failure, on the thread that detects it.
+    on_trouble : callable
+        Called with a reason at each new outage or fault, on the thread that detects it.
+    on_cycle : callable
+        Called on the poll thread in each cycle with the additional time that the next cycle may
+        take [s]; infinite in the last cycle.
+    restore : callable
+        Re-establishes a lost connection, or raises.
+    is_slack : callable
+        Returns True if the tendon is slack and at rest in a state.
 
-    ``on_loss`` and ``on_trouble`` are called with a reason at each failure, and when an outage or
-    a fault is new; on the thread that noticed it.
+    Attributes
+    ----------
+    state : TendonState or None
+        The latest state.
+    is_lost : bool
+        Port or torque is lost: the connection must be re-established before the next command.
+    is_shut_down : bool
+        The torque is off because of a fault; only a restart of the servo ends this.
     """
 
     def __init__(
@@ -77,14 +101,14 @@ class ServoMonitor:
         on_state: Callable[[TendonState], None],
         on_loss: Callable[[str], None],
         on_trouble: Callable[[str], None],
-        on_turn: Callable[[float], None],
+        on_cycle: Callable[[float], None],
         restore: Callable[[], None],
         is_slack: Callable[[TendonState], bool],
     ) -> None:
         self._servo, self._config = servo, config
         self._on_poll, self._on_state = on_poll, on_state
         self._on_loss, self._on_trouble, self._restore = on_loss, on_trouble, restore
-        self._on_turn = on_turn
+        self._on_cycle = on_cycle
         self._is_slack = is_slack
         self._rests_at_s = time.monotonic() + REST_AFTER_S
         self._changed = threading.Condition()
@@ -92,28 +116,28 @@ class ServoMonitor:
         self._polls = 0
         self._failed_polls = 0
         self._back_off_s = FIRST_BACK_OFF_S
-        self.state: TendonState | None = None  # the last one
+        self.state: TendonState | None = None
         self._outage: str | None = None
         self._fault: str | None = None
-        self.is_lost = False  # line or torque: the connection is made again before a command
-        self.is_shut_down = False  # torque off because of a fault; only a restart ends that
+        self.is_lost = False
+        self.is_shut_down = False
         self._thread = threading.Thread(target=self._run, name='tendon poll', daemon=True)
 
     @property
     def outage(self) -> Refusal | None:
-        """Why no command can be watched: no answers, or the torque is off; None without outage."""
+        """Why commands cannot be supervised (no answers, or torque off), or None."""
         if self._outage is None:
             return None
         if self.is_shut_down:
             return Refusal(self._outage, RESTART)
         if self.is_lost:
             return Refusal(self._outage, 'the driver connects again by itself')
-        remedy = 'the driver asks again by itself; check wiring and power'
+        remedy = 'check wiring and power; the driver keeps trying'
         return Refusal(self._outage, remedy)
 
     @property
     def fault(self) -> Refusal | None:
-        """Fault reported with the torque on, or None. The servo must not tighten then."""
+        """Fault that the servo reports with the torque on, or None. It prevents tightening."""
         return None if self._fault is None else Refusal(self._fault, RESTART)
 
     @property
@@ -123,12 +147,12 @@ class ServoMonitor:
 
     @property
     def is_at_rest(self) -> bool:
-        """True when the tendon has been slack and at rest for `REST_AFTER_S`."""
+        """True if the tendon has been slack and at rest for `REST_AFTER_S`."""
         return time.monotonic() >= self._rests_at_s
 
     @property
     def period_s(self) -> float:
-        """Period of the polls now [s]."""
+        """Present period of the polls [s]."""
         period_s = 1.0 / self._config.poll_rate_hz
         if self.is_at_rest:
             rest_s = min(self._config.watchdog_s / REST_POLLS, LONGEST_REST_POLL_S)
@@ -136,17 +160,17 @@ class ServoMonitor:
         return period_s
 
     def start(self) -> None:
-        """Start to poll."""
+        """Start the poll thread."""
         self._thread.start()
 
-    def hurry(self) -> None:
-        """Poll at full rate from now on: something is about to move."""
+    def poll_fast(self) -> None:
+        """Return to the full rate, because a motion is about to begin."""
         with self._changed:
             self._rests_at_s = time.monotonic() + REST_AFTER_S
             self._changed.notify_all()
 
     def close(self) -> None:
-        """Poll no more; wakes whoever waits."""
+        """Stop polling, and end all waits in `wait_poll`."""
         with self._changed:
             self._closing.set()
             self._changed.notify_all()
@@ -154,7 +178,7 @@ class ServoMonitor:
             self._thread.join(CLOSING_S)
 
     def fail(self, reason: str, *, is_lost: bool = False) -> None:
-        """Note an outage; the first reason is the cause, what follow are its consequences."""
+        """Record an outage. Only the first reason is kept; later ones are its consequences."""
         with self._changed:
             is_new = self._outage is None or (is_lost and not self.is_lost)
             if is_new:
@@ -163,10 +187,10 @@ class ServoMonitor:
             self._changed.notify_all()
         self._on_loss(reason)
         if is_new:
-            self.tell_trouble(reason)
+            self.report_trouble(reason)
 
     def clear(self) -> None:
-        """Forget the outage if the line is not lost: the servo answers again."""
+        """End the outage, because the servo answers again, unless the connection is lost."""
         with self._changed:
             if self._outage is not None and not self.is_lost:
                 _logger.warning('the servo answers again')
@@ -174,7 +198,7 @@ class ServoMonitor:
                 self._changed.notify_all()
 
     def wait_poll(self, timeout_s: float) -> TendonState | None:
-        """Return the next state, or None when an outage, the end or the timeout came first [s]."""
+        """Return the next state; None after an outage, after `close`, or after a timeout [s]."""
         with self._changed:
             count = self._polls
             self._changed.wait_for(
@@ -183,32 +207,32 @@ class ServoMonitor:
             )
             return self.state if self._polls > count else None
 
-    def tell_trouble(self, reason: str) -> None:
-        """Pass a reason on to ``on_trouble``, whose own faults end nothing."""
-        self._tell(self._on_trouble, reason)
+    def report_trouble(self, reason: str) -> None:
+        """Call ``on_trouble`` with a reason; its exceptions are logged and suppressed."""
+        self._notify(self._on_trouble, reason)
 
     def cycle(self) -> TendonState:
-        """Read the servo and act on what was read; also for commands, on their threads."""
-        with self._servo.bus.lock:  # no command comes between a state and its judgement
+        """Read the servo and act on its state. Commands call this on their own threads."""
+        with self._servo.bus.lock:  # no command may come between a read and its handling
             return self._take(self._servo.read())
 
     def poll_once(self) -> float:
-        """Read the servo, or make a lost connection again; return the pause that follows [s]."""
+        """Read the servo, or re-establish the connection; return the pause that follows [s]."""
         was_lost = self.is_lost
         try:
             if was_lost:
                 self._restore()
                 self.is_lost, self._back_off_s = False, FIRST_BACK_OFF_S
-                self.clear()  # the poll that follows tells what else is wrong
+                self.clear()  # the next poll detects other faults
             state = self.cycle()
             self._failed_polls = 0
         except LinearGuideDriverError as error:
-            self.hurry()
+            self.poll_fast()
             if was_lost and self.is_lost:
                 is_new = isinstance(error, DeviceRefusedError) and str(error) != self._outage
                 self._outage = str(error)
                 if is_new:
-                    self.tell_trouble(str(error))
+                    self.report_trouble(str(error))
                 self._back_off_s = min(2 * self._back_off_s, LONGEST_BACK_OFF_S)
                 return self._back_off_s
             is_silent = isinstance(error, SilentServoError)
@@ -218,16 +242,18 @@ class ServoMonitor:
             self._failed_polls += 1
             if self._failed_polls < FAILED_POLLS:
                 return 0.0
-            self.fail(f'the servo {"is silent" if is_silent else "refuses to be read"} ({error})')
-        except Exception as error:  # the poll must outlive it: it slackens the tendon
+            self.fail(
+                f'the servo {"does not answer" if is_silent else "refuses to be read"} ({error})'
+            )
+        except Exception as error:  # polling must continue, because it slackens the tendon
             if self._outage is None:
                 _logger.exception('reading the servo failed')
             self.fail(f'reading the servo failed: {error!r}', is_lost=self.is_lost)
         else:
-            self._tell(self._on_state, state)
+            self._notify(self._on_state, state)
             return 0.0
         self._failed_polls = 0
-        # It may still hear us: say nothing until its watchdog has stopped it.
+        # The servo may still receive packets: send none until its watchdog has stopped it.
         return 2 * self._config.watchdog_s
 
     # -- inside --------------------------------------------------------------------------
@@ -237,16 +263,16 @@ class ServoMonitor:
         while self._wait_until_due(began_s):
             began_s = max(began_s + self.period_s, time.monotonic() - self.period_s)
             pause_s = self.poll_once()
-            self._tell(self._on_turn, pause_s + (RESTORE_S if self.is_lost else 0.0))
-            with self._changed:  # a fresh command that is heard ends the pause
+            self._notify(self._on_cycle, pause_s + (RESTORE_S if self.is_lost else 0.0))
+            with self._changed:  # a successful command ends the pause
                 self._changed.wait_for(lambda: not self._outage or self._closing.is_set(), pause_s)
-        self._tell(self._on_turn, math.inf)
+        self._notify(self._on_cycle, math.inf)
 
     def _wait_until_due(self, began_s: float) -> bool:
-        """Wait until one period after ``began_s``; return False at the end [s]."""
+        """Wait until one period after ``began_s`` [s]; return False if the monitor was closed."""
         with self._changed:
             while not self._closing.is_set():
-                left_s = began_s + self.period_s - time.monotonic()  # `hurry` shortens it
+                left_s = began_s + self.period_s - time.monotonic()  # `poll_fast` reduces it
                 if left_s <= 0.0:
                     return True
                 self._changed.wait(left_s)
@@ -258,26 +284,26 @@ class ServoMonitor:
         if self.is_shut_down:
             self.fail(f'the servo has shut down: {words}')
         elif not servo.is_torque_on:
-            self.fail("the servo's torque went off, so the slack reference is lost", is_lost=True)
+            self.fail("the servo's torque went off, so the zero is lost", is_lost=True)
         elif words and self._fault is None:
             self._fault = f'the servo reports a fault: {words}'
             self._on_loss(self._fault)
-            self.tell_trouble(self._fault)
+            self.report_trouble(self._fault)
         if not words:
             self._fault = None
         state = self._on_poll(servo)
         if servo.is_torque_on:
-            self.clear()  # also what a command has noted meanwhile: it answers
+            self.clear()  # also an outage that a command has recorded meanwhile
         if not self._is_slack(state):
-            self.hurry()
+            self.poll_fast()
         with self._changed:
             self.state = state
             self._polls += 1
             self._changed.notify_all()
         return state
 
-    def _tell(self, listener: Callable[..., None], what: object) -> None:
+    def _notify(self, listener: Callable[..., None], argument: object) -> None:
         try:
-            listener(what)
-        except Exception:  # the poll must outlive it: it feeds the watchdog
+            listener(argument)
+        except Exception:  # polling must continue, because it feeds the watchdog
             _logger.exception('a listener of the tendon actuator failed')

@@ -1,16 +1,19 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The tendon actuator: a Dynamixel XM430 in current-based position mode.
+"""Client of the tendon actuator, a Dynamixel XM430 in current-based position mode.
 
-`TendonActuatorClient` has three parts, from the bottom up. *One loop*: the poll reads the servo,
-`TendonSafety` gives an order, and what differs from the desired state is written, under the bus's
-lock. A new sample and each command run the same loop once, instead of waiting for the poll.
-*Desired states*: an order or a pull only chooses one; a later one ends an earlier pull. *Motions*:
-a pull or a homing is plugged into `Motions`; it begins with a goal that safety admits, and waits
-until the servo is there.
+`TendonActuatorClient` has three layers, from the bottom up:
 
-The servo's bus watchdog stops it when nothing is heard for a while; the monitor's reads feed it.
+- *Loop*: with the bus's lock held, the poll reads the servo, `TendonSafety` decides on an order,
+  and registers that differ from the desired state are written. A new sample and each command run
+  this loop once without waiting for the next poll.
+- *Desired state*: an order or a pull only selects the desired state. A new desired state ends an
+  earlier pull.
+- *Motions*: a pull or a homing is executed by `Motions`. It begins with a goal that safety
+  admits, and ends when the servo has reached it.
+
+The servo's bus watchdog stops the servo if no packet arrives; the reads of the poll feed it.
 """
 
 from __future__ import annotations
@@ -56,53 +59,68 @@ from linear_guide_driver.stop_latch import StopLatch
 from tactile_ros.refusal import Refusal
 
 POSITION_TOLERANCE_M = 0.0005
-"""Distance from its goal at which a pull may rest: the loop yields a little under load."""
+"""Distance [m] from its goal at which a pull may end: the servo deviates a little under load."""
 
 SLACK_S = 1.0
-"""Added to the computed duration of a pull before it counts as stuck."""
+"""Time [s] added to the computed duration of a pull before it counts as stuck."""
 
 POLL_WAIT_S = 1.0
 
 COMMAND_CYCLES = 5
-"""Reads, each followed by writes, in which a command must be carried out: packets may be lost."""
+"""Number of cycles of read and write in which a command must succeed: packets may be lost."""
 
 SLACKEN_S = 2.0
-"""Longest wait of `TendonActuatorClient.close` for a tendon to become slack."""
+"""Longest time [s] that `TendonActuatorClient.close` waits for the tendon to become slack."""
 
 HOMING_REACH_M = 0.005
-"""At least so much slack is looked through, also by an actuator for small displacements."""
+"""Shortest displacement [m] over which homing searches, also if ``max_displacement_m`` is less."""
 
 HOMING_POLLS = 3
-"""In a row that must agree on taut or slack: one sample may be noise."""
+"""Number of consecutive polls that must agree on taut or slack: one sample may be noise."""
 
 HOMING_SLACK_SHARE = 0.5
-"""Share of the taut tension below which the tendon counts as slack."""
+"""Fraction of the taut tension below which the tendon counts as slack."""
 
 NOT_BEGUN = 'The pull was stopped before it began.'
 RELEASED = 'The tendon was released.'
-RESTARTED = 'The driver has started with a taut tendon: it is slackened.'
+RESTARTED = 'The driver has started with a taut tendon; the tendon is slackened.'
 
 _logger = logging.getLogger(__name__)
 
 _Result = TypeVar('_Result')
-_News = Generator[TendonState | None, None, _Result]
+MotionProgress = Generator[TendonState | None, None, _Result]
 
 
 class TendonActuatorClient:
     """Blocking, thread-safe client of the tendon's servo; one pull at a time.
 
-    Every command passes `TendonSafety`, and the poll carries its orders out. `connect` slackens
+    Every command passes `TendonSafety`, and the poll carries the orders out. `connect` slackens
     a tendon that was left taut. `close` slackens it, too, and switches the torque off. Commands
-    raise `MotionRefusedError`, and the errors of the bus.
+    raise `MotionRefusedError` and the errors of the bus.
 
-    ``on_state`` is called with each `TendonState`, stamped by ``clock_ns``, on the poll thread;
-    ``on_turn`` each time that this thread comes round, see `ServoMonitor`; ``on_trouble`` with a
-    sentence as soon as a fault or a safety order is new, from any thread. ``watches`` are the
-    signs of life that must be there while the tendon is taut, ``latch`` the stopped state of the
-    rig: call `supervise` when it changes.
+    Parameters
+    ----------
+    config : TendonActuatorConfig
+        Connection and limits.
+    on_state : callable
+        Called on the poll thread with each `TendonState`, stamped by ``clock_ns``.
+    clock_ns : callable
+        Returns the present time [ns].
+    on_trouble : callable
+        Called on any thread with a sentence for each new fault or safety order.
+    watches : sequence of Watch
+        Nodes and topics that are needed while the tendon is taut.
+    on_cycle : callable
+        Called in each cycle of the poll thread; see `ServoMonitor`.
+    latch : StopLatch, optional
+        Stopped state of the rig. Call `supervise` after each change.
 
-    Feed ``safety`` the samples of the tension. ``recoveries`` counts how often the servo's
-    watchdog had stopped it and its goals were unlocked again.
+    Attributes
+    ----------
+    safety : TendonSafety
+        State machine that must be given the samples of the tension.
+    recoveries : int
+        Number of times that the servo's watchdog had stopped it and its goals were unlocked.
     """
 
     def __init__(
@@ -112,58 +130,64 @@ class TendonActuatorClient:
         clock_ns: Callable[[], int] = time.time_ns,
         on_trouble: Callable[[str], None] = lambda _: None,
         watches: Sequence[Watch] = (),
-        on_turn: Callable[[float], None] = lambda _: None,
+        on_cycle: Callable[[float], None] = lambda _: None,
         latch: StopLatch | None = None,
     ) -> None:
         self._config, self._clock_ns = config, clock_ns
-        self._on_state, self._on_trouble, self._on_turn = on_state, on_trouble, on_turn
+        self._on_state, self._on_trouble, self._on_cycle = on_state, on_trouble, on_cycle
         self._servo: TendonServo | None = None
         self._monitor: ServoMonitor | None = None
         self._motions = Motions('The tendon is busy with another pull; stop it first.', NOT_BEGUN)
-        self._order = Order.FOLLOW  # the last one of safety
-        self._pull_state: DesiredState | None = None  # of the last pull
-        self._goal_m = 0.0  # of the last pull
-        self._is_brought = False  # everything of the desired state has been written
-        self._told: str | None = None  # the last alarm
+        self._order = Order.FOLLOW  # last order of safety
+        self._pull_state: DesiredState | None = None  # desired state of the last pull
+        self._goal_m = 0.0  # goal of the last pull
+        self._is_written = False  # the whole desired state has been written
+        self._reported_alarm: str | None = None
         self.safety = TendonSafety(config, watches, latch)
         self.recoveries = 0
 
     @property
     def state(self) -> TendonState | None:
-        """The last state; None before the first poll."""
+        """The latest state; None before the first poll."""
         return None if self._monitor is None else self._monitor.state
 
     @property
     def identification(self) -> str:
-        """Model and firmware; empty before the servo was set up."""
+        """Model and firmware; an empty string until the servo is set up."""
         return '' if self._servo is None else self._servo.identification
 
     @property
     def temperature_limit_c(self) -> float:
-        """Temperature at which the servo shuts down."""
+        """Temperature at which the servo shuts down [C]."""
         return 0.0 if self._servo is None else float(self._servo.limits.temperature_c)
 
     @property
     def is_at_rest(self) -> bool:
-        """True while the tendon is slack and at rest, so that states come slowly."""
+        """True while the tendon is slack and at rest, so that it is polled at a lower rate."""
         return self._monitor is not None and self._monitor.is_at_rest
 
     @property
     def trouble(self) -> Refusal | None:
-        """The outage or the fault that keeps the servo from tightening, or None."""
+        """The outage or fault because of which the servo cannot tighten, or None."""
         return None if self._monitor is None else self._monitor.trouble
 
     # -- life ----------------------------------------------------------------------------
 
     def connect(self) -> None:
-        """Open the bus and set the servo up; a tendon that was left taut is slackened.
+        """Open the bus and set the servo up; slacken a tendon that was left taut.
 
-        Raises what `open_servo` raises.
+        Raises the errors of `open_servo`.
         """
         self.close()
         self._servo, found = open_servo(self._config)
         self._take_over(found)
-        listeners = (self._on_poll, self._on_state, self._on_loss, self._on_trouble, self._on_turn)
+        listeners = (
+            self._on_poll,
+            self._on_state,
+            self._on_loss,
+            self._on_trouble,
+            self._on_cycle,
+        )
         self._monitor = ServoMonitor(
             self._servo, self._config, *listeners, restore=self._restore, is_slack=self._is_slack
         )
@@ -171,7 +195,7 @@ class TendonActuatorClient:
         self._monitor.wait_poll(POLL_WAIT_S)
 
     def close(self) -> None:
-        """Slacken the tendon, then switch the torque off; harmless when called twice."""
+        """Slacken the tendon, then switch the torque off; idempotent."""
         servo, monitor = self._servo, self._monitor
         if servo is None or monitor is None:
             return
@@ -184,12 +208,12 @@ class TendonActuatorClient:
         servo.switch_off()
 
     def _slacken(self, monitor: ServoMonitor) -> None:
-        """Release and wait until the tendon is slack, for a while at the most."""
+        """Slacken the tendon, and wait up to `SLACKEN_S` until it is slack."""
         deadline_s = time.monotonic() + SLACKEN_S
         if self.safety.zero is Zero.UNKNOWN and self._read_tension() is None:
-            return  # nothing would tell where to end
+            return  # neither zero nor sensor would show where to end
         try:
-            self.request_release(reason='The driver is closed: the tendon is slackened.')
+            self.request_release(reason='The driver is closing; the tendon is slackened.')
             while time.monotonic() < deadline_s:
                 state = monitor.wait_poll(POLL_WAIT_S)
                 if monitor.outage:
@@ -202,12 +226,12 @@ class TendonActuatorClient:
             _logger.error('the tendon was not slack after %s s; it may still be taut', SLACKEN_S)
 
     def _take_over(self, found: Found) -> None:
-        """Begin with a servo that has just been set up: it holds, and no order is in force."""
+        """Initialise orders and zero for a servo that has just been set up and holds."""
         if found is Found.SAME:
             return
         self._order = Order.FOLLOW
         if found is Found.MISPLACED:
-            reason = 'the servo held a tendon at a place that its zero cannot explain'
+            reason = 'the servo held the tendon at a position that does not fit its zero'
             self.safety.set_zero(Zero.UNKNOWN, reason)
         else:
             self.safety.set_zero(Zero.UNCONFIRMED)
@@ -216,7 +240,7 @@ class TendonActuatorClient:
             self.safety.release(RESTARTED)
 
     def _restore(self) -> None:
-        """Make a lost connection again. The next poll unlocks goals and carries the order out."""
+        """Re-establish a lost connection. The next poll unlocks goals and executes the order."""
         servo, _ = self._require_connection()
         servo.bus.open()
         self._take_over(servo.set_up())
@@ -239,30 +263,39 @@ class TendonActuatorClient:
         contact: str = 'flexion',
         stop_tension_n: float = 0.0,
     ) -> TendonState:
-        """Move the tendon to a displacement and keep it there; return the state at rest.
+        """Move the tendon to a displacement and hold it there; return the state at rest.
 
         Parameters
         ----------
-        displacement_m, speed_m_s : float
-            From the slack reference [m], and [m/s]; 0 slackens the tendon, and is the
-            configured speed.
-        on_state, should_stop : callable
-            Called with each new state while the tendon moves; holds the tendon where it is by
-            returning True.
+        displacement_m : float
+            Displacement from the zero [m]; 0 slackens the tendon.
+        speed_m_s : float
+            Tendon speed [m/s]; 0: the configured speed.
+        on_state : callable
+            Called with each new state while the tendon moves.
+        should_stop : callable
+            Returns True if the pull must stop; the tendon is then held.
         contact : str
-            flexion or abduction: chooses the limit of the tension.
+            ``flexion`` or ``abduction``; selects the limit of the tension.
         stop_tension_n : float
-            The pull ends and holds when the tension reaches this [N]; 0: it does not.
-            ``safety.ending`` says which end it was.
+            Tension at which the pull ends and the tendon is held [N]; 0: none.
+            ``safety.ending`` shows whether this tension ended the pull.
+
+        Returns
+        -------
+        TendonState
 
         Raises
         ------
         MotionRefusedError
-            Out of range, busy, not safe, or not connected; nothing has moved.
-        MotionFailedError, MotionStoppedError
-            Ended by a fault or by safety; by ``should_stop`` or a later command.
+            If a value is out of range, or the actuator is busy, not safe, or not connected.
+            Nothing has moved.
+        MotionFailedError
+            If a fault or safety ended the pull.
+        MotionStoppedError
+            If ``should_stop`` or a later command ended the pull.
         """
-        if displacement_m == 0.0:  # slackening is always accepted
+        if displacement_m == 0.0:  # slackening the tendon is always allowed
             return self._run(partial(self._release, speed_m_s), on_state, should_stop)
         if not 0.0 <= displacement_m <= self._config.max_displacement_m:
             raise MotionRefusedError(
@@ -284,20 +317,30 @@ class TendonActuatorClient:
         on_state: Callable[[TendonState], None] = lambda _: None,
         should_stop: Callable[[], bool] = lambda: False,
     ) -> float:
-        """Tighten slowly until the tendon is just taut; displacements count from there.
+        """Find the zero of the displacement: tighten slowly until the tendon is just taut.
 
-        A taut tendon is slackened first. The fingertip must be free. Returns by how
-        much the zero has moved [m]. It counts as taut at ``taut_tension_n`` [N]; the other
-        parameters and the errors are those of `pull_to`.
+        A taut tendon is slackened first. The fingertip must be free.
+
+        Parameters
+        ----------
+        taut_tension_n : float
+            Tension at which the tendon counts as taut [N].
+        on_state, should_stop : callable
+            See `pull_to`, also for the errors.
+
+        Returns
+        -------
+        float
+            Displacement of the new zero from the old one [m].
         """
-        # A pull would not be allowed to stop above the limit; so it is here.
+        # As for the stop tension of a pull, the tension must be below the limit.
         contact = self.safety.strictest_contact
         self.safety.check_pull(Pull(0.0, contact, stop_tension_n=taut_tension_n))
         return self._run(partial(self._find_zero, taut_tension_n), on_state, should_stop)
 
     def _run(
         self,
-        begin: Callable[[], _News[_Result]],
+        begin: Callable[[], MotionProgress[_Result]],
         on_state: Callable[[TendonState], None],
         should_stop: Callable[[], bool],
     ) -> _Result:
@@ -308,7 +351,7 @@ class TendonActuatorClient:
     def _stop_pull(self) -> str:
         servo, _ = self._require_connection()
         with servo.bus.lock:
-            if not self._is_replaced:  # a later command, as a release, stays in force
+            if not self._is_replaced:  # a later command, such as a release, is kept
                 self.hold_here()
         return self._format_end(self.safety.reason)
 
@@ -320,7 +363,7 @@ class TendonActuatorClient:
         with suppress(LinearGuideDriverError):
             self.hold_here()
 
-    def _release(self, speed_m_s: float) -> _News[TendonState]:
+    def _release(self, speed_m_s: float) -> MotionProgress[TendonState]:
         """Slacken to the zero; without a known zero, until the sensor reads a slack tendon."""
         safety = self.safety
         wanted_m_s = speed_m_s if speed_m_s > 0.0 else self._config.speed_m_s
@@ -331,24 +374,24 @@ class TendonActuatorClient:
 
         return self._drive(Pull(safety.slack_m), min(wanted_m_s, self._max_speed_m_s), until)
 
-    def _find_zero(self, taut_tension_n: float) -> _News[float]:
-        """Let the tendon go slack, tighten until it is taut, and count from there."""
+    def _find_zero(self, taut_tension_n: float) -> MotionProgress[float]:
+        """Slacken the tendon, tighten until it is taut, and set the zero there."""
         present_n = self._read_tension()
         if present_n is None:
-            reason = 'Homing needs the tendon sensor and no valid strain sample arrives'
+            reason = 'Homing needs the tendon sensor, but no valid strain sample arrives'
             raise MotionRefusedError(f'{reason}; start the sensor.')
         slack_n = HOMING_SLACK_SHARE * taut_tension_n
         if present_n > slack_n:
             yield from self._seek(-1, lambda n: n <= slack_n, 'slack; tare the sensor')
-        there = 'taut; look after the tendon'
+        there = 'taut; check the tendon'
         taut = yield from self._seek(1, lambda n: n >= taut_tension_n, there)
         self._shift_zero(taut.displacement_m)
         return taut.displacement_m
 
     def _seek(
         self, direction: int, is_there: Callable[[float], bool], goal: str
-    ) -> _News[TendonState]:
-        """Tighten (1) or slacken (-1) until the tension is there; return the first such state."""
+    ) -> MotionProgress[TendonState]:
+        """Tighten (1) or slacken (-1) until ``is_there(tension)``; return the first such state."""
         there: list[TendonState] = []
 
         def until(state: TendonState) -> bool:
@@ -364,7 +407,7 @@ class TendonActuatorClient:
             raise MotionRefusedError('The servo has not answered yet; try again.')
         reach_m = max(self._config.max_displacement_m, HOMING_REACH_M)
         start_m = start.displacement_m
-        if direction > 0:  # a tendon without a zero may have been slackened far below it
+        if direction > 0:  # without a known zero, the tendon may have been slackened far below it
             start_m = max(start_m, 0.0)
         end_m = start_m + direction * reach_m
         pull = Pull(end_m, self.safety.strictest_contact, is_homing=True)
@@ -380,8 +423,8 @@ class TendonActuatorClient:
         pull: Pull,
         speed_m_s: float,
         until: Callable[[TendonState], bool] = lambda _: False,
-    ) -> _News[TendonState]:
-        """Move until there, or until ``until`` says so, and then hold."""
+    ) -> MotionProgress[TendonState]:
+        """Move to the goal of a pull, or until ``until(state)`` is True; then hold."""
         path_m = self._begin(pull, speed_m_s)
         _, monitor = self._require_connection()
         deadline_s = time.monotonic() + path_m / speed_m_s + SLACK_S
@@ -393,7 +436,7 @@ class TendonActuatorClient:
                 return state
             if outage := monitor.outage:
                 raise MotionFailedError(f'The pull failed: {outage.reason}.')
-            # A pull to slack goes on when safety orders the same, whatever the reason.
+            # A pull to slack continues if safety orders to slacken for another reason.
             goes_on = pull.slackens and self.safety.state is State.RELEASING
             if self._is_replaced and not goes_on:
                 raise MotionStoppedError(self._format_end(self.safety.reason))
@@ -403,7 +446,7 @@ class TendonActuatorClient:
                     with servo.bus.lock:
                         if not self._is_replaced:
                             self._desire(Order.HOLD)
-                            self._bring_about()
+                            self._apply()
                     return state
                 if (
                     abs(state.displacement_m - self._goal_m) <= POSITION_TOLERANCE_M
@@ -414,17 +457,17 @@ class TendonActuatorClient:
                 end = self._format_end()
                 self.request_release(reason=end)
                 raise MotionFailedError(
-                    f'{end} It got no further with {self.safety.find_current_limit_a(pull):g} A; '
-                    'the tendon is slackened.'
+                    f'{end} The pull stalled at a motor current of '
+                    f'{self.safety.find_current_limit_a(pull):g} A; the tendon is slackened.'
                 )
 
     def _wait_state(self, monitor: ServoMonitor) -> TendonState | None:
-        """Return the next state; None when none came in time. Raise if safety ended the pull."""
+        """Return the next state, or None after a timeout. Raise if safety has ended the pull."""
         state = monitor.wait_poll(POLL_WAIT_S)
         ending = self.safety.ending
         if ending is None:
             return state
-        self.supervise()  # before the pull is forgotten
+        self.supervise()  # while the pull is still registered
         if ending is Ending.REACHED and self.safety.state is not State.RELEASING:
             return self.state
         error = MotionStoppedError if ending is Ending.STOPPED else MotionFailedError
@@ -432,7 +475,7 @@ class TendonActuatorClient:
 
     @property
     def _max_speed_m_s(self) -> float:
-        """The servo's velocity limit as tendon speed [m/s]."""
+        """The servo's velocity limit as a tendon speed [m/s]."""
         limit = 1 if self._servo is None else self._servo.limits.velocity
         return registers.velocity_to_m_s(limit, self._config.pulley_radius_m)
 
@@ -440,7 +483,7 @@ class TendonActuatorClient:
         return self.safety.tension.live_n(time.monotonic_ns())
 
     def _format_end(self, reason: str = '') -> str:
-        """Return how far the pull came, and the reason why no further."""
+        """Return a sentence with the end position and the goal of the pull, and the reason."""
         state = self.state
         at = 'an unknown position' if state is None else f'{state.displacement_m:.4f} m'
         return f'The pull ended at {at} on the way to {self._goal_m:.4f} m. {reason}'.strip()
@@ -449,19 +492,19 @@ class TendonActuatorClient:
 
     @property
     def _is_replaced(self) -> bool:
-        """True when another state than that of the last pull is desired."""
+        """True if the desired state is no longer the state of the last pull."""
         servo = self._servo
         return servo is None or servo.desired is not self._pull_state
 
     def _begin(self, pull: Pull, speed_m_s: float) -> float:
-        """Write the goal of a pull if safety admits it [m/s]; return the way to it [m]."""
+        """Write the goal of a pull at a speed [m/s] if safety admits it; return its path [m]."""
         servo, monitor = self._require_connection()
         with servo.bus.lock:
-            # Asked under the lock that `hold_here` takes, too: a stop comes either before
-            # the goal is written, and is seen here, or after it, and overrides it.
+            # `hold_here` takes this lock, too. A stop thus comes either before the goal is
+            # written, and is detected here, or after it, and overrides the goal.
             if self._motions.is_stopping:
                 raise MotionStoppedError(NOT_BEGUN)
-            if pull.slackens:  # a servo that does not hear it now slackens when it answers
+            if pull.slackens:  # if the servo is silent now, it slackens when it answers again
                 self.safety.release(RELEASED)
             self._check_reachable(monitor)
             start_m = servo.read_displacement_m()
@@ -470,13 +513,13 @@ class TendonActuatorClient:
             if pull.slackens:
                 goal_m = min(self.safety.slack_m, start_m)
             self._order, self._goal_m = Order.FOLLOW, goal_m
-            # A goal that is not further in than the tendon is must not tighten, whatever moves
-            # until it is written.
+            # A goal that does not tighten now must not tighten either if the servo moves before
+            # the goal is written.
             self._pull_state = DesiredState(
                 goal_m, servo.to_velocity(speed_m_s), self._find_current(pull), goal_m > start_m
             )
             servo.desire(self._pull_state)
-            self._bring_about()
+            self._apply()
             return abs(goal_m - start_m)
 
     def _find_current(self, pull: Pull) -> int:
@@ -484,32 +527,39 @@ class TendonActuatorClient:
         return registers.a_to_current(self.safety.find_current_limit_a(pull))
 
     def _shift_zero(self, shift_m: float) -> None:
-        """Count displacements from ``shift_m`` further in, in the servo itself [m]."""
+        """Move the servo's zero to the displacement ``shift_m`` [m]."""
         servo, monitor = self._require_connection()
         with servo.bus.lock:  # so that no poll sees the torque off
             self._check_reachable(monitor)
             servo.write_zero(shift_m)
             self.safety.set_zero(Zero.KNOWN)
-        # So that no state counts from the old zero.
+        # Wait for a state with the new zero.
         monitor.wait_poll(POLL_WAIT_S)
 
     # -- orders --------------------------------------------------------------------------
 
     def hold_here(self) -> None:
-        """Hold the tendon where it is; above the limit it is slackened instead.
+        """Hold the tendon at its position; above the limit, slacken it instead.
 
-        In a stopped rig a taut tendon is slackened after ``slack_after_s``.
+        If the rig is stopped, a taut tendon is slackened after ``slack_after_s``.
         """
         self._command(lambda: self.safety.hold(time.monotonic_ns()), Order.HOLD)
 
     def request_release(
         self, end_pull: Callable[[], None] = lambda: None, reason: str = RELEASED
     ) -> None:
-        """Begin to slacken the tendon as fast as the servo can; ends a running pull.
+        """Start to slacken the tendon at the servo's highest speed; ends a running pull.
 
-        While the servo cannot be reached this raises, and is carried out when it answers.
-        ``end_pull`` makes ``should_stop`` of a pull return True. It is called under the bus's
-        lock, so that no pull can hold the tendon before it is slackened.
+        If the servo cannot be reached, this raises, and the order is executed when the servo
+        answers again.
+
+        Parameters
+        ----------
+        end_pull : callable
+            Makes ``should_stop`` of a running pull return True. It is called with the bus's lock
+            held, so that no pull can hold the tendon before it is slackened.
+        reason : str
+            Sentence for `TendonSafety.reason`.
         """
 
         def release() -> None:
@@ -519,10 +569,10 @@ class TendonActuatorClient:
         self._command(release, Order.RELEASE)
 
     def supervise(self) -> None:
-        """Carry out what safety orders now; the next poll tries again what fails.
+        """Execute the present order of safety; the next poll repeats what fails.
 
-        A silent servo is left alone: a question that it hears would feed its bus watchdog,
-        which is what stops it.
+        Nothing is sent to a silent servo, because a packet that it receives would feed its bus
+        watchdog, which must stop it.
         """
         servo, monitor = self._servo, self._monitor
         if servo is None or monitor is None or monitor.outage:
@@ -532,28 +582,28 @@ class TendonActuatorClient:
             monitor.cycle()
 
     def _command(self, ask: Callable[[], None], order: Order) -> None:
-        """Ask safety for an order and carry it out; where it orders something else, that."""
+        """Request an order from safety and execute the order that safety decides on."""
         servo, monitor = self._require_connection()
         with servo.bus.lock:
             ask()
             self._check_reachable(monitor)
             self._order = Order.FOLLOW
             self._desire(order)
-            self._bring_about()
+            self._apply()
 
     @staticmethod
     def _check_reachable(monitor: ServoMonitor) -> None:
-        """Refuse a command while the torque is off or the connection is made again."""
+        """Refuse a command while the torque is off or the connection is re-established."""
         if monitor.is_lost or monitor.is_shut_down:
             raise MotionRefusedError(f'The tendon actuator cannot move: {monitor.outage}')
 
-    def _bring_about(self) -> None:
-        """Run the loop now, and again where a packet is lost, until nothing waits to be written.
+    def _apply(self) -> None:
+        """Run the loop now, and repeat it after lost packets, until everything is written.
 
-        The next poll repairs a write that only seemed to be acknowledged.
+        The next poll repairs a write that was acknowledged but not executed.
         """
         _, monitor = self._require_connection()
-        monitor.hurry()
+        monitor.poll_fast()
         for _ in range(COMMAND_CYCLES - 1):
             with suppress(SilentServoError, DeviceRefusedError):
                 if self._cycle(monitor):
@@ -561,37 +611,39 @@ class TendonActuatorClient:
                 continue
             time.sleep(LATE_S)
         if not self._cycle(monitor):
-            raise DeviceRefusedError('the servo does not take its settings; configure it again')
+            raise DeviceRefusedError(
+                'the servo does not accept its settings; configure the driver again'
+            )
 
     def _cycle(self, monitor: ServoMonitor) -> bool:
-        """Run the loop once; return whether nothing waits to be written."""
+        """Run the loop once; return True if everything is written."""
         self._check_reachable(monitor)
-        self._is_brought = False
+        self._is_written = False
         monitor.cycle()
-        return self._is_brought
+        return self._is_written
 
     def _desire(self, order: Order) -> None:
-        """Choose the state that carries an order out."""
+        """Select the desired state for an order."""
         servo, monitor = self._require_connection()
         desired, velocity = servo.desired, servo.limits.velocity
         if order is Order.HOLD:
             servo.desire(DesiredState(math.inf, desired.velocity, desired.current))
         elif order is Order.RELEASE:
             servo.desire(DesiredState(self.safety.slack_m, velocity, desired.current))
-        monitor.hurry()
+        monitor.poll_fast()
 
     def _follow_order(self, order: Order) -> None:
-        """Choose another state where safety's order has changed."""
+        """Select another desired state if the order of safety has changed."""
         if order is not self._order:
             was, self._order = self._order, order
             if order is not Order.FOLLOW:
                 self._desire(order)
             elif was is Order.RELEASE and self.safety.zero is Zero.UNKNOWN:
-                self._desire(Order.HOLD)  # slack by the sensor, before the goal
+                self._desire(Order.HOLD)  # slack according to the sensor, before the goal
         alarm = self.safety.alarm
-        if alarm and alarm != self._told:
-            self._require_connection()[1].tell_trouble(alarm)
-        self._told = alarm
+        if alarm and alarm != self._reported_alarm:
+            self._require_connection()[1].report_trouble(alarm)
+        self._reported_alarm = alarm
 
     def _on_loss(self, reason: str) -> None:
         self.safety.lose(f'{capitalise(reason)}.', time.monotonic_ns())
@@ -600,7 +652,7 @@ class TendonActuatorClient:
         return self.safety.is_at_rest(state.displacement_m, time.monotonic_ns())
 
     def _on_poll(self, polled: registers.ServoState) -> TendonState:
-        """Bring the servo to what safety orders by each new state, under the bus's lock."""
+        """Execute the order of safety for a new state; called with the bus's lock held."""
         servo, _ = self._require_connection()
         state = servo.to_state(polled, self._clock_ns())
         self.safety.add_current(state.current_a, time.monotonic_ns())
@@ -614,11 +666,11 @@ class TendonActuatorClient:
             raise
         if polled.watchdog == registers.WATCHDOG_TRIPPED:
             self.recoveries += 1
-            if self.safety.is_pulling and servo.is_goal_in_force(polled):
+            if self.safety.is_pulling and servo.has_goal(polled):
                 silence = f'{self._config.watchdog_s} s of silence'
                 self._on_loss(f"the servo's watchdog has stopped it after {silence}")
         order = self.safety.decide(state.displacement_m, time.monotonic_ns())
         self._follow_order(order)
         may_tighten = order is Order.FOLLOW and self.safety.is_pulling
-        self._is_brought = servo.bring(polled, may_tighten=may_tighten)
+        self._is_written = servo.apply(polled, may_tighten=may_tighten)
         return state

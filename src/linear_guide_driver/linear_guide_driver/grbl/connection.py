@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The conversation with one Grbl controller: lines and answers, status polling, stops, faults."""
+"""Connection to one Grbl controller: lines and answers, status polling, stops, faults."""
 
 from __future__ import annotations
 
@@ -18,46 +18,58 @@ from linear_guide_driver.records import REST_AFTER_S, REST_REPORT_S
 from linear_guide_driver.serial_link import SerialLink, TICK_S
 
 GREETING_S = 0.3
-"""A controller that was not reset by opening its port answers ``?`` well within this."""
+"""Longest time [s] in which a running controller answers ``?``."""
 
 BOOT_S = 2.5
-"""A board that was reset by opening its port needs this for its boot loader."""
+"""Time [s] of the boot loader of a board that is reset when its port is opened."""
 
 RESTART_S = 3.0
-"""From a soft reset to the banner; after an alarm Grbl waits half a second of it."""
+"""Longest time [s] from a soft reset to the banner; after an alarm, Grbl waits for 0.5 s."""
 
 REPEAT_RESET_S = 0.6
-"""A reset without a banner is repeated: Grbl swallows resets for 0.5 s after ALARM:1 and 2."""
+"""Time [s] after which a reset is repeated: Grbl ignores resets for 0.5 s after ALARM:1 and 2."""
 
 IDLE_REPORTS = 2
-"""So many idle reports in a row, with a line unanswered, tell that the controller has stalled."""
+"""Number of consecutive idle reports, with a line unanswered, that mean a stalled controller."""
 
 STOP_S = 3.0
-"""From a feed hold to rest."""
+"""Longest time [s] from a feed hold to rest."""
 
 BRAKING_POLL_S = 0.05
 
 PLANNER_BLOCKS = 15
-"""Of Grbl 1.1, in case a controller does not tell."""
+"""Number of planner blocks of Grbl 1.1, used if the controller does not report it."""
 
 SILENCE_S = 1.0
-"""A controller that leaves status queries unanswered for this long is gone."""
+"""Time [s] without answers to status queries after which the controller counts as lost."""
 
 RESTING = ('Idle', 'Alarm', 'Sleep')
 """States in which nothing moves."""
 
 
 class GrblConnection:
-    """Lines whose answers are counted; faults noticed as they arrive. One caller at a time.
+    """Connection that sends lines, counts their answers and detects faults.
 
-    A fault (alarm, restart, silence, lost line) ends the running command and every
-    later one until `reset`. Calls raise `DeviceConnectionError` for it, and when no Grbl answers
-    in time; `DeviceRefusedError` when Grbl refuses a line.
+    Only one thread at a time may call its methods. A fault (alarm, restart, silence, lost port)
+    ends the running command and every later one until `reset`. Methods raise
+    `DeviceConnectionError` after a fault or if the controller does not answer in time, and
+    `DeviceRefusedError` if it refuses a line.
 
-    On the reader thread ``on_report`` is called with each `StatusReport`, ``on_fault`` with a
-    reason when the position is lost, and ``on_turn`` each time that the thread comes round.
-    ``poll_rate_hz`` applies after `start_polling`; at rest, and with no line unanswered, queries
-    come every `REST_REPORT_S` at the most.
+    Parameters
+    ----------
+    port : str
+        Name of the serial port.
+    baud : int
+        Speed [bit/s].
+    poll_rate_hz : float
+        Rate of status queries after `start_polling` [Hz]. At rest, with all lines answered, the
+        period is at least `REST_REPORT_S`.
+    on_report : callable
+        Called on the reader thread with each `StatusReport`.
+    on_fault : callable
+        Called on the reader thread with the reason when the position is lost.
+    on_cycle : callable
+        Called in each cycle of the reader thread.
     """
 
     def __init__(
@@ -68,10 +80,10 @@ class GrblConnection:
         *,
         on_report: Callable[[grbl.StatusReport], None],
         on_fault: Callable[[str], None],
-        on_turn: Callable[[], None] = lambda: None,
+        on_cycle: Callable[[], None] = lambda: None,
     ) -> None:
         self._name = f'{port} at {baud} baud'
-        self._on_report, self._on_fault, self._on_turn = on_report, on_fault, on_turn
+        self._on_report, self._on_fault, self._on_cycle = on_report, on_fault, on_cycle
         self._poll_period_s = 1.0 / poll_rate_hz
         self._decoder = grbl.GrblDecoder()
         self._changed = threading.Condition()
@@ -79,14 +91,14 @@ class GrblConnection:
         self._refusal: str | None = None
         self._report: grbl.StatusReport | None = None
         self._reports = 0
-        self._idle_reports = 0  # in a row, while lines are unanswered
+        self._idle_reports = 0  # consecutive idle reports while lines are unanswered
         self._banners = 0
         self._expects_banner = True
         self._settings: dict[int, str] = {}
         self._fault: str | None = None
         self._is_quiet = True  # no answers to status queries are expected
         self._heard_at_s = self._polled_at_s = time.monotonic()
-        self._rests_at_s = math.inf  # from when on it is queried seldom
+        self._rests_at_s = math.inf  # time from which on status queries are less frequent
         self.is_lost = False
         self.identification = ''
         self.options = ''
@@ -108,13 +120,13 @@ class GrblConnection:
         if not self._reports:
             self._wait(lambda: self._banners > 0, BOOT_S)
         if self._report is not None and self._report.state not in ('Idle', 'Alarm'):
-            self.hold_and_reset()  # left moving by somebody else
+            self.hold_and_reset()  # still moving for another program
         else:
             self.reset()
         self._send(grbl.READ_BUILD_INFO)
 
     def start_polling(self) -> None:
-        """Query the status at the poll rate from now on."""
+        """Start to query the status periodically."""
         self._heard_at_s = time.monotonic()
         self._is_quiet = False
 
@@ -122,7 +134,7 @@ class GrblConnection:
         self._link.close()
 
     def read_settings(self) -> dict[int, str]:
-        """Return the answer to ``$$`` by number."""
+        """Return the settings of the controller by number, as answered to ``$$``."""
         self._settings.clear()
         self._send(grbl.READ_SETTINGS)
         return dict(self._settings)
@@ -130,11 +142,23 @@ class GrblConnection:
     def stream(
         self, lines: Iterable[bytes], timeout_s: float, *, answers_status: bool = True
     ) -> Generator[None, None, None]:
-        """Send lines as fast as the controller takes them, until the last has its ``ok``.
+        """Send lines as fast as the controller accepts them, until the last one is answered.
 
-        ``timeout_s`` is for all of them [s]. ``answers_status`` is False for a command during
-        which Grbl leaves queries unanswered. Yields before each line, after each answer, and some
-        fifty times a second while it waits. Close it, and nothing more is sent.
+        Closing the generator ends the sending.
+
+        Parameters
+        ----------
+        lines : iterable of bytes
+            Lines to send.
+        timeout_s : float
+            Timeout for all lines [s].
+        answers_status : bool
+            False for a command during which Grbl does not answer status queries.
+
+        Yields
+        ------
+        None
+            Before each line, after each answer, and about fifty times a second while waiting.
         """
         with self._changed:
             self._unanswered.clear()
@@ -176,7 +200,7 @@ class GrblConnection:
                 self._is_quiet = was_quiet
 
     def wait_report(self, timeout_s: float) -> grbl.StatusReport:
-        """Ask for a status and return the next report [s]."""
+        """Query the status and return the next report; fail after ``timeout_s`` [s]."""
         count = self._reports
         self._link.write(grbl.STATUS_QUERY)
         self._wait(lambda: self._reports > count or bool(self._fault), timeout_s)
@@ -187,30 +211,31 @@ class GrblConnection:
         return self._report
 
     def reset_override(self) -> None:
-        """Let moves run as fast as they say, whatever a pendant has set before."""
+        """Reset the feed override, which a pendant may have changed, to 100 %."""
         self._link.write(grbl.FEED_OVERRIDE_RESET)
 
     def hold(self) -> None:
-        """Begin to brake at once; from any thread. The reader reports a lost line."""
+        """Brake immediately. May be called on any thread; the reader reports a lost port."""
         with suppress(DeviceConnectionError):
             self._link.write(grbl.FEED_HOLD)
 
     @property
     def has_stalled(self) -> bool:
-        """True when the controller is idle, again and again, while a line is unanswered.
+        """True if the controller is repeatedly idle while a line is unanswered.
 
-        Grbl's dwell requests a cycle start once, then waits for the end of all motion. If the
-        stepper runs dry just then, Grbl goes idle with moves queued and waits for ever.
+        A dwell in Grbl requests a cycle start once, then waits for the end of all motion. If the
+        stepper buffer runs empty at that moment, Grbl becomes idle with moves in its queue and
+        waits for ever.
         """
         return self._idle_reports >= IDLE_REPORTS
 
     def start_cycle(self) -> None:
-        """Let a stalled controller go on with what is queued. It would end a hold, too."""
+        """Start a stalled controller again. This would also end a feed hold."""
         self._idle_reports = 0
         self._link.write(grbl.CYCLE_START)
 
     def reset(self) -> None:
-        """Restart the controller; forget its faults."""
+        """Restart the controller and clear its faults."""
         with self._changed:
             self._expects_banner = True
             count = self._banners
@@ -225,9 +250,9 @@ class GrblConnection:
             self._fault = None
 
     def hold_and_reset(self) -> None:
-        """Brake, wait for rest, then drop what is planned; keeps the position.
+        """Brake, wait for rest, then drop all planned motion by a reset.
 
-        A reset while moving loses it, so the reset waits for Hold:0.
+        The position would be lost by a reset during a motion, so the reset waits for Hold:0.
         """
         self._link.write(grbl.FEED_HOLD)
         deadline_s = time.monotonic() + STOP_S
@@ -236,8 +261,8 @@ class GrblConnection:
             state = self.wait_report(STOP_S)
             if state.state == 'Hold' and state.substate in (0, None):
                 break
-            # A hold in Idle is a Hold:0 in Grbl and nothing in grblHAL; the first
-            # report may still be older than the hold.
+            # A feed hold in Idle leads to Hold:0 in Grbl and is ignored by grblHAL. The first
+            # report may be older than the hold.
             idle_reports += state.state == 'Idle'
             if idle_reports > 2 or state.state == 'Alarm':
                 break
@@ -247,7 +272,7 @@ class GrblConnection:
     # -- inside ------------------------------------------------------------------------
 
     def _reset_until(self, is_done: Callable[[], bool]) -> None:
-        """Send resets until the banner comes, or the line is lost."""
+        """Send resets until the banner arrives or the port is lost."""
         deadline_s = time.monotonic() + RESTART_S
         resets = 0
         while resets == 0 or not self._wait(is_done, min(REPEAT_RESET_S, RESTART_S)):
@@ -257,7 +282,7 @@ class GrblConnection:
                 )
             self._link.write(grbl.SOFT_RESET)
             resets += 1
-        if resets > 1:  # each may have caused a banner; all come before this report
+        if resets > 1:  # each reset may have caused a banner, which arrives before this report
             count = self._reports
             self._link.write(grbl.STATUS_QUERY)
             self._wait(lambda: self._reports > count or self.is_lost, REPEAT_RESET_S)
@@ -323,7 +348,7 @@ class GrblConnection:
         self._on_fault(reason)
 
     def _poll(self) -> None:
-        self._on_turn()
+        self._on_cycle()
         now_s = time.monotonic()
         period_s = self._poll_period_s
         if now_s >= self._rests_at_s:
@@ -332,7 +357,7 @@ class GrblConnection:
             return
         self._polled_at_s = now_s
         self._link.write(grbl.STATUS_QUERY)
-        # A locked controller (a fault is known then) does not answer either.
+        # A locked controller does not answer either, but then its fault is known already.
         if now_s - self._heard_at_s > SILENCE_S and not self._fault:
             with self._changed:
                 self._fail(f'the controller has been silent for {SILENCE_S} s')

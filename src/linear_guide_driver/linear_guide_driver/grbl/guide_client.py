@@ -1,16 +1,19 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The linear guide: moves a Grbl 1.1 controller's X axis and knows when it is at rest.
+"""Client of the linear guide, which is the X axis of a Grbl 1.1 controller.
 
-`LinearGuideClient` plugs homing and moves into `Motions`; `_KnownPosition` says where the guide
-is, or why nobody knows.
+`LinearGuideClient` executes homing and moves by `Motions`. `_KnownPosition` keeps the position of
+the guide, or the reason why it is unknown.
 
-Grbl keeps no watch over the line and forgets its position when it is reset while
-moving. Hence the rules here: a move is sent in short pieces; it ends with the ``ok`` of
-a dwell, never with a status; a dwell that stalls with moves queued is started again; a stop is
-a feed hold, rest, then a reset; and whatever else happens to the controller makes the position
-unknown until the guide has been homed again.
+Grbl does not monitor its serial connection, and loses its position when it is reset during a
+motion. Therefore:
+
+- A move is sent in short pieces.
+- The end of a move is the ``ok`` of a dwell, never a status report.
+- If a dwell stalls with moves in the queue, the cycle is started again.
+- A stop is a feed hold, followed by a reset once the guide is at rest.
+- After any other event of the controller, the position is unknown until the guide is homed again.
 """
 
 from __future__ import annotations
@@ -37,56 +40,54 @@ from linear_guide_driver.records import GuideState, LinearGuideConfig
 from tactile_ros.refusal import Refusal
 
 MOVED_M = 0.0002
-"""Displacement that counts as motion: above the resolution and the jitter of both axes."""
+"""Smallest displacement [m] that counts as motion, above the resolution and jitter of the axis."""
 
 CRUISE_SHARE = 0.05
-"""Share of the path at each end in which an axis may still speed up or brake [1]."""
+"""Fraction of the path, at each end, in which the axis may accelerate or brake."""
 
 START_REPORTS = 2
-"""Reports in motion that say when it began, unless it ends before."""
+"""Number of reports in motion that determine its start, unless the motion ends before."""
 
 LEAST_REPORTS = 3
-"""Reports at full speed without which a motion cannot be judged."""
+"""Smallest number of reports at full speed from which a motion can be assessed."""
 
 
 NEAR_SWITCH_M = 0.002
-"""Distance from the rest position of the last homing at which a guide that knows its position
-begins the homing cycle: further than its position can be wrong, and short."""
+"""Distance [m] from the rest position of the last homing at which a guide with a known position
+starts the homing cycle. It is short, but exceeds the error of the position."""
 
 
 class MotionSummary(NamedTuple):
-    """Speed and lag of a motion.
+    """Speed and lag of a motion."""
 
-    ``mean_speed_m_s`` is the slope of a line through the reports at full speed [m/s]. ``lag_s``
-    is the longest time by which it fell behind a motion of the commanded speed: the sum of its
-    pauses and of what it was too slow [s].
-    """
-
-    mean_speed_m_s: float
-    lag_s: float
+    mean_speed_m_s: float  # slope of a line fitted to the reports at full speed [m/s]
+    lag_s: float  # longest delay behind a motion at the commanded speed, by pauses or slowness [s]
 
 
 class MotionTrack:
-    """Position reports of one motion at a commanded speed; add in one thread, read in any."""
+    """Position reports of one motion at a commanded speed.
+
+    Reports must be added in one thread; the properties may be read in any thread.
+    """
 
     def __init__(self, start_m: float, target_m: float, speed_m_s: float) -> None:
         self._start_m = start_m
         self._path_m = abs(target_m - start_m)
         self._sign = 1.0 if target_m >= start_m else -1.0
         self._speed_m_s = speed_m_s
-        self._moving: list[tuple[int, float]] = []  # stamp [ns], path covered [m]
+        self._moving: list[tuple[int, float]] = []  # stamp [ns], covered path [m]
         self._is_over = False
 
     @property
     def is_motion(self) -> bool:
-        """True when there is a path to move along."""
+        """True if the path is long enough to be measured."""
         return self._path_m > 2 * MOVED_M
 
     def add(self, stamp_ns: int, position_m: float) -> None:
-        """Take in one report: its stamp [ns] and the position [m]."""
+        """Add a report: its stamp [ns] and position [m]."""
         covered_m = self._sign * (position_m - self._start_m)
         if self._moving and stamp_ns == self._moving[-1][0]:
-            return  # the same report again
+            return  # a repeated report
         if covered_m > self._path_m - MOVED_M:
             self._is_over = True
         elif covered_m > MOVED_M and not self._is_over:
@@ -94,30 +95,30 @@ class MotionTrack:
 
     @property
     def start_ns(self) -> int | None:
-        """When the motion began [ns]; None while not enough of it has been reported.
+        """Start of the motion [ns]; None until there are enough reports.
 
-        It is extrapolated backwards at the commanded speed. An axis that needs the time ``t`` to
-        reach its speed seems to begin up to ``t / 2`` after its first step.
+        The start is extrapolated at the commanded speed. If the axis needs the time ``t`` to
+        reach its speed, the result is up to ``t / 2`` after the true start.
         """
         first = self._starts(self._moving[:START_REPORTS])
         return min(first) if len(first) == START_REPORTS or (first and self._is_over) else None
 
     @property
     def end_ns(self) -> int | None:
-        """When the motion was at its target [ns], extrapolated from the last cruising reports."""
+        """Arrival at the target [ns], extrapolated from the last reports at full speed."""
         last = self._starts(self._cruise()[-LEAST_REPORTS:])
         return min(last) + round(self._path_m / self._speed_m_s * 1e9) if last else None
 
     def summarise(self, least_lag_s: float = 0.0) -> MotionSummary | None:
-        """Return how it went; None when fewer than `LEAST_REPORTS` came at full speed.
+        """Return speed and lag, or None with fewer than `LEAST_REPORTS` reports at full speed.
 
-        ``least_lag_s`` is a lag that is known otherwise [s].
+        ``least_lag_s`` is a lower bound of the lag from another source [s].
         """
         cruise = self._cruise()
         if len(cruise) < LEAST_REPORTS:
             return None
         starts = self._starts(cruise)
-        # The last report alone cannot tell a lag from its own delay.
+        # The last report is excluded: its own delay would look like a lag.
         lags_ns = [
             min(starts[index:]) - min(starts[: index + 1]) for index in range(len(starts) - 1)
         ]
@@ -130,44 +131,57 @@ class MotionTrack:
         return [r for r in list(self._moving) if margin_m <= r[1] <= self._path_m - margin_m]
 
     def _starts(self, reports: list[tuple[int, float]]) -> list[int]:
-        """Return when the motion began by each report, had it the commanded speed [ns]."""
+        """Return the start of the motion [ns] extrapolated from each report."""
         return [stamp - round(path_m / self._speed_m_s * 1e9) for stamp, path_m in reports]
 
 
 POSITION_TOLERANCE_M = 0.0001
-"""Distance from its target at which a move may rest: some motor steps."""
+"""Largest distance [m] from its target at which a move may end: a few motor steps."""
 
 REPLY_TIMEOUT_S = 2.0
-"""For the answer to a line that does not wait for motion."""
+"""Timeout [s] for the answer to a line that does not wait for motion."""
 
 SLACK_S = 2.0
-"""Added to the computed duration of a motion before it counts as failed."""
+"""Time [s] added to the computed duration of a motion before it counts as failed."""
 
 LATE_S = 0.15
-"""A move that takes so much longer than computed has paused on the way: pieces came late."""
+"""Excess [s] over the computed duration above which a move counts as late: pieces arrived late,
+so that the guide has paused."""
 
 HOME = 'home the guide'
-HOMING = Refusal('the guide is being homed', 'wait for its end')
+HOMING = Refusal('the guide is being homed', 'wait until homing has ended')
 HOMING_FAILED = Refusal('the last homing did not succeed', HOME)
 NOT_HOMED = Refusal('the guide has not been homed since the driver connected', HOME)
-"""Reasons for which the position is unknown. Others are faults of controller and line."""
+"""Reasons why the position is unknown; other reasons are faults of controller and connection."""
 
 _logger = logging.getLogger(__name__)
 
-_New = TypeVar('_New')
-_News = Generator[_New | None, None, GuideState]
+_Progress = TypeVar('_Progress')
+MotionProgress = Generator[_Progress | None, None, GuideState]
 
 
 class LinearGuideClient:
     """Blocking, thread-safe client of the guide's controller; one motion at a time.
 
-    On the reader thread ``on_state`` is called with each `GuideState`, stamped by ``clock_ns``,
-    ``on_trouble`` with a reason when a fault has lost the position, and ``on_turn`` each time
-    that the thread comes round, at least every 20 ms.
+    Parameters
+    ----------
+    config : LinearGuideConfig
+        Connection and limits.
+    on_state : callable
+        Called on the reader thread with each `GuideState`, stamped by ``clock_ns``.
+    clock_ns : callable
+        Returns the present time [ns].
+    on_trouble : callable
+        Called on the reader thread with the reason when the position is lost.
+    on_cycle : callable
+        Called in each cycle of the reader thread, at least every 20 ms.
 
-    ``late_moves`` counts the moves that took longer than computed; a glide among them was not
-    steady. ``last_move`` has speed and lag of the last finished move; it is None when too few
-    positions were reported.
+    Attributes
+    ----------
+    last_move : MotionSummary or None
+        Speed and lag of the last finished move; None if there were too few reports.
+    late_moves : int
+        Number of moves that took longer than computed. A late glide was not steady.
     """
 
     def __init__(
@@ -176,9 +190,9 @@ class LinearGuideClient:
         on_state: Callable[[GuideState], None] = lambda _: None,
         clock_ns: Callable[[], int] = time.time_ns,
         on_trouble: Callable[[str], None] = lambda _: None,
-        on_turn: Callable[[], None] = lambda: None,
+        on_cycle: Callable[[], None] = lambda: None,
     ) -> None:
-        self._config, self._on_turn = config, on_turn
+        self._config, self._on_cycle = config, on_cycle
         self._position = _KnownPosition(config.travel_m, clock_ns, on_state, on_trouble)
         self._position.lose(NOT_HOMED)
         self._connection: GrblConnection | None = None
@@ -189,13 +203,13 @@ class LinearGuideClient:
         )
         self.last_move: MotionSummary | None = None
         self.late_moves = 0
-        self._homed_m: float | None = None  # where the last homing ended
+        self._homed_m: float | None = None  # position at the end of the last homing [m]
 
-    # -- what is known -------------------------------------------------------------------
+    # -- state ---------------------------------------------------------------------------
 
     @property
     def state(self) -> GuideState | None:
-        """The last state; None before the first report."""
+        """The latest state; None before the first report."""
         last = self._position.last
         return None if last is None else last[0]
 
@@ -209,37 +223,41 @@ class LinearGuideClient:
 
     @property
     def is_lost(self) -> bool:
-        """True when the line is lost; homing tries to open it again."""
+        """True if the connection is lost; homing tries to re-establish it."""
         return self._connection is not None and self._connection.is_lost
 
     @property
     def identification(self) -> str:
-        """Firmware and build of the controller; empty when not connected."""
+        """Firmware and build of the controller; an empty string if not connected."""
         return self._connection.identification if self._connection else ''
 
     @property
     def garbage_lines(self) -> int:
-        """Lines received that were no Grbl."""
+        """Number of received lines that are not valid in Grbl's protocol."""
         return self._connection.garbage_lines if self._connection else 0
 
     # -- life ----------------------------------------------------------------------------
 
     def connect(self) -> None:
-        """Open the line, bring the controller to rest and check its settings.
+        """Open the port, bring the controller to rest and check its settings.
 
-        Raises `DeviceConnectionError` when no Grbl answers, and `DeviceRefusedError` when its
-        settings would silently change a glide.
+        Raises
+        ------
+        DeviceConnectionError
+            If no Grbl controller answers.
+        DeviceRefusedError
+            If a setting of the controller would silently change a glide.
         """
         self.close()
         self._connection, self._settings = self._open()
 
     def close(self) -> None:
-        """Stop a running motion, then close the line. Harmless when called twice."""
+        """Stop a running motion, then close the port; idempotent."""
         connection = self._connection
         if connection is None:
             return
         self.request_stop()
-        # The motion itself brings the guide to rest; take the line away only afterwards.
+        # The motion brings the guide to rest, which needs the connection.
         with self._motions.no_motion(SLACK_S + 3.0):
             self._connection = None
             connection.close()
@@ -253,14 +271,24 @@ class LinearGuideClient:
     ) -> GuideState:
         """Find the reference switch; return the state at rest.
 
-        Connects anew when the line was lost. A guide whose position is known moves near to the
-        switch first, in the pieces of a move. The homing cycle that follows is the controller's
-        own: it runs to its end without the driver. ``on_elapsed`` is called now and then with the
-        time since the command [s]. When ``should_stop`` returns True the controller is reset in
-        the cycle, since that heeds nothing else. Raises the errors of `move_to`, and
-        `DeviceConnectionError`.
+        Re-establishes a lost connection. If the position is known, the guide first moves close to
+        the switch, in short pieces like any move. The controller then executes its homing cycle
+        without the driver.
+
+        Parameters
+        ----------
+        on_elapsed : callable
+            Called repeatedly with the time since the command [s].
+        should_stop : callable
+            Returns True if homing must stop. During the homing cycle the controller is then
+            reset, because it ignores everything else.
+
+        Raises
+        ------
+        DeviceConnectionError
+            If the connection cannot be re-established; also the errors of `move_to`.
         """
-        stop = self._stop_homing  # also when nobody watches the homing any more
+        stop = self._stop_homing  # also used if the homing is abandoned
         motion = Motion(
             self._begin_homing,
             stop,
@@ -278,47 +306,57 @@ class LinearGuideClient:
         on_state: Callable[[GuideState], None] = lambda _: None,
         should_stop: Callable[[], bool] = lambda: False,
     ) -> GuideState:
-        """Move; return the state at rest.
+        """Move to a position; return the state at rest.
 
-        The target is in the guide's frame. ``on_state`` is called with each new state while the
-        guide moves; when ``should_stop`` returns True it brakes and keeps the position.
+        Parameters
+        ----------
+        position_m : float
+            Target in the guide's frame [m].
+        speed_m_s : float
+            Speed [m/s].
+        on_state : callable
+            Called with each new state during the motion.
+        should_stop : callable
+            Returns True if the guide must brake; its position remains known.
 
         Raises
         ------
         MotionRefusedError
-            Not homed, out of travel, too fast, or busy; nothing has moved.
-        MotionFailedError, MotionStoppedError
-            Ended by a fault: home again; by a stop: the position is still known.
+            If the guide is not homed or is busy, or a value is out of range. Nothing has moved.
+        MotionFailedError
+            If a fault ended the motion. The guide must be homed again.
+        MotionStoppedError
+            If ``should_stop`` or `request_stop` ended the motion. The position is still known.
         """
         motion = Motion(
             partial(self._begin_move, position_m, speed_m_s),
             partial(self._stop_move, f'{position_m:.4f} m'),
             partial(self._fail_move, position_m),
-            partial(self._give_up, 'a move was left unwatched'),
+            partial(self._give_up, 'a move was abandoned'),
             self._finish,
             self._brake,
         )
         return self._motions.run(motion, on_state, should_stop)
 
     def request_stop(self) -> bool:
-        """Begin to stop at once; return whether a motion was running. It ends when at rest."""
+        """Brake immediately; return True if a motion is running, which ends when at rest."""
         return self._motions.request_stop()
 
     # -- homing --------------------------------------------------------------------------
 
-    def _begin_homing(self) -> _News[float]:
+    def _begin_homing(self) -> MotionProgress[float]:
         connection, settings = self._require_connection()
         if connection.is_lost:
             connection.close()
             self._connection, self._settings = connection, settings = self._open()
 
-        def home() -> _News[float]:
+        def home() -> MotionProgress[float]:
             started_s = time.monotonic()
             if (near_m := self._find_near_switch()) is not None:
                 speed_mm_s = settings.homing_seek_mm_min / 60
                 speed_m_s = min(speed_mm_s / 1e3, self._config.max_speed_m_s)
-                with closing(self._drive(near_m, speed_m_s)) as news:
-                    for _ in news:
+                with closing(self._drive(near_m, speed_m_s)) as progress:
+                    for _ in progress:
                         yield time.monotonic() - started_s
             self._position.trouble = HOMING
             connection.reset()
@@ -326,13 +364,13 @@ class LinearGuideClient:
             with closing(connection.stream([grbl.HOME], timeout_s, answers_status=False)) as wakes:
                 for _ in wakes:
                     yield time.monotonic() - started_s
-            self._position.trouble = None  # before the last look: no later fault is forgotten
+            self._position.trouble = None  # before the last report, so that no later fault is lost
             report = connection.wait_report(REPLY_TIMEOUT_S)
             position_m = self._position.to_m(report)
             if position_m is None or not -1e-6 <= position_m <= self._config.travel_m + 1e-6:
                 self._position.trouble = HOMING_FAILED
                 raise MotionFailedError(
-                    f'Homing ended at machine position {report.mpos_mm}, outside of the travel of '
+                    f'Homing ended at machine position {report.mpos_mm} mm, outside the travel of '
                     f'{self._config.travel_m} m; check the settings $23, $27 and $130.'
                 )
             self._homed_m = position_m
@@ -341,7 +379,7 @@ class LinearGuideClient:
         return home()
 
     def _find_near_switch(self) -> float | None:
-        """Return a position near the switch [m]; None where it is unknown or there is no way."""
+        """Return a position near the switch [m], or None if unknown or if the guide is closer."""
         state, homed_m = self.state, self._homed_m
         if homed_m is None or state is None or state.position_m is None:
             return None
@@ -354,11 +392,11 @@ class LinearGuideClient:
         return self._position.trouble == HOMING
 
     def _stop_homing(self) -> str:
-        if not self._is_in_homing_cycle:  # it still moves near to the switch
+        if not self._is_in_homing_cycle:  # still on the way to the switch
             return self._stop_move('the reference switch')
         self._position.trouble = HOMING_FAILED
-        self._require_connection()[0].reset()  # a homing cycle heeds nothing else
-        return 'Homing was stopped; home before the next move.'
+        self._require_connection()[0].reset()  # a homing cycle ignores everything else
+        return 'Homing was stopped; home the guide before the next move.'
 
     def _fail_homing(self, reason: str) -> str:
         if not self._is_in_homing_cycle:
@@ -368,11 +406,11 @@ class LinearGuideClient:
 
     # -- moves ---------------------------------------------------------------------------
 
-    def _begin_move(self, position_m: float, speed_m_s: float) -> _News[GuideState]:
+    def _begin_move(self, position_m: float, speed_m_s: float) -> MotionProgress[GuideState]:
         self._require_connection()
         if not 0.0 <= position_m <= self._config.travel_m:
             raise MotionRefusedError(
-                f'Position {position_m} m is outside of the travel 0 to {self._config.travel_m} m.'
+                f'Position {position_m} m is outside the travel of 0 to {self._config.travel_m} m.'
             )
         if not 0.0 < speed_m_s <= self._config.max_speed_m_s:
             raise MotionRefusedError(
@@ -385,8 +423,8 @@ class LinearGuideClient:
             raise MotionRefusedError(f'The position is unknown: {trouble}')
         return self._drive(position_m, speed_m_s)
 
-    def _drive(self, position_m: float, speed_m_s: float) -> _News[GuideState]:
-        """Move from a known position, in pieces; return the state at rest."""
+    def _drive(self, position_m: float, speed_m_s: float) -> MotionProgress[GuideState]:
+        """Move from a known position in short pieces; return the state at rest."""
         connection, settings = self._require_connection()
         state = self.state
         assert state is not None
@@ -407,24 +445,26 @@ class LinearGuideClient:
                 yield self._watch(connection, track)
         late_s = time.monotonic() - started_s - expected_s
         report = connection.wait_report(REPLY_TIMEOUT_S)
-        yield None  # so that a stop is heeded before the place is judged
+        yield None  # a stop must be handled before the end position is checked
         rest_m = self._position.to_m(report)
         is_there = rest_m is not None and abs(rest_m - position_m) <= POSITION_TOLERANCE_M
         if report.state != 'Idle' or not is_there:
-            raise DeviceRefusedError(f'it ended as {report.state} at {rest_m} m')
+            raise DeviceRefusedError(f'the guide ended in state {report.state} at {rest_m} m')
         self.last_move = track.summarise(late_s if late_s > LATE_S else 0.0)
         if late_s > LATE_S:
             self.late_moves += 1
-            _logger.warning('the move to %.4f m took %.2f s too long', position_m, late_s)
+            _logger.warning(
+                'the move to %.4f m took %.2f s longer than computed', position_m, late_s
+            )
         return self._to_rest_state(report)
 
     def _watch(self, connection: GrblConnection, track: MotionTrack) -> GuideState | None:
         last = self._position.last
-        if last is None or self._motions.is_stopping:  # a stop begins with a hold of our own
+        if last is None or self._motions.is_stopping:  # the driver's own stop begins with a hold
             return None
         state, arrived_at_ns = last
         if state.state in ('Hold', 'Door', 'Check', 'Sleep'):
-            raise DeviceRefusedError(f'the controller went to {state.state} by itself')
+            raise DeviceRefusedError(f'the controller entered the state {state.state} by itself')
         if state.position_m is not None:
             track.add(arrived_at_ns, state.position_m)
         if connection.has_stalled:
@@ -443,7 +483,7 @@ class LinearGuideClient:
             raise MotionFailedError(
                 f'Stopping lost the position: {self.trouble or Refusal("no report", HOME)}'
             )
-        return f'Stopped at {position_m:.4f} m on the way to {target}; the position is kept.'
+        return f'Stopped at {position_m:.4f} m on the way to {target}; the position is known.'
 
     def _fail_move(self, target_m: float, reason: str) -> str:
         self._give_up(reason)
@@ -471,7 +511,7 @@ class LinearGuideClient:
             self._config.poll_rate_hz,
             on_report=self._position.take_report,
             on_fault=self._position.take_fault,
-            on_turn=self._on_turn,
+            on_cycle=self._on_cycle,
         )
         try:
             connection.open()
@@ -491,7 +531,7 @@ class LinearGuideClient:
         raise MotionRefusedError('The guide is not connected; connect it first.')
 
     def _to_rest_state(self, report: grbl.StatusReport) -> GuideState:
-        """Return the state after a motion; a fault may have come since its last report."""
+        """Return the state after a motion; raise if a fault has lost the position since then."""
         state = self._position.to_state(report)
         if state.position_m is None:
             raise MotionFailedError(
@@ -501,10 +541,14 @@ class LinearGuideClient:
 
 
 class _KnownPosition:
-    """Turns reports into states; a fault makes the position unknown until the next homing.
+    """Converts reports to states; after a fault, the position is unknown until the next homing.
 
-    ``trouble`` is why the guide must be homed before it can move; None when it need not.
-    ``direction`` is that of the running move: 1 or -1; 0 when there is none.
+    Attributes
+    ----------
+    trouble : Refusal or None
+        Why the guide must be homed before it can move.
+    direction : int
+        Direction of the running move, 1 or -1; 0 without a move.
     """
 
     def __init__(
@@ -516,43 +560,43 @@ class _KnownPosition:
     ) -> None:
         self._travel_m, self._clock_ns = travel_m, clock_ns
         self._on_state, self._on_trouble = on_state, on_trouble
-        # When it came, by the node's clock and by the monotonic one [ns].
+        # Last report, and its arrival on the node's clock and on the monotonic clock [ns].
         self._last: tuple[grbl.StatusReport, int, int] | None = None
         self.direction = 0
         self.trouble: Refusal | None = None
 
     @property
     def last(self) -> tuple[GuideState, int] | None:
-        """The last state, and when it came by the monotonic clock [ns]; None before the first."""
+        """The last state and its arrival on the monotonic clock [ns]; None before the first."""
         last = self._last
         return None if last is None else (self.to_state(*last[:2]), last[2])
 
     def lose(self, trouble: Refusal) -> None:
-        """Note why the position is unknown. The first reason is the cause of the others."""
+        """Record why the position is unknown. The first reason is kept, as cause of the others."""
         self.trouble = self.trouble or trouble
 
     def take_fault(self, reason: str) -> None:
-        """Take a fault of the controller or the line."""
+        """Handle a fault of the controller or the connection."""
         if self.trouble is None:
             self.trouble = Refusal(reason, HOME)
             self._on_trouble(reason)
 
     def take_report(self, report: grbl.StatusReport) -> None:
-        """Take a report of the controller."""
+        """Handle a report of the controller."""
         if report.state == 'Alarm':
-            self.take_fault('the controller is locked in Alarm')
+            self.take_fault('the controller is locked by an alarm')
         self._last = (report, self._clock_ns(), time.monotonic_ns())
         try:
             self._on_state(self.to_state(*self._last[:2]))
-        except Exception:  # the reader must outlive it: it sees alarms and answers
+        except Exception:  # reading must continue, because it detects alarms and answers
             _logger.exception('the consumer of the guide states failed')
 
     def to_m(self, report: grbl.StatusReport) -> float | None:
-        """Return the position in the guide's frame [m]; None when the report has none."""
+        """Return the position in the guide's frame [m], or None if the report has none."""
         return None if report.mpos_mm is None else report.mpos_mm[0] / 1e3 + self._travel_m
 
     def to_state(self, report: grbl.StatusReport, received_at_ns: int | None = None) -> GuideState:
-        """Return the state of a report that came at a time of the node's clock [ns], or now."""
+        """Return the state in a report that arrived at a time of the node's clock [ns], or now."""
         return GuideState(
             position_m=None if self.trouble else self.to_m(report),
             velocity_m_s=self.direction * (report.feed_mm_min or 0.0) / 60e3,

@@ -1,13 +1,13 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Grbl 1.1 over a serial line: commands to bytes, bytes to events, codes to words.
+"""Protocol of Grbl 1.1: encoding of commands, decoding of answers, and texts of codes.
 
-No IO and no clock. A move is cut into short pieces, because Grbl keeps no watch over its line:
-with the driver dead or the cable cut it goes on to the end of what is planned. A piece lasts so
-long that a full planner and a full receive buffer hold ``run_on_s`` of motion, and the
-controller itself sets the pace: it answers a line when there is room for it. Pieces of one
-straight line are joined without braking, as long as the next ones come in time.
+No IO and no clock. A move is divided into short pieces, because Grbl does not monitor its serial
+connection: if the driver dies or the cable is cut, it executes all planned motion. The duration
+of a piece is chosen so that a full planner and a full receive buffer contain ``run_on_s`` of
+motion. The controller sets the pace, because it answers a line only when it has room for it. Grbl
+joins pieces of a straight line without braking if the next pieces arrive in time.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ FEED_HOLD = b'!'
 CYCLE_START = b'~'
 SOFT_RESET = b'\x18'
 FEED_OVERRIDE_RESET = b'\x90'
-"""Real-time bytes: no newline, acted on at once, even in the middle of a line."""
+"""Real-time commands: single bytes that are executed immediately, even within a line."""
 
 HOME = b'$H\n'
 READ_SETTINGS = b'$$\n'
@@ -35,22 +35,22 @@ MODES = b'G21 G90 G94\n'
 """Millimetres, absolute positions, feed per minute."""
 
 DWELL = b'G4 P0.010\n'
-"""A pause; its ``ok`` comes only when all motion before it has ended."""
+"""A pause; its ``ok`` is sent only after all earlier motion has ended."""
 
 MAX_LINE_BYTES = 512
-"""Longer lines are no Grbl; the longest known is a build info line of some 150 bytes."""
+"""Longer lines are invalid; the longest known line is a build info of about 150 bytes."""
 
 RECEIVE_BYTES = 127
-"""Bytes of lines that may be unanswered: Grbl's receive buffer holds 128 and drops the rest."""
+"""Largest number of bytes in unanswered lines; Grbl's receive buffer has 128 bytes."""
 
 SHORTEST_PIECE_S = 0.005
-"""Shorter ones keep host and line busy; with more than some 45 planner blocks the controller
-therefore runs on for longer than asked."""
+"""Shortest piece [s], because shorter ones would load host and connection. A controller with more
+than about 45 planner blocks therefore keeps moving for longer than ``run_on_s``."""
 
 STATES = frozenset(
     {'Idle', 'Run', 'Hold', 'Jog', 'Alarm', 'Door', 'Check', 'Home', 'Sleep', 'Tool'}
 )
-"""Machine states of a status report; Tool is grblHAL's."""
+"""Machine states of a status report; only grblHAL has the state Tool."""
 
 ERRORS = {
     1: 'a word has no letter',
@@ -80,7 +80,7 @@ ERRORS = {
     33: 'the target is not valid',
     36: 'words are left over',
 }
-"""Of lines as the driver sends them, whole or damaged: not of jogs, arcs, tools or lasers."""
+"""Error codes of the lines that the driver sends, intact or damaged."""
 
 ALARMS = {
     1: 'hard limit: a limit switch was hit',
@@ -101,7 +101,7 @@ _NO_CODE = 'see the codes of Grbl 1.1'
 
 @dataclass(frozen=True)
 class Ok:
-    """A command line was taken; for a move that means planned, not done."""
+    """A command line was accepted; a move is then planned, not finished."""
 
 
 @dataclass(frozen=True)
@@ -126,21 +126,19 @@ class Alarm:
 
 @dataclass(frozen=True)
 class StatusReport:
-    """One answer to ``?``.
-
-    ``mpos_mm`` is the machine position, one value an axis. A report may hold the work position
-    instead; it is None then until the decoder knows the work offset.
-    """
+    """Answer to a status query."""
 
     state: str  # one of `STATES`
     substate: int | None = None  # number after the state: Hold:0 is at rest, Hold:1 still braking
+    # Machine position of each axis. None if the report contains the work position and the work
+    # offset is not known yet.
     mpos_mm: tuple[float, ...] | None = None
-    feed_mm_min: float | None = None  # speed now
+    feed_mm_min: float | None = None  # present speed
 
 
 @dataclass(frozen=True)
 class Setting:
-    """One line of ``$$``; the value as it was written."""
+    """One line of the answer to ``$$``."""
 
     number: int
     value: str
@@ -156,7 +154,7 @@ class Banner:
 
 @dataclass(frozen=True)
 class Message:
-    """Text pushed by the controller: ``[...]`` without its brackets, or a start-up line."""
+    """Text from the controller: ``[...]`` without its brackets, or a start-up line."""
 
     text: str
 
@@ -170,19 +168,19 @@ Event = Ok | Error | Alarm | StatusReport | Setting | Banner | Message
 def encode_move(mpos_mm: float, feed_mm_min: float) -> bytes:
     """Return a straight move of the X axis to a machine position [mm] at a speed [mm/min].
 
-    G53 makes it independent of work offsets, which the controller remembers over power cycles.
+    With G53 the move does not depend on work offsets, which the controller stores permanently.
     """
     return f'G53 G1 X{mpos_mm:.3f} F{feed_mm_min:.3f}\n'.encode()
 
 
 def compute_piece_s(run_on_s: float, planner_blocks: int) -> float:
-    """Return how long one piece lasts [s] where ``run_on_s`` [s] may be held in advance."""
+    """Return the duration of one piece [s] such that ``run_on_s`` [s] are sent in advance."""
     waiting_lines = RECEIVE_BYTES // len(encode_move(-100.0, 1000.0))
     return max(SHORTEST_PIECE_S, run_on_s / (planner_blocks + waiting_lines))
 
 
 def cut_move(start_mm: float, end_mm: float, piece_mm: float) -> Iterator[float]:
-    """Yield where each piece of ``piece_mm`` or less ends, the last at ``end_mm`` [mm]."""
+    """Yield the end of each piece [mm]; pieces are at most ``piece_mm`` long."""
     pieces = max(1, math.ceil(abs(end_mm - start_mm) / piece_mm - 1e-9))
     for number in range(1, pieces):
         yield start_mm + (end_mm - start_mm) * number / pieces
@@ -192,7 +190,7 @@ def cut_move(start_mm: float, end_mm: float, piece_mm: float) -> Iterator[float]
 def encode_pieces(
     start_mm: float, end_mm: float, speed_mm_s: float, piece_s: float
 ) -> Iterator[bytes]:
-    """Yield the lines of a move in pieces [mm, mm/s, s], a dwell at its end."""
+    """Yield the lines of a move in pieces of ``piece_s`` [s], followed by a dwell."""
     for mpos_mm in cut_move(start_mm, end_mm, piece_s * speed_mm_s):
         yield encode_move(mpos_mm, speed_mm_s * 60)
     yield DWELL
@@ -211,9 +209,9 @@ _FIELD = re.compile(r'([A-Za-z]+):([!-~]*)')
 
 
 class GrblDecoder:
-    """Turns bytes, in any chunking, into events.
+    """Incremental decoder of the controller's answers.
 
-    A line that is not Grbl's is dropped, never guessed at, and counted in ``garbage_lines``.
+    Invalid lines are dropped and counted in ``garbage_lines``.
     """
 
     def __init__(self) -> None:
@@ -223,7 +221,7 @@ class GrblDecoder:
         self._wco_mm: tuple[float, ...] | None = None
 
     def feed(self, data: bytes) -> list[Event]:
-        """Take bytes; return the events of the lines that they complete."""
+        """Decode the next bytes; return the events of the lines that they complete."""
         events: list[Event] = []
         *ends, rest = data.split(b'\n')
         for piece in ends:
@@ -304,10 +302,10 @@ class GrblDecoder:
 TRAVEL_TOLERANCE_MM = 0.5
 
 FEWEST_STEPS_PER_MM = 20.0
-"""A step of more than 0.05 mm is felt in a glide, and a move could not end on its target."""
+"""Steps of more than 0.05 mm disturb the signal of a glide, and moves miss their targets."""
 
 MOST_STEPS_HZ = 30e3
-"""Most that Grbl's interrupt manages on an 8-bit board; grblHAL runs on faster ones."""
+"""Highest step rate of Grbl on an 8-bit board [Hz]; grblHAL runs on faster boards."""
 
 
 @dataclass(frozen=True)
@@ -327,7 +325,7 @@ class GuideSettings:
 
     @classmethod
     def from_lines(cls, values: Mapping[int, str]) -> GuideSettings:
-        """Read the answer to ``$$``; raises `DeviceRefusedError`, also for what is missing."""
+        """Convert the answer to ``$$``; raise DeviceRefusedError for missing or invalid values."""
 
         def number(index: int, is_positive: bool = True) -> float:
             try:
@@ -337,7 +335,7 @@ class GuideSettings:
             if not (0.0 < value < 1e9 if is_positive else 0.0 <= value < 1e9):
                 raise DeviceRefusedError(
                     f"the controller's setting ${index} is {values.get(index, 'missing')}; "
-                    f'restore its settings'
+                    f'restore the settings of the controller'
                 )
             return value
 
@@ -357,10 +355,21 @@ class GuideSettings:
     def check(
         self, config: LinearGuideConfig, build_options: str, *, is_hal: bool = False
     ) -> None:
-        """Raise `DeviceRefusedError` for a setting that would change a motion without an error.
+        """Check the settings against the configuration.
 
-        ``build_options`` are the letters of the controller's ``[OPT:`` message, ``is_hal`` is
-        True for grblHAL.
+        Parameters
+        ----------
+        config : LinearGuideConfig
+            Travel and speed of the guide.
+        build_options : str
+            Letters of the controller's ``[OPT:`` message.
+        is_hal : bool
+            The controller runs grblHAL.
+
+        Raises
+        ------
+        DeviceRefusedError
+            If a setting would change a motion without an error.
         """
         if self.reports_inches:
             raise DeviceRefusedError('the controller reports inches; set $13=0')
@@ -370,44 +379,45 @@ class GuideSettings:
             raise DeviceRefusedError('soft limits are switched off in the controller; set $20=1')
         if 'Z' in build_options:
             raise DeviceRefusedError(
-                'the firmware sets its origin at the homing switch (option Z), which turns the '
-                'travel around; build it without HOMING_FORCE_SET_ORIGIN'
+                'the firmware sets its origin at the homing switch (option Z), which reverses the '
+                'travel; build it without HOMING_FORCE_SET_ORIGIN'
             )
         fastest_mm_min = config.max_speed_m_s * 60e3
         if self.max_rate_mm_min < fastest_mm_min * (1 - 1e-9):
             raise DeviceRefusedError(
-                f'the controller caps speed at {self.max_rate_mm_min:g} mm/min, below '
+                f'the controller limits the speed to {self.max_rate_mm_min:g} mm/min, below '
                 f'max_speed_m_s = {config.max_speed_m_s:g}; set $110={fastest_mm_min:g} or '
                 f'max_speed_m_s to {self.max_rate_mm_min / 60e3:g}'
             )
         if self.steps_per_mm < FEWEST_STEPS_PER_MM:
             raise DeviceRefusedError(
-                f'the controller counts {self.steps_per_mm:g} steps a millimetre, too coarse for '
-                f'a glide; raise the micro-stepping and with it $100, to {FEWEST_STEPS_PER_MM:g} '
-                f'or more'
+                f'the controller has {self.steps_per_mm:g} steps per millimetre, too few for a '
+                f'glide; increase the micro-stepping, and set $100 accordingly, to '
+                f'{FEWEST_STEPS_PER_MM:g} or more'
             )
         steps_hz = fastest_mm_min / 60 * self.steps_per_mm
         if steps_hz > MOST_STEPS_HZ and not is_hal:
             raise DeviceRefusedError(
-                f'max_speed_m_s = {config.max_speed_m_s:g} needs {steps_hz:.0f} steps/s and Grbl '
-                f'manages {MOST_STEPS_HZ:.0f}; lower max_speed_m_s, or the micro-stepping and $100'
+                f'max_speed_m_s = {config.max_speed_m_s:g} needs {steps_hz:.0f} steps/s, but Grbl '
+                f'reaches {MOST_STEPS_HZ:.0f}; reduce max_speed_m_s, or the micro-stepping and '
+                '$100'
             )
         if abs(self.travel_mm - config.travel_m * 1e3) > TRAVEL_TOLERANCE_MM:
             raise DeviceRefusedError(
-                f"the controller's travel is {self.travel_mm:g} mm and travel_m is "
+                f"the controller's travel is {self.travel_mm:g} mm, but travel_m is "
                 f'{config.travel_m:g}; set $130={config.travel_m * 1e3:g} or travel_m to '
                 f'{self.travel_mm / 1e3:g}'
             )
 
     def compute_move_duration_s(self, distance_m: float, speed_m_s: float) -> float:
-        """Return an upper bound on the time of a move from rest to rest [s].
+        """Return an upper bound of the duration of a move from rest to rest [s].
 
-        d/v + v/a: exact for a trapezoid, too long for a move that never reaches v.
+        The bound d/v + v/a is exact if the move reaches its speed v.
         """
         return abs(distance_m) / speed_m_s + speed_m_s * 1e3 / self.acceleration_mm_s2
 
     def compute_homing_timeout_s(self) -> float:
-        """Return how long a homing cycle may take [s].
+        """Return the longest duration of a homing cycle [s].
 
         Grbl seeks over 1.5 times the travel, then approaches the switch over a few pull-offs.
         """

@@ -138,7 +138,7 @@ def test_a_second_tendon_driver_that_is_not_well_is_a_rival_too(bench, servo, tw
             watch = HeartbeatWatch(bench.peer, 'tendon_actuator/heartbeat')
             wait_until(lambda: '2 nodes' in str(watch.find_loss()))
             second_servo.unplug()
-            wait_until(lambda: not second.is_well() and not watch.find_loss())
+            wait_until(lambda: not second.is_usable() and not watch.find_loss())
             for _ in range(3):  # either of the two may answer
                 bench.aborts(bench.send(PullTendon, '/tendon_actuator/pull', **PULL), RIVALS)
             assert abs(servo.position - SLACK) <= 33

@@ -215,8 +215,8 @@ def test_durations_by_hand():
         (20, '0', r'set \$20=1'),
         (22, '0', r'set \$22=1'),
         (22, '4', r'set \$22=1'),  # a mask in grblHAL
-        (110, '500.000', 'caps speed at 500 mm/min'),
-        (100, '5.000', r'5 steps a millimetre.*\$100'),
+        (110, '500.000', 'limits the speed to 500 mm/min'),
+        (100, '5.000', r'5 steps per millimetre.*\$100'),
         (100, '1600.000', '160000 steps/s'),
         (130, '300.000', 'travel is 300 mm'),
     ],

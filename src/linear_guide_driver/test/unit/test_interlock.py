@@ -50,11 +50,11 @@ def test_the_guide_may_move_with_a_fresh_report_of_a_slack_tendon_only():
     def refused(now_ns):
         return str(interlock.find_refusal(now_ns))
 
-    assert 'Nothing was heard on tendon_actuator/slack yet' in refused(0)
+    assert 'No message has arrived on tendon_actuator/slack yet' in refused(0)
     assert 'tendon_topic' in refused(0)
     interlock.take(TendonReport(Slack.SLACK, SLACK_M), 0)
     assert interlock.find_refusal(AGE_NS) is None
-    assert 'Nothing was heard on tendon_actuator/slack for 2 s' in refused(AGE_NS + 1)
+    assert 'No message has arrived on tendon_actuator/slack for 2 s' in refused(AGE_NS + 1)
     interlock.take(TendonReport(Slack.TAUT, 0.0049), 10 * AGE_NS)
     assert refused(10 * AGE_NS) == (
         'The tendon is taut: tightened by 4.9 mm; slacken it: ros2 service call '

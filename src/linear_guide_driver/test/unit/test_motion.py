@@ -22,7 +22,7 @@ class Device:
         self.told = []
         self._on_step = on_step
 
-    def run(self, on_news=lambda _: None, should_stop=lambda: False, begin=None):
+    def run(self, on_progress=lambda _: None, should_stop=lambda: False, begin=None):
         motion = Motion(
             begin or self._move,
             lambda: self.told.append('stop') or 'at rest',
@@ -31,7 +31,7 @@ class Device:
             lambda: self.told.append('finish'),
             lambda: self.told.append('brake'),
         )
-        return self.motions.run(motion, on_news, should_stop)
+        return self.motions.run(motion, on_progress, should_stop)
 
     def _move(self):
         try:

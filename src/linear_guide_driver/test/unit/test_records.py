@@ -24,7 +24,7 @@ def test_parameters_with_a_unit_in_their_name_state_it(config_class):
         (LinearGuideConfig, {'poll_rate_hz': 20.1}, r'poll_rate_hz is .*between'),
         (LinearGuideConfig, {'poll_rate_hz': float('nan')}, r'poll_rate_hz is .*between'),
         (TendonActuatorConfig, {'poll_rate_hz': 10.0}, 'shorter than three polls'),
-        (TendonActuatorConfig, {'hang_timeout_s': 0.4}, 'which a busy computer reaches'),
+        (TendonActuatorConfig, {'hang_timeout_s': 0.4}, 'which a busy computer may exceed'),
     ],
 )
 def test_values_that_cannot_be_are_refused_by_name(config_class, values, text):

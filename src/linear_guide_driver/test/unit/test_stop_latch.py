@@ -161,7 +161,7 @@ def test_a_silence_that_only_a_motion_has_seen_latches_too():
     assert not changes  # it may be asked under any lock
     latch.hear_emergency(False, 601 * MS)
     assert changes == [
-        StopState(1, True, f'the emergency stop on {TOPIC} was not heard for 0.5 s')
+        StopState(1, True, f'no message has arrived from the emergency stop on {TOPIC} for 0.5 s')
     ]
 
 

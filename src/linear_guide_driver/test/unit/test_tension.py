@@ -401,10 +401,10 @@ def test_limits_that_cannot_be_guarded_are_said():
 
     assert 'The range of the tendon sensor is not known' in warn()
     assert warn(saturation_n=19.6) == ''
-    assert 'saturates at 10 N (saturation_n), not above flexion_limit_n, 15 N' in warn(
+    assert 'saturates at 10 N (saturation_n), which is not above flexion_limit_n, 15 N' in warn(
         saturation_n=10.0
     )
     assert 'abduction' in warn(saturation_n=3.0)
     text = warn(saturation_n=50.0, flexion_limit_n=40.0)
-    assert 'flexion_current_a, 0.15 A, does not reach flexion_limit_n, 40 N' in text
+    assert 'flexion_current_a, 0.15 A, is too low for flexion_limit_n, 40 N' in text
     assert 'that takes 0.245 A' in text

@@ -25,7 +25,7 @@ from tactile_ros.errors import TactileError
 from tactile_ros.strain import StrainBlock, StrainStatus
 from tendon_sensor_driver.client import NowNs, OnBlock, SensorClient
 from tendon_sensor_driver.errors import TendonSensorError
-from tendon_sensor_driver.records import Health, TendonSensorConfig
+from tendon_sensor_driver.records import SensorHealth, TendonSensorConfig
 from tendon_sensor_driver.sensors import make_sensor
 
 MakeSensor = Callable[[TendonSensorConfig, OnBlock, NowNs], SensorClient]
@@ -120,7 +120,7 @@ def check_sensor(
 
 
 def _judge_topic(
-    health: Health, problems: list[Problem], seconds: float, *, is_heard: bool
+    health: SensorHealth, problems: list[Problem], seconds: float, *, is_heard: bool
 ) -> list[Problem]:
     if not is_heard:
         said = (
@@ -378,7 +378,7 @@ def _tighten(
         until_s = time.monotonic() + length_m / config.speed_m_s + LATE_S
         while time.monotonic() < until_s:
             actual = servo.read()
-            servo.bring(actual, may_tighten=True)
+            servo.apply(actual, may_tighten=True)
             state = servo.to_state(actual, 0)
             off_m = state.displacement_m - goal_m
             most_a = max(most_a, abs(state.current_a))

@@ -186,7 +186,7 @@ def test_faults_of_guide_and_tendon_are_told(faulty):
         assert port.read_until(b'ok\r\nok\r\n')
     try:
         _, problems = check('--guide', faulty.ports.guide)
-        assert 'caps speed at 500 mm/min' in problems
+        assert 'limits the speed to 500 mm/min' in problems
         assert 'set $110=6000' in problems
     finally:
         with serial.Serial(faulty.ports.guide, 115200, timeout=5.0) as port:

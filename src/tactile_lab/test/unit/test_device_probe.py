@@ -78,8 +78,8 @@ def test_scale_indicators_say_their_columns_and_unit(texts, parameters):
     ('text', 'reason'),
     [
         ('12,34', 'if the comma is a decimal mark'),
-        ('1 234.5 kg', 'thousands separators cannot be read'),
-        ('12.34 units', 'the word "units" after the value is no unit'),
+        ('1 234.5 kg', 'thousands separators are not supported'),
+        ('12.34 units', 'the word "units" after the value is not a known unit'),
         ('OL,GS,+  12.34 kg', 'the device reports an overload'),
     ],
 )

@@ -25,14 +25,14 @@ for line in sys.stdin:
     if line.strip() == 'turn':
         end_s = time.monotonic() + 3 * {TIMEOUT_S}
         while time.monotonic() < end_s:
-            watch.turn()
+            watch.feed()
             time.sleep(0.02)
     elif line.strip() == 'close':
         watch.close()
         watch.close()
-        watch.turn()
+        watch.feed()
     else:
-        watch.turn(float(line))
+        watch.feed(float(line))
     print('did', line.strip(), flush=True)
 """
 

@@ -149,13 +149,13 @@ def test_a_publisher_whose_profile_does_not_fit_is_named_once(context, spun, mon
     listener.poll(Int32, 'numbers', listener.take, STREAM)
     spun(peer, listener)
     peer.create_publisher(Int32, 'numbers', qos_profile_sensor_data)
-    sentence = 'nothing comes from /peer on /numbers: its quality of service does not fit'
+    sentence = 'no messages are received from /peer on /numbers, because its QoS is incompatible'
     wait_until(lambda: sentence in read_stderr())
     looks = threading.Semaphore(0)
     listener.call_every(0.01, looks.release)
     for _ in range(5):
         assert looks.acquire(timeout=DEADLINE_S)
-    assert capfd.readouterr().err.count('nothing comes from /peer') == 1
+    assert capfd.readouterr().err.count('no messages are received from /peer') == 1
 
 
 def test_polling_ends_with_its_context():

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The client over real ptys: silence, garbage, unplugging, slow consumers, steps of the clock."""
+"""The client over real pseudo-terminals: silence, garbage, unplugging, slow consumers, clocks."""
 
 from itertools import pairwise
 import os
@@ -58,7 +58,7 @@ def test_readings_come_out_as_blocks(sensor, make_client, blocks):
         [i / 100 * 9.80665] for i in range(10)
     ]
     assert {block.status for block in blocks} == {StrainStatus.OK}
-    # 150 ms of device time are written at once; the last of them was taken now, not the first.
+    # 150 ms of device time are written together; the newest sample was taken now, not the first.
     assert before_ns - 150_000_000 <= blocks[0].stamp_ns < time.time_ns()
     health = client.health()
     assert health.is_connected
@@ -201,7 +201,7 @@ def test_close_does_not_wait_for_a_sensor_that_is_away(sensor, make_client, monk
 
 @pytest.fixture
 def slow_client(make_client, blocks, monkeypatch):
-    """Return a function that gives a client, and what its consumer waits for."""
+    """Return a function that makes a client, and the event for which its consumer waits."""
 
     def make(longest_delivery_ns):
         name = 'tendon_sensor_driver.line_sensor.LONGEST_DELIVERY_NS'
@@ -253,7 +253,7 @@ def test_the_consumer_may_close_the_client(sensor, make_client):
 
 
 def wait_for_silences(client, count=5):
-    """Wait until a client has noticed so many times that its sensor says nothing."""
+    """Wait until a client has noticed this number of silences of its sensor."""
     silences, leave_menu = [], client._leave_menu
     client._leave_menu = lambda link: silences.append(leave_menu(link))
     wait_until(lambda: len(silences) >= count)
@@ -282,7 +282,7 @@ def clock(monkeypatch):
     clock.monotonic_ns = lambda: clock.passed_ns
     clock.now_ns = lambda: clock.passed_ns + clock.ahead_ns
     monkeypatch.setattr('tendon_sensor_driver.clock.time', clock)
-    # A busy computer is no slow consumer, whose input is dropped.
+    # A busy computer must not be taken for a slow consumer, whose input is dropped.
     monkeypatch.setattr('tendon_sensor_driver.line_sensor.LONGEST_DELIVERY_NS', 10**18)
     return clock
 
@@ -316,7 +316,7 @@ def test_a_step_of_the_clock_is_no_restart_and_no_silence(
     assert after[0].status == StrainStatus.CLOCK_STEP
     health = client.health()
     assert (health.restarts, health.outliers, health.late_samples) == (0, 0, 0)
-    # Stamps are of the clock as it is set now, at once.
+    # Stamps follow the host's clock immediately after it was set.
     for block in (after[0], after[-1]):
         assert -0.2 < (clock.now_ns() - block.stamp_ns) / 1e9 < 1.0
     apart_s = (after[0].stamp_ns - before[-1].stamp_ns) / 1e9

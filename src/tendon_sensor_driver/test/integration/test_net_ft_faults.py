@@ -16,13 +16,13 @@ from tendon_sensor_driver import LinkError, net_ft, StrainStatus, TendonSensorCo
 from tendon_sensor_driver.net_ft import NetFtClient
 
 INTERNAL_HZ = 7000
-STEP_N = 1e-4  # of the force from one tick to the next
-SLOW, FAST = (100.0, 1), (2000.0, 20)  # one record a datagram, and twenty
+STEP_N = 1e-4  # change of the force from one tick to the next
+SLOW, FAST = (100.0, 1), (2000.0, 20)  # one record per datagram, and twenty
 BOTH = pytest.mark.parametrize('way', [SLOW, FAST], ids=['single', 'buffered'])
 
 
 def ramp(times_s):
-    """A force that tells the tick at which it was measured."""
+    """A force whose value shows the tick at which it was measured."""
     return np.rint(times_s * INTERNAL_HZ) * STEP_N
 
 
@@ -183,7 +183,9 @@ def test_a_box_that_falls_silent_is_noticed_and_comes_back(rig, way):
         assert rig.health.reconnects > before.reconnects
         assert rig.health.lost_samples > before.lost_samples
     rig.client.close()
-    check_samples(rig, divisor(way))  # the counter went on: what is missing is counted
+    check_samples(
+        rig, divisor(way)
+    )  # the counter kept running, so the missing samples are counted
 
 
 @BOTH

@@ -21,7 +21,7 @@ from tendon_sensor_driver.tendon_sensor_node import TendonSensorNode
 
 
 class Graph:
-    """The node under test, and a second one that keeps what it hears."""
+    """The node under test, and a second node that stores its messages."""
 
     def __init__(self, context, port, **parameters):
         self.node = TendonSensorNode(
@@ -67,13 +67,13 @@ class Graph:
         self.spin_until(is_there)
 
     def await_more(self, count=1):
-        """Wait for some further messages; return where they begin in ``strain``."""
+        """Wait for some further messages; return the index of the first in ``strain``."""
         first = len(self.strain)
         self.spin_until(lambda: len(self.strain) >= first + count)
         return first
 
     def is_matched(self):
-        """True when both ends know each other; the graph's counts come before that."""
+        """True if both ends have matched; the graph's counts increase before that."""
         topics = {f'/left/tendon_sensor/{topic}' for topic in ('strain', 'wrench')}
         writers = [p for p in self.node.publishers if p.topic_name in topics]
         readers = [s for s in self.listener.subscriptions if s.topic_name in topics]
@@ -84,7 +84,7 @@ class Graph:
         )
 
     def call(self, name):
-        """Return what the service answers."""
+        """Return the response of the service."""
         client = self.listener.create_client(Trigger, f'/left/tendon_sensor/{name}')
         self.spin_until(client.service_is_ready)
         future = client.call_async(Trigger.Request())

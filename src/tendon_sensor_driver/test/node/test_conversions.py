@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tactile_ros.strain import StrainBlock, StrainStatus
-from tendon_sensor_driver import Health, TendonSensorConfig
+from tendon_sensor_driver import SensorHealth, TendonSensorConfig
 from tendon_sensor_driver.conversions import (
     assess_health,
     LEVEL_ERROR,
@@ -21,7 +21,7 @@ from tendon_sensor_driver.conversions import (
     turn_wrench,
 )
 from tendon_sensor_driver.records import AXES
-from tendon_sensor_driver.tare import Bias
+from tendon_sensor_driver.tare import TareValue
 
 BLOCK = StrainBlock(
     stamp_ns=1_700_000_000_123_456_789,
@@ -34,7 +34,7 @@ BLOCK = StrainBlock(
 )
 CONFIG = TendonSensorConfig()
 SECOND_NS = 1_000_000_000
-HEALTHY = Health(True, 5 * SECOND_NS, bytes=900, lines=40, readings=38, rejected_lines=2)
+HEALTHY = SensorHealth(True, 5 * SECOND_NS, bytes=900, lines=40, readings=38, rejected_lines=2)
 
 
 def test_a_block_becomes_a_message():
@@ -79,11 +79,11 @@ def test_a_wrench_of_six_axes_is_turned_into_the_frame(axis, scale, expected):
 
 
 def test_a_tare_becomes_a_message():
-    message = to_tare_msg(Bias(1_500_000_000, 0.25, 0.01, 60), 'left_link')
+    message = to_tare_msg(TareValue(1_500_000_000, 0.25, 0.01, 60), 'left_link')
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1, 500_000_000)
     assert (message.is_set, message.bias_n, message.spread_n) == (True, 0.25, 0.01)
     assert (message.samples, message.header.frame_id) == (60, 'left_link')
-    assert not to_tare_msg(Bias(5), '').is_set
+    assert not to_tare_msg(TareValue(5), '').is_set
 
 
 def assess(now_s=5.5, before=HEALTHY, **changes):
@@ -136,7 +136,7 @@ def test_what_was_counted_before_is_no_news(counter):
 
 def test_every_counter_is_a_value_of_the_diagnostics_and_status_bits_are_words():
     values = to_values(dataclasses.replace(HEALTHY, status=BLOCK.status))
-    assert set(values) == {field.name for field in dataclasses.fields(Health)}
+    assert set(values) == {field.name for field in dataclasses.fields(SensorHealth)}
     assert values['status'] == 'saturated, reconnected'
     assert to_values(HEALTHY)['status'] == 'ok'
 

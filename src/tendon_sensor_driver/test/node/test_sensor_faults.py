@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Every fault of a load-cell line: seen in the diagnostics and the blocks, and over again."""
+"""Every fault of a load-cell line appears in diagnostics and blocks, and ends again."""
 
 import random
 import re
@@ -20,10 +20,10 @@ TARE = {'unit': 'N', 'rate_hz': RATE_HZ, 'tare_samples': 30, 'tare_spread_n': 1.
 
 
 class Board(threading.Thread):
-    """Sends a line every 8 ms, its tension in newtons saying its number, or a fault.
+    """Sends a line every 8 ms, whose tension in newtons is its number, or a fault.
 
-    Its clock does not stand still while this thread does: a late line has the time at which it
-    was due, as that of a board, and no sample seems lost.
+    Its clock keeps running while this thread pauses: as with a real board, a late line has the
+    time at which it was due, and no sample seems to be lost.
     """
 
     def __init__(self, sensor):
@@ -89,7 +89,7 @@ def graph(make_graph, sensor, board):
 
 
 def check_samples(graph, board):
-    """Nothing invented, nothing twice: each value is one that was sent, later ones later."""
+    """Check that each value was sent, that none is repeated, and that their order is kept."""
     values = [round(n, 5) for message in graph.strain for n in message.tension_n]
     assert set(values) <= board.sent
     moving = [value for value in values if value not in (0.5, 99.0)]
@@ -100,8 +100,8 @@ def check_samples(graph, board):
 
 FAULTS = {
     'mute': ('no reading for', None),
-    'garbage': ('no reading|were no readings', StrainStatus.RESYNCHRONISED),
-    'half': ('were no readings', StrainStatus.RESYNCHRONISED),
+    'garbage': ('no reading|could not be read', StrainStatus.RESYNCHRONISED),
+    'half': ('could not be read', StrainStatus.RESYNCHRONISED),
     'wrong baud': ('no reading for', StrainStatus.RESYNCHRONISED),
     'saturate': ('saturated', StrainStatus.SATURATED),
     'stuck': ('stuck: the same value', StrainStatus.STUCK),
@@ -123,7 +123,7 @@ def test_each_fault_is_seen_and_goes_with_its_cause(graph, board):
 
 
 def pull_the_plug(graph, board, sensor):
-    """Unplug the board and plug it in again; return where what it says then begins."""
+    """Unplug the board and plug it in again; return the index of the first message after that."""
     board.fault = 'unplug'
     sent = len(board.sent)
     wait_until(lambda: len(board.sent) >= sent + 2)  # the board writes no more
@@ -197,7 +197,7 @@ def test_a_clock_that_is_set_leaves_the_tare(make_graph, sensor, board):
     for steps, offset_s in enumerate((5, 0), 1):  # noqa: B007 - two functions read it
         graph.spin_until(lambda: count_steps() == steps)  # noqa: B023 - called at once
         graph.await_more(30)
-        # Lines that were late when the clock was set put stamps ahead by as much, for so long.
+        # Lines that were late when the clock was set shift the stamps forward for a while.
         graph.spin_until(lambda: -0.1 < behind_s() < 4.0)
     graph.await_health(DiagnosticStatus.OK)
     assert not any(m.status & StrainStatus.RESTARTED for m in graph.strain)

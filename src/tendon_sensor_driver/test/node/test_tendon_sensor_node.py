@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node over a real pty: what it publishes, its lifecycle, parameters and tare."""
+"""The node over a real pseudo-terminal: topics, lifecycle, parameters and tare."""
 
 import re
 

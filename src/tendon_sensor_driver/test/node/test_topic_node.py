@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node on a force that another node publishes, over real DDS."""
+"""The node with a force that another node publishes, over real DDS."""
 
 import itertools
 import math
@@ -32,7 +32,7 @@ SECOND_NS = 1_000_000_000
 
 
 class Source(Node):
-    """Somebody else's node, which publishes a force."""
+    """Another node, which publishes a force."""
 
     def __init__(self, context, kind, profile=RELIABLE, name='broadcaster'):
         super().__init__(name, context=context)
@@ -79,7 +79,7 @@ def topic_graph(make_graph):
 
 
 def meet(graph, source):
-    """Wait until both ends know each other: nothing is sent again for a best-effort one."""
+    """Wait until both ends have matched: a best-effort publisher does not send again."""
     graph.spin_until(lambda: source.force.get_subscription_count() == 1)
     graph.spin_until(lambda: 'True' in graph.values().get('is_connected', ''))
     subscription = graph.node.stage._client._subscription

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages to readings to blocks, and what is said about a topic; without ROS."""
+"""Conversion of messages to readings and blocks, and messages about a topic; without ROS."""
 
 import math
 from types import SimpleNamespace
@@ -15,8 +15,8 @@ from tactile_ros.strain import StrainStatus
 from tendon_sensor_driver import TendonSensorConfig
 from tendon_sensor_driver.topic_sensor import (
     choose_type,
-    format_publishers,
-    format_stream,
+    find_publisher_problem,
+    find_stream_problem,
     Publisher,
 )
 from tendon_sensor_driver.topic_stream import READERS, ReadingError, TopicReading, TopicStream
@@ -224,26 +224,27 @@ def test_each_reading_is_in_one_block_or_counted(steps, samples_per_block, rate_
         assert finite.all() or bool(block.status & StrainStatus.DEVICE_ERROR)
 
 
-# -- what is said --------------------------------------------------------------------------
+# -- messages about a topic -----------------------------------------------------------------
 
 
 def test_a_topic_that_nobody_publishes_or_with_a_wrong_type_says_what_to_do():
-    assert 'nobody publishes /force' in format_publishers('/force', [], '')
+    assert '/force has no publisher' in str(find_publisher_problem('/force', [], None))
     image = Publisher('/camera', 'sensor_msgs/msg/Image')
-    sentence = format_publishers('/force', [image], '')
-    assert 'sensor_msgs/msg/Image, which holds no tension' in sentence
-    assert WRENCH in sentence
-    assert 'found just now' in format_publishers('/force', [Publisher('/ft', WRENCH)], '')
-    assert format_publishers('/force', [Publisher('/ft', WRENCH)], WRENCH) == ''
+    problem = str(find_publisher_problem('/force', [image], None))
+    assert 'sensor_msgs/msg/Image' in problem
+    assert WRENCH in problem
+    fresh = find_publisher_problem('/force', [Publisher('/ft', WRENCH)], None)
+    assert 'not subscribed yet' in str(fresh)
+    assert find_publisher_problem('/force', [Publisher('/ft', WRENCH)], WRENCH) is None
     refused = Publisher('/ft', WRENCH, 'ERROR: Best effort publisher')
-    assert 'another quality of service: ERROR' in format_publishers('/f', [refused], WRENCH)
-    assert format_publishers('/f', [refused, Publisher('/b', WRENCH)], WRENCH) == ''
+    assert 'incompatible QoS: ERROR' in str(find_publisher_problem('/f', [refused], WRENCH))
+    assert find_publisher_problem('/f', [refused, Publisher('/b', WRENCH)], WRENCH) is None
 
 
 def test_the_type_is_that_of_the_first_that_fits_and_stays_while_it_is_there():
     image, force = Publisher('/camera', 'sensor_msgs/msg/Image'), Publisher('/ft', WRENCH)
     number = Publisher('/n', FLOAT)
-    assert choose_type([image]) == ''
+    assert choose_type([image]) is None
     assert choose_type([image, force, number]) == WRENCH
     assert choose_type([image, force, number], FLOAT) == FLOAT
     assert choose_type([force], FLOAT) == WRENCH
@@ -253,12 +254,13 @@ def test_what_is_wrong_with_a_stream_is_said_with_its_remedy():
     publishers = [Publisher('/ft', WRENCH)]
 
     def describe(stream, publishers=publishers, **options):
-        return format_stream('/force', stream, publishers, **{'is_silent': False, **options})
+        options = {'is_silent': False, **options}
+        return find_stream_problem('/force', stream, publishers, **options) or ''
 
     stream = TopicStream(configure(rate_hz=100.0))
     feed(stream, [(START_NS + i * 10_000_000, 1.0) for i in range(300)])
     assert describe(stream) == ''
-    assert 'see whether its controller is active' in describe(stream, is_silent=True)
+    assert 'check that its controller is active' in describe(stream, is_silent=True)
     assert '2 publishers (/ft, /other)' in describe(
         stream, [*publishers, Publisher('/other', WRENCH)]
     )

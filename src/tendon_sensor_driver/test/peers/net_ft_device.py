@@ -77,7 +77,7 @@ class NetFtBox:
         self._faults = {}  # the time of its end [s] and the fraction of datagrams, by kind
         self._command = Command.STOP
         self._record = 0
-        self._ticks = self._shown = 0  # of the newest record, and what it says
+        self._ticks = self._shown = 0  # number of the newest record, and its content
         self._status = 0
         self._held = []  # records that wait for their datagram
         self._overtaken = []
@@ -234,7 +234,7 @@ def _repeat(samples_n):
 
 
 class NetFtDevice:
-    """Runs a box by the host's clock, and serves the newest client that asked for a stream.
+    """Runs a box with the host's clock, and serves the client that requested a stream last.
 
     Real-time records leave within about a millisecond of being due. While the device runs, the
     box belongs to its threads. ``failure`` is what ended one of them.
@@ -306,7 +306,7 @@ class NetFtDevice:
     def _serve(self):
         request = b''
         if select.select([self._socket], [], [], _SLICE_S)[0]:
-            # A client that has gone away answers what is sent to it with an error.
+            # Sending to a client that has closed its socket raises an error.
             with contextlib.suppress(ConnectionError):
                 request, peer = self._socket.recvfrom(64)
         with self._lock:

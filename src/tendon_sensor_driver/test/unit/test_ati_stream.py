@@ -24,7 +24,7 @@ def configure(**changes):
 
 
 def batch_of(ticks, *, records=None, status=0, first=0, delay_s=0.0, values=None, scale=1.0):
-    """Samples of a counter that began with ``first``; each value tells its own tick."""
+    """Samples of a counter that started at ``first``; each value is its own tick."""
     ticks = np.asarray(ticks, dtype=np.int64)
     wrench = np.zeros((len(ticks), 6))
     wrench[:, 2] = ticks if values is None else values
@@ -54,7 +54,7 @@ def start(**changes):
 
 
 def begin_again(stream):
-    """Make the link anew, as the client does."""
+    """Begin a new session of the link, as the client does."""
     stream.clock.begin_session(RATE_HZ, 7)
     stream.note_reconnection()
 
@@ -126,7 +126,7 @@ def test_samples_that_come_late_or_twice_are_dropped_and_counted(
 
 def test_the_period_follows_the_records_and_not_the_expectation():
     stream = Stream(configure(samples_per_block=1, rate_hz=60.0), CounterClock())
-    stream.clock.begin_session(RATE_HZ, 117)  # what a box that reports 60 Hz seems to say
+    stream.clock.begin_session(RATE_HZ, 117)  # ticks per sample of a sensor that reports 60 Hz
     batches = [batch_of([116 * i], records=[i]) for i in range(1, 8)]
     blocks = run(stream, batches)
     assert blocks[-1].period_ns == round(116e9 / 7000)

@@ -15,7 +15,7 @@ import pytest
 from tactile_ros.strain import StrainStatus
 from tendon_sensor_driver import clock as clock_module
 from tendon_sensor_driver.clock import ArrivalClock, DeviceClock, HostClock
-from tendon_sensor_driver.records import Reading, TendonSensorConfig
+from tendon_sensor_driver.records import LineReading, TendonSensorConfig
 from tendon_sensor_driver.strain_stream import StrainStream
 
 SECOND_NS = 1_000_000_000
@@ -88,7 +88,7 @@ def test_samples_that_waited_for_the_hosts_thread_do_not_make_the_stamps_late(ne
     rows = run(model, 7, lambda elapsed_ns: max(waited_ns - elapsed_ns, 0), clock)
     check(model, rows)
     late_ns = [instant.stamp_ns - model.true_stamp(elapsed_ns) for elapsed_ns, _, instant in rows]
-    if newest is None:  # what is known too late takes six seconds to mend
+    if newest is None:  # a late estimate takes six seconds to be corrected
         assert late_ns[0] == waited_ns
         assert max(instant.stamp_error_s for *_, instant in rows) > 0.03
     else:
@@ -114,7 +114,7 @@ def test_jitter_and_drift_stay_within_the_stated_error(drift_ppm):
 
 @pytest.mark.parametrize('drift_ppm', [-100, 100])
 def test_bursts_do_not_move_the_stamps(drift_ppm):
-    """Every 10 s the host stalls, and everything since then arrives at once, 3 s late."""
+    """Every 10 s the host stalls, and everything since then arrives together, 3 s late."""
 
     def burst(elapsed_ns):
         into_ns = elapsed_ns % (10 * SECOND_NS)
@@ -131,8 +131,8 @@ def test_bursts_do_not_move_the_stamps(drift_ppm):
 def run_bursts(drift_ppm_at, *, rate_hz=60.0, tick_ns=1000, seconds=120):
     """Return (seconds, error [ns], stated error [ns]) of samples behind a USB adapter.
 
-    It hands over every 16 ms what has come in, jittered by up to 0.2 ms. A sample in a
-    hundred is missing.
+    The adapter delivers the received samples every 16 ms, with a jitter of up to 0.2 ms. One
+    sample in a hundred is missing.
     """
     source = random.Random(0)
     clock = DeviceClock(tick_ns / 1e9, PERIOD_NS)
@@ -208,7 +208,7 @@ def test_a_restarted_device_is_believed_from_its_second_line_on():
     assert clock.place(10, start_ns) is None
     again = clock.place(27, start_ns + 17 * MS_NS)
     assert again.is_restart
-    assert again.stamp_error_s < 0  # what was known of the delays is of another clock
+    assert again.stamp_error_s < 0  # the delays known so far belong to another clock
     assert again.stamp_ns == start_ns + 17 * MS_NS
     assert not clock.place(43, start_ns + 33 * MS_NS).is_restart
     assert clock.outliers == 1
@@ -279,7 +279,7 @@ def test_a_host_clock_set_back_never_takes_the_stamps_back():
     assert len(placed) == len(instants) - 1
     assert all(b.stamp_ns > a.stamp_ns for a, b in pairwise([before, *placed]))
     assert sum(instant.is_restart for instant in placed) == 1
-    # What is still wrong is said: 30 s less 1/20 of the time since.
+    # The stated error contains the rest: 30 s minus 1/20 of the time since.
     ahead_ns = placed[-1].stamp_ns - (EPOCH_NS + 30 * SECOND_NS)
     assert ahead_ns > 27 * SECOND_NS
     assert placed[-1].stamp_error_s > ahead_ns / 1e9
@@ -322,7 +322,7 @@ def test_without_a_device_clock_arrival_counts_and_the_error_is_unknown():
     assert {instant.stamp_error_s for instant in stamps} == {-1.0}
 
 
-# -- steps that the monotonic clock tells ------------------------------------------------
+# -- steps detected by the monotonic clock ------------------------------------------------
 
 
 @settings(max_examples=15)
@@ -351,21 +351,21 @@ def test_steps_that_are_told_leave_the_error_as_stated(steps, seed):
         assert not instant.is_restart
         assert not instant.is_step
         error_ns = instant.stamp_ns - (EPOCH_NS + elapsed_ns + 2 * MS_NS) - offset_ns
-        # The first stamps are those of arrivals.
+        # The first stamps equal the times of arrival.
         most_s = instant.stamp_error_s if instant.stamp_error_s >= 0 else 0.01
         assert abs(error_ns) <= most_s * SECOND_NS
     assert (clock.restarts, clock.outliers, clock.late_samples) == (0, 0, 0)
 
 
 def test_a_device_that_stood_still_is_no_step_of_the_hosts_clock():
-    """The monotonic clock tells no step, so the time that lacks is the device's."""
+    """The monotonic clock shows no step, so the device's clock paused."""
     stream = StrainStream(TendonSensorConfig(rate_hz=60.0))
     blocks = []
     for i in range(30 * 60):
         device_ns = i * SECOND_NS // 60
         pause_ns = 1380 * MS_NS if device_ns > 12 * SECOND_NS else 0
         arrived_ns = EPOCH_NS + device_ns + pause_ns
-        blocks += stream.add_reading(Reading(device_ns // MS_NS, float(i), arrived_ns))
+        blocks += stream.add_reading(LineReading(device_ns // MS_NS, float(i), arrived_ns))
     marked = [b for b in blocks if b.status]
     assert [b.status for b in marked] == [StrainStatus.RESYNCHRONISED]
     at = blocks.index(marked[0])

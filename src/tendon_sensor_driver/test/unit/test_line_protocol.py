@@ -110,10 +110,10 @@ def test_scale_indicators_with_words_that_alternate_are_read(lines, options, is_
     assert {value for _, value in readings} == {-12.34 if is_negative else 12.34}
 
 
-BESIDE = 'is beside its value: if the comma is a decimal mark, set decimal_mark'
+BESIDE = 'is next to its value: if the comma is a decimal mark, set decimal_mark'
 OVERLOAD = 'the device reports an overload or an error: unload it'
 REFUSED = [
-    (b'12.34 mN/12.34mN', 'N', 'its unit is mN, and "unit" is N: set unit to mN'),
+    (b'12.34 mN/12.34mN', 'N', 'its unit is mN, but the parameter "unit" is N: set unit to mN'),
     (b'mN: 12.34/Force [mN]: 12.34', 'N', 'set unit to mN'),
     (b'0.01234 kN', 'N', 'set unit to kN'),
     (b'12.34 oz', 'g', 'set unit to oz'),
@@ -121,12 +121,12 @@ REFUSED = [
     (b'12.34,,g/12.34 | g', 'kg', 'set unit to g'),
     (b'12.34,,N/12.34 | N/12.34 [N]', 'kg', 'set unit to N'),  # not "net"
     (b'12.34 lbs', 'kg', 'set unit to lbf'),
-    (b'12.34 units', 'kg', 'the word "units" after the value is no unit that is known here'),
+    (b'12.34 units', 'kg', 'the word "units" after the value is not a known unit'),
     (b'12.34 \xb5N', 'N', 'the word "\\xb5N" after the value'),
     (b'12.34 %', 'g', 'the word "%" after the value'),
     (b'12.34 \x1b[31m', 'g', 'the word "\\x1b[31m" after the value'),
     (b'12,34/12,34,56/12,34 N/F:12,34N', 'N', BESIDE),
-    (b'12 345.6 N/12,345.6/12 345/12 ,345', 'N', 'thousands separators cannot be read'),
+    (b'12 345.6 N/12,345.6/12 345/12 ,345', 'N', 'thousands separators are not supported'),
     (b'OL/OL,GS,+  12.34 kg/12.34 kg Overload', 'kg', OVERLOAD),
     (b'OL,+999999.9 g/S +/S -', 'g', OVERLOAD),
     (b'reading', 'kg', 'its value_column holds no number'),
@@ -182,7 +182,7 @@ def test_a_simulated_device_says_so_in_each_line():
     assert lines[0] == b'0,0.50000,kg,SIMULATED,\r\n'
     readings = decoder.feed(b'\n' + b''.join(lines) + LINE, 7)
     assert [reading.simulated for reading in readings] == [True, True, True]
-    assert decoder.last_reason.startswith('its columns or words are not those')
+    assert decoder.last_reason.startswith('its columns or words differ')
 
 
 def test_a_banner_that_looks_like_a_reading_is_none():
@@ -387,7 +387,7 @@ def test_a_value_stands_in_its_line_as_it_is_given(mark, time_column, value_colu
             text = re.sub('([+-]) +', r'\1', line.decode('latin-1'))
             if mark == ',':
                 text = text.replace(',', '.')
-            # The digits stand in one piece, and none is directly before or behind them.
+            # The digits are contiguous, and no digit is directly before or after them.
             numbers = re.findall(r'(?<![\d.])[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?', text)
             assert abs(reading.value) in [abs(float(number)) for number in numbers]
             if len(numbers) == 1:

@@ -48,7 +48,7 @@ def test_records_are_read_as_struct_reads_them(rows):
         (0x80010000, False, StrainStatus.OK, ('monitor condition latched',)),
         (0x80020000, False, StrainStatus.SATURATED, ('transducer saturated or A/D error',)),
         (0x80000040, False, StrainStatus.DEVICE_ERROR, ('analog supply too high',)),
-        (0x80000000, False, StrainStatus.DEVICE_ERROR, ('an error without a reason',)),
+        (0x80000000, False, StrainStatus.DEVICE_ERROR, ('an unspecified error',)),
         (
             0x80020004,
             False,

@@ -16,7 +16,7 @@ from tactile_ros.strain import StrainStatus
 from tendon_sensor_driver import (
     encode_reading,
     LineDecoder,
-    Reading,
+    LineReading,
     StrainStream,
     TendonSensorConfig,
 )
@@ -43,7 +43,7 @@ EXACT_NEWTONS = {
 )
 def test_newtons_are_right_to_one_rounding_a_step(unit, value, scale, offset_n):
     stream = StrainStream(TendonSensorConfig(unit=unit, scale=scale, offset_n=offset_n))
-    (block,) = stream.add_reading(Reading(0, value, 0))
+    (block,) = stream.add_reading(LineReading(0, value, 0))
     product = Fraction(value) * Fraction(scale) * EXACT_NEWTONS[unit]
     exact = product + Fraction(offset_n)
     # The unit's factor, its product with scale, the product with value, and the sum.
@@ -57,7 +57,7 @@ def test_a_simulated_reading_marks_its_block_and_no_other(time_column):
     stream, blocks = StrainStream(config), []
     for i, simulated in enumerate((True, False, True)):
         ticks = 17 * i if time_column == 0 else None
-        blocks += stream.add_reading(Reading(ticks, 1.0, 17 * i * MS_NS, simulated=simulated))
+        blocks += stream.add_reading(LineReading(ticks, 1.0, 17 * i * MS_NS, simulated=simulated))
     blocks += stream.flush()
     assert [bool(b.status & StrainStatus.SIMULATED) for b in blocks] == [True, False, True]
 
@@ -86,7 +86,7 @@ def test_saturation_and_host_time_are_flagged():
     config = TendonSensorConfig(unit='N', time_column=-1, value_column=0, saturation_n=15.0)
     stream = StrainStream(config)
     statuses = [
-        stream.add_reading(Reading(None, value, at_ns))[0].status
+        stream.add_reading(LineReading(None, value, at_ns))[0].status
         for at_ns, value in enumerate([1.0, 15.0, -20.0, 14.999])
     ]
     host, saturated = StrainStatus.HOST_TIME, StrainStatus.SATURATED
@@ -95,12 +95,12 @@ def test_saturation_and_host_time_are_flagged():
 
 def test_dropped_bytes_and_reconnections_are_told_once():
     stream = StrainStream(TendonSensorConfig())
-    (first,) = stream.add_reading(Reading(0, 0.5, 0))
+    (first,) = stream.add_reading(LineReading(0, 0.5, 0))
     stream.note_dropped_bytes()
-    (second,) = stream.add_reading(Reading(17, 0.5, 17_000_000))
+    (second,) = stream.add_reading(LineReading(17, 0.5, 17_000_000))
     stream.note_reconnection()
-    (third,) = stream.add_reading(Reading(5017, 0.5, 5_017_000_000))
-    (fourth,) = stream.add_reading(Reading(5033, 0.5, 5_033_000_000))
+    (third,) = stream.add_reading(LineReading(5017, 0.5, 5_017_000_000))
+    (fourth,) = stream.add_reading(LineReading(5033, 0.5, 5_033_000_000))
     blocks = (first, second, third, fourth)
     assert [block.status for block in blocks] == [
         StrainStatus.OK,
@@ -114,9 +114,9 @@ def test_dropped_bytes_and_reconnections_are_told_once():
 def test_a_device_restart_is_told_although_the_link_held():
     stream = StrainStream(TendonSensorConfig())
     for ticks in range(90_000, 91_000, 17):
-        (last,) = stream.add_reading(Reading(ticks, ticks / 1e5, ticks * 1_000_000))
-    assert stream.add_reading(Reading(40, 0.5, 93_000_000_000)) == []
-    (after,) = stream.add_reading(Reading(57, 0.5, 93_017_000_000))
+        (last,) = stream.add_reading(LineReading(ticks, ticks / 1e5, ticks * 1_000_000))
+    assert stream.add_reading(LineReading(40, 0.5, 93_000_000_000)) == []
+    (after,) = stream.add_reading(LineReading(57, 0.5, 93_017_000_000))
     assert after.status == (
         StrainStatus.RECONNECTED | StrainStatus.RESTARTED | StrainStatus.RESYNCHRONISED
     )
@@ -126,10 +126,10 @@ def test_a_device_restart_is_told_although_the_link_held():
 
 def test_a_board_without_a_clock_counts_as_restarted_when_it_is_back():
     stream = StrainStream(TendonSensorConfig(time_column=-1))
-    stream.add_reading(Reading(None, 0.5, 0))
+    stream.add_reading(LineReading(None, 0.5, 0))
     stream.note_reconnection()
-    (back,) = stream.add_reading(Reading(None, 0.6, 5_000_000_000))
-    (after,) = stream.add_reading(Reading(None, 0.5, 5_017_000_000))
+    (back,) = stream.add_reading(LineReading(None, 0.6, 5_000_000_000))
+    (after,) = stream.add_reading(LineReading(None, 0.5, 5_017_000_000))
     both = StrainStatus.RECONNECTED | StrainStatus.RESTARTED
     assert (back.status & both, after.status & both) == (both, 0)
     assert stream.clock.restarts == 1
@@ -139,7 +139,9 @@ def test_a_board_without_a_clock_counts_as_restarted_when_it_is_back():
 def test_a_value_that_stays_exactly_the_same_is_stuck_until_it_changes(stuck_s, stuck):
     stream = StrainStream(TendonSensorConfig(stuck_s=stuck_s))
     values = [0.5] * 50 + [0.6] + [0.5] * 31
-    blocks = [stream.add_reading(Reading(1000 * i // 60, v, i))[0] for i, v in enumerate(values)]
+    blocks = [
+        stream.add_reading(LineReading(1000 * i // 60, v, i))[0] for i, v in enumerate(values)
+    ]
     assert [i for i, block in enumerate(blocks) if block.status == StrainStatus.STUCK] == stuck
     assert sum(block.status == StrainStatus.OK for block in blocks) == len(values) - len(stuck)
 

@@ -45,13 +45,13 @@ def test_the_mean_of_the_last_samples_is_taken_off_from_then_on():
     tension_n = np.append(tension_n, 0.7)[-50:]
     tension_n[-1] = 0.3
     feed(tare, tension_n)
-    bias = tare.measure(NOW_NS)
-    assert bias.bias_n == pytest.approx(np.mean(tension_n), rel=1e-12)
-    assert bias.spread_n == pytest.approx(np.std(tension_n, ddof=1), rel=1e-12)
-    assert (bias.samples, bias.stamp_ns) == (50, NOW_NS)
-    assert tare.apply(make_block([0.7])).tension_n == [0.7 - bias.bias_n]
+    value = tare.measure(NOW_NS)
+    assert value.tare_n == pytest.approx(np.mean(tension_n), rel=1e-12)
+    assert value.spread_n == pytest.approx(np.std(tension_n, ddof=1), rel=1e-12)
+    assert (value.samples, value.stamp_ns) == (50, NOW_NS)
+    assert tare.apply(make_block([0.7])).tension_n == [0.7 - value.tare_n]
     cleared = tare.clear(NOW_NS + 5)
-    assert (cleared.samples, cleared.bias_n, cleared.stamp_ns) == (0, 0.0, NOW_NS + 5)
+    assert (cleared.samples, cleared.tare_n, cleared.stamp_ns) == (0, 0.0, NOW_NS + 5)
     assert tare.apply(make_block([0.7])).tension_n == [0.7]
 
 
@@ -72,12 +72,12 @@ def test_it_is_refused_with_the_reason_and_changes_nothing(tension_n, code, name
     feed(tare, noise(0.2))
     assert tare.measure(NOW_NS).samples == 50
     assert tare.note_restart(NOW_NS)  # takes the tare away
-    assert tare.bias.samples == 0
+    assert tare.value.samples == 0
     feed(tare, tension_n)
     with pytest.raises(TareError, match=named) as refusal:
         tare.measure(NOW_NS)
     assert refusal.value.code == code
-    assert tare.bias.samples == 0
+    assert tare.value.samples == 0
 
 
 @pytest.mark.parametrize('bad', ['SATURATED', 'STUCK', 'DEVICE_ERROR'])
@@ -97,7 +97,7 @@ def test_load_is_judged_without_the_tare_so_that_tares_do_not_add_up():
     with pytest.raises(TareError) as refusal:
         tare.measure(NOW_NS)
     assert refusal.value.code == 'loaded'
-    assert tare.bias.bias_n == pytest.approx(1.5, abs=0.01)
+    assert tare.value.tare_n == pytest.approx(1.5, abs=0.01)
 
 
 def test_the_drift_is_seen_while_a_tare_would_be_accepted():
@@ -138,7 +138,7 @@ def test_samples_from_before_a_break_make_no_tare(status):
     assert refusal.value.code == 'few'
     for i in range(49):
         tare.apply(make_block([0.4], 101 + i))
-    assert tare.measure(NOW_NS + 50 * PERIOD_NS).bias_n == pytest.approx(0.398)
+    assert tare.measure(NOW_NS + 50 * PERIOD_NS).tare_n == pytest.approx(0.398)
 
 
 @pytest.mark.parametrize(('silent_s', 'is_taken'), [(0.4, True), (0.6, False), (600.0, False)])

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The time of samples that come as messages: order, gaps, steps, rate; without ROS."""
+"""The time of samples that arrive as messages: order, gaps, steps, rate; without ROS."""
 
 from fractions import Fraction
 from itertools import pairwise
@@ -19,12 +19,12 @@ MILLISECOND_NS = 1_000_000
 
 
 def place_all(clock, stamps_ns, delay_ns=300_000):
-    """Return the instants of samples that arrive after a delay, None for those without a place."""
+    """Return the instants of samples that arrive after a delay; None for dropped samples."""
     return [clock.place(stamp_ns, stamp_ns + delay_ns) for stamp_ns in stamps_ns]
 
 
 def count_lost(instants):
-    """Return the samples lost before each one that has a place."""
+    """Return the number of samples lost before each accepted sample."""
     placed = [instant for instant in instants if instant is not None]
     periods = [instant.device_ns // PERIOD_NS for instant in placed]
     return [after - before - 1 for before, after in pairwise(periods)]
@@ -56,7 +56,7 @@ def test_duplicates_and_late_samples_have_no_place_and_are_counted():
     placed = [i for i, instant in zip(order, instants, strict=True) if instant is not None]
     assert placed == [0, 1, 3, 4, 6, 7]
     assert (clock.duplicates, clock.late_samples, clock.outliers) == (3, 2, 0)
-    # What comes late was counted as lost before: it is not there.
+    # A late sample was already counted as lost and is dropped.
     assert count_lost(instants) == [0, 1, 0, 1, 0]
 
 
@@ -105,7 +105,7 @@ def test_a_clock_of_both_that_is_set_keeps_the_bound_on_the_error(step_s):
 
 def test_a_queue_that_waits_and_empties_is_no_step_and_loses_nothing():
     clock = StampClock(PERIOD_NS)
-    first_ns = START_NS + 500 * MILLISECOND_NS  # nobody took the first ones before
+    first_ns = START_NS + 500 * MILLISECOND_NS  # the first ones were not taken before
     instants = []
     for i in range(2000):
         stamp_ns = START_NS + i * PERIOD_NS
