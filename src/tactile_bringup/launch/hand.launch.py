@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Any fingers of a hand that moves itself: ``ros2 launch tactile_bringup hand.launch.py``.
+"""The fingers of a hand that moves by itself: ``ros2 launch tactile_bringup hand.launch.py``.
 
-The nodes of all fingers are in one process, unless ``processes`` says otherwise.
+By default, the nodes of all fingers run in one process; see the argument ``processes``.
 """
 
 from launch import LaunchDescription
@@ -22,7 +22,7 @@ from tactile_bringup.launch_config.launching import (
     in_processes,
     Node,
     shared_arguments,
-    SimulatedRig,
+    SimulatedRigProcess,
     start,
 )
 
@@ -30,60 +30,60 @@ ARGUMENTS = [
     DeclareLaunchArgument(
         'fingers',
         default_value='',
-        description='namespaces of the fingers, with commas between them, such as index,middle; '
-        '/: one finger, in the namespace of the hand. Empty: all that params_file describes',
+        description='comma-separated namespaces of the fingers, such as index,middle; / means '
+        'one finger in the namespace of the hand. Default: all fingers in params_file',
     ),
     DeclareLaunchArgument(
         'processes',
         default_value='one',
         choices=['one', 'finger', 'node'],
-        description='one process for all nodes, one a finger, or one a node: for isolation, or to '
-        'put another node in the place of one. Recorders are in a process of their own',
+        description='one process for all nodes, one per finger, or one per node, for isolation or '
+        'to replace a node. Recorders always run in separate processes',
     ),
     DeclareLaunchArgument(
         'rig',
         default_value='hardware',
         choices=['hardware', 'simulated'],
-        description='what is behind the ports: devices, or simulated rigs, which are started here '
-        'for fingers without a port. All that comes from a simulated sensor is marked',
+        description='devices behind the ports: hardware, or simulated rigs, which are started for '
+        'fingers without a port. All data from a simulated sensor are marked',
     ),
     DeclareLaunchArgument(
         'sensor_port',
         default_value='',
-        description='serial port of the load cell, where there is one finger; none: another node '
-        'publishes tendon_sensor/strain. Empty: the port in params_file, or '
-        '/dev/tactile/<finger>, for one without a name /dev/tactile/sensor',
+        description='serial port of the load cell, for a single finger; none: another node '
+        'publishes tendon_sensor/strain. Default: the port in params_file, or '
+        '/dev/tactile/<finger>; for a finger without a name /dev/tactile/sensor',
     ),
     DeclareLaunchArgument(
         'sensor_topic',
         default_value='',
         description='topic of a force that another node publishes, instead of a port: '
-        'WrenchStamped, Wrench, Float64, Float32 or JointState. After a colon an axis (fx to tz, '
-        'norm) or the name of a joint, as /ft/wrench:fx. A relative name is within the namespace '
-        'of each finger. Its rate is that of the models, or is measured. Empty: none',
+        'WrenchStamped, Wrench, Float64, Float32 or JointState. An axis (fx to tz, norm) or the '
+        'name of a joint may follow after a colon, such as /ft/wrench:fx. A relative name is '
+        'resolved in the namespace of each finger. The rate is measured, unless params_file has one',
     ),
     DeclareLaunchArgument(
         'models',
         default_value='',
-        description='folder of model files as "tactile train" writes it, or one file. They say '
-        'which features are computed, and each answers the windows that fit it; empty: those in '
-        'params_file, or no classifier',
+        description='folder of model files as written by "tactile train", or one file. The models '
+        'determine which features are computed. Default: the models in params_file; without any, '
+        'no classifier is started',
     ),
     DeclareLaunchArgument(
         'phases',
         default_value='',
         choices=['', 'stated', 'texture', 'stiffness'],
-        description='who says when a glide or a hold begins and ends: stated by trial events on '
-        'trial_runner/events, or found in the tension, for the kind of contact that is named. '
-        'Empty: as in params_file, or stated',
+        description='source of the phases: stated takes trial events on trial_runner/events; '
+        'texture and stiffness detect glides or holds in the tension. Default: the value in '
+        'params_file, or stated',
     ),
     DeclareLaunchArgument(
         'contact',
         default_value='',
         choices=['', 'flexion', 'abduction'],
-        description='how the finger touches: which models are loaded, and what phases that are '
-        'found in the tension say; empty: as in params_file, or not known, and all models are '
-        'loaded',
+        description='contact of the finger; selects the models, and is stated in detected phases. '
+        'Default: the value in params_file; without one the contact is unknown and all models '
+        'are loaded',
     ),
     *shared_arguments(),
 ]
@@ -105,7 +105,7 @@ def launch_setup(context):
             for name in ('tendon_sensor', 'tactile_features', 'tactile_classifier')
         }
 
-        # -- the models say what features and classifier do ----------------------------------
+        # -- the models determine the features and the classifier -----------------------------
         phases = arguments['phases'] or stated['tactile_features'].get('phases', 'stated')
         contact = arguments['contact']
         models = ModelChoice.of_finger(
@@ -117,7 +117,7 @@ def launch_setup(context):
         of_models = models.parameters if models else {}
         found = {} if phases == 'stated' else {'phases': phases, 'detected_contact': contact}
 
-        # -- what the tension comes from -------------------------------------------------------
+        # -- source of the tension --------------------------------------------------------------
         port, topic = arguments['sensor_port'], arguments['sensor_topic']
         is_stated = {'port', 'sensor'} & stated['tendon_sensor'].keys()
         if simulated and not (port or topic or is_stated):
@@ -164,7 +164,7 @@ def launch_setup(context):
                 )
             )
         if record := arguments.path('record'):
-            # one bag a finger
+            # one bag per finger
             recorder = recorder_parameters(
                 record / finger,
                 namespaces=[namespace],
@@ -177,14 +177,14 @@ def launch_setup(context):
                     executable='bag_recorder_node',
                     name='bag_recorder',
                     parameters=[file, recorder, common],
-                    # a bag is not written on by another process
+                    # a restarted recorder cannot continue a bag
                     **{**process, 'respawn': False},
                 )
             )
     refuse_shared_ports(node.description for node in nodes)
     processes = arguments['processes']
     together = in_processes(nodes, processes, arguments)
-    rig = SimulatedRig(links) if links else None
+    rig = SimulatedRigProcess(links) if links else None
     return start(arguments, rig, [*together, *in_processes(recorders, processes, arguments)])
 
 

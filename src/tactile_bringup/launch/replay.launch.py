@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A recording, on its own time: ``ros2 launch tactile_bringup replay.launch.py bag:=FOLDER``."""
+"""Replay of a recording: ``ros2 launch tactile_bringup replay.launch.py bag:=FOLDER``."""
 
 import dataclasses
 
@@ -21,15 +21,15 @@ from tactile_ros.errors import TactileError
 ARGUMENTS = [
     DeclareLaunchArgument('bag', description='folder of the recording to play'),
     DeclareLaunchArgument(
-        'rate', default_value='1.0', description='how many times faster than it was recorded'
+        'rate', default_value='1.0', description='speed relative to the recording'
     ),
     DeclareLaunchArgument(
         'models',
         default_value='',
-        description='folder of model files, or one file; empty: those that the recording was '
-        'made with, if any',
+        description='folder of model files, or one file. Default: the models that were used '
+        'during the recording, if any',
     ),
-    # the time of the recording, by /clock; namespace: play the finger there only
+    # /clock has the time of the recording; namespace selects one finger
     *shared_arguments(use_sim_time='true', respawn='false'),
 ]
 
@@ -100,7 +100,7 @@ def launch_setup(context):
                 **{**process, 'respawn': False},
             )
         )
-    # plays the recording, and makes the time of /clock
+    # plays the recording, and publishes its time on /clock
     player = Node(
         package='tactile_bags',
         executable='bag_player_node',

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The rig for a protocol, each node in a process of its own.
+"""The rig for a protocol, with each node in a separate process.
 
 Start it by ``ros2 launch tactile_bringup texture.launch.py`` or ``stiffness.launch.py``.
 """
@@ -23,7 +23,7 @@ from tactile_bringup.launch_config.launching import (
     Arguments,
     Node,
     shared_arguments,
-    SimulatedRig,
+    SimulatedRigProcess,
     start,
 )
 from tactile_bringup.launch_config.parameter_files import ParameterFile
@@ -39,53 +39,52 @@ ARGUMENTS = [
         'rig',
         default_value='hardware',
         choices=['hardware', 'simulated'],
-        description='what is behind the ports: devices, or the simulated rig, which is started '
-        'here unless ports are given. It marks all that comes from a simulated rig',
+        description='devices behind the ports: hardware, or a simulated rig, which is started '
+        'unless ports are given. All data from a simulated rig are marked',
     ),
     DeclareLaunchArgument(
         'guide_port',
         default_value='',
-        description='serial port of the linear guide (Grbl); empty: the port in params_file, or '
+        description='serial port of the linear guide (Grbl). Default: the port in params_file, or '
         '/dev/tactile/guide',
     ),
     DeclareLaunchArgument(
         'tendon_port',
         default_value='',
-        description='serial port of the tendon actuator (Dynamixel); empty: the port in '
+        description='serial port of the tendon actuator (Dynamixel). Default: the port in '
         'params_file, or /dev/tactile/tendon',
     ),
     DeclareLaunchArgument(
         'sensor_port',
         default_value='',
         description='serial port of the load cell; none: another node publishes '
-        'tendon_sensor/strain, unless params_file names a sensor with an address (net_ft) or a '
-        'topic. Empty: the port in params_file, or /dev/tactile/sensor',
+        'tendon_sensor/strain, unless params_file has a sensor with an address (net_ft) or a '
+        'topic. Default: the port in params_file, or /dev/tactile/sensor',
     ),
     DeclareLaunchArgument(
         'sensor_topic',
         default_value='',
         description='topic of a force that another node publishes, instead of a port: '
-        'WrenchStamped, Wrench, Float64, Float32 or JointState. After a colon an axis (fx to tz, '
-        'norm) or the name of a joint, as /ft/wrench:fx. Its rate is that of the models, or is '
-        'measured. Empty: none',
+        'WrenchStamped, Wrench, Float64, Float32 or JointState. An axis (fx to tz, norm) or the '
+        'name of a joint may follow after a colon, such as /ft/wrench:fx. The rate is measured, '
+        'unless params_file has one',
     ),
     DeclareLaunchArgument(
         'contact',
         default_value='flexion',
         choices=['flexion', 'abduction'],
-        description='how the finger touches: which models are loaded',
+        description='contact of the finger; selects the models',
     ),
     DeclareLaunchArgument(
         'models',
         default_value='',
-        description='folder of model files as "tactile train" writes it, or one file. They say '
-        'which features are computed, and each answers the windows that fit it; empty: no '
-        'classifier',
+        description='folder of model files as written by "tactile train", or one file. The models '
+        'determine which features are computed. Without models, no classifier is started',
     ),
     DeclareLaunchArgument(
         'object',
         default_value='',
-        description='the plate or object under the finger of the simulated rig; empty: R1 for '
+        description='plate or object under the finger of the simulated rig. Default: R1 for '
         'texture, rubber_shell for stiffness',
     ),
     *shared_arguments(),
@@ -100,12 +99,12 @@ def launch_setup(context):
     common = arguments.of_every_node
     process = {'namespace': namespace, **arguments.process}
 
-    # -- what is behind the ports ------------------------------------------------------------
+    # -- ports of the devices ------------------------------------------------------------------
     ports = {name: arguments[f'{name}_port'] for name in ('guide', 'tendon', 'sensor')}
     for name in ('guide', 'tendon'):
         if ports[name] == NO_PORT:
             raise TactileError(
-                f'{name}_port is none, but a trial moves the {name}; where another node moves the '
+                f'{name}_port is none, but a trial moves the {name}; if another node moves the '
                 'finger, use sense.launch.py'
             )
     simulated = arguments['rig'] == 'simulated'
@@ -117,18 +116,18 @@ def launch_setup(context):
     if simulated and not given:
         touched = arguments['object'] or {'texture': 'R1', 'stiffness': 'rubber_shell'}[protocol]
         links = arguments.scratch / 'rig'
-        rig = SimulatedRig([links], (protocol, touched, contact))
+        rig = SimulatedRigProcess([links], (protocol, touched, contact))
         of_rig = Ports.in_folder(links)
         ports['guide'], ports['tendon'] = of_rig.guide, of_rig.tendon
         if not has_sensor:
             ports['sensor'] = of_rig.sensor
     elif simulated and missing:
         raise TactileError(
-            f'name all ports of a simulated rig that runs already, also {", ".join(missing)}; '
-            'or none, and one is started'
+            f'give all ports of the simulated rig that is running, also {", ".join(missing)}; '
+            'or give none, to start a simulated rig'
         )
 
-    # -- the models say what features and classifier do --------------------------------------
+    # -- the models determine the features and the classifier ---------------------------------
     stated = {
         name: file.of(name, namespace)
         for name in ('tendon_sensor', 'tactile_features', 'tactile_classifier')
@@ -170,7 +169,7 @@ def launch_setup(context):
             executable='tendon_actuator_node',
             name='tendon_actuator',
             parameters=[CONFIG, file, {'port': ports['tendon']}, common],
-            # one that died may have left the tendon taut
+            # a driver that died may have left the tendon taut
             **{**process, 'respawn_delay': 0.2},
         ),
         # trials by the protocol: action run_trial, events
@@ -211,7 +210,7 @@ def launch_setup(context):
                 executable='bag_recorder_node',
                 name='bag_recorder',
                 parameters=[CONFIG, file, recorder, common],
-                # a bag is not written on by another process
+                # a restarted recorder cannot continue a bag
                 **{**process, 'respawn': False},
             )
         )

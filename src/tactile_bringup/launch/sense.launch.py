@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One finger that something else moves: ``ros2 launch tactile_bringup sense.launch.py``."""
+"""One finger that another node moves: ``ros2 launch tactile_bringup sense.launch.py``."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Launch files, the graph of nodes, and the trial runner."""
+"""Launch files, configuration of nodes, and the trial runner."""

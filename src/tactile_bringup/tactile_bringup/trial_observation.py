@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks of a running trial: tendon contact and motion of the guide."""
+"""Checks during a trial: contact of the tendon, and motion of the guide."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from tactile_bringup.trial_protocols import TrialConfig
 from tactile_ros.refusal import Refusal
 
 REST_SPEED_M_S = 0.0005
-"""A tendon this slow is at rest: two steps of the servo's speed with a pulley of 10 mm."""
+"""Largest speed of a tendon at rest: two steps of the servo's speed with a pulley of 10 mm."""
 
 FAST_M_S = 0.005
-"""Speed from which the reported speed of a pull tells motion from rest.
+"""Lowest speed of a pull whose reported speed distinguishes motion from rest [m/s].
 
-Twice the largest step of the servo's speed: 0.229 rpm with a pulley of 100 mm is 2.4 mm/s.
+It is twice the largest step of the servo's speed: 0.229 rpm is 2.4 mm/s with a pulley of 100 mm.
 """
 
 STILL_NS = 250_000_000
@@ -27,47 +27,52 @@ A servo at its lowest speed, 0.229 rpm, moves by one of its 4096 counts in 64 ms
 """
 
 CLOCK_STEP_NS = 1_000_000_000
-"""A stamp that is earlier than the last one by more than this is a clock step [ns]."""
+"""Largest decrease of stamps that is not a clock step [ns]."""
 
 
 class TendonContact:
     """Detector of tendon rest at the contact displacement, and of loss of contact.
 
-    States are taken in the order of their arrival, so that a host clock that is set back hides
-    no loss. One that is set back by more than `CLOCK_STEP_NS` is a loss itself.
+    States are evaluated in order of arrival, so that a host clock that is set back does not hide
+    a loss. A step back by more than `CLOCK_STEP_NS` is a loss itself.
 
-    A pull that was seen at `FAST_M_S` or more is at rest with the first state within the
-    tolerance at `REST_SPEED_M_S` or less. A slower pull may be reported at that speed while it
-    moves. It is at rest when it has come no nearer to the displacement for `STILL_NS`, from the
-    first state that was as near.
+    If a speed of `FAST_M_S` or more was reported during a pull, the tendon is at rest at the
+    first state within the tolerance with `REST_SPEED_M_S` or less. Otherwise, the reported speed
+    cannot distinguish motion from rest. The tendon is then at rest once it has not come closer to
+    the displacement for `STILL_NS`; the rest begins at the first state with the smallest error.
 
-    ``rest_ns`` is the stamp of the first state at rest at the displacement [ns]; None until rest
-    is detected. ``error_m`` is the largest difference from the displacement since then [m],
-    ``last_m`` the displacement of the last state [m].
+    Attributes
+    ----------
+    rest_ns : int or None
+        Stamp of the first state at rest at the displacement [ns]; None until rest is detected.
+    error_m : float
+        Largest error of the displacement since then [m].
+    last_m : float
+        Displacement of the last state [m].
     """
 
     def __init__(self) -> None:
         self.end()
 
     def begin(self, displacement_m: float, tolerance_m: float) -> None:
-        """Watch a pull to ``displacement_m`` [m], and what follows it."""
+        """Start to watch a pull to ``displacement_m`` [m] and the contact after it."""
         self.end()
         self._tolerance_m = tolerance_m
         self._wanted_m: float | None = displacement_m
 
     def end(self) -> None:
-        """Watch no more: the tendon is about to be released."""
+        """Stop watching, because the tendon will be slackened."""
         self._wanted_m = None
         self.rest_ns: int | None = None
         self.error_m = self.last_m = 0.0
         self._fastest_m_s = 0.0
-        self._least_error_m = math.inf  # since the tendon came within the tolerance
-        self._nearest_ns = 0  # stamp of the first state with that error
+        self._least_error_m = math.inf  # smallest error since the tendon is within the tolerance
+        self._nearest_ns = 0  # stamp of the first state with this error
         self._last_ns: int | None = None
-        self._set_back_ns = 0  # largest step back from one stamp to the next
+        self._set_back_ns = 0  # largest decrease between consecutive stamps
 
     def take(self, stamp_ns: int, displacement_m: float, velocity_m_s: float) -> None:
-        """Take in one state of the tendon: stamp [ns], displacement [m], speed [m/s]."""
+        """Add a state of the tendon: stamp [ns], displacement [m], speed [m/s]."""
         wanted_m = self._wanted_m
         if wanted_m is None:
             return
@@ -82,7 +87,7 @@ class TendonContact:
             self.error_m = max(self.error_m, error_m)
 
     def _find_rest(self, stamp_ns: int, error_m: float, speed_m_s: float) -> int | None:
-        """Return since when the tendon is at rest [ns]; None while it is not."""
+        """Return the start of rest of the tendon [ns], or None if it is not at rest."""
         self._fastest_m_s = max(self._fastest_m_s, speed_m_s)
         if error_m > self._tolerance_m:
             self._least_error_m = math.inf
@@ -100,15 +105,15 @@ class TendonContact:
         if self.error_m > self._tolerance_m:
             return Refusal(
                 f'the tendon was tightened by {self.last_m:.4f} m instead of '
-                f'{self._wanted_m:.4f} m, and displacement_tolerance_m allows '
+                f'{self._wanted_m:.4f} m, but displacement_tolerance_m allows an error of '
                 f'{self._tolerance_m:g} m',
-                'see the diagnostics of the tendon actuator',
+                'check the diagnostics of the tendon actuator',
             )
         if self._set_back_ns > CLOCK_STEP_NS:
             return Refusal(
                 f"the clock of the tendon actuator's host was set back by "
                 f'{self._set_back_ns / 1e9:.2f} s in contact',
-                'repeat the trial, and let nothing set the clock during trials',
+                'repeat the trial, and do not set the clock during trials',
             )
         return None
 
@@ -116,25 +121,25 @@ class TendonContact:
 class GuideRest:
     """Detector of a guide that moves while the finger touches an object.
 
-    States reported before the guide came to rest may arrive later; they do not count.
+    States from before the guide came to rest may arrive late; they are ignored.
     """
 
     def __init__(self) -> None:
         self.end()
 
     def begin(self, position_m: float) -> None:
-        """Watch a guide that rests at a position [m]."""
+        """Start to watch a guide at rest at a position [m]."""
         self.end()
         self._rest_m: float | None = position_m
 
     def end(self) -> None:
-        """Watch no more: the guide may move."""
+        """Stop watching, because the guide may move."""
         self._rest_m = None
         self._was_there = False
         self._away_m: float | None = None
 
     def take(self, stamp_ns: int, position_m: float, velocity_m_s: float) -> None:
-        """Take in one state of the guide: stamp [ns], position [m], speed [m/s]."""
+        """Add a state of the guide: stamp [ns], position [m], speed [m/s]."""
         if self._rest_m is None:
             return
         if abs(position_m - self._rest_m) <= MOVED_M:
@@ -143,39 +148,40 @@ class GuideRest:
             self._away_m = position_m
 
     def find_motion(self) -> Refusal | None:
-        """Return that the guide has moved, or None while it rests."""
+        """Return a refusal if the guide has moved, otherwise None."""
         if self._rest_m is None or self._away_m is None:
             return None
         return Refusal(
             f'the guide moved from {self._rest_m:.4f} m to {self._away_m:.4f} m while the finger '
             'touched the object',
-            'let nothing else command the guide during a trial',
+            'make sure that no other node commands the guide during a trial',
         )
 
 
 def find_glide_fault(
     summary: MotionSummary | None, speed_m_s: float, config: TrialConfig
 ) -> Refusal | None:
-    """Return why a glide was not the commanded one [m/s], or None when it was.
+    """Return why a glide differs from the commanded one, or None.
 
-    ``summary`` is None when too little was observed.
+    ``summary`` is the observed motion, None if there were too few reports, and ``speed_m_s`` the
+    commanded speed [m/s].
     """
     if summary is None:
         return Refusal(
-            'too few positions of the guide were reported to judge its glide',
-            'raise poll_rate_hz of linear_guide, or glide longer or slower',
+            'too few positions of the guide were reported to assess its glide',
+            'increase poll_rate_hz of linear_guide, or glide longer or slower',
         )
     error = abs(summary.mean_speed_m_s / speed_m_s - 1.0)
     if error > config.speed_tolerance:
         return Refusal(
             f'the guide glided at {summary.mean_speed_m_s:.5f} m/s instead of {speed_m_s:g} m/s, '
-            f'and speed_tolerance allows a share of {config.speed_tolerance:g}',
-            'see the diagnostics of the guide',
+            f'but speed_tolerance allows a relative error of {config.speed_tolerance:g}',
+            'check the diagnostics of the guide',
         )
     if summary.lag_s > config.lag_tolerance_s:
         return Refusal(
-            f'the guide fell {summary.lag_s:.3f} s behind its commanded motion in the glide, and '
+            f'the guide fell {summary.lag_s:.3f} s behind its commanded motion in the glide, but '
             f'lag_tolerance_s allows {config.lag_tolerance_s:g} s',
-            'raise run_on_s of linear_guide where its host is busy',
+            'if its host is busy, increase run_on_s of linear_guide',
         )
     return None

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Check that a sensor keeps the contract of `SensorClient`; for tests of sensors of your own."""
+"""Check that a client fulfils the contract of `SensorClient`; for tests of your own sensors."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _FAULT = 'the consumer of check_sensor fails once'
 
 
 class SensorCheckError(TendonSensorError):
-    """A sensor breaks the contract of `SensorClient`.
+    """A client violates the contract of `SensorClient`.
 
     Attributes
     ----------
@@ -37,11 +37,12 @@ class SensorCheckError(TendonSensorError):
 
 
 def check_sensor(make: MakeSensor, blocks: int = 10, timeout_s: float = 20.0) -> None:
-    """Check that a sensor keeps the contract of `SensorClient`.
+    """Check that a client fulfils the contract of `SensorClient`.
 
-    It opens the sensor, which must send samples meanwhile, lets its consumer fail once, and closes
-    it. It checks every block, that numbers and stamps rise, what `health` tells, and that a client
-    is opened once and closed for good. It does not check that the tension is right.
+    The check opens the client, whose sensor must send samples, lets the consumer of the blocks
+    fail once, and closes the client. It verifies the blocks, that sequence numbers and stamps
+    increase, the result of `health`, and that a client can be opened only once. It does not verify
+    the values of the tension.
 
     Parameters
     ----------
@@ -55,7 +56,7 @@ def check_sensor(make: MakeSensor, blocks: int = 10, timeout_s: float = 20.0) ->
     Raises
     ------
     SensorCheckError
-        The message says what is wrong; ``code`` names the check.
+        If a check fails; ``code`` names the check.
     """
     heard: list[StrainBlock] = []
     should_fail = threading.Event()
@@ -77,7 +78,7 @@ def check_sensor(make: MakeSensor, blocks: int = 10, timeout_s: float = 20.0) ->
         _require(
             health.is_connected and health.readings > 0,
             'health',
-            f'while samples come, is_connected is {health.is_connected} and readings is '
+            f'while samples arrive, is_connected is {health.is_connected} and readings is '
             f'{health.readings}',
         )
         should_fail.set()
@@ -86,7 +87,7 @@ def check_sensor(make: MakeSensor, blocks: int = 10, timeout_s: float = 20.0) ->
         _require(
             not should_fail.is_set() and _FAULT in error,
             'consumer',
-            f'an exception of the consumer must be caught and told in last_error, which is '
+            f'an exception of the consumer must be caught and stored in last_error, which is '
             f'"{error}"',
         )
     delivered = len(heard)
@@ -96,11 +97,11 @@ def check_sensor(make: MakeSensor, blocks: int = 10, timeout_s: float = 20.0) ->
     _require(
         threading.get_ident() not in threads or len(threads) > 1,
         'open',
-        'blocks are handed out on the thread that opened the client; read on a thread of its own',
+        'on_block is called on the thread that opened the client; read on a separate thread',
     )
     _check_blocks(heard)
     time.sleep(10 * _STEP_S)
-    _require(len(heard) == delivered, 'close', 'blocks are handed out after close()')
+    _require(len(heard) == delivered, 'close', 'on_block is called after close()')
 
 
 def _require(is_kept: bool, code: str, message: str) -> None:
@@ -122,7 +123,7 @@ def _wait_for(
     deadline_s = time.monotonic() + timeout_s
     while len(heard) < count:
         if time.monotonic() > deadline_s:
-            message = f'{len(heard)} of {count} blocks came within {timeout_s:g} s'
+            message = f'{len(heard)} of {count} blocks arrived within {timeout_s:g} s'
             raise SensorCheckError(code, f'{message}; last_error: "{client.health().last_error}"')
         time.sleep(_STEP_S)
 
@@ -139,7 +140,11 @@ def _check_blocks(heard: list[StrainBlock]) -> None:
             and block.period_ns > 0
             and (block.wrench is None or block.wrench.shape == (count, 6))
         )
-        _require(is_whole, 'block', f'no samples (float64), period or six axes: {block}')
+        _require(
+            is_whole,
+            'block',
+            f'a block needs float64 samples, a positive period and six axes or none: {block}',
+        )
         is_marked = bool(block.status & NO_MEASUREMENT)
         _require(
             is_marked or bool(np.isfinite(block.tension_n).all()),

@@ -71,7 +71,7 @@ def read_value(message: Any, config: TendonSensorConfig) -> TopicReading:
     """
     if config.joint:
         raise ReadingError(
-            f'the message is a single number without a joint "{config.joint}"; remove "joint"'
+            f'the message is a single number and has no joint "{config.joint}"; remove "joint"'
         )
     return TopicReading(None, config.scale * float(message.data))
 

@@ -1,4 +1,4 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Nodes of launch files and commands: parameters, fingers of a hand, models."""
+"""Configuration of the nodes of launch files and commands: parameters, fingers, models."""

@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The nodes of a finger and of a rig as the commands start them, in one process.
+"""The nodes of a finger and of a rig that the commands start in one process.
 
-The launch files name the same nodes for themselves, so that a reader can copy from them; a test
-compares the two.
+The launch files list the same nodes explicitly, so that users can copy from them. A test compares
+both.
 """
 
 from __future__ import annotations
@@ -25,39 +25,36 @@ if TYPE_CHECKING:
 
 SENSOR_NODE = 'tendon_sensor'
 FEATURES_NODE = 'tactile_features'
-CLASSIFIER_NODE = 'tactile_classifier'  # where there are models
+CLASSIFIER_NODE = 'tactile_classifier'  # started only if there are models
 PLAYER = 'bag_player'
 
 RIG_NODES = (SENSOR_NODE, FEATURES_NODE, 'linear_guide', 'tendon_actuator', 'trial_runner')
-"""Names of the nodes of the whole rig, but for its classifier."""
+"""Names of the nodes of a rig, without the classifier."""
 
 NO_PORT = 'none'
-"""Sensor port of a finger that has no serial sensor."""
+"""Value of the sensor port for a finger without a serial sensor."""
 
 PORTLESS_SENSORS = ('net_ft', 'topic')
-"""Kinds of sensor that have no serial port."""
+"""Kinds of sensor without a serial port."""
 
 NEEDED_BY = {'tactile_bags': ('mcap', 'rosbags'), 'tactile_sim': ()}
-"""Packages that only some launches need, with the libraries that pip installs for them."""
+"""Optional packages, with the libraries that they need from pip."""
 
 DEVICES = Path('/dev/tactile')
-"""Where the udev rules of this package put the names of the devices."""
+"""Folder of the device names that the udev rules of this package create."""
 
 
 @dataclass(frozen=True)
 class NodeDescription:
-    """A node of ours: its name, its parameters, and the namespace of its finger.
-
-    The namespace has no slashes around it; empty: the root.
-    """
+    """Description of a node of these packages."""
 
     name: str
     parameters: Mapping[str, Any] = field(default_factory=dict)
-    namespace: str = ''
+    namespace: str = ''  # namespace of its finger without outer slashes; '' is the root
 
     @property
     def executable(self) -> str:
-        """Name of the program that runs it."""
+        """Name of the executable of the node."""
         return f'{self.name}_node'
 
     @property
@@ -68,35 +65,35 @@ class NodeDescription:
 
 @dataclass(frozen=True)
 class Ports:
-    """Serial ports of the three devices, or the topic that the force comes from.
-
-    ``sensor_topic`` is ``TOPIC``, ``TOPIC:AXIS`` or ``TOPIC:JOINT``; ``sensor`` is then not used.
-    """
+    """Serial ports of the three devices."""
 
     guide: str
     tendon: str
     sensor: str
-    sensor_topic: str = ''
+    sensor_topic: str = ''  # TOPIC, TOPIC:AXIS or TOPIC:JOINT; replaces ``sensor`` if given
 
     @classmethod
     def in_folder(cls, links: Path) -> Ports:
-        """Return the ports of a simulated rig whose links are in this folder."""
+        """Return the ports of a simulated rig with links in this folder."""
         return cls(*(str(links / name) for name in ('guide', 'tendon', 'sensor')))
 
 
 @dataclass(frozen=True)
 class ModelChoice:
-    """The models of a finger, which say what its features and its classifier node do.
+    """The models of a finger, which determine its features and its classifier.
 
-    Each way to make one raises `TactileError` when a model cannot be used.
+    All class methods raise `TactileError` if a model cannot be used.
     """
 
     path: Path  # folder of model files, or one file
-    contact: str = ''  # models of another contact are passed over; empty: none is
+    contact: str = ''  # only models of this contact are used; '' uses all models
 
     @classmethod
     def read(cls, path: Path | None, task: str = '', contact: str = '') -> ModelChoice | None:
-        """Return the models for a task and a contact (empty: for any); None without a path."""
+        """Return the models in a folder or file, or None without a path.
+
+        An empty ``task`` or ``contact`` selects all models.
+        """
         if path is None:
             return None
         from tactile_features import read_contracts  # slow to import
@@ -106,7 +103,8 @@ class ModelChoice:
         if task and task not in found:
             only = f'{", ".join(found)} {contact}'.strip()
             raise TactileError(
-                f'{path} has no model for {task} {contact}'.rstrip() + f', only for {only}'
+                f'{path} has no model for {task} {contact}'.rstrip()
+                + f', only for {only}; train one, or give another folder of models'
             )
         return cls(path.resolve(), contact)
 
@@ -114,10 +112,10 @@ class ModelChoice:
     def of_finger(
         cls, given: str, stated: NodeParameters, task: str = '', contact: str = ''
     ) -> ModelChoice | None:
-        """Return the models of a finger: those at a path, or those that a parameter file states.
+        """Return the models at a path or, without a path, the models in a parameter file.
 
-        In the file, models of the feature node or of the classifier are those of both. The other
-        arguments are those of `read`.
+        In the parameter file, the models of the features node and of the classifier node apply to
+        both nodes. See `read` for the other arguments.
         """
         of_classifier, of_features = stated.get(CLASSIFIER_NODE, {}), stated.get(FEATURES_NODE, {})
         place = given or of_classifier.get('models', '') or of_features.get('models', '')
@@ -131,7 +129,7 @@ class ModelChoice:
     def of_recording(
         cls, bag: TactileBag, namespace: str, named: Path | None, scratch: Path
     ) -> ModelChoice | None:
-        """Return the models that are named, or those that a finger was recorded with, as then.
+        """Return the models at ``named``, or the models that were used during a recording.
 
         ``scratch`` is a folder for links to the models.
         """
@@ -147,7 +145,7 @@ class ModelChoice:
 
     @property
     def parameters(self) -> dict[str, str]:
-        """Parameters of the nodes that read the models."""
+        """Parameters of the nodes that load the models."""
         contact = {'contact': self.contact} if self.contact else {}
         return {'models': str(self.path), **contact}
 
@@ -161,18 +159,19 @@ def sensing_graph(
     simulated: bool = False,
     namespace: str = '',
 ) -> list[NodeDescription]:
-    """Return the nodes that sense with one finger: sensor, features and, with models, classifier.
+    """Return the nodes of one finger: sensor, features and, if there are models, classifier.
 
-    The first arguments win over further ``parameters`` by node name; see `sensor_parameters`.
+    ``parameters`` has further parameters of the nodes, which the other arguments override. See
+    `sensor_parameters` for the arguments of the sensor.
     """
     of_sensor = sensor_parameters(
         parameters, port=sensor_port, topic=sensor_topic, simulated=simulated
     )
-    told = models.parameters if models else {}
+    of_models = models.parameters if models else {}
     nodes = [] if of_sensor is None else [NodeDescription(SENSOR_NODE, of_sensor)]
-    nodes.append(NodeDescription(FEATURES_NODE, told))
+    nodes.append(NodeDescription(FEATURES_NODE, of_models))
     if models:
-        nodes.append(NodeDescription(CLASSIFIER_NODE, told))
+        nodes.append(NodeDescription(CLASSIFIER_NODE, of_models))
     return [_placed(node, parameters, namespace) for node in nodes]
 
 
@@ -183,23 +182,31 @@ def sensor_parameters(
     topic: str = '',
     simulated: bool = False,
 ) -> dict[str, Any] | None:
-    """Return what arguments set of a sensor node; None: there is no such node.
+    """Return the parameters of a sensor node that follow from arguments.
 
-    ``stated`` has the other parameters of the finger's nodes, by name. The rate of a
-    sensor on a topic is the one that is stated for it or for the feature node; without any, the
-    sensor measures its rate. A simulated sensor marks its samples. Raises `TactileError` when
-    there are a port and a topic.
+    Return None if the finger has no sensor node. The rate of a sensor on a topic is the one in
+    ``stated``, for the sensor or for the features node; without any, the sensor measures it.
 
     Parameters
     ----------
+    stated : NodeParameters
+        Other parameters of the finger's nodes, by node name.
     port : str
-        Serial port of the load cell; empty: that of the parameters; ``none``, also there: another
-        node publishes the strain, unless the parameters name a sensor with an address or a topic.
+        Serial port of the load cell; by default the port in ``stated``. With ``none``, here or in
+        ``stated``, another node publishes the strain, unless ``stated`` has a sensor with an
+        address or a topic.
     topic : str
-        ``TOPIC``, ``TOPIC:AXIS`` or ``TOPIC:JOINT``; empty: that of the parameters.
+        ``TOPIC``, ``TOPIC:AXIS`` or ``TOPIC:JOINT``; by default the topic in ``stated``.
+    simulated : bool
+        The sensor is simulated and must mark its samples.
+
+    Raises
+    ------
+    TactileError
+        If both a port and a topic are given.
     """
     if topic and port:
-        raise TactileError('there are a sensor_port and a sensor_topic; give one')
+        raise TactileError('both sensor_port and sensor_topic are given; give only one')
     given: dict[str, Any] = {'simulated': True} if simulated else {}
     if topic:
         name, _, part = topic.partition(':')
@@ -227,7 +234,7 @@ def rig_graph(
     simulated: bool,
     namespace: str = '',
 ) -> list[NodeDescription]:
-    """Return the nodes of the whole palpation rig: sensing, motion, trial runner."""
+    """Return the nodes of a rig: sensing, motion and trial runner."""
     motion = [
         NodeDescription('linear_guide', {'port': ports.guide}),
         NodeDescription('tendon_actuator', {'port': ports.tendon}),
@@ -254,9 +261,21 @@ def recorder_parameters(
 ) -> dict[str, Any]:
     """Return the parameters of a recorder of one or more fingers.
 
-    It notes by itself that samples are ``simulated``; a recording from before samples said so
-    needs to be told. It does not wait for the topics of a ``rig`` or ``classifier`` that is not
-    there. Raises `TactileError` where no recorder is installed.
+    Parameters
+    ----------
+    bag : Path or str
+        Folder of the bag.
+    namespaces : sequence of str
+        Namespaces of the fingers.
+    simulated : bool
+        The data are simulated. Needed only for old recordings, in which samples are not marked.
+    rig, classifier : bool
+        The recorder waits for the topics of the rig or the classifier.
+
+    Raises
+    ------
+    TactileError
+        If the recorder is not installed.
     """
     require_package('tactile_bags', 'a recording')
     return {
@@ -269,43 +288,44 @@ def recorder_parameters(
 
 
 def recorder_node(bag: Path, namespace: str = '', **parameters: Any) -> NodeDescription:
-    """Return the recorder of the finger in a namespace, with `recorder_parameters`."""
-    place = join_namespaces(namespace)
-    told = recorder_parameters(bag, namespaces=(place,), **parameters)
-    return NodeDescription('bag_recorder', told, place)
+    """Return the recorder of the finger in a namespace; see `recorder_parameters`."""
+    namespace = join_namespaces(namespace)
+    of_recorder = recorder_parameters(bag, namespaces=(namespace,), **parameters)
+    return NodeDescription('bag_recorder', of_recorder, namespace)
 
 
 def require_package(name: str, purpose: str) -> None:
-    """Raise `TactileError` when one of `NEEDED_BY`, or a library of it, is not installed."""
+    """Raise `TactileError` if a package in `NEEDED_BY`, or one of its libraries, is missing."""
     libraries = NEEDED_BY[name]
     missing = ', '.join(module for module in (name, *libraries) if find_spec(module) is None)
     if missing:
         pip = f', and run: pip install {" ".join(libraries)}' if libraries else ''
         raise TactileError(
-            f'{purpose} needs {missing}, not installed here: build {name} in this workspace{pip}'
+            f'{purpose} needs {missing}, which is not installed: build {name} in this '
+            f'workspace{pip}'
         )
 
 
 def choose_fingers(bag: TactileBag, wanted: str) -> tuple[str, ...]:
-    """Return the namespaces of a recording's fingers, or the wanted one alone if it is there."""
+    """Return the namespaces of the fingers in a recording, or only ``wanted`` if given."""
     found, wanted = bag.namespaces, wanted.strip('/')
     if wanted and wanted not in found:
         raise TactileError(
-            f'{bag.path} holds no finger {wanted}, only {", ".join(found) or "the root"}'
+            f'{bag.path} has no finger {wanted}, only {", ".join(found) or "the root"}'
         )
     return (wanted,) if wanted else found
 
 
 def player_parameters(bag: Path, rate: float, namespace: str = '') -> dict[str, Any]:
-    """Return the parameters of the player of a recording; ``rate`` is how much faster it is."""
+    """Return the parameters of the bag player; ``rate`` is the speed relative to the recording."""
     chosen = {'namespace': namespace.strip('/')} if namespace else {}
-    # The processes start with it, and not all as fast.
+    # The player must wait for the other processes, which start at the same time.
     waits = {'subscriber_timeout_s': 60.0, 'start_delay_s': 3.0}
     return {'bag': str(bag), 'rate': rate, **waits, **chosen}
 
 
 def join_namespaces(*parts: str) -> str:
-    """Return one namespace within the other, without slashes around it; empty: the root."""
+    """Join namespaces; return the result without outer slashes, '' for the root."""
     return '/'.join(stripped for part in parts if (stripped := part.strip('/')))
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The fingers of a hand: their names, their nodes, and ports that no two of them share."""
+"""The fingers of a hand: their names, their nodes, and a check for shared ports."""
 
 from __future__ import annotations
 
@@ -31,16 +31,26 @@ _NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*')
 def find_fingers(text: str, file: ParameterFile, namespace: str = '') -> tuple[str, ...]:
     """Return the names of the fingers of a hand in a namespace.
 
-    ``text`` has commas between them; empty: all that the file describes. It describes a finger by
-    blocks for nodes in a namespace of its name, or describes none. Raises `TactileError` when
-    there are no names, one cannot be used, or the names and the file do not fit.
+    Parameters
+    ----------
+    text : str
+        Comma-separated names. If it is empty, all fingers in the file are used.
+    file : ParameterFile
+        It describes a finger by blocks for nodes in a namespace with the finger's name.
+    namespace : str
+        Namespace of the hand.
+
+    Raises
+    ------
+    TactileError
+        If there are no names, a name is invalid, or the names do not match the file.
     """
     described = file.fingers(namespace)
     names = parse_finger_names(text) or described
     if not names:
         raise TactileError(
-            'name the fingers, such as index,middle, or describe them in a parameter file, each '
-            'by a block for nodes in a namespace of its name'
+            'there are no fingers; name the fingers, such as index,middle, or describe them in '
+            'a parameter file, each by a block for nodes in a namespace with its name'
         )
     if described:
         if missing := [name for name in names if name not in described]:
@@ -50,8 +60,8 @@ def find_fingers(text: str, file: ParameterFile, namespace: str = '') -> tuple[s
             )
         if others := [name for name in described if name not in names]:
             raise TactileError(
-                f'{file.path} describes {", ".join(others)}, which the fingers '
-                f'{", ".join(names)} leave out; name all of them, or remove the blocks'
+                f'{file.path} describes {", ".join(others)}, but the fingers are '
+                f'{", ".join(names)}; name all fingers, or remove the blocks'
             )
     return names
 
@@ -59,33 +69,41 @@ def find_fingers(text: str, file: ParameterFile, namespace: str = '') -> tuple[s
 def parse_finger_names(text: str) -> tuple[str, ...]:
     """Return the names in a list such as ``index,middle``.
 
-    Raises `TactileError` when one is no name for a namespace, or is there twice.
+    Raises
+    ------
+    TactileError
+        If a name is not valid as a namespace, or is repeated.
     """
     names = tuple(name.strip() for name in text.split(',') if name.strip())
     for name in names:
         if not _NAME.fullmatch(name):
             raise TactileError(
-                f'"{name}" is no name for a finger: letters, digits and _ only, and no digit first'
+                f'"{name}" is not a valid name of a finger: use only letters, digits and _, and '
+                'do not start with a digit'
             )
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise TactileError(f'the finger {", ".join(twice)} is named twice')
+        raise TactileError(f'the finger {", ".join(twice)} is named twice; name it once')
     return names
 
 
 def place_fingers(
     fingers: Sequence[str], file: ParameterFile, namespace: str, sensor_port: str
 ) -> list[str]:
-    """Return the namespaces of fingers that the file and a sensor port (empty: none) fit.
+    """Return the namespaces of the fingers.
 
-    Raises `TactileError` when the file has parameters for others, or fingers would share the port.
+    Raises
+    ------
+    TactileError
+        If the file has parameters for other namespaces, or several fingers would share
+        ``sensor_port``.
     """
     places = [join_namespaces(namespace, finger) for finger in fingers]
     file.refuse_others(places)
     if sensor_port and len(fingers) > 1:
         raise TactileError(
-            'a sensor port is for one finger; give each its port in a parameter file, in a block '
-            f'for {fingers[0]}/{SENSOR_NODE}'
+            'a sensor port belongs to one finger; give each finger its port in a parameter file, '
+            f'in a block for {fingers[0]}/{SENSOR_NODE}'
         )
     return places
 
@@ -103,25 +121,32 @@ def hand_graph(
     record: Path | None = None,
     namespace: str = '',
 ) -> list[NodeDescription]:
-    """Return the nodes of a hand as the commands start them, in one process.
-
-    A finger with an empty name is the only one, in the hand's own ``namespace``. See
-    `sensor_parameters` for ``sensor_port`` (of a single finger) and ``sensor_topic``, and
-    `ModelChoice.of_finger` for ``models`` and ``contact``.
+    """Return the nodes of a hand that the commands start in one process.
 
     Parameters
     ----------
+    fingers : sequence of str
+        Names of the fingers. An empty name means a single finger in the hand's ``namespace``.
+    file : ParameterFile
+        Parameters of the nodes.
+    sensor_port, sensor_topic : str
+        Sensor of a single finger; see `sensor_parameters`.
     simulate : callable, optional
-        The sensors are simulated. Called with the name of each finger that is given no port and
-        no topic; returns the port of its simulated sensor.
+        If given, the sensors are simulated. It is called with the name of each finger without
+        port and topic, and returns the port of its simulated sensor.
+    models, contact : str
+        See `ModelChoice.of_finger`.
     phases : str
-        Empty: as the file says.
+        Value of the parameter ``phases``; by default the value in the file.
     record : Path, optional
-        Folder of the bags, one a finger.
+        Folder of the bags, one per finger.
+    namespace : str
+        Namespace of the hand.
 
     Raises
     ------
     TactileError
+        If the parameters are inconsistent.
     """
     places = place_fingers(fingers, file, namespace, sensor_port)
     nodes: list[NodeDescription] = []
@@ -158,7 +183,7 @@ def hand_graph(
 
 
 def refuse_shared_ports(nodes: Iterable[NodeDescription]) -> None:
-    """Raise `TactileError` where two nodes have the same serial port."""
+    """Raise `TactileError` if two nodes have the same serial port."""
     owners: dict[str, str] = {}
     for node in nodes:
         port = node.parameters.get('port')
@@ -166,6 +191,6 @@ def refuse_shared_ports(nodes: Iterable[NodeDescription]) -> None:
             continue
         if port in owners:
             raise TactileError(
-                f'{owners[port]} and {node.path} have the same port {port}: a port has one user'
+                f'{owners[port]} and {node.path} have the same port {port}; give each its own port'
             )
         owners[port] = node.path

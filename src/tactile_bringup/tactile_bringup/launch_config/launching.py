@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parts of the launch files: arguments, simulated rigs, nodes with layers of parameters.
+"""Building blocks of the launch files: arguments, simulated rigs, nodes with their parameters.
 
-Imports ``launch``, which comes with an ordinary ROS 2 and not from PyPI.
+Imports ``launch``, which is part of ROS 2 but not available on PyPI.
 """
 
 from __future__ import annotations
@@ -37,38 +37,41 @@ from tactile_bringup.launch_config.parameter_files import ParameterFile
 from tactile_ros.errors import TactileError
 
 ENDS_WITHIN_S = '15'
-"""A trial that is ended brings the rig to rest first; with launch's own 5 s a busy computer
-could be too slow for that."""
+"""Time from SIGINT to SIGTERM [s]. A trial that is ended first brings the rig to rest, for which
+launch's default of 5 s may be too short on a busy computer."""
 
 RIG_LINGERS_S = 3.0
-"""A simulated rig outlives the drivers that bring it to rest, as a real one does; one that
-nothing moves need not."""
+"""Time for which a simulated rig with moving devices runs on after its drivers [s], so that they
+can bring it to rest."""
 
 AFTER_END_S = 2.0
-"""For what is still being computed when the node has ended that ends all."""
+"""Time for pending computations after the node that ends the launch has ended [s]."""
 
 
 def shared_arguments(**defaults: str) -> list[DeclareLaunchArgument]:
-    """Return the arguments that every launch file has; some may have another default."""
+    """Return the arguments that all launch files have; ``defaults`` replaces default values."""
     described = {
-        'record': ('', 'folder of the bag to record into, which must not exist; empty: none'),
+        'record': (
+            '',
+            'folder of the bag to record into, which must not exist. Default: no recording',
+        ),
         'params_file': (
             '',
-            'YAML file with ROS parameters of the nodes; they win over the defaults, and '
-            'arguments over them. A path of models in it counts from the file. Empty: none',
+            'YAML file with ROS parameters of the nodes. They override the defaults, and launch '
+            'arguments override them. `models` paths are relative to the file',
         ),
-        'namespace': ('', 'namespace of all nodes; empty: the root'),
+        'namespace': ('', 'namespace of all nodes. Default: the root namespace'),
         'use_sim_time': ('false', 'true: take the time from /clock instead of the computer'),
         'autostart': (
             'true',
-            'true: nodes configure and activate themselves; false: a lifecycle manager does it',
+            'true: nodes configure and activate themselves; false: a lifecycle manager does this',
         ),
         'respawn': (
             'true',
-            'true: start a process again that has died. A tendon driver that starts on a taut '
+            'true: restart a process that has died. A tendon driver that starts with a taut '
             'tendon slackens it',
         ),
-        'log_level': ('info', 'least severity that the nodes log'),
+        'log_level': ('info', 'lowest severity that the nodes log'),
     }
     choices = {'log_level': ['debug', 'info', 'warn', 'error', 'fatal']}
     return [
@@ -85,9 +88,25 @@ def shared_arguments(**defaults: str) -> list[DeclareLaunchArgument]:
 class Arguments:
     """The values of a launch file's arguments.
 
-    ``file`` is that of ``params_file``, ``scratch`` a folder that is gone when the launch has
-    ended. Raises `TactileError` when the command line names an argument that is not declared, or
-    the file is not one.
+    Parameters
+    ----------
+    context : LaunchContext
+        Context of the launch.
+    declared : sequence of DeclareLaunchArgument
+        The arguments.
+
+    Attributes
+    ----------
+    file : ParameterFile
+        The parameter file of the argument ``params_file``.
+    scratch : Path
+        Temporary folder, which is removed at the end of the launch.
+
+    Raises
+    ------
+    TactileError
+        If the command line has an argument that is not declared, or the parameter file is
+        invalid.
     """
 
     def __init__(self, context: LaunchContext, declared: Sequence[DeclareLaunchArgument]) -> None:
@@ -104,25 +123,25 @@ class Arguments:
         return self._values[name]
 
     def is_true(self, name: str) -> bool:
-        """Return the value of an argument that is true or false."""
+        """Return the value of a boolean argument."""
         value = self._values[name].lower()
         if value not in ('true', 'false', '1', '0'):
             raise TactileError(f'{name} is "{self._values[name]}"; it must be true or false')
         return value in ('true', '1')
 
     def path(self, name: str) -> Path | None:
-        """Return a value as a path; None when it is empty."""
+        """Return a value as a path, or None if it is empty."""
         return Path(self._values[name]).expanduser() if self._values[name] else None
 
     @property
     def of_every_node(self) -> dict[str, bool]:
-        """Parameters that every node gets, where they are not the default."""
+        """Parameters of all nodes that differ from their defaults."""
         time = {'use_sim_time': True} if self.is_true('use_sim_time') else {}
         return time if self.is_true('autostart') else {**time, 'autostart': False}
 
     @property
     def process(self) -> dict[str, Any]:
-        """Arguments of every process: output, log level, its end, and its next start."""
+        """Arguments of all processes: output, log level, end and respawn."""
         return {
             'output': 'screen',
             'ros_arguments': ['--log-level', self['log_level']],
@@ -136,9 +155,10 @@ class Arguments:
         self._scratch.cleanup()
 
     def _refuse_unknown(self) -> None:
-        """Refuse what the command line names and nobody declares: launch passes over it.
+        """Refuse undeclared arguments on the command line, which launch would ignore.
 
-        A launch file of somebody else that includes ours may have arguments of its own.
+        This is skipped if another package's launch file includes ours, because it may have
+        further arguments.
         """
         if not any(
             after.endswith('.launch.py') and 'tactile_bringup' in (before, *Path(after).parts)
@@ -155,11 +175,24 @@ class Arguments:
 
 
 class Node(launch_ros.actions.Node):
-    """A node of ours: `launch_ros.actions.Node` with layers of parameters.
+    """A `launch_ros.actions.Node` with layers of parameters.
 
-    Each layer is a parameter file or a mapping; of the same parameter the last one counts. An
-    entry that is None or an empty text says nothing. ``description`` is the node with its
-    parameters, ``process`` how its process is run.
+    Parameters
+    ----------
+    package, executable, name, namespace : str
+        See `launch_ros.actions.Node`.
+    parameters : sequence of ParameterFile or mapping
+        Layers of parameters; later layers override earlier ones. Values that are None or empty
+        are ignored.
+    **process
+        Further arguments of the process.
+
+    Attributes
+    ----------
+    description : NodeDescription
+        The node with its merged parameters.
+    process : dict
+        Arguments of the process.
     """
 
     def __init__(
@@ -194,8 +227,8 @@ def in_processes(
 ) -> list[launch_ros.actions.Node]:
     """Return the processes of the nodes of fingers.
 
-    ``processes`` is ``node``: one for each; ``finger``: one for each namespace; ``one``: one for
-    all.
+    ``processes`` is ``node`` for one process per node, ``finger`` for one per namespace, or
+    ``one`` for a single process.
     """
     if processes == 'node':
         return list(nodes)
@@ -207,7 +240,7 @@ def in_processes(
 
 
 def _finger_process(nodes: Sequence[Node], arguments: Arguments) -> launch_ros.actions.Node:
-    """Return one process for nodes; it reads the parameters of each from one file."""
+    """Return one process with all nodes, which reads their parameters from one file."""
     with tempfile.NamedTemporaryFile(
         'w', dir=arguments.scratch, suffix='.yaml', delete=False, encoding='utf-8'
     ) as file:
@@ -228,7 +261,7 @@ def _finger_process(nodes: Sequence[Node], arguments: Arguments) -> launch_ros.a
 
 
 class _Quoting(yaml.SafeDumper):
-    """Writes every text in quotes: ROS reads ``1e3`` and ``on`` as a number and a truth value."""
+    """Writes texts in quotes, because ROS would read ``1e3`` as a number and ``on`` as true."""
 
 
 _Quoting.add_representer(
@@ -241,7 +274,7 @@ def _plain(parameters: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _typed(parameters: Mapping[str, Any]) -> dict[str, ParameterValue]:
-    """Return parameters with their types: launch would read {...} or on in a text as YAML."""
+    """Return parameters with explicit types, because launch would parse texts as YAML."""
     return {
         key: ParameterValue(value, value_type=_type_of(value)) for key, value in parameters.items()
     }
@@ -251,12 +284,20 @@ def _type_of(value: Any) -> Any:
     return list[type(value[0])] if isinstance(value, (tuple, list)) else type(value)  # type: ignore[misc]
 
 
-class SimulatedRig(ExecuteProcess):
-    """The simulated devices of a rig or of several fingers, behind serial ports.
+class SimulatedRigProcess(ExecuteProcess):
+    """Process with the simulated devices of a rig or of several fingers.
 
-    Each folder of ``links`` has the ports of one (`Ports.in_folder`). ``mount`` is protocol,
-    object and contact of what lies under the finger; empty: nothing. Raises `TactileError` when
-    nothing of this name can, or the simulator is not installed.
+    Parameters
+    ----------
+    links : sequence of Path
+        One folder per rig or finger for the links to its serial ports; see `Ports.in_folder`.
+    mount : tuple of str
+        Protocol, object and contact of the object under the finger; empty for no object.
+
+    Raises
+    ------
+    TactileError
+        If the object is unknown, or the simulator is not installed.
     """
 
     def __init__(self, links: Sequence[Path], mount: tuple[str, ...] = ()) -> None:
@@ -267,7 +308,7 @@ class SimulatedRig(ExecuteProcess):
             known = list(list_objects(mount[0]))
             if mount[1] not in known:
                 raise TactileError(
-                    f'object is "{mount[1]}"; for {mount[0]} there are {", ".join(known)}'
+                    f'object is "{mount[1]}"; for {mount[0]} it must be one of {", ".join(known)}'
                 )
         super().__init__(
             cmd=[
@@ -284,17 +325,29 @@ class SimulatedRig(ExecuteProcess):
 
 def start(
     arguments: Arguments,
-    rig: SimulatedRig | None,
+    rig: SimulatedRigProcess | None,
     nodes: Sequence[launch_ros.actions.Node],
     ends_with: launch_ros.actions.Node | None = None,
 ) -> list[Any]:
-    """Return the launch actions: simulated rig first, then the nodes, then the end of all."""
-    # It also keeps the scratch folder for as long as the launch goes on.
+    """Return the launch actions.
+
+    Parameters
+    ----------
+    arguments : Arguments
+        Values of the arguments; their scratch folder is removed on shutdown.
+    rig : SimulatedRigProcess or None
+        Simulated rig, which is started before the nodes.
+    nodes : sequence of Node
+        The nodes.
+    ends_with : Node, optional
+        Node whose end shuts the launch down.
+    """
+    # The handler also keeps the scratch folder during the launch.
     clean_up = OnShutdown(on_shutdown=lambda *_: arguments.clean_up())
     actions: list[Any] = [RegisterEventHandler(clean_up)]
     if ends_with is not None:
         end = TimerAction(
-            period=AFTER_END_S, actions=[EmitEvent(event=Shutdown(reason='the end was reached'))]
+            period=AFTER_END_S, actions=[EmitEvent(event=Shutdown(reason='the node has ended'))]
         )
         actions.append(RegisterEventHandler(OnProcessExit(target_action=ends_with, on_exit=end)))
     if rig is None:
@@ -302,7 +355,7 @@ def start(
     waiting = list(nodes)
 
     def on_output(_: Any) -> list[Any] | None:
-        """Start the nodes with the rig's first line: its ports are there."""
+        """Start the nodes after the rig's first line of output, when its ports exist."""
         started = list(waiting)
         waiting.clear()
         return started or None

@@ -1,12 +1,14 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""ROS parameter files, read as ROS reads them, and what they say of a node.
+"""ROS parameter files.
 
-The launch files and the commands that start nodes read a file here, once, and hand each node
-what is for it. So a name that no node or no parameter has is refused before anything starts,
-where ROS would pass over it; a later layer wins over an earlier one, where ROS prefers an exact
-name in the earlier one; and a path of models counts from the file.
+Launch files and commands read a parameter file with this module and pass each node its own
+parameters. This differs from ROS in three ways:
+
+- Unknown names of nodes and parameters are refused before anything starts. ROS ignores them.
+- A later layer overrides an earlier one. ROS prefers an exact node name in an earlier layer.
+- `models` paths are relative to the file.
 """
 
 from __future__ import annotations
@@ -38,10 +40,10 @@ CONFIGS: dict[str, type] = {
     'bag_recorder': RecorderConfig,
     'bag_player': PlayerConfig,
 }
-"""Parameters of each node, by its name."""
+"""Config class of each node, by node name."""
 
 MAX_BYTES = 2**20
-"""Longest file of parameters that is read [byte]."""
+"""Largest parameter file that is read [B]."""
 
 _OF_EVERY_NODE = ('autostart', 'use_sim_time', 'start_type_description_service')
 
@@ -59,15 +61,18 @@ class _Entry(NamedTuple):
 
     @property
     def node(self) -> str:
-        """The name of the node that it is for; empty: of any."""
+        """Name of the node; an empty string if the entry applies to any node."""
         return '' if '*' in self.parts[-1] else self.parts[-1]
 
 
 class ParameterFile:
-    """A ROS parameter file; without a path it says nothing.
+    """A ROS parameter file; without a path, it has no parameters.
 
-    Raises `TactileError` when it cannot be read, is not of ROS's form, names a parameter that a
-    node of ours does not have, or a node whose name is nearly one of ours.
+    Raises
+    ------
+    TactileError
+        If the file cannot be read, is not a ROS parameter file, has a parameter that one of our
+        nodes does not have, or has a node name that is similar to the name of one of our nodes.
     """
 
     def __init__(self, path: Path | None = None) -> None:
@@ -80,7 +85,9 @@ class ParameterFile:
         except TactileError as error:
             raise TactileError(f'cannot read the parameters in {path}: {error}') from error
         if not isinstance(document, dict):
-            raise TactileError(f'{path} is no ROS parameter file: node names are expected on top')
+            raise TactileError(
+                f'{path} is not a ROS parameter file: node names are expected at the top level'
+            )
         self._entries = tuple(
             _Entry(pattern, _flat(parameters))
             for pattern, parameters in _find_entries(document, '', path)
@@ -89,7 +96,7 @@ class ParameterFile:
             self._check(entry)
 
     def of(self, name: str, namespace: str = '') -> dict[str, Any]:
-        """Return the parameters of a node. The place of its models counts from the file."""
+        """Return the parameters of a node, with a relative `models` path resolved."""
         found: dict[str, Any] = {}
         full = join_topic(namespace, name)
         for entry in self._entries:
@@ -104,7 +111,7 @@ class ParameterFile:
         return found
 
     def fingers(self, namespace: str = '') -> tuple[str, ...]:
-        """Return the names of the fingers that it describes below a namespace, in its order."""
+        """Return the names of the fingers below a namespace, in the order of the file."""
         found: dict[str, None] = {}
         for entry in self._entries:
             if entry.node not in CONFIGS or len(entry.parts) < 2:
@@ -116,7 +123,7 @@ class ParameterFile:
         return tuple(found)
 
     def refuse_others(self, namespaces: Iterable[str]) -> None:
-        """Raise `TactileError` for an entry for a node of ours in another namespace."""
+        """Raise `TactileError` if an entry is for one of our nodes in another namespace."""
         places = [place.strip('/') for place in namespaces]
         for entry in self._entries:
             expression = _as_expression(entry.pattern)
@@ -125,14 +132,14 @@ class ParameterFile:
             ):
                 known = ', '.join(join_topic(place, entry.node) for place in places)
                 raise TactileError(
-                    f'{self.path} has parameters for {entry.pattern}, which is not started; '
-                    f'there are {known}. Correct the name, or remove the entry'
+                    f'{self.path} has parameters for {entry.pattern}, which is not started; the '
+                    f'nodes are {known}. Correct the name, or remove the entry'
                 )
 
     def _check(self, entry: _Entry) -> None:
         node = entry.node
         if node not in CONFIGS:
-            # It may be for a node of somebody else.
+            # The entry may be for a node of another package.
             if close := get_close_matches(node, CONFIGS, 1, 0.8):
                 raise TactileError(
                     f'{self.path} has parameters for {entry.pattern}; did you mean {close[0]}?'
@@ -149,7 +156,7 @@ class ParameterFile:
 
 
 def has_parameter(node: str, key: str) -> bool:
-    """Return whether a node of ours has a parameter."""
+    """Return True if a node of ours has this parameter."""
     return key.startswith('qos_overrides.') or key in _names(node)
 
 
@@ -158,7 +165,7 @@ def _names(node: str) -> list[str]:
 
 
 def _flat(parameters: Mapping[Any, Any], above: str = '') -> dict[str, Any]:
-    """Return nested parameters under the names that ROS gives them, with points between."""
+    """Return nested parameters as a flat mapping, with ROS's dotted names."""
     flat: dict[str, Any] = {}
     for key, value in parameters.items():
         name = f'{above}{key}'
@@ -175,7 +182,9 @@ def _find_entries(
             raise TactileError(f'{path}: {name} has no ros__parameters below it')
         parameters = content.get('ros__parameters', {})
         if not isinstance(parameters, dict):
-            raise TactileError(f'{path}: the ros__parameters of {name} have no names')
+            raise TactileError(
+                f'{path}: the ros__parameters of {name} must be a mapping of names to values'
+            )
         if 'ros__parameters' in content:
             yield name, parameters
         below = {k: v for k, v in content.items() if k != 'ros__parameters'}

@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The nodes' parameters and the launch files' arguments as Markdown, from the code itself.
+"""Markdown tables of node parameters and launch arguments, generated from the code.
 
-``python -m tactile_bringup.launch_config.parameter_tables FILE`` renews those between the markers
-in a page.
+``python -m tactile_bringup.launch_config.parameter_tables FILE`` updates the tables between the
+markers in a page.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ ARGUMENTS_OF = {
     'hand.launch.py`**, **`sense': 'hand',
     'replay': 'replay',
 }
-"""Launch files, and those that declare their arguments."""
+"""Titles of the tables, and the launch file that declares the arguments."""
 
 
 class LaunchArgument(NamedTuple):
-    """One argument as a launch file declares it."""
+    """One declared argument of a launch file."""
 
     name: str
     default: str
@@ -37,9 +37,9 @@ class LaunchArgument(NamedTuple):
 
 
 def parameter_tables() -> str:
-    """Return one table a node: name, default, unit, what values are allowed, meaning.
+    """Return one table per node: name, default, unit, allowed values, meaning.
 
-    A sentence before each table says when the node reads them.
+    A sentence before each table says when the node reads its parameters.
     """
     header = ('parameter', 'default', 'unit', 'allowed', 'meaning')
     tables = []
@@ -68,10 +68,10 @@ def _row(field: dataclasses.Field[Any]) -> tuple[str, ...]:
 
 
 def read_launch_arguments(name: str) -> tuple[LaunchArgument, ...]:
-    """Return the arguments that a launch file declares, without ``launch``.
+    """Return the declared arguments of a launch file; does not need ``launch``.
 
-    The file is parsed, not run: each argument is a call with literal texts. Those that it shares
-    with the others stand in `launching.shared_arguments`.
+    The file is parsed and not executed, so the arguments of each call must be literals. Shared
+    arguments are read from `launching.shared_arguments`.
     """
     tree = ast.parse((LAUNCH_FOLDER / f'{name}.launch.py').read_text())
     changed: dict[str, str] = {}
@@ -110,7 +110,7 @@ def read_launch_arguments(name: str) -> tuple[LaunchArgument, ...]:
 
 
 def argument_tables() -> str:
-    """Return one table a launch file: argument, default, choices, meaning."""
+    """Return one table per launch file: argument, default, choices, meaning."""
     header = ('argument', 'default', 'choices', 'meaning')
     return '\n'.join(
         f'**`{title}.launch.py`**\n\n'
@@ -135,7 +135,7 @@ def _table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def renew(text: str) -> str:
-    """Return ``text`` with fresh tables between its markers; `ValueError` without them."""
+    """Return ``text`` with updated tables between its markers; ValueError if they are missing."""
     for name, tables in (
         ('parameters', parameter_tables()),
         ('launch arguments', argument_tables()),

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The nodes of fingers in one process, with their stages joined by calls."""
+"""Runs the nodes of fingers in one process, whose stages call each other directly."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from tendon_sensor_driver.tendon_sensor_node import TendonSensorNode
 
 
 def connect_fingers(nodes: Iterable[Any]) -> None:
-    """Have the nodes of each finger call each other; before they are configured.
+    """Connect the stages of each finger's nodes by calls; before the nodes are configured.
 
-    Nodes of one namespace are a finger; others than those of sensing are passed over. Without a
-    sensor node among them, samples come from the topic of one elsewhere.
+    Nodes in one namespace belong to one finger. Nodes without a stage are ignored. If a finger
+    has no sensor node, its samples come from the topic of a node in another process.
     """
     fingers: dict[str, dict[type, Any]] = {}
     for node in nodes:
@@ -45,7 +45,7 @@ def connect_fingers(nodes: Iterable[Any]) -> None:
 
 
 def sources_last(nodes: Mapping[str, Any]) -> list[tuple[str, Any]]:
-    """Return nodes by name in the order to bring them up: none misses a sensor's first sample."""
+    """Return the named nodes in start order: sensors last, so that no sample is missed."""
     return sorted(nodes.items(), key=lambda item: isinstance(item[1], TendonSensorNode))
 
 
@@ -67,17 +67,17 @@ def _connect(
 
 
 NODES = (SENSOR_NODE, FEATURES_NODE, CLASSIFIER_NODE, 'bag_recorder')
-"""Names of the nodes that can share the process."""
+"""Names of the nodes that can share a process."""
 
 POLL_S = 1.0
-"""Period of the check for nodes that are finished, as a recorder is that has failed [s]."""
+"""Period of the check for finished nodes, such as a recorder that has failed [s]."""
 
 RETRY_S = 5.0
-"""Between two attempts to start a node [s]."""
+"""Time between two attempts to start a node [s]."""
 
 
 def main() -> int:
-    """Run the nodes until all are finished, one fails or a signal comes; return the exit code."""
+    """Run the nodes until all finish, one fails, or a signal arrives; return the exit code."""
     signals = prepare_process()
     from rclpy.logging import get_logger
     from rclpy.utilities import remove_ros_args
@@ -94,20 +94,22 @@ def main() -> int:
     try:
         nodes = [describe(path) for path in remove_ros_args(sys.argv)[1:]]
         if not nodes:
-            raise TactileError(f'name nodes, as /tendon_sensor; there are {", ".join(NODES)}')
+            raise TactileError(
+                f'no nodes are named; give names such as /tendon_sensor, out of {", ".join(NODES)}'
+            )
         with (
             ros_context(args=sys.argv) as context,
             ExitStack() as after,
             running_graph(nodes, context, on_end=end, signals=signals, needs_all=False) as running,
         ):
             after.enter_context(outliving(*running.values()))
-            starting = None if signals.received else Starting(running, logger)
-            while starting is not None and not (
+            pending = None if signals.received else PendingNodes(running, logger)
+            while pending is not None and not (
                 signals.wait(POLL_S)
                 or ended.is_set()
                 or all(node.is_finished for node in running.values())
             ):
-                starting.go_on()
+                pending.retry()
     except TactileError as error:
         logger.fatal(str(error))
         return 1
@@ -116,10 +118,18 @@ def main() -> int:
     return 0
 
 
-class Starting:
-    """The nodes, by name, that could not be started yet, and what the log says of it.
+class PendingNodes:
+    """Nodes that could not be started yet, such as a sensor that is not plugged in.
 
-    Each is spun by its executor. A node that was active once is left to whoever stops it.
+    Each attempt and success is logged. A node that was active once is not started again, because
+    a user may have stopped it.
+
+    Parameters
+    ----------
+    nodes : mapping of str to node
+        Nodes by name, each spun by an executor.
+    logger
+        Logger of the process.
     """
 
     def __init__(self, nodes: Mapping[str, Any], logger: Any) -> None:
@@ -130,35 +140,35 @@ class Starting:
             if node.get_parameter('autostart').value and not node.is_active
         }
         self._due_s = time.monotonic() + RETRY_S
-        self._tell()
+        self._log()
 
-    def go_on(self) -> None:
-        """Try those again that are not active, when it is time; on their executors."""
+    def retry(self) -> None:
+        """Try to start the pending nodes on their executors, every `RETRY_S`."""
         if not self._late:
             return
         active = [name for name, node in self._late.items() if node.is_active]
         for name in active:
             del self._late[name]
         if active:
-            self._tell()
+            self._log()
         elif time.monotonic() > self._due_s:
             self._due_s = time.monotonic() + RETRY_S
             for node in self._late.values():
                 node.executor.create_task(node.bring_up)
 
-    def _tell(self) -> None:
+    def _log(self) -> None:
         if self._late:
             self._logger.warning(
-                f'not running yet: {", ".join(self._late)}; see above. Tried again every '
-                f'{RETRY_S:g} s'
+                f'not running yet: {", ".join(self._late)}; see the messages above. Retrying '
+                f'every {RETRY_S:g} s'
             )
         else:
             self._logger.info(f'running: {self._running}')
 
 
 def describe(path: str) -> NodeDescription:
-    """Return the node of a name such as ``/index/tendon_sensor``, if it is one of `NODES`."""
+    """Return the description of a node such as ``/index/tendon_sensor``."""
     namespace, _, name = path.strip('/').rpartition('/')
     if name not in NODES:
-        raise TactileError(f'there is no node {name} for a finger, only {", ".join(NODES)}')
+        raise TactileError(f'a finger has no node {name}; its nodes are {", ".join(NODES)}')
     return NodeDescription(name, namespace=namespace)

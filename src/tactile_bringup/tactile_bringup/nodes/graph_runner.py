@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs a described graph in this process, where ``launch`` is not needed."""
+"""Runs described nodes in this process, without ``launch``."""
 
 from __future__ import annotations
 
@@ -24,15 +24,20 @@ from tactile_ros.process import ignoring_terminal_stops, keep_heap_small, Signal
 
 
 def create_node(description: NodeDescription, context: Context, *, quiet: bool = False) -> Any:
-    """Return the described node, unconfigured; a quiet one logs warnings and errors only.
+    """Create a described node, without configuring it.
 
-    Raises `TactileError` when a parameter is not known, out of range or of the wrong type.
+    If ``quiet`` is True, the node logs only warnings and errors.
+
+    Raises
+    ------
+    TactileError
+        If a parameter is unknown, out of range or of the wrong type.
     """
     node_class = find_node_class(description.executable)
     overrides = [
         Parameter(key, value=list(value) if isinstance(value, tuple) else value)
         for key, value in description.parameters.items()
-        if value != ()  # ROS cannot tell the type of an empty list, which is the default
+        if value != ()  # the default; ROS cannot determine the type of an empty list
     ]
     try:
         node = node_class(
@@ -42,7 +47,7 @@ def create_node(description: NodeDescription, context: Context, *, quiet: bool =
             parameter_overrides=overrides,
         )
     except ParameterException as error:
-        raise TactileError(f'the node {description.name} cannot be made: {error}') from error
+        raise TactileError(f'the node {description.name} cannot be created: {error}') from error
     unknown = [name for name in description.parameters if not node.has_parameter(name)]
     if unknown:
         node.take_down()
@@ -56,9 +61,9 @@ def create_node(description: NodeDescription, context: Context, *, quiet: bool =
 def ros_context(
     domain_id: int | None = None, args: Sequence[str] | None = None
 ) -> Iterator[Context]:
-    """Give a ROS context of its own, which no signal takes down behind our back.
+    """Yield a separate ROS context that signals do not shut down.
 
-    ``args`` are those of a command line; None: those of this process.
+    ``args`` is a command line; by default the command line of this process.
     """
     keep_heap_small()
     context = Context()
@@ -85,28 +90,32 @@ def running_graph(
     signals: Signals | None = None,
     needs_all: bool = True,
 ) -> Iterator[dict[str, Any]]:
-    """Run nodes until the block ends; give them by name, with their namespace.
+    """Run nodes until the block ends; yield them by name, including the namespace.
 
     The stages of each finger call each other, see `connect_fingers`. Ctrl-Z is ignored meanwhile.
 
     Parameters
     ----------
-    descriptions, context, quiet
-        Those of `create_node`.
+    descriptions : sequence of NodeDescription
+        The nodes.
+    context : Context
+        ROS context of the nodes.
     others : sequence of rclpy.node.Node
-        Nodes that are spun beside them, and destroyed at the end.
+        Further nodes that are spun, and destroyed at the end.
+    quiet : bool
+        See `create_node`.
     on_end : callable
-        Called, on a thread of the graph, when the nodes have stopped running.
+        Called on a thread of the nodes when they have stopped running.
     signals : Signals, optional
-        A signal ends the start of the nodes early; those that are not active then stay so.
+        A signal ends the start of the nodes early; nodes that are not active then remain so.
     needs_all : bool
-        A node that cannot be configured or activated is an error; otherwise the others run.
+        Raise an error if a node cannot be configured or activated; if False, run the others.
 
     Raises
     ------
     TactileError
-        When a node cannot be configured or activated, a callback of one failed, or one has
-        failed by itself, as a recorder does whose disk is full; the others ran on then.
+        If a node cannot be configured or activated, a callback has failed, or a node has failed
+        while the others were running, such as a recorder whose disk is full.
     """
     nodes: dict[str, Any] = {}
 
@@ -130,7 +139,9 @@ def running_graph(
                     return
                 if not needs_all:
                     continue
-                raise TactileError(f'the node {name} could not be started; its log says why')
+                raise TactileError(
+                    f'the node {name} could not be started; see its log for the reason'
+                )
 
     def interrupt() -> None:
         for node in list(nodes.values()):
@@ -148,7 +159,11 @@ def running_graph(
         with NodeGroup([*others, *nodes.values()], context=context, on_end=on_end) as group:
             yield nodes
     if group.error is not None:
-        raise TactileError(f'a node failed and all were ended: {group.error}') from group.error
+        raise TactileError(
+            f'a node failed, so all nodes were ended: {group.error}'
+        ) from group.error
     failed = [name for name, node in nodes.items() if node.has_failed]
     if failed:
-        raise TactileError(f'failed on the way: {", ".join(failed)}; the log says why')
+        raise TactileError(
+            f'failed while running: {", ".join(failed)}; see the log for the reason'
+        )

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Asks for trials and waits for the answers of the models: the experimenter's part."""
+"""Node of the operator: requests trials and waits for the classifications."""
 
 from __future__ import annotations
 
@@ -36,23 +36,35 @@ HOMING_TIMEOUT_S = 120.0
 ANSWER_TIMEOUT_S = 5.0
 
 END_TIMEOUT_S = 30.0
-"""For a goal that has been cancelled to come to rest."""
+"""Longest wait for a cancelled goal to end [s]."""
 
 
 class StoppedError(TactileError):
-    """Somebody else has cancelled the goal: nothing is to move again by itself."""
+    """The goal was cancelled by another node or user, so nothing may be started again."""
 
 
 class OperatorNode(Node):  # type: ignore[misc]
-    """Blocking calls for a thread that does not spin; the executor runs elsewhere.
+    """Node with blocking calls; an executor on another thread must spin it.
 
-    Service ``~/stop`` ends the session: the goal that runs is cancelled, and no other one is sent.
-    A rig that is stopped ends it, too.
+    The service ``~/stop`` ends the session: the running goal is cancelled, and no further goal is
+    sent. A stop of the rig has the same effect.
 
-    With ``answers`` it takes the answers of the models, for `wait_for_models` and
-    `wait_for_answers`. ``trial_config`` is that of the trial runner: it tells how long a trial may
-    take. Calls raise `TactileError` when something does not end as asked or does not come, and
-    `StoppedError` when somebody has stopped the goal, the rig, or this operator.
+    Calls raise `TactileError` if a goal fails or an answer does not arrive, and `StoppedError`
+    if the goal, the rig or this node was stopped.
+
+    Parameters
+    ----------
+    context : Context
+        ROS context.
+    namespace, name : str
+        Namespace and name of the node.
+    answers : bool
+        Subscribe to classifications, for `wait_for_models` and `wait_for_answers`.
+
+    Attributes
+    ----------
+    trial_config : TrialConfig
+        Configuration of the trial runner, which determines the longest duration of a trial.
     """
 
     def __init__(
@@ -74,9 +86,9 @@ class OperatorNode(Node):  # type: ignore[misc]
             self._run: watch_rivals(self, 'trial_runner'),
         }
         self._stopped = threading.Event()
-        self._goals: list[SentGoal] = []  # that run
+        self._goals: list[SentGoal] = []  # running goals
         self.create_service(Trigger, '~/stop', self._on_stop)
-        self._stop_state = StopState()  # of the rig
+        self._stop_state = StopState()  # state of the rig
         self._arrived = threading.Condition()
         self._answers: list[ClassificationResult] = []
         self._models: tuple[ModelInfo, ...] | None = None
@@ -97,26 +109,26 @@ class OperatorNode(Node):  # type: ignore[misc]
         super().destroy_node()
 
     def stop(self) -> None:
-        """Cancel the goal that runs, and send none until `resume`."""
+        """Cancel the running goal, and send no further goal until `resume`."""
         self._stopped.set()
         for goal in list(self._goals):
             goal.cancel()
 
     def resume(self) -> None:
-        """Take goals again after a stop."""
+        """Allow goals again after a stop."""
         self._stopped.clear()
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.stop()
         response.success = True
-        response.message = 'No further goal is sent.'
+        response.message = 'The running goal is cancelled, and no further goal is sent.'
         return response
 
     def _on_stop_state(self, message: StopStateMsg) -> None:
-        self._stop_state = stop_state_from_msg(message)  # a rig that starts again counts from 0
+        self._stop_state = stop_state_from_msg(message)  # a restarted rig counts from 0 again
 
-    def tell_progress(self, number: int, count: int, request: TrialRequest) -> None:
-        """Say on ``/diagnostics`` that this is trial ``number`` of ``count``."""
+    def publish_progress(self, number: int, count: int, request: TrialRequest) -> None:
+        """Publish the number of the present trial on ``/diagnostics``."""
         self._progress = Health(
             OK,
             f'trial {number} of {count}',
@@ -139,17 +151,17 @@ class OperatorNode(Node):  # type: ignore[misc]
             self._arrived.notify_all()
 
     def wait_for_models(self) -> tuple[ModelInfo, ...]:
-        """Wait for the classifier; return the models that it answers with."""
+        """Wait for the classifier; return its loaded models."""
         with self._arrived:
             if not self._arrived.wait_for(lambda: self._models is not None, ANSWER_TIMEOUT_S):
                 raise TactileError(
-                    f'no message on {MODELS_TOPIC.name} within {ANSWER_TIMEOUT_S:.0f} s; does the '
-                    'classifier run?'
+                    f'no message on {MODELS_TOPIC.name} within {ANSWER_TIMEOUT_S:.0f} s; check '
+                    'that the classifier is running'
                 )
             return self._models or ()
 
     def home_guide(self) -> str:
-        """Home the guide; return what the action says at its end."""
+        """Home the guide; return the message of the action's result."""
         end = self._call(self._home, 'homing the guide', HomeGuide.Goal(), HOMING_TIMEOUT_S)
         return str(end.message)
 
@@ -162,7 +174,7 @@ class OperatorNode(Node):  # type: ignore[misc]
     def wait_for_answers(
         self, trial_id: str, models: Collection[str]
     ) -> tuple[ClassificationResult, ...]:
-        """Wait for the classification of a trial by each of some models, named by ``model_id``."""
+        """Wait for the classifications of a trial by the models with these ``model_id``."""
 
         def found() -> dict[str, ClassificationResult]:
             of_trial = (answer for answer in self._answers if answer.trial_id == trial_id)
@@ -185,8 +197,10 @@ class OperatorNode(Node):  # type: ignore[misc]
         if refusal := self._stop_state.refusal:
             raise StoppedError(f'{what}: {refusal}')
         if not is_there:
-            raise TactileError(f'{what}: the action server does not answer; is the rig running?')
-        if rivals := self._rivals[client].find_loss():  # either may answer
+            raise TactileError(
+                f'{what}: the action server does not answer; check that the rig is running'
+            )
+        if rivals := self._rivals[client].find_loss():  # either of the two nodes may answer
             raise TactileError(f'{what}: {rivals}')
         goal = client.send(message)
         self._goals.append(goal)
@@ -203,14 +217,17 @@ class OperatorNode(Node):  # type: ignore[misc]
         raise (StoppedError if is_stop else TactileError)(f'{what}: {reply.result.message}')
 
     def _wait_for_end(self, goal: SentGoal, what: str, timeout_s: float) -> Any:
-        """Return the answer at the end of a goal; the goal is cancelled if it comes late."""
-        if self._stopped.is_set():  # while the goal was sent
+        """Return the answer at the end of a goal; cancel the goal after a timeout [s]."""
+        if self._stopped.is_set():  # stopped while the goal was being sent
             goal.cancel()
         try:
             goal.taken.result(ANSWER_TIMEOUT_S)
         except concurrent.futures.TimeoutError:
             goal.cancel()
-            raise TactileError(f'{what}: the goal was not taken') from None
+            raise TactileError(
+                f'{what}: the goal was not accepted within {ANSWER_TIMEOUT_S:g} s; check the log '
+                'of its node'
+            ) from None
         try:
             return goal.end.result(timeout_s)
         except concurrent.futures.TimeoutError:
@@ -218,20 +235,20 @@ class OperatorNode(Node):  # type: ignore[misc]
             rest = _wait_for_rest(goal, END_TIMEOUT_S)
             raise TactileError(f'{what}: no end within {timeout_s:.0f} s; {rest}') from None
         except KeyboardInterrupt:
-            # The rig comes to rest, and the recording tells how the trial ended.
+            # Wait until the rig is at rest and the end of the trial has been recorded.
             goal.cancel()
             _wait_for_rest(goal, INTERRUPT_TIMEOUT_S)
             raise
 
 
 def _wait_for_rest(goal: SentGoal, timeout_s: float) -> str:
-    """Wait for the end of a cancelled goal; return a sentence about it."""
+    """Wait for the end of a cancelled goal; return a message about it."""
     try:
         return f'cancelled: {goal.end.result(timeout_s).result.message}'
     except GoalLostError as error:
         return f'cancelled: {error}'
     except concurrent.futures.TimeoutError:
         return (
-            f'cancelled, and not at rest {timeout_s:g} s later; bring the rig to rest '
-            'by hand, then start its nodes again'
+            f'cancelled, but not at rest after {timeout_s:g} s; bring the rig to rest by hand, '
+            'then restart its nodes'
         )

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A running trial, and guide, tendon and strain as it sees them."""
+"""State of a running trial, and access to guide, tendon actuator and strain."""
 
 from __future__ import annotations
 
@@ -32,20 +32,20 @@ from tactile_ros.strain import NOT_LIVE
 
 
 class ContactLost(GoalAborted):
-    """The tendon has left its displacement; its driver may say why."""
+    """The tendon has left its displacement; the reasons of its driver are added."""
 
 
 class RunningTrial:
-    """State of one running trial, and the numbers for its result.
+    """State of a running trial, and the numbers for its result.
 
-    While it ``is_watched``, its thread looks at it again and again, and gives the runner's sign of
-    life.
+    While ``is_watched`` is True, the trial's thread checks the trial repeatedly and publishes the
+    runner's heartbeat.
     """
 
     def __init__(self, request: TrialRequest, goal: Goal, longest_s: float) -> None:
         self.request, self.goal, self.longest_s = request, goal, longest_s
         self.phase = ''
-        self.stamp_ns = 0  # of the last event
+        self.stamp_ns = 0  # stamp of the last event
         self.has_moved = self.needs_strain = self.is_watched = False
         self.glide_end_ns: int | None = None
         self.glide_speed_m_s = self.glide_lag_s = self.displacement_error_m = 0.0
@@ -56,22 +56,22 @@ class RunningTrial:
         return time.monotonic() - self._started_s
 
     def look(self, most_s: float = math.inf) -> None:
-        """Note that somebody watches the trial now.
+        """Record that the trial is being checked now.
 
-        Raises `GoalAborted` when nobody has looked for longer than ``most_s`` [s]: the process was
-        stopped, or got no core.
+        Raises `GoalAborted` if the last check is more than ``most_s`` [s] ago, because the
+        process was stopped or got no core.
         """
-        now_s = boot_time_s()  # a suspended computer watches nothing either
+        now_s = boot_time_s()  # includes the time of a suspended computer
         away_s, self._looked_s = now_s - self._looked_s, now_s
         if away_s > most_s:
             raise GoalAborted(
-                f'the trial runner stood still for {away_s:.2f} s in the {self.phase}, and nobody '
-                f'watched it meanwhile; heartbeat_timeout_s allows {most_s:g} s. Repeat the '
-                'trial, and see what else its computer runs'
+                f'the trial runner did not run for {away_s:.2f} s in the {self.phase}, so the '
+                f'trial was not supervised; heartbeat_timeout_s allows {most_s:g} s. Repeat the '
+                'trial, and check the load of the computer'
             )
 
     def numbers(self) -> dict[str, Any]:
-        """Return what the result says of the trial's motion."""
+        """Return the fields of the result that describe the trial's motion."""
         return {
             'trial_id': self.request.trial_id,
             'glide_speed_m_s': self.glide_speed_m_s,
@@ -81,24 +81,36 @@ class RunningTrial:
 
 
 POLL_S = 0.02
-"""Period at which waits check for a reason to end [s]."""
+"""Period with which waits check for a reason to end [s]."""
 
 REPORT_S = 0.5
-"""Largest delay of the joint states of a motion behind the result of its goal [s]."""
+"""Largest delay of the joint states of a motion after the result of its goal [s]."""
 
 TRACK_S = 2 * REPORT_S
-"""Time after the end of a goal in which joint states still belong to its motion [s]."""
+"""Time after the end of a goal during which joint states still belong to its motion [s]."""
 
 REASON_S = 0.3
-"""Longest wait for a driver to publish its reasons [s]; it checks for them at 10 Hz."""
+"""Longest wait for a driver to publish its reasons [s]; the driver checks them at 10 Hz."""
 
 
 class TrialDevice:
-    """One motion driver: its action, its signs of life, its reports.
+    """Access to one motion driver: its action, heartbeat and reports.
 
-    ``node`` polls joint states; an executor on another thread than that of the calls spins it.
-    ``name`` is that of the driver's node, and its action is ``name/verb``. ``on_state`` is called
-    with stamp [ns], position [m] and speed [m/s] of each joint state, while the node polls.
+    Parameters
+    ----------
+    node : PollingNode
+        Node that polls joint states. An executor on another thread than the caller's must spin
+        it.
+    name : str
+        Name of the driver's node.
+    action_type
+        Type of the action ``name/verb``.
+    verb : str
+        Name of the action.
+    config : TrialConfig
+        Timeouts.
+    on_state : callable
+        Called with stamp [ns], position [m] and speed [m/s] of each joint state.
     """
 
     def __init__(
@@ -110,87 +122,89 @@ class TrialDevice:
         config: TrialConfig,
         on_state: Callable[[int, float, float], None] = lambda *_: None,
     ) -> None:
-        self._node, self.name, self._words = node, name, name.replace('_', ' ')
+        self._node, self.name, self._title = node, name, name.replace('_', ' ')
         self._config, self._on_state = config, on_state
         self._heartbeat = HeartbeatWatch(node, f'{name}/heartbeat', config.heartbeat_timeout_s)
         self._rivals = watch_rivals(node, name)
         self._readiness: Readiness | None = None
         self._position_m: float | None = None
-        self._reported_s = -math.inf  # when its last joint state came
-        self._left: SentGoal | None = None  # a goal nobody waits for
-        self._left_s = -math.inf  # since when
+        self._reported_s = -math.inf  # arrival of the last joint state
+        self._left: SentGoal | None = None  # an abandoned goal
+        self._left_s = -math.inf  # time at which it was abandoned
         self._track: MotionTrack | None = None
-        self._track_end_s = -math.inf  # until when it takes joint states
+        self._track_end_s = -math.inf  # end of the joint states that belong to the track
         self._goals = GoalClient(node, action_type, f'{name}/{verb}')
         self._cancel = node.create_client(CancelGoal, f'{name}/{verb}/_action/cancel_goal')
-        self._told = node.create_subscription(Readiness, f'{name}/ready', self._on_ready, LATEST)
+        self._ready_subscription = node.create_subscription(
+            Readiness, f'{name}/ready', self._on_ready, LATEST
+        )
         self._states = node.poll(JointState, f'{name}/joint_states', self._on_joint_state, STREAM)
 
     def close(self) -> None:
-        """Take clients and subscriptions away."""
+        """Destroy clients and subscriptions."""
         self._heartbeat.close()
         self._rivals.close()
         self._goals.close()
         self._node.destroy_client(self._cancel)
         self._node.unpoll(self._states)
-        self._node.destroy_subscription(self._told)
+        self._node.destroy_subscription(self._ready_subscription)
 
-    # -- whether it can be used --------------------------------------------------------------
+    # -- availability ------------------------------------------------------------------------
 
     def find_missing(self) -> list[str]:
-        """Return a sentence for each thing without which it takes no goal."""
+        """Return a sentence for each reason why the driver does not accept goals."""
         if not self._goals.server_is_ready():
-            return [f'The {self._words} does not answer; start and activate its node.']
+            return [f'The {self._title} does not answer; start and activate its node.']
         if loss := self.find_loss():
             return [str(loss), *self._reasons()]
         if self._is_left_busy():
-            return [f'The {self._words} still carries out its last goal.']
+            return [f'The {self._title} is still executing its last goal; wait for its end.']
         if self._readiness is None and self._node.count_publishers(f'{self.name}/ready'):
-            return [f'The {self._words} has not said yet whether it is ready; see its log.']
+            return [f'The {self._title} has not reported yet whether it is ready; check its log.']
         if missing := self._reasons():
             return missing
         if self._position_m is None:
             return [
-                f'No position has come on {self.name}/joint_states yet; see the diagnostics of '
-                f'the {self._words}.'
+                f'No position has arrived on {self.name}/joint_states yet; check the diagnostics '
+                f'of the {self._title}.'
             ]
         return []
 
     def find_loss(self) -> Refusal | None:
-        """Return that its heartbeat has ended, or that there are two drivers, or None.
+        """Return the loss of the heartbeat, or the presence of two drivers, or None.
 
-        A heartbeat that was never heard cannot end. Two drivers are a loss also when only one of
-        them is well: either may answer a goal.
+        A heartbeat that has never been heard cannot be lost. Two drivers are a loss even if only
+        one of them has a heartbeat, because both may answer a goal.
         """
         if rivals := self._rivals.find_loss():
             return rivals
         return self._heartbeat.find_loss() if self._heartbeat.was_heard else None
 
     def check(self) -> None:
-        """Raise `GoalAborted` when it is lost, with its own reasons if it has published them."""
+        """Raise `GoalAborted` if the driver is lost, with the reasons that it has published."""
         if loss := self.find_loss():
             raise GoalAborted(' '.join([str(loss), *self._reasons()]))
 
     @property
     def position_m(self) -> float | None:
-        """Its last reported position [m]; None before the first."""
+        """Last reported position [m]; None before the first report."""
         return self._position_m
 
     def find_silence(self, least_s: float = 0.0) -> Refusal | None:
-        """Return that its joint states do not come, or None while they do.
+        """Return a refusal if no joint states arrive, otherwise None.
 
-        They may be silent for ``heartbeat_timeout_s``, or ``least_s`` if that is longer [s].
+        A silence of ``heartbeat_timeout_s`` is allowed, or of ``least_s`` [s] if that is longer.
         """
         timeout_s = max(self._config.heartbeat_timeout_s, least_s)
         if time.monotonic() - self._reported_s <= timeout_s:
             return None
         return Refusal(
-            f'No position came on {self.name}/joint_states for {timeout_s:g} s',
-            f'see the diagnostics of the {self._words}',
+            f'No position has arrived on {self.name}/joint_states for {timeout_s:g} s',
+            f'check the diagnostics of the {self._title}',
         )
 
     def wait_for_reasons(self) -> list[str]:
-        """Return why the driver is not ready, a sentence each, as soon as it says so."""
+        """Wait up to `REASON_S` for the driver's reasons why it is not ready; return them."""
         deadline_s = time.monotonic() + REASON_S
         while not self._reasons() and time.monotonic() < deadline_s:
             time.sleep(POLL_S)
@@ -202,22 +216,23 @@ class TrialDevice:
     # -- motion --------------------------------------------------------------------------------
 
     def track(self, target_m: float, speed_m_s: float) -> MotionTrack:
-        """Return the track of the motion that is about to be commanded.
+        """Return a track for the motion that is commanded next.
 
-        It takes joint states until `TRACK_S` after the `call` that must follow at once. They come
-        slowly until the motion begins. Its position is known: `find_missing` was empty.
+        `call` must follow immediately. The track records joint states until `TRACK_S` after that
+        call. The position must be known, so `find_missing` must have returned no reasons.
         """
         assert self._position_m is not None
         now_s = time.monotonic()
         self._reported_s = max(self._reported_s, now_s + REST_REPORT_S)
-        self._track_end_s = now_s + TRACK_S  # first, so that it holds for the new one
+        self._track_end_s = now_s + TRACK_S  # set before the track, for which it must be valid
         self._track = MotionTrack(self._position_m, target_m, speed_m_s)
         return self._track
 
     def cancel_goals(self) -> Any:
-        """Cancel all goals of the action without waiting; return the future answer.
+        """Cancel all goals of the action without waiting; return the future of the answer.
 
-        Return None if no answer will come. Unlike the driver's ``~/stop`` this latches nothing.
+        Return None if no answer can be expected. Unlike the driver's ``~/stop``, this does not
+        stop the rig.
         """
         if not self._cancel.service_is_ready():
             return None
@@ -225,7 +240,7 @@ class TrialDevice:
         return None if self.find_loss() else answer
 
     def send(self, message: Any) -> None:
-        """Send a goal and wait for nothing: a driver without heartbeat may still hear it."""
+        """Send a goal without waiting; a driver without a heartbeat may still receive it."""
         self._leave(self._goals.send(message))
 
     def send_unwatched(self, message: Any) -> None:
@@ -238,10 +253,21 @@ class TrialDevice:
         check: Callable[[], None] = lambda: None,
         timeout_s: float = math.inf,
     ) -> Any:
-        """Send a goal and wait for its end, ``timeout_s`` at the most [s]; return the result.
+        """Send a goal and wait for its end; return the result.
 
-        ``check`` is called all the time; it ends the goal by raising `GoalAborted` or
-        `GoalCanceled`. One of them is raised unless the goal succeeded.
+        Parameters
+        ----------
+        message
+            The goal.
+        check : callable
+            Called repeatedly. It ends the goal by raising `GoalAborted` or `GoalCanceled`.
+        timeout_s : float
+            Longest wait [s].
+
+        Raises
+        ------
+        GoalAborted, GoalCanceled
+            Unless the goal succeeded.
         """
         self._track_end_s = math.inf
         try:
@@ -250,19 +276,19 @@ class TrialDevice:
             self._track_end_s = time.monotonic() + TRACK_S
 
     def _run(self, message: Any, check: Callable[[], None], deadline_s: float) -> Any:
-        """Send a goal and wait for its end, as `call` says; return the result."""
+        """Send a goal and wait for its end, see `call`; return the result."""
         if not self._goals.wait_for_server(self._config.server_timeout_s):
-            raise GoalAborted(f'the {self._words} does not answer; is its node active?')
+            raise GoalAborted(f'the {self._title} does not answer; check that its node is active')
         goal = self._goals.send(message)
-        refusal = f'the {self._words} did not take the goal'
+        refusal = f'the {self._title} did not accept the goal; check its log'
         in_time_s = min(deadline_s, time.monotonic() + self._config.server_timeout_s)
-        lateness = f'the {self._words} did not end its goal; see its log'
+        lateness = f'the {self._title} did not end its goal in time; check its log'
         try:
             self._wait(goal.taken, check, in_time_s, refusal)
             reply = self._wait(goal.end, check, deadline_s, lateness)
         except (GoalAborted, GoalCanceled):
             goal.cancel()
-            if goal.taken.done():  # let it come to rest, so that the next goal does not meet it
+            if goal.taken.done():  # wait for its end, so that the next goal can be accepted
                 end_s = time.monotonic() + self._config.server_timeout_s
                 with suppress(GoalAborted):
                     self._wait(goal.end, lambda: None, end_s, lateness)
@@ -270,15 +296,15 @@ class TrialDevice:
             raise
         check()
         if reply.status != GoalStatus.STATUS_SUCCEEDED:
-            raise GoalAborted(f'{self._words}: {reply.result.message}')
+            raise GoalAborted(f'{self._title}: {reply.result.message}')
         return reply.result
 
     def _leave(self, goal: SentGoal) -> None:
-        """Note a goal that nobody waits for, so that the next goal waits for its end."""
+        """Record an abandoned goal, so that the next goal waits for its end."""
         self._left, self._left_s = goal, time.monotonic()
 
     def _is_left_busy(self) -> bool:
-        """Return whether an abandoned goal still runs, for at most ``server_timeout_s``."""
+        """Return True while an abandoned goal still runs, for at most ``server_timeout_s``."""
         if self._left is None or self._left.end.done():
             return False
         return time.monotonic() - self._left_s < self._config.server_timeout_s
@@ -290,7 +316,7 @@ class TrialDevice:
         deadline_s: float,
         lateness: str,
     ) -> Any:
-        """Wait for a future; give up when it is late or will not come."""
+        """Wait for a future; raise `GoalAborted` if it is late or cannot be expected."""
         while not concurrent.futures.wait([future], POLL_S).done:
             check()
             if not self._node.context.ok():
@@ -298,22 +324,22 @@ class TrialDevice:
             try:
                 self._check_wait(deadline_s, lateness)
             except GoalAborted:
-                check()  # a runner that stood still meanwhile has heard of nothing
+                check()  # after a standstill of the runner, report the standstill instead
                 raise
         try:
             return future.result()
         except GoalLostError as error:
-            raise GoalAborted(f'{self._words}: {error}') from None
+            raise GoalAborted(f'{self._title}: {error}') from None
 
     def _check_wait(self, deadline_s: float, lateness: str) -> None:
-        """Raise `GoalAborted` when it is too late, or no answer can be expected."""
+        """Raise `GoalAborted` after the deadline, or if no answer can be expected."""
         if not self._goals.server_is_ready():
-            raise GoalAborted(f'the {self._words} went away; is its node running?')
+            raise GoalAborted(f'the {self._title} has disappeared; check that its node is running')
         if time.monotonic() > deadline_s:
             raise GoalAborted(lateness)
         self.check()
 
-    # -- what it says --------------------------------------------------------------------------
+    # -- topics --------------------------------------------------------------------------------
 
     def _on_ready(self, readiness: Readiness) -> None:
         self._readiness = readiness
@@ -330,24 +356,24 @@ class TrialDevice:
 
 
 class StrainWatch:
-    """Monitor of the arrival of valid strain samples, as of the node's last poll."""
+    """Watch of the arrival of valid strain samples, as of the node's last poll."""
 
     def __init__(self, node: PollingNode, timeout_s: float) -> None:
         self._node, self._timeout_s = node, timeout_s
         self._heard_s = -math.inf
-        self.is_simulated = False  # the newest samples
+        self.is_simulated = False  # the newest samples are simulated
         self._blocks = node.poll(StrainBlock, 'tendon_sensor/strain', self._on_block, NEWEST)
 
     def close(self) -> None:
-        """Take the subscription away."""
+        """Destroy the subscription."""
         self._node.unpoll(self._blocks)
 
     def find_silence(self) -> Refusal | None:
-        """Return that no valid sample arrives, or None while they do."""
+        """Return a refusal if no valid samples arrive, otherwise None."""
         if time.monotonic() - self._heard_s <= self._timeout_s:
             return None
         return Refusal(
-            f'No valid sample came on tendon_sensor/strain for {self._timeout_s:g} s',
+            f'No valid sample has arrived on tendon_sensor/strain for {self._timeout_s:g} s',
             'start the sensor node, and check its cable and its diagnostics',
         )
 

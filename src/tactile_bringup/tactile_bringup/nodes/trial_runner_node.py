@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The trial runner: carries out a protocol on the guide and the tendon."""
+"""Trial runner: executes a protocol with guide and tendon actuator."""
 
 from __future__ import annotations
 
@@ -53,45 +53,46 @@ CANCEL_S = 1.0
 """Longest wait for the guide's driver to answer a cancellation [s]."""
 
 GUIDE_SILENCE_S = 1.5
-"""Longest silence of the joint states of a guide at rest, which come every 0.2 s [s]."""
+"""Longest silence of the joint states of a guide at rest, which arrive every 0.2 s [s]."""
 
 BEAT_S = 0.04
-"""Period of the sign of life while no trial runs [s]."""
+"""Period of the heartbeat while no trial runs [s]."""
 
 TURN_S, HANG_S = 0.5, 1.2
-"""Period of a timer on the executor, and the time after which one that does not run it hangs [s].
+"""Period of a timer on the executor, and the time without this timer after which the executor
+counts as hanging [s]. The period is long, because each call costs 0.6 ms, and between trials this
+node does not command any motion."""
 
-Slow, since each turn costs 0.6 ms, and nothing that this node commands moves between trials."""
-
-TELL_S, TELL_AFTER_S = 0.5, 10.0
-"""Period of a look at what is missing after the start, and when it is told [s]."""
+LOG_S, LOG_AFTER_S = 0.5, 10.0
+"""Period of the check for missing things after the start, and time until they are logged [s]."""
 
 HOMINGS = {
     'home the guide': ('linear_guide/home', 'tactile_msgs/action/HomeGuide'),
     'home the tendon': ('tendon_actuator/home', 'tactile_msgs/action/HomeTendon'),
 }
-"""Actions that are the remedy of what may be missing, by words of it."""
+"""Actions that are remedies of missing things, by a phrase in the message."""
 
 RELEASE_ATTEMPTS = 3
 RELEASE_PAUSE_S = 0.3
-"""A servo that has been silent for a moment takes a fresh command once it is heard again."""
+"""Attempts to slacken the tendon, and the pause between them [s], because a servo may be silent
+for a short time."""
 
 
 class TrialRunnerNode(PollingNode):
     """Runs trials: action ``~/run_trial``, topics ``~/events``, ``~/ready``, ``~/heartbeat``.
 
-    Services ``~/stop`` and ``~/reset`` set and end the stopped state of the rig.
+    The services ``~/stop`` and ``~/reset`` set and end the stopped state of the rig.
 
-    A phase is stamped from observed motion: a glide begins when the guide was seen to move, a
-    hold when the tendon was seen at rest. A trial fails when a driver or the strain falls
-    silent, when the observed motion was not the commanded one, or when the runner itself stood
-    still for longer than ``heartbeat_timeout_s``.
+    The stamp of a phase is taken from the observed motion: a glide begins when the guide moves, a
+    hold when the tendon is at rest. A trial fails if a driver or the strain falls silent, if the
+    observed motion differs from the commanded one, or if the runner itself did not run for more
+    than ``heartbeat_timeout_s``.
 
-    When a trial ends early, for whatever reason, the goals of guide and tendon are cancelled and
-    the tendon is released; nothing moves again without a new goal.
+    When a trial ends early, for any reason, the goals of guide and tendon are cancelled and the
+    tendon is slackened. Nothing moves again without a new goal.
 
-    Strain and joint states are taken just before something is judged by them: each `POLL_S` in a
-    trial, and with ``~/ready``.
+    Strain and joint states are polled only when they are needed: every `POLL_S` during a trial,
+    and for ``~/ready``.
     """
 
     poll_s = None
@@ -107,11 +108,11 @@ class TrialRunnerNode(PollingNode):
         self._presence: Presence | None = None
         self._latch = StopLatch()
         self._rig_stop: RigStop | None = None
-        self._turned_s = 0.0  # when the executor came round
+        self._executor_ran_s = 0.0  # last time that the timer ran on the executor
         self._ready: ReadinessPublisher | None = None
-        self._telling: Periodic | None = None
-        self._began_s = math.inf  # when it began to wait for what a trial needs
-        self._parts = ExitStack()  # takes back what was made, last things first
+        self._readiness_log: Periodic | None = None
+        self._began_s = math.inf  # start of the wait for everything that a trial needs
+        self._parts = ExitStack()  # destroys topics, services and timers in reverse order
         self._contact = TendonContact()
         self._rest = GuideRest()
         self._trial: RunningTrial | None = None
@@ -144,11 +145,11 @@ class TrialRunnerNode(PollingNode):
         self._ready = ReadinessPublisher(self, self._find_missing)
         self._parts.callback(self._ready.close)
         self._began_s = time.monotonic()
-        self._telling = self.call_every(TELL_S, self._tell_start)
-        self._parts.callback(self._telling.cancel)
-        self._note_turn()  # its first turn may be long after the activation
+        self._readiness_log = self.call_every(LOG_S, self._log_readiness)
+        self._parts.callback(self._readiness_log.cancel)
+        self._note_executor()  # the first call of the timer may be long after the activation
         clock = Clock(clock_type=ClockType.STEADY_TIME)
-        turns = self.create_timer(TURN_S, self._note_turn, clock=clock)
+        turns = self.create_timer(TURN_S, self._note_executor, clock=clock)
         self._parts.callback(self.destroy_timer, turns)
         beats = self.call_every(BEAT_S, self._beat_for_executor)
         self._parts.callback(beats.cancel)
@@ -156,25 +157,26 @@ class TrialRunnerNode(PollingNode):
     def stop(self) -> None:
         if self._runner is not None and self._runner.is_busy:
             self._runner.end_goal()
-            # From here, since the trial's thread can send nothing while this one is busy,
-            # as it is when the node is shut down.
+            # Cancelled on this thread, because the trial's thread cannot send while this thread
+            # is busy, for example during a shutdown of the node.
             for device in (self._guide, self._tendon):
                 if device is not None:
                     device.cancel_goals()
 
     def tear_down(self) -> None:
         if self._runner is not None:
-            # Not for long: with the executor waiting here, the trial gets no more answers.
+            # A short timeout: while the executor waits here, the trial gets no answers.
             self._runner.close(timeout_s=0.5)
             if self._runner.is_busy and self._trial and self._tendon and self.context.ok():
                 self._tendon.send_unwatched(self._pull(self._trial.request))
             self._runner = None
         self._parts.close()
-        self._ready = self._heartbeat = self._presence = self._telling = self._rig_stop = None
+        self._ready = self._heartbeat = self._presence = None
+        self._readiness_log = self._rig_stop = None
         self._strain = self._guide = self._tendon = self._events = None
 
     def _find_refusal(self) -> Refusal | None:
-        """Return why no trial can be taken now, or None."""
+        """Return why no trial can be accepted now, or None."""
         if stop := self._find_stop():
             return stop
         if not self.is_active:
@@ -186,19 +188,19 @@ class TrialRunnerNode(PollingNode):
         return None if self._rig_stop is None else self._rig_stop.find_refusal()
 
     def _find_rival(self) -> Refusal | None:
-        """Return that there is a second trial runner, or None."""
+        """Return a refusal if there is a second trial runner, otherwise None."""
         return None if self._presence is None else self._presence.rivals.find_loss()
 
     @staticmethod
     def _answer_stop() -> tuple[bool, str]:
-        return True, 'The rig is stopped: a trial that runs ends, and its tendon is slackened.'
+        return True, 'The rig is stopped: a running trial ends, and its tendon is slackened.'
 
     def _find_missing(self) -> list[str]:
-        """Return what keeps a trial from being taken, a sentence each."""
+        """Return a sentence for each reason why no trial can be accepted."""
         if refusal := self._find_refusal():
             return [str(refusal)]
         if self._runner is not None and self._runner.is_busy:
-            return ['A trial is running; wait for its end or cancel it.']
+            return ['A trial is running; wait for it to end or cancel it.']
         return self._find_missing_parts()
 
     def _find_missing_parts(self) -> list[str]:
@@ -215,17 +217,17 @@ class TrialRunnerNode(PollingNode):
         ]
         return list(dict.fromkeys(str(part) for part in parts if part))
 
-    def _tell_start(self) -> None:
-        """Log once that trials can run and, after a while, what they wait for; periodic."""
-        missing, telling = None if self._ready is None else self._ready.missing, self._telling
-        if missing is None or telling is None:
+    def _log_readiness(self) -> None:
+        """Log once that trials can run or, after some time, the missing things; periodic."""
+        missing, log = None if self._ready is None else self._ready.missing, self._readiness_log
+        if missing is None or log is None:
             return
         if self._runner is not None and self._runner.is_busy:
-            telling.cancel()  # somebody knew before that it was ready
+            log.cancel()  # a client has already found the node ready
         elif not missing:
             self.get_logger().info('ready for trials')
-            telling.cancel()
-        elif time.monotonic() - self._began_s > TELL_AFTER_S:
+            log.cancel()
+        elif time.monotonic() - self._began_s > LOG_AFTER_S:
             self._began_s = math.inf
             text = ' '.join(missing)
             commands = [
@@ -235,16 +237,16 @@ class TrialRunnerNode(PollingNode):
             ]
             self.get_logger().warning(' '.join(['not ready for trials:', text, *commands]))
 
-    # -- the sign of life ------------------------------------------------------------
+    # -- heartbeat -------------------------------------------------------------------
 
     def _beat_for_executor(self) -> None:
-        """Beat while the executor comes round, unless a trial's own thread does; periodic."""
+        """Publish the heartbeat while the executor runs, unless a trial does; periodic."""
         is_watched = self._trial is not None and self._trial.is_watched
-        if not is_watched and time.monotonic() - self._turned_s < HANG_S:
+        if not is_watched and time.monotonic() - self._executor_ran_s < HANG_S:
             self._beat()
 
-    def _note_turn(self) -> None:
-        self._turned_s = time.monotonic()
+    def _note_executor(self) -> None:
+        self._executor_ran_s = time.monotonic()
 
     def _beat(self) -> None:
         heartbeat = self._heartbeat
@@ -258,7 +260,7 @@ class TrialRunnerNode(PollingNode):
         asked = {f.name: getattr(goal.request, f.name) for f in fields(TrialRequest)}
         trial_id = asked['trial_id'] or f'trial-{self._now_ns() // 10**9}-{self._count:04d}'
         request = TrialRequest(**{**asked, 'trial_id': trial_id})
-        steps = trial_steps(self.config, request)  # refuses, before anything moves
+        steps = trial_steps(self.config, request)  # may raise, before anything moves
         longest_s = longest_trial_s(self.config, request)
         self._trial = trial = RunningTrial(request, goal, longest_s)
         try:
@@ -315,7 +317,7 @@ class TrialRunnerNode(PollingNode):
             trial.glide_end_ns = track.end_ns
 
     def _slacken(self, trial: RunningTrial) -> None:
-        """Slacken a tendon that is taut before the trial: the guide would drag the finger."""
+        """Slacken a tendon that is taut before the trial; the guide would drag the finger."""
         tendon = self._tendon
         assert tendon is not None
         if tendon.position_m is not None and tendon.position_m > SLACK_M:
@@ -329,11 +331,14 @@ class TrialRunnerNode(PollingNode):
             self._contact.begin(step.displacement_m, self.config.displacement_tolerance_m)
             trial.needs_strain = True
             self._move(self._tendon, pull, track, trial, is_new)
-            # The actuator ends a slow pull while it still moves, within its tolerance. The servo
-            # rounds a speed to its units, so it may be a third slower than commanded.
+            # The actuator ends a slow pull within its tolerance, while the tendon still moves.
+            # The servo rounds speeds to its units and may be a third slower than commanded.
             timeout_s = REPORT_S + 1.5 * POSITION_TOLERANCE_M / step.speed_m_s
             if not self._wait_until(lambda: self._contact.rest_ns is not None, trial, timeout_s):
-                raise GoalAborted('the tendon was not seen at rest at its displacement')
+                raise GoalAborted(
+                    'the tendon did not come to rest at its displacement; check the diagnostics '
+                    'of the tendon actuator'
+                )
         else:
             trial.displacement_error_m = self._contact.error_m
             self._contact.end()
@@ -351,7 +356,7 @@ class TrialRunnerNode(PollingNode):
         trial: RunningTrial,
         is_new: bool,
     ) -> Any:
-        """Carry out one motion; its phase, if it is new, begins when the motion is seen."""
+        """Execute one motion; a new phase begins when the motion is observed."""
         if is_new and not track.is_motion:
             self._begin(trial, None)
             is_new = False
@@ -369,10 +374,13 @@ class TrialRunnerNode(PollingNode):
 
         result = device.call(message, check)
         if not self._wait_until(begin, trial, REPORT_S):
-            raise GoalAborted(f'the motion was not seen on {device.name}/joint_states')
+            raise GoalAborted(
+                f'the motion was not observed on {device.name}/joint_states; check the '
+                'diagnostics of its node'
+            )
         return result
 
-    # -- what may end a trial ----------------------------------------------------------
+    # -- reasons to end a trial --------------------------------------------------------
 
     def _wait_until_ready(self, trial: RunningTrial) -> None:
         deadline_s = time.monotonic() + self.config.server_timeout_s
@@ -386,10 +394,10 @@ class TrialRunnerNode(PollingNode):
     def _wait_until(
         self, is_done: Callable[[], bool], trial: RunningTrial, timeout_s: float = float('inf')
     ) -> bool:
-        """Wait while the trial is sound; return whether the condition came true in time."""
+        """Check the trial until ``is_done()`` is True; return False after ``timeout_s`` [s]."""
         deadline_s = time.monotonic() + timeout_s
         while True:
-            self._check(trial)  # first: what nobody has watched to its end is no success
+            self._check(trial)  # checked first, so that an unsupervised phase does not succeed
             if is_done():
                 return True
             if time.monotonic() > deadline_s:
@@ -397,33 +405,34 @@ class TrialRunnerNode(PollingNode):
             trial.goal.wait(POLL_S)
 
     def _check(self, trial: RunningTrial) -> None:
-        """Raise unless the trial may go on; else give a sign of life."""
+        """Raise if the trial must end, otherwise publish the heartbeat."""
         try:
             self._find_end(trial)
         except Exception:
-            trial.is_watched = False  # now the trial waits for devices, longer than a lease
+            trial.is_watched = False  # ending the trial may take longer than a lease
             raise
         trial.is_watched = True
         self._beat()
 
     def _find_end(self, trial: RunningTrial) -> None:
-        """Raise what ends the trial."""
+        """Raise an exception if there is a reason to end the trial."""
         self.poll_now()
-        trial.look(self.config.heartbeat_timeout_s)  # first, since it says more than a cancel
+        # First, because a standstill explains more than a cancellation that follows from it.
+        trial.look(self.config.heartbeat_timeout_s)
         trial.goal.check()
         if trial.elapsed_s > trial.longest_s:
             raise GoalAborted(
-                f"it did not end within {trial.longest_s:.0f} s; see the drivers' logs"
+                f"the trial did not end within {trial.longest_s:.0f} s; check the drivers' logs"
             )
         try:
             self._find_loss(trial)
         except GoalAborted:
-            # A runner that stood still since then has heard of nothing.
+            # After a standstill of the runner, report the standstill instead.
             trial.look(self.config.heartbeat_timeout_s)
             raise
 
     def _find_loss(self, trial: RunningTrial) -> None:
-        """Raise when the rig is stopped, or something that the trial needs is lost."""
+        """Raise if the rig is stopped, or if a needed node or topic is lost."""
         if refusal := self._find_stop() or self._find_rival():
             raise GoalAborted(str(refusal))
         for device in (self._guide, self._tendon):
@@ -442,7 +451,7 @@ class TrialRunnerNode(PollingNode):
                 raise GoalAborted(str(silence))
 
     def _end_early(self, trial: RunningTrial, error: Exception) -> None:
-        """Bring the rig to rest and raise the trial's end."""
+        """Bring the rig to rest and raise `GoalAborted`."""
         trial.displacement_error_m = max(trial.displacement_error_m, self._contact.error_m)
         self._contact.end()
         self._rest.end()
@@ -476,9 +485,9 @@ class TrialRunnerNode(PollingNode):
                 timeout_s = seconds + self.config.server_timeout_s
                 tendon.call(self._pull(request), timeout_s=timeout_s)
                 return
-            except Exception as error:  # whatever it is, the trial must still tell its end
+            except Exception as error:  # the end of the trial must be reported in any case
                 problem = error
-        self.get_logger().error(f'the tendon could not be released: {problem}')
+        self.get_logger().error(f'the tendon could not be slackened: {problem}')
 
     # -- messages ------------------------------------------------------------------------
 
@@ -489,7 +498,7 @@ class TrialRunnerNode(PollingNode):
         )
 
     def _begin(self, trial: RunningTrial, stamp_ns: int | None) -> None:
-        """Announce the trial's present phase, which began at ``stamp_ns``, or now."""
+        """Publish the start of the trial's present phase at ``stamp_ns`` [ns], or now."""
         self._announce(trial, trial.phase, stamp_ns)
         trial.goal.feedback(phase=trial.phase, elapsed_s=trial.elapsed_s)
 
@@ -511,7 +520,7 @@ class TrialRunnerNode(PollingNode):
             pull_displacement_m=self.config.displacement_m(request.contact),
             simulated=self._strain is not None and self._strain.is_simulated,
         )
-        # The clocks of the drivers may differ a little from this one.
+        # The clocks of the drivers may differ slightly from this clock.
         trial.stamp_ns = max(trial.stamp_ns, self._now_ns() if stamp_ns is None else stamp_ns)
         event.header.stamp = Time(nanoseconds=trial.stamp_ns).to_msg()
         if self._events is not None:

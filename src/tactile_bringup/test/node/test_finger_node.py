@@ -124,4 +124,4 @@ def test_a_process_without_nodes_says_how_to_name_them(context):
     process = start(context)
     _, errors = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 1, errors
-    assert 'name nodes, as /tendon_sensor' in errors
+    assert 'give names such as /tendon_sensor' in errors

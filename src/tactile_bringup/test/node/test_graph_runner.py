@@ -23,5 +23,5 @@ def test_a_callback_that_fails_is_told_at_once_and_at_the_end(context):
             nodes['trial_runner'].create_timer(0.01, fail)
             assert ended.wait(10.0)
 
-    with pytest.raises(TactileError, match='a node failed and all were ended: a bug'):
+    with pytest.raises(TactileError, match='a node failed, so all nodes were ended: a bug'):
         run()

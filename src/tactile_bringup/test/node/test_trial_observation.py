@@ -115,12 +115,12 @@ def test_the_log_says_once_what_is_missing_and_once_that_all_is_ready(bench):
     # Not from the standard error: a line that comes while pytest empties it is lost.
     logger = SimpleNamespace(info=said.append, warning=said.append, set_level=lambda _: None)
     runner.get_logger = lambda: logger
-    runner._telling.cancel()  # it was ready from its start
+    runner._readiness_log.cancel()  # it was ready from its start
     bench.guide.say_ready('The guide has not been homed; home the guide.')
     wait_until(lambda: 'home the guide' in ' '.join(runner._ready.missing or ()))
     runner._began_s = -math.inf
     said.clear()
-    runner._telling = runner.call_every(0.02, runner._tell_start)
+    runner._readiness_log = runner.call_every(0.02, runner._log_readiness)
     wait_until(lambda: said)
     bench.guide.say_ready()
     wait_until(lambda: 'ready for trials' in said, lambda: f'{said}, {runner._find_missing()}')
@@ -131,7 +131,7 @@ def test_the_log_says_once_what_is_missing_and_once_that_all_is_ready(bench):
     bench.touch('stiffness')  # a trial that runs is nothing that is missing
     wait_until(lambda: runner._ready.missing)
     runner._began_s = -math.inf
-    runner._tell_start()
+    runner._log_readiness()
     assert len(said) == 2
 
 

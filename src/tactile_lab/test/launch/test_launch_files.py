@@ -18,7 +18,7 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 
 from tactile_bringup.launch_config.graph import ModelChoice, Ports, recorder_node, rig_graph
 from tactile_bringup.launch_config.hand import find_fingers, hand_graph
-from tactile_bringup.launch_config.launching import Node, SimulatedRig
+from tactile_bringup.launch_config.launching import Node, SimulatedRigProcess
 from tactile_bringup.launch_config.parameter_files import ParameterFile
 from tactile_bringup.launch_config.parameter_tables import LAUNCH_FOLDER
 from tactile_lab.commands.replay import replay_graph
@@ -35,7 +35,7 @@ def evaluate(name, **arguments):
     found, waiting = [], list(source.get_launch_description(context).entities)
     while waiting:
         entity = waiting.pop(0)
-        if isinstance(entity, (Node, SimulatedRig)):
+        if isinstance(entity, (Node, SimulatedRigProcess)):
             found.append(entity)
         else:
             waiting = [*(entity.visit(context) or ()), *waiting]
@@ -133,7 +133,7 @@ def test_a_recorder_is_never_started_again_and_the_tendon_soonest(tmp_path):
 
 def test_a_simulated_rig_is_started_unless_ports_are_given():
     (rig,) = evaluate('texture', rig='simulated')
-    assert isinstance(rig, SimulatedRig), 'the nodes come when its ports are there'
+    assert isinstance(rig, SimulatedRigProcess), 'the nodes come when its ports are there'
     running = {f'{name}_port': f'/tmp/{name}' for name in ('guide', 'tendon', 'sensor')}
     nodes = launched('texture', rig='simulated', **running)
     assert nodes['tendon_sensor'] == {'port': '/tmp/sensor', 'simulated': True}
@@ -154,7 +154,7 @@ def test_a_simulated_rig_is_started_unless_ports_are_given():
         ('replay', {'bag': 'nowhere'}, 'nowhere is not a readable bag'),
         ('replay', {'bag': 'nowhere', 'rate': 'fast'}, 'rate is "fast"'),
         ('hand', {}, 'name the fingers'),
-        ('hand', {'fingers': 'a,b', 'sensor_port': '/dev/x'}, 'a sensor port is for one finger'),
+        ('hand', {'fingers': 'a,b', 'sensor_port': '/dev/x'}, 'a sensor port belongs'),
         ('sense', {'autostart': 'maybe'}, 'autostart is "maybe"; it must be true or false'),
         ('texture', {'models': 'nowhere'}, 'nowhere: No such file'),
         ('texture', {'params_file': 'nowhere.yaml'}, 'nowhere.yaml'),
@@ -165,7 +165,7 @@ def test_a_simulated_rig_is_started_unless_ports_are_given():
         (
             'texture',
             {'guide_port': '/dev/a', 'tendon_port': '/dev/a'},
-            'have the same port /dev/a: a port has one user',
+            'have the same port /dev/a; give each its own port',
         ),
     ],
 )

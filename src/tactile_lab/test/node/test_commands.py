@@ -130,7 +130,7 @@ def has_begun(bag, trial, phase):
         (['rig', '--simulated', '--guide', '/dev/ttyACM0'], 'uses its own ports'),
         (['demo', '-o', '.'], 'exists already'),
         (['hand'], 'name the fingers'),
-        (['hand', '--fingers', '2nd'], 'no name for a finger'),
+        (['hand', '--fingers', '2nd'], 'not a valid name of a finger'),
     ],
 )
 def test_what_cannot_be_is_refused_in_a_sentence(arguments, sentence):

@@ -30,7 +30,7 @@ def bench(context):
     )
     bench._rig = SimpleNamespace(
         recorder=SimpleNamespace(has_failed=False, save=lambda: None),
-        operator=SimpleNamespace(tell_progress=lambda *_: None),
+        operator=SimpleNamespace(publish_progress=lambda *_: None),
         observer=observer,
         run=lambda request: bench.fail(request),
     )

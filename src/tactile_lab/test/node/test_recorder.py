@@ -301,7 +301,7 @@ def test_a_full_disk_ends_the_recording_and_nothing_else(context, tmp_path, monk
             )
             assert not ends
 
-    with pytest.raises(TactileError, match='failed on the way: bag_recorder'):
+    with pytest.raises(TactileError, match='failed while running: bag_recorder'):
         until_failed()
     assert messages_on_disk(tmp_path / 'bag')[0] == 0
 

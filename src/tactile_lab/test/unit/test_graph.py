@@ -77,7 +77,7 @@ def test_a_sensor_on_a_topic_needs_no_port(topic, expected):
     assert given == {'sensor': 'topic', 'rate_hz': 0.0, **expected}
     rig = by_name(rig_graph(Ports('g', 't', '', topic), None, {}, simulated=True))
     assert rig['tendon_sensor'].parameters == {**given, 'simulated': True}
-    with pytest.raises(TactileError, match='a sensor_port and a sensor_topic; give one'):
+    with pytest.raises(TactileError, match='both sensor_port and sensor_topic are given'):
         sensor_parameters({}, port='/dev/a', topic=topic)
 
 

@@ -269,9 +269,7 @@ def test_what_is_wrong_with_a_stream_is_said_with_its_remedy():
 
     stream = TopicStream(configure(rate_hz=100.0))
     feed(stream, [(START_NS + i * 20_000_000, 1.0) for i in range(300)])
-    assert 'comes at 50.00 Hz and rate_hz is 100; set rate_hz of this node to 50' in describe(
-        stream
-    )
+    assert 'at 50.00 Hz, but rate_hz is 100; set rate_hz of this node to 50' in describe(stream)
 
     for offset_ns, way in ((5_000_000_000, '4.999 s ahead of'), (-(10**9), '1.001 s behind')):
         stream = TopicStream(configure())
