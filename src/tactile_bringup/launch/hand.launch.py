@@ -60,7 +60,8 @@ ARGUMENTS = [
         description='topic of a force that another node publishes, instead of a port: '
         'WrenchStamped, Wrench, Float64, Float32 or JointState. An axis (fx to tz, norm) or the '
         'name of a joint may follow after a colon, such as /ft/wrench:fx. A relative name is '
-        'resolved in the namespace of each finger. The rate is measured, unless params_file has one',
+        'resolved in the namespace of each finger. The rate is measured unless '
+        'params_file states it',
     ),
     DeclareLaunchArgument(
         'models',

@@ -133,8 +133,8 @@ def find_stream_problem(
     rate_hz, measured_hz = stream.rate_hz, stream.meter.rate_hz
     if rate_hz and measured_hz and abs(measured_hz - rate_hz) > RATE_TOLERANCE * rate_hz:
         return (
-            f'{topic} is published at {measured_hz:.2f} Hz, but rate_hz is {rate_hz:g}; set rate_hz '
-            f'of this node to {measured_hz:.4g}, or to 0 to measure it'
+            f'{topic} is published at {measured_hz:.2f} Hz, but rate_hz is {rate_hz:g}; set '
+            f'rate_hz of this node to {measured_hz:.4g}, or to 0 to measure it'
         )
     return None
 

@@ -144,7 +144,7 @@ def test_a_lost_emergency_stop_latches_and_forbids_a_reset():
     latch.check(500 * MS)
     assert latch.find_loss(500 * MS) is None
     latch.check(501 * MS)
-    assert 'was not heard for 0.5 s' in latch.state.reason
+    assert 'no message has arrived from the emergency stop' in latch.state.reason
     assert '0.5 s' in latch.reset(600 * MS).reason
     latch.hear_emergency(False, 700 * MS)
     assert latch.state.is_stopped

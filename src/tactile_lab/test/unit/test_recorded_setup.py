@@ -193,9 +193,7 @@ def test_models_are_found_by_path_and_content(record, models, tmp_path):
         assert info.sha256 == hashlib.sha256(file.read_bytes()).hexdigest()
         assert gather_models([file], tmp_path) == file
         file.write_bytes(b'another')
-        with pytest.raises(
-            TactileError, match=r'changed since: .*any name\.npz; state --models'
-        ):
+        with pytest.raises(TactileError, match=r'changed since: .*any name\.npz; state --models'):
             find_models(bag)
         file.unlink()
         with pytest.raises(TactileError, match=r'is not at .*any name\.npz; state --models'):
