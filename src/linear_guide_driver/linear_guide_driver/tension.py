@@ -415,7 +415,7 @@ class SampleLag:
             self._present_ns = self._before_ns = None
             self._since_ns = arrived_at_ns
         elif arrived_at_ns - self._since_ns >= _HALF_WINDOW_NS:
-            # Also after a long pause, because the samples of a full queue are old.
+            # Also after a long pause: samples that have waited in a full queue are old.
             self._before_ns = self._present_ns
             self._present_ns, self._since_ns = None, arrived_at_ns
         self._stamp_ns = stamp_ns

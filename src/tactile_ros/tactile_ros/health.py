@@ -95,8 +95,8 @@ class Diagnostics:
         level, sentence, values = health
         if (guard := getattr(self._node, 'message_guard', None)) is not None:
             values = {**values, **guard.values}
-            if guard.warning:
-                level, sentence = max(level, WARN), f'{sentence}; {guard.warning}'
+            if warning := guard.warning:
+                level, sentence = max(level, WARN), f'{sentence}; {warning}'
         message = DiagnosticArray()
         message.header.stamp = self._node.get_clock().now().to_msg()
         message.status = [

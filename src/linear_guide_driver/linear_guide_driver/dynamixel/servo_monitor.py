@@ -132,7 +132,7 @@ class ServoMonitor:
             return Refusal(self._outage, RESTART)
         if self.is_lost:
             return Refusal(self._outage, 'the driver connects again by itself')
-        remedy = 'check wiring and power; the driver keeps trying'
+        remedy = 'check wiring and power; the driver tries again by itself'
         return Refusal(self._outage, remedy)
 
     @property
@@ -242,9 +242,7 @@ class ServoMonitor:
             self._failed_polls += 1
             if self._failed_polls < FAILED_POLLS:
                 return 0.0
-            self.fail(
-                f'the servo {"does not answer" if is_silent else "refuses to be read"} ({error})'
-            )
+            self.fail(f'the servo {"is silent" if is_silent else "refuses to be read"} ({error})')
         except Exception as error:  # polling must continue, because it slackens the tendon
             if self._outage is None:
                 _logger.exception('reading the servo failed')

@@ -23,7 +23,7 @@ def config(servo):
 
 @pytest.fixture
 def connect(config):
-    """Return what makes a connected client with other parameters."""
+    """Return a function that creates a connected client with other parameters."""
     with ExitStack() as stack:
 
         def make(*arguments, **changes):

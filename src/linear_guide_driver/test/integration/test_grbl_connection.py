@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The conversation with a Grbl whose every word is the test's."""
+"""The connection to a Grbl controller whose answers are scripted by the test."""
 
 from background import Background
 from pty_peer import PtyPeer

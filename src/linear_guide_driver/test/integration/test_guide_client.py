@@ -33,7 +33,7 @@ def guide(grbl):
 
 @pytest.fixture
 def move(guide, grbl):
-    """A move over most of the travel that is on its way."""
+    """Return a running move over most of the travel."""
     guide.home()
     move = Background(guide.move_to, 0.15, 0.05)
     wait_until(lambda: grbl.is_moving)
@@ -185,7 +185,7 @@ def test_a_move_whose_watcher_fails_is_braked_and_a_failing_consumer_ends_nothin
     with pytest.raises(ZeroDivisionError):
         client.move_to(0.19, 0.02, fail)
     wait_until(lambda: not grbl.is_moving)
-    with pytest.raises(MotionRefusedError, match='unwatched'):
+    with pytest.raises(MotionRefusedError, match='abandoned'):
         client.move_to(0.1, 0.05)
     client.close()
 

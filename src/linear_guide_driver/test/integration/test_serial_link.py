@@ -12,7 +12,7 @@ from linear_guide_driver.serial_link import SerialLink
 
 @pytest.fixture
 def make_line():
-    """Return a function that makes a link whose reader does not run, and how to unplug it."""
+    """Return a function that creates a link without a reader, and a function to unplug it."""
     links = []
 
     def make(on_lost):

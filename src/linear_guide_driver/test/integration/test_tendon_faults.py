@@ -176,9 +176,9 @@ def test_another_servo_behind_the_port_is_left_alone(connect, servo, change):
     servo.put(102, 2, 1193)
     count = len(servo.writes)
     servo.plug_in()
-    wait_until(lambda: 'another servo' in str(tendon.trouble))
-    wait_until(lambda: 'another servo' in told[-1])
-    with pytest.raises(MotionRefusedError, match='another servo'):
+    wait_until(lambda: 'exchanged' in str(tendon.trouble))
+    wait_until(lambda: 'exchanged' in told[-1])
+    with pytest.raises(MotionRefusedError, match='exchanged'):
         tendon.pull_to(0.0)
     for address, value in before.items():
         servo.put(address, sizes.get(address, 1), value)
@@ -195,7 +195,7 @@ def test_a_driver_that_ends_leaves_another_servo_alone(connect, servo):
     servo.put(11, 1, 3)
     count = len(servo.writes)
     servo.plug_in()
-    wait_until(lambda: 'another servo' in str(tendon.trouble))
+    wait_until(lambda: 'exchanged' in str(tendon.trouble))
     tendon.close()
     assert servo.writes[count:] == []
     assert servo.table[64] == 1

@@ -73,7 +73,7 @@ class Bench:
         )
 
     def make_client(self, action_type, name):
-        """Make a client on the executor's thread, which could meet it half made."""
+        """Create a client on the executor's thread, which must not see it incomplete."""
 
         def make():
             self._clients[name] = ActionClient(self.peer, action_type, name)
@@ -92,19 +92,19 @@ class Bench:
         return names[reply.status], reply.result
 
     def aborts(self, handle, words):
-        """Check that a goal is aborted with these words; return its message."""
+        """Check that a goal is aborted and its message contains ``words``; return it."""
         status, result = self.result(handle)
         assert (status, words in result.message) == ('aborted', True), result.message
         return result.message
 
     def call(self, name):
-        """Return the answer of a trigger service."""
+        """Return the response of a trigger service."""
         client = self.peer.create_client(Trigger, name)
         assert client.wait_for_service(timeout_sec=DEADLINE_S)
         return self.ask(lambda: client.call_async(Trigger.Request()))
 
     def stop_clock(self):
-        """Let the node take the time from a clock that stands."""
+        """Let the node take its time from a clock that does not advance."""
         clock = self.peer.create_publisher(Clock, '/clock', 1)
         self.node.set_parameters([Parameter('use_sim_time', value=True)])
         wait_until(lambda: clock.get_subscription_count() == 1)
@@ -121,7 +121,7 @@ class Bench:
 
 @pytest.fixture(autouse=True)
 def patience(monkeypatch):
-    """Let a busy computer answer for a servo: its thread may wait for a core [ms]."""
+    """Longer timeout for the servo's answers [ms], because its thread may wait for a core."""
     monkeypatch.setattr(port_handler, 'LATENCY_TIMER', 100)
 
 
@@ -140,7 +140,7 @@ def peers(bench):
 
 @pytest.fixture
 def diagnostics(bench):
-    """Return the statuses of the node that runs, in a list that grows."""
+    """Return the statuses of the running node, in a list that grows."""
     statuses = []
     bench.peer.create_subscription(
         DiagnosticArray, '/diagnostics', lambda message: statuses.append(message.status[0]), 10
@@ -151,7 +151,7 @@ def diagnostics(bench):
 
 @pytest.fixture
 def start_driver(bench, servo):
-    """Return what starts the tendon driver's program on the servo, with options of Popen."""
+    """Return a function that starts the tendon driver; it takes options of Popen."""
     program = Path(
         get_package_prefix('linear_guide_driver'), 'lib/linear_guide_driver/tendon_actuator_node'
     )

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Goals of drivers that stand still (SIGSTOP) and go on: nothing moves then."""
+"""Goals of drivers that are stopped (SIGSTOP) and continued: nothing moves after that."""
 
 from contextlib import contextmanager
 import os
@@ -104,7 +104,7 @@ def tendon(bench, servo):
 
 
 def assert_rests(read_position, most=0.0):
-    """Check that nothing moves for a while, except by ``most``."""
+    """Check that nothing moves by more than ``most`` for some time."""
     start, end_s = read_position(), time.monotonic() + AFTER_S
     seen = []
     wait_until(lambda: seen.append(read_position()) or time.monotonic() > end_s)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Signs of life of real drivers: hung workers, two rigs in one domain, a frozen tendon driver."""
+"""Heartbeats of real drivers: hung workers, two rigs in one domain, a frozen tendon driver."""
 
 from contextlib import contextmanager
 import signal
@@ -36,7 +36,7 @@ PULL = {'displacement_m': TAUT_M, 'speed_m_s': 0.02, 'contact': 'flexion'}
 
 @pytest.fixture
 def twins(context):
-    """Return what brings a second node up in a participant of its own, in the same domain."""
+    """Return a function that starts a second node in a separate participant of the same domain."""
     other = Context()
     rclpy.init(context=other, domain_id=context.get_domain_id())
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The guide with a taut tendon: both real drivers, or the guide and reports of a test."""
+"""The guide with a taut tendon: with both real drivers, or with reports from the test."""
 
 import pytest
 
@@ -29,14 +29,14 @@ def tendon(bench, servo):
 
 @pytest.fixture
 def guide(bench, grbl):
-    """Return a bench with a guide that gives a goal no time."""
+    """Return a bench with a guide whose goals do not wait for topics."""
     bench.start(LinearGuideNode, port=grbl.port, poll_rate_hz=20.0, peer_wait_s=0.1)
     return bench
 
 
 @pytest.fixture
 def report(guide):
-    """Return what publishes a report of the tendon and waits until the guide has it."""
+    """Return a function that publishes a report of the tendon and waits until the guide has it."""
     publisher = guide.peer.create_publisher(TendonSlack, 'tendon_actuator/slack', LATEST)
 
     def publish(slack, displacement_m=0.0, reason=''):

@@ -75,7 +75,7 @@ def test_above_the_limit_nothing_turns_slackening_into_holding(bench, servo, pee
 
 
 def fall_silent(peers, who, is_silent=True):
-    """Lose the heartbeat or the samples of the sensor, or have them back."""
+    """Stop or resume the heartbeat or the samples of the sensor."""
     setattr(peers, 'beats' if who == 'heartbeat' else 'samples', not is_silent)
 
 
@@ -237,7 +237,7 @@ def test_tension_at_the_zero_asks_for_homing_and_slackening_goes_by_the_sensor(
 
 
 class Other:
-    """What `Peers` needs of a bench: another node that publishes."""
+    """The part of a bench that `Peers` needs: another node that publishes."""
 
     def __init__(self, context):
         self.peer = Node('other_sensor', context=context)

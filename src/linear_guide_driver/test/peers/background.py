@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Blocking calls beside a test, and waiting for what they lead to."""
+"""Blocking calls on a thread beside the test, and waits for their effects."""
 
 import threading
 
@@ -9,7 +9,7 @@ from tactile_testing.waiting import wait_until
 
 
 class Background:
-    """Runs a call on a thread and keeps how it ended."""
+    """Runs a call on a thread, and stores its result or exception."""
 
     def __init__(self, call, *arguments):
         self.error = None
@@ -28,14 +28,14 @@ class Background:
         return self.error
 
     def ends_by(self, kind, words=''):
-        """Check that it ends by an error of this kind that says these words."""
+        """Check that the call raises an error of this kind, with these words in its message."""
         error = self.end()
         assert isinstance(error, kind)
         assert words in str(error)
 
 
 def begin_pull(tendon, servo, *arguments):
-    """Return a pull by 20 mm that is on its way."""
+    """Return a running pull by 20 mm."""
     pull = Background(tendon.pull_to, 0.02, 0.01, *arguments)
     wait_until(lambda: servo.position > 2100)
     return pull

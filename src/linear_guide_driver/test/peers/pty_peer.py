@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A device behind a pseudo-terminal, served on a thread of its own."""
+"""A device behind a pseudo-terminal, served on a separate thread."""
 
 import os
 from pathlib import Path
@@ -12,7 +12,7 @@ import tty
 
 
 class PtyPeer:
-    """Calls `take` with what has arrived, nothing included, some hundred times a second."""
+    """Calls `take` with the received bytes, if any, about a hundred times a second."""
 
     def __init__(self):
         self._folder = tempfile.TemporaryDirectory()
@@ -31,7 +31,7 @@ class PtyPeer:
         os.write(self._master, data)
 
     def close(self):
-        """Unplug for good. Harmless when called twice."""
+        """Unplug permanently; idempotent."""
         self.unplug()
         self._folder.cleanup()
 

@@ -21,7 +21,7 @@ SETTINGS = {
 BLOCKS = 15
 
 DEAF_S = 0.5
-"""After ALARM:1 and 2 Grbl swallows resets for so long."""
+"""Time for which Grbl ignores resets after ALARM:1 and 2 [s]."""
 
 
 class ScriptedGrbl(PtyPeer):
@@ -64,7 +64,7 @@ class ScriptedGrbl(PtyPeer):
         return bool(self._moves)
 
     def lose_power(self):
-        """Restart in the middle of whatever it does."""
+        """Restart in the middle of the present action."""
         self.say(self.banner + b"[MSG:'$H'|'$X' to unlock]\r\n")
         self._rest(0.0)
         self.state = 'Alarm'

@@ -73,7 +73,7 @@ class ServoModel:
 
     @property
     def position(self):
-        """Of the shaft, whatever the homing offset [counts]."""
+        """Position of the shaft [counts], independent of the homing offset."""
         return self.get(132) - self.get(20)
 
     def turn_to(self, counts):
@@ -86,7 +86,7 @@ class ServoModel:
         return self.get(116) - self.get(20)
 
     def leave_as_a_driver(self, zero, position):
-        """Hold as a driver that has ended leaves it: counts of the shaft, watchdog tripped."""
+        """Hold a position of the shaft [counts] as after the end of a driver: watchdog tripped."""
         for address, size, value in ((20, 4, -zero), (11, 1, 5), (64, 1, 1), (98, 1, 255)):
             self.put(address, size, value)
         for address, size, value in ((102, 2, 112), (112, 4, 42), (116, 4, position - zero)):
@@ -98,7 +98,7 @@ class ServoModel:
         self.put(64, 1, 0)
 
     def lose_power(self):
-        """Forget everything but the EEPROM, and turns beyond one."""
+        """Lose all registers except the EEPROM, and the count of whole turns."""
         counts = self.position
         self.put(64, 160, 0)
         for address, size, value in TABLE:
@@ -175,7 +175,7 @@ class ScriptedServo(ServoModel, PtyPeer):
         PtyPeer.__init__(self)
 
     def stop_flow(self, is_stopped):
-        """Let the port take no bytes, or take them again."""
+        """Let the port accept no bytes, or accept them again."""
         termios.tcflow(self._slave, termios.TCOOFF if is_stopped else termios.TCOON)
 
     # -- inside ------------------------------------------------------------------------

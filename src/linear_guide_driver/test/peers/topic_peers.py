@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The sensor and another driver, as a motion node hears them."""
+"""Publishers in place of the sensor and of another driver."""
 
 import threading
 import time
@@ -14,10 +14,10 @@ from tactile_ros.qos import STREAM
 
 
 class Peers:
-    """Publishes strain and a heartbeat at 100 Hz until told otherwise. A context manager.
+    """Publishes strain and a heartbeat at 100 Hz until it is stopped; a context manager.
 
-    ``tension_n`` is a number or a function. Samples are stamped by a clock that is ``step_s``
-    ahead, and arrive ``delay_s`` later than they are taken.
+    ``tension_n`` is a number or a function. Samples are stamped with a clock that is ``step_s``
+    ahead, and arrive ``delay_s`` after they were taken.
     """
 
     def __init__(self, bench):

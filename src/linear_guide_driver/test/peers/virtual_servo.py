@@ -25,7 +25,7 @@ LATE_NS = 70_000_000
 
 
 class VirtualTime:
-    """Stands in for the module `time` of the modules under test; sleeping lets it pass."""
+    """Replaces the module `time` of the modules under test; sleeping advances the time."""
 
     def __init__(self):
         self.now_ns = 0
@@ -61,7 +61,7 @@ class VirtualServo(ServoModel):
         self.turn_to(first_count)
 
     def lose_power(self, *, is_torque_on=False):
-        """With ``is_torque_on`` its Startup Configuration switches the torque on again."""
+        """Lose the power; ``is_torque_on``: the Startup Configuration switches the torque on."""
         before = self.position
         super().lose_power()
         self.put(102, 2, self.get(38, 2))
@@ -70,7 +70,7 @@ class VirtualServo(ServoModel):
         self.lost_counts += before - self.position
 
     def answer(self, instruction, parameters):
-        """Carry an instruction out; return error and data of its answer."""
+        """Execute an instruction; return error and data of its answer."""
         self._heard_s = self._clock()
         if instruction == 1:
             return 0, bytes(self.table[0:2]) + bytes(self.table[6:7])
@@ -119,7 +119,7 @@ class VirtualLine:
         self.is_plugged = True
 
     def exchange(self, opened, instruction, parameters):
-        """Return error and data of the first answer that comes, or None."""
+        """Return error and data of the first answer, or None."""
         if not self.is_plugged or opened != self.plugs:
             raise serial.SerialException('the line is lost')
         fault = self.faults.popleft() if self.faults else 'fine'

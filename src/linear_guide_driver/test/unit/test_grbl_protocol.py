@@ -57,7 +57,7 @@ garbage = st.sampled_from(GARBAGE)
 
 
 def encode_event(event):
-    """Return the line with which a controller says it."""
+    """Return the line with which a controller reports an event."""
     if isinstance(event, Ok):
         text = 'ok'
     elif isinstance(event, Error):

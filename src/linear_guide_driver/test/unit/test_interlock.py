@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The judgement of a slack tendon, and the permission of the guide to move."""
+"""The report of a slack tendon, and the permission of the guide to move."""
 
 import math
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The rules of a motion on a device that writes down what it is told."""
+"""The rules of a motion, with a device that records the calls."""
 
 import pytest
 

@@ -14,7 +14,7 @@ GLIDE = (0.060, 0.125, 0.015)  # the texture protocol
 
 
 def reports(start_m, target_m, speed_m_s, *, rate_hz=10.0, phase=0.3, ramp_s=0.0, pause=None):
-    """Yield exact reports of a motion; ``pause`` is when, since its start, and how long [s]."""
+    """Yield exact reports of a motion; ``pause`` is the start and the duration of a pause [s]."""
     length_m, sign = abs(target_m - start_m), 1 if target_m > start_m else -1
     for number in range(-3, round(6 * rate_hz)):
         t = (number + phase) / rate_hz

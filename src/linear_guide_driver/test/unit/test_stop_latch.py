@@ -18,7 +18,7 @@ def make_with_emergency(timeout_s=0.5):
 
 
 def connect(*latches):
-    """Carry each state to all others at once, as the topic does."""
+    """Pass each state to all other latches immediately, as the topic does."""
     for latch in latches:
 
         def publish(latch=latch):

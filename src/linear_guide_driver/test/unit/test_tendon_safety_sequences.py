@@ -54,7 +54,7 @@ WRITE = 3
 
 
 class Activity:
-    """Stands in for the watch of a node that its own lifecycle state is active."""
+    """Replaces the watch of a node's own lifecycle state."""
 
     was_heard = True
 
@@ -153,7 +153,7 @@ class Tendon(RuleBasedStateMachine):
             self.is_busy = False
 
     def step(self):
-        """Let every servo turn; note a motion that is not as it was asked for."""
+        """Let every servo turn, and record a motion that was not requested."""
         before = self.servo.position
         for each in {self.own, self.servo}:
             each.turn()
@@ -538,19 +538,19 @@ class Tendon(RuleBasedStateMachine):
 
     @property
     def is_lost(self):
-        """Return whether something is lost that a taut tendon needs."""
+        """Return True if a node or topic that a taut tendon needs is lost."""
         is_there = self.are_peers_heard() and self.activity.is_active
         return not is_there or not (self.config.unguarded or self.is_live())
 
     def note_wrong(self, check, *arguments):
-        """Note what is wrong; the driver's poll outlives what is raised in it."""
+        """Record a violation; an exception would only be logged by the driver's poll."""
         try:
             check(*arguments)
         except AssertionError as error:
             self.wrong = self.wrong or error
 
     def note_instruction(self, instruction, parameters):
-        """Check what the servo hears."""
+        """Check an instruction that the servo receives."""
         if instruction != WRITE:
             return
         address, data = parameters[0], parameters[2:]

@@ -1,6 +1,6 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What the source of the tension believes, in plain Python."""
+"""Reliability of the tension, without ROS."""
 
 import dataclasses
 import math

@@ -308,7 +308,7 @@ class SimulatedRigProcess(ExecuteProcess):
             known = list(list_objects(mount[0]))
             if mount[1] not in known:
                 raise TactileError(
-                    f'object is "{mount[1]}"; for {mount[0]} it must be one of {", ".join(known)}'
+                    f'object is "{mount[1]}"; for {mount[0]}, the objects are {", ".join(known)}'
                 )
         super().__init__(
             cmd=[

@@ -90,7 +90,7 @@ except TactileError as error:
 def test_a_replay_says_what_to_install():
     replay = str(LAUNCH_FILES[0].with_name('replay.launch.py'))
     sentence = refused(f"runpy.run_path({replay!r})['launch_setup'](None)", ('tactile_bags',))
-    assert sentence.startswith('a replay needs tactile_bags, not installed here: build')
+    assert sentence.startswith('a replay needs tactile_bags, which is not installed: build')
 
 
 @pytest.mark.parametrize(
@@ -99,13 +99,13 @@ def test_a_replay_says_what_to_install():
         (
             ('tactile_bags', 'mcap'),
             "graph.recorder_parameters('bag')",
-            'a recording needs tactile_bags, mcap, not installed here: build tactile_bags in this '
-            'workspace, and run: pip install mcap rosbags',
+            'a recording needs tactile_bags, mcap, which is not installed: build tactile_bags in '
+            'this workspace, and run: pip install mcap rosbags',
         ),
         (
             ('tactile_sim',),
             "graph.require_package('tactile_sim', 'rig:=simulated')",
-            'rig:=simulated needs tactile_sim, not installed here: build tactile_sim in this '
+            'rig:=simulated needs tactile_sim, which is not installed: build tactile_sim in this '
             'workspace',
         ),
     ],

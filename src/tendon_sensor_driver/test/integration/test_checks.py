@@ -22,7 +22,7 @@ from tendon_sensor_driver import (
 )
 from tendon_sensor_driver.checks import SensorCheckError
 from tendon_sensor_driver.client import SensorClient
-from tendon_sensor_driver.records import Health
+from tendon_sensor_driver.records import SensorHealth
 
 PERIOD_NS = 5_000_000
 
@@ -106,7 +106,7 @@ class Counter(SensorClient):
             self._is_connected = False
 
     def health(self):
-        return Health(
+        return SensorHealth(
             self._is_connected, self._host_ns(), readings=self._count, last_error=self._last_error
         )
 
