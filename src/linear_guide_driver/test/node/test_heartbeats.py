@@ -177,7 +177,7 @@ def test_of_two_guides_a_moving_one_stops_and_none_moves(bench, grbl, twins):
     wait_until(lambda: not bench.node._find_missing())
 
 
-# -- a frozen tendon driver, in a process of its own --------------------------------------------
+# -- a frozen tendon driver, in a separate process --------------------------------------------
 
 
 def test_a_tendon_driver_that_waits_is_left_and_a_frozen_one_is_killed_and_the_next_slackens(

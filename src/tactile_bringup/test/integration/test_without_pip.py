@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The packages of a robot are imported where only apt has installed what they need."""
+"""The packages of a robot can be imported if only packages from apt are installed."""
 
 from importlib.util import find_spec
 from pathlib import Path
@@ -72,7 +72,7 @@ def test_a_launch_file_shows_its_arguments(path):
 
 
 def refused(call, blocked):
-    """Return the sentence that a call is refused with where some modules are not installed."""
+    """Return the message with which a call is refused if some modules are not installed."""
     code = f"""
 import runpy
 from tactile_bringup.launch_config import graph

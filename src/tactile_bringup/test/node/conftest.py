@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lets the tests here share their bench."""
+"""Fixtures that the tests of trials share."""
 
 from pathlib import Path
 import sys
@@ -21,6 +21,6 @@ def bench(context):
 
 @pytest.fixture
 def bench_apart(context):
-    """Return a bench whose trial runner is a process of its own."""
+    """Return a bench whose trial runner is a separate process."""
     with Bench(context, is_apart=True) as bench:
         yield bench

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A finger in one process: its stages call each other, whatever others do in the meantime."""
+"""A finger in one process: its stages call each other, regardless of other activity."""
 
 from collections import Counter
 from dataclasses import replace

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Nodes that take the time from /clock: what they stamp is of that time."""
+"""Nodes with simulated time: their stamps are taken from /clock."""
 
 import threading
 

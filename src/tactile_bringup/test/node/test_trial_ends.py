@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Trials that end early, on devices that a test can take away."""
+"""Trials that end early, with devices that the test can remove."""
 
 from contextlib import contextmanager
 import re
@@ -81,7 +81,7 @@ def test_a_driver_that_falls_silent_ends_the_trial_with_its_reason(bench, protoc
 
 @contextmanager
 def second_node(bench, context, name):
-    """Let a second node of a name have servers; its device is not well."""
+    """Start a second node with the same name and servers, whose device is not usable."""
     node = Node(name, context=context)
     heart = Heartbeat(node, lambda: True, '~/presence', PRESENCE_LEASE_S)
     timer = bench.client.create_timer(0.02, heart.beat)
@@ -235,7 +235,7 @@ def test_a_hold_whose_tendon_is_reported_no_more_does_not_succeed(bench):
 
 
 def assert_is_tracked_no_more(bench, device):
-    """Joint states that come after the end of the tracking are not kept."""
+    """Joint states that arrive after the end of the tracking are not stored."""
     states = []
     topic = f'{device.name}/joint_states'
     wait_until(lambda: time.monotonic() > device._track_end_s)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A trial tells when its phases began, how it moved, why it cannot begin."""
+"""A trial reports the start of its phases, its motion, and why it cannot begin."""
 
 import itertools
 import math

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Trial runner and the devices that a test can take away, delay or make worse."""
+"""Trial runner with devices that the test can remove, delay or degrade."""
 
 from dataclasses import dataclass
 import os
@@ -41,7 +41,7 @@ class NoConfig:
 
 @dataclass(frozen=True)
 class Motion:
-    """A motion as a function of time: a late report has the position of its own stamp."""
+    """A motion as a function of time: a late report has the position at its stamp."""
 
     start_m: float
     target_m: float
@@ -61,7 +61,7 @@ class Motion:
 
 
 class Device(TactileNode):
-    """A device that moves as it is told, unless a test has said otherwise.
+    """A device that executes its goals, unless the test changes its behaviour.
 
     Goals are counted from 1. ``waits_in``, ``fails_in``, ``delays``: what happens before a goal
     moves anything; ``pauses``: a pause half way [s]; ``slowness``: by which factor it is slow;
@@ -163,9 +163,9 @@ class Sensor(Node):
 
 
 class Bench:
-    """Devices, sensor and runner, each on an executor of its own, as in processes of their own.
+    """Devices, sensor and runner, each on a separate executor, as in separate processes.
 
-    With ``is_apart`` the runner really is a process of its own, which a test can stop.
+    With ``is_apart`` the runner really is a separate process, which the test can stop.
     """
 
     def __init__(self, context, *, is_apart=False):

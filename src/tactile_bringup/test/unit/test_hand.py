@@ -19,7 +19,7 @@ middle:
 
 @pytest.fixture
 def graph(parameter_file):
-    """Return what gives the nodes of a hand by path, from the text of a parameter file."""
+    """Return a function that returns the nodes of a hand by path, from a parameter file."""
 
     def make(fingers, text='', **options):
         file = ParameterFile(parameter_file(text) if text else None)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Model files decide on features and answers: launch files pass on their place alone."""
+"""Model files determine the features: launch files only pass their path."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ SPATIAL = FeatureConfig(
 
 @pytest.fixture
 def write(tmp_path):
-    """Return a writer of models for windows cut by a config; the features mean nothing."""
+    """Return a function that writes models for windows of a config, with random features."""
 
     def write(name, config):
         task, _, contact = name.partition('_')

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The unit file starts a launch file that exists, and ends it so that no node is left."""
+"""The unit file starts an existing launch file, and ends it without leaving nodes."""
 
 from configparser import ConfigParser
 from pathlib import Path

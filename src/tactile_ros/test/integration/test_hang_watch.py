@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The watch of a hung process; each parent is a process of its own, which may be killed."""
+"""The watchdog of a hung process; each parent is a separate process, which may be killed."""
 
 import os
 from pathlib import Path
@@ -38,7 +38,7 @@ for line in sys.stdin:
 
 
 class Parent:
-    """A process with a `HangWatch` that does what it is told."""
+    """A process with a `HangWatch` that executes commands."""
 
     def __init__(self):
         pipe = subprocess.PIPE
@@ -53,7 +53,7 @@ class Parent:
         self.child = int(self.process.stdout.readline())
 
     def tell(self, line):
-        """Tell what to do and wait until it is done."""
+        """Send a command and wait until it is executed."""
         self.process.stdin.write(line + '\n')
         self.process.stdin.flush()
         return self.process.stdout.readline()
@@ -72,7 +72,7 @@ class Parent:
 
 @pytest.fixture
 def start():
-    """Return a function that starts a parent and tells it some lines."""
+    """Return a function that starts a parent and sends it some lines."""
     parents = []
 
     def start_and_tell(*lines):
@@ -122,7 +122,7 @@ def test_a_process_that_need_not_turn_is_left_alone_also_without_the_child(start
 
 
 def test_a_slice_that_took_long_counts_once(monkeypatch):
-    """Where the child itself got no core for long, it waits for further slices."""
+    """If the child itself got no core for a long time, it waits for further slices."""
     slices, killed = [], []
     answers = [([0], [], [])]
 

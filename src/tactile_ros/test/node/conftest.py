@@ -13,7 +13,7 @@ from tactile_testing.waiting import wait_until
 
 @pytest.fixture
 def spun(context):
-    """Return a function that spins nodes, each call's in a group of their own."""
+    """Return a function that spins nodes; each call makes a separate group."""
     groups = []
 
     def start(*nodes, **options):

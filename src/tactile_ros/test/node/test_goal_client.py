@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A client whose answers get lost, as when a server has not found it yet."""
+"""A client whose answers are lost, as when a server has not discovered it yet."""
 
 from dataclasses import make_dataclass
 import threading
@@ -48,7 +48,7 @@ class Server(TactileNode):
 
 @pytest.fixture
 def losses(monkeypatch):
-    """Return how many answers of each kind the clients lose from now on."""
+    """Return a mapping in which a test sets how many answers of each kind are lost."""
     losses = {'goal': 0, 'result': 0, 'cancel': 0}
     take_data = GoalIdClient.take_data
 
@@ -67,7 +67,7 @@ def losses(monkeypatch):
 
 @pytest.fixture
 def rig(context, spun):
-    """Return a function that runs a server with this work and gives it with a client."""
+    """Return a function that runs a server with some work; it returns server and client."""
     clients = []
 
     def make(work=lambda goal: MoveGuide.Result(message='there')):
@@ -90,7 +90,7 @@ def end_of(goal):
 
 
 def until_ended(goal):
-    """Work until the goal is to end."""
+    """Work until the goal must end."""
     assert goal.wait(DEADLINE_S)
     goal.check()
 

@@ -77,7 +77,7 @@ class Client:
 
 @pytest.fixture
 def rig(context, spun):
-    """Return a function that runs a server with this work and gives it with a client."""
+    """Return a function that runs a server with some work; it returns server and client."""
 
     def make(work):
         server, client = Server(work, context=context), Client(Node('client', context=context))
@@ -191,7 +191,7 @@ def test_goal_that_is_not_accepted_says_why(rig):
 
 
 def test_closing_the_group_still_tells_the_client_how_its_goal_ended(rig, context):
-    """The client lives elsewhere, so its executor goes on."""
+    """The client is in another process, so its executor keeps running."""
 
     def work(goal):
         goal.wait(DEADLINE_S)

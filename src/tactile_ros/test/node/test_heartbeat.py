@@ -35,7 +35,7 @@ def node(context):
 
 @pytest.fixture
 def start_peer(context):
-    """Return what starts the node ``peer`` in a process of its own."""
+    """Return a function that starts the node ``peer`` in a separate process."""
     processes = []
 
     def start():
@@ -54,7 +54,7 @@ def start_peer(context):
 
 @contextmanager
 def beating(*hearts):
-    """Let hearts beat on a thread."""
+    """Publish heartbeats on a thread."""
     end = threading.Event()
 
     def run():

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Memory of an idle lifecycle node on this computer alone."""
+"""Memory of an idle lifecycle node, restricted to this computer."""
 
 import os
 import subprocess

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages that a node cannot convert end with themselves, not with the node."""
+"""A message that cannot be converted is refused and does not end the node."""
 
 from dataclasses import make_dataclass
 

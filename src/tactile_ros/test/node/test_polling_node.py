@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages that a node asks for, and records that are published only where somebody listens."""
+"""Polled subscriptions, and records that are published only for subscribers."""
 
 from dataclasses import make_dataclass
 import threading
@@ -24,7 +24,7 @@ Nothing = make_dataclass('Nothing', [], frozen=True)
 
 
 class Listener(PollingNode):
-    """Notes the messages of topics, and the threads that they come on."""
+    """Records the messages of topics, and the threads on which they arrive."""
 
     def __init__(self, name, **options):
         super().__init__(name, Nothing, **options)
@@ -42,7 +42,7 @@ class Listener(PollingNode):
 
 @pytest.fixture
 def pair(context, spun):
-    """A peer's publisher of numbers and a node that polls them, once each knows the other."""
+    """A peer's publisher of numbers and a node that polls them, once both have matched."""
 
     def make(take=None, profile=STREAM, poll_s=0.005, **options):
         peer, listener = Node('peer', context=context), Listener('listener', context=context)
@@ -169,7 +169,7 @@ def test_polling_ends_with_its_context():
 
 
 class Doubling(Stage):
-    """A stage that gives out twice what comes in; counts the messages that it builds."""
+    """A stage that emits twice its input, and counts the messages that it creates."""
 
     def __init__(self, node, emit):
         self.node, self.emit = node, emit

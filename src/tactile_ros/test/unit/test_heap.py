@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Large blocks go back to the system when they are freed; small ones share one heap."""
+"""Large blocks are returned to the system when they are freed; small ones share one heap."""
 
 import ctypes
 import os

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Signals are never lost, whichever thread takes them and whatever the main thread waits for."""
+"""Signals are never lost, regardless of the receiving thread and of waits in the main thread."""
 
 import signal
 import subprocess

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""YAML files of anybody are read, or refused with a sentence."""
+"""Untrusted YAML files are read, or refused with a message."""
 
 from contextlib import suppress
 import os
