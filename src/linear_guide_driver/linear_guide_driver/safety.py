@@ -155,7 +155,7 @@ class Order(Enum):
 
 
 class Zero(Enum):
-    """Knowledge of the displacement's zero."""
+    """Whether the zero of the displacement is known."""
 
     KNOWN = 'homed, or taken where the sensor read a slack tendon'
     UNCONFIRMED = 'taken where the tendon came to rest; the sensor has not confirmed it'

@@ -156,7 +156,7 @@ class NetFtLink:
         return datagrams
 
     def _decode(self, datagrams: list[bytes], received_at_ns: int) -> Batch:
-        """Return the records as a batch, and restart the time of silence."""
+        """Return the records as a batch, and reset the timer of silence."""
         records: NDArray[np.void] = decode_records(b''.join(datagrams))
         words = records['status'].astype(np.uint32)
         self._heard_s = self._asked_s = time.monotonic()

@@ -61,7 +61,7 @@ class _OpenBlock:
         return stamp_ns - self.stamp_ns - self.samples * self.period_ns
 
     def widen_error(self, stamp_ns: int, error_s: float) -> None:
-        """Widen the error of the block for the next sample; a negative error is unknown."""
+        """Widen the error bound of the block to cover the next sample; negative means unknown."""
         if self.error_s >= 0:
             misfit_s = abs(self.misfit_ns(stamp_ns)) / 1e9
             self.error_s = max(self.error_s, error_s + misfit_s) if error_s >= 0 else -1.0
