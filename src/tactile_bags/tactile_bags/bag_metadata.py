@@ -43,7 +43,7 @@ class BagMetadata:
 
 
 def read_metadata(path: Path) -> BagMetadata:
-    """Read ``metadata.yaml``; raise `BagError` if its form is not that of rosbag2 or too large."""
+    """Read ``metadata.yaml``; raise `BagError` if it is too large or not of rosbag2."""
     try:
         return parse_metadata(read_text(path, MAX_METADATA_BYTES))
     except TactileError as error:

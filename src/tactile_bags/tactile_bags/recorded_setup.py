@@ -96,8 +96,8 @@ def recorded_features(bag: TactileBag, namespace: str = '') -> RecordedFeatures:
 def computable_features(bag: TactileBag, namespace: str = '') -> RecordedFeatures:
     """Return the features of a finger at the rate of its samples.
 
-    They are those of `recorded_features`, unless these are for another rate: a node that was set
-    to 60 Hz computes nothing of samples that come at 100 Hz. Windows keep their duration.
+    They equal `recorded_features`, unless these were configured for another rate: a node with
+    ``rate_hz`` 60 computes no features of samples at 100 Hz. Windows keep their duration.
     """
     recorded = recorded_features(bag, namespace)
     first = next(iter(read_records(bag.messages(STRAIN, namespace=namespace))), None)
@@ -112,8 +112,8 @@ def computable_features(bag: TactileBag, namespace: str = '') -> RecordedFeature
     except FeatureError as error:
         raise BagError(f'{bag.path}: no features at {rate_hz:g} Hz: {error}') from error
     _logger.warning(
-        '%s: its features were set for %g Hz and its samples come at %g Hz; features are computed '
-        'for %g Hz',
+        '%s: its features were configured for %g Hz, but its samples have %g Hz; features are '
+        'computed for %g Hz',
         bag.path,
         needed_hz,
         rate_hz,

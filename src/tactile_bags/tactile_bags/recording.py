@@ -28,7 +28,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_bags.experiment_journal import experiment_of
-from tactile_bags.sources.files import find_leaves, Kind, Leaf, Notes, SourceError, SourceOptions
+from tactile_bags.sources.files import (
+    find_leaves,
+    ImportNotes,
+    SourceError,
+    SourceFile,
+    SourceKind,
+    SourceOptions,
+)
 from tactile_bags.sources.raw_trials import (
     arrays_from_trials,
     find_fault,
@@ -47,7 +54,7 @@ if TYPE_CHECKING:
     from tactile_bags.recorded_bag import RecordedBag
 
 OWN = 'bags with trial events'
-"""Kind of a recording of bags of this package; other kinds are `Kind` values."""
+"""Kind of a recording of bags of this package; other kinds are `SourceKind` values."""
 
 
 class Recording:
@@ -58,16 +65,16 @@ class Recording:
     Attributes
     ----------
     kind : str
-            `OWN`, or a `Kind` value: ``archive``, ``array``, ``table``, ``bag`` (of other
-            software).
+        `OWN`, or a `SourceKind` value: ``archive``, ``array``, ``table``, ``bag`` (of other
+        software).
     name : str
-            Name of the first path.
+        Name of the first path.
     paths : tuple of Path
         Bags and files that were read.
     bags : tuple of RecordedBag
-            Open bags of this package; they can be used as `TactileBag`.
+        Open bags of this package; they can be used as `TactileBag`.
     notes : list of str
-            Unknown facts, then assumptions that were made.
+        Unknown facts, then assumptions that were made.
     """
 
     def __init__(
@@ -80,7 +87,7 @@ class Recording:
         arrays: Mapping[str, NDArray[Any]] | None = None,
         raw: Sequence[RawTrial] = (),
         options: SourceOptions | None = None,
-        notes: Notes | None = None,
+        notes: ImportNotes | None = None,
     ) -> None:
         self.kind = kind
         self.name = name
@@ -89,7 +96,7 @@ class Recording:
         self._arrays = arrays
         self._raw = tuple(raw)
         self._options = options or SourceOptions()
-        self._found = notes or Notes()
+        self._found = notes or ImportNotes()
 
     @classmethod
     def load(
@@ -108,7 +115,7 @@ class Recording:
         Raises
         ------
         SourceError
-                When there is no recording, or a required fact is unknown.
+            When there is no recording, or a required fact is unknown.
         BagError, DatasetError
             When a bag or an archive cannot be read.
         """
@@ -126,7 +133,7 @@ class Recording:
                 'apart'
             )
         (kind,) = kinds
-        notes = Notes()
+        notes = ImportNotes()
         arrays, found = _read_others(kind, leaves, options, notes)
         raw = [trial.in_newtons(options.unit) for trial in found]
         for before, after in zip(found, raw, strict=True):
@@ -264,7 +271,7 @@ class Recording:
             return replace(trials, steps=(*self.notes, *trials.steps))
         if needs_label and self._found.no_label is not None:
             raise self._found.no_label
-        raw, notes = self._raw, Notes(self.notes)
+        raw, notes = self._raw, ImportNotes(self.notes)
         if self.is_own:
             raw = tuple(_raw_of(trial, name) for trial, name in self._named_trials())
         arrays = arrays_from_trials(raw, self._options.rate_hz, notes, skip_bad=skip_bad)
@@ -357,18 +364,18 @@ def _raw_of(trial: Trial, name: str) -> RawTrial:
     return RawTrial(name, signal.values, time_s, columns, signal.channels, units)
 
 
-def _open_own(leaves: Sequence[Leaf], options: SourceOptions) -> list[RecordedBag]:
+def _open_own(leaves: Sequence[SourceFile], options: SourceOptions) -> list[RecordedBag]:
     """Return the opened bags with trial events; with a topic option, no bag counts as such."""
-    if options.topic or not any(leaf.kind is Kind.BAG for leaf in leaves):
+    if options.topic or not any(leaf.kind is SourceKind.BAG for leaf in leaves):
         return []
     from tactile_bags.recorded_bag import correct_bags, RecordedBag  # they import rosbags
 
     with ExitStack() as stack:
         own: list[RecordedBag] = []
-        others: list[Leaf] = []
-        empty: list[Leaf] = []
+        others: list[SourceFile] = []
+        empty: list[SourceFile] = []
         for leaf in leaves:
-            if leaf.kind is Kind.BAG:
+            if leaf.kind is SourceKind.BAG:
                 bag = RecordedBag(leaf.path, needs_strain=False)
                 if bag.is_own:
                     stack.callback(bag.close)
@@ -392,18 +399,18 @@ def _open_own(leaves: Sequence[Leaf], options: SourceOptions) -> list[RecordedBa
 
 
 def _read_others(
-    kind: Kind, leaves: Sequence[Leaf], options: SourceOptions, notes: Notes
+    kind: SourceKind, leaves: Sequence[SourceFile], options: SourceOptions, notes: ImportNotes
 ) -> tuple[Mapping[str, NDArray[Any]] | None, list[RawTrial]]:
     """Return the arrays of an archive, or the trials of other files."""
-    if kind is Kind.ARCHIVE:
+    if kind is SourceKind.ARCHIVE:
         if len(leaves) > 1:
             raise SourceError(f'take one archive at a time, not {_examples(leaves)}')
         return read_arrays(leaves[0].path), []
-    if kind is Kind.TABLE:
+    if kind is SourceKind.TABLE:
         from tactile_bags.sources.table_trials import read_table_trials  # pyarrow is slow
 
         return None, read_table_trials(leaves, options, notes)
-    if kind is Kind.BAG:
+    if kind is SourceKind.BAG:
         from tactile_bags.sources.other_bags import read_bag_trials
 
         return None, read_bag_trials(leaves, options, notes)
@@ -416,5 +423,5 @@ def _read_others(
     return None, read_array_trials(leaves, options, notes)
 
 
-def _examples(leaves: Sequence[Leaf]) -> str:
+def _examples(leaves: Sequence[SourceFile]) -> str:
     return ', '.join({leaf.kind: leaf.name for leaf in leaves}.values())

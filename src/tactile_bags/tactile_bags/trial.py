@@ -24,17 +24,17 @@ class Signal:
     Attributes
     ----------
     time_s : ndarray of shape (n,), or None
-            Times since the beginning of the trial [s]; None if times and rate are unknown.
+        Times since the beginning of the trial [s]; None if times and rate are unknown.
     values : ndarray of float64, shape (channels, n)
-            Values in ``unit``.
+        Values in ``unit``.
     channels : tuple of str
         Name of each channel.
     unit : str
-            Such as ``N`` or ``mN``; empty if unknown, or if channels have different units.
+        Such as ``N`` or ``mN``; empty if unknown, or if channels have different units.
     rate_hz : float or None
-            Sample rate [Hz]; None if unknown.
+        Sample rate [Hz]; None if unknown.
     status : ndarray of int, shape (n,), or None
-            `StrainStatus` of each sample in bags of this package, otherwise None.
+        `StrainStatus` of each sample in bags of this package, otherwise None.
     """
 
     time_s: NDArray[np.float64] | None
@@ -52,19 +52,19 @@ class Trial:
     Attributes
     ----------
     name : str
-            Name of the trial; in bags of this package its ``trial_id``, which may be used again.
+        Name of the trial; in bags of this package its ``trial_id``, which may be used again.
     source : str
         Path of the bag or file.
     label, session_id, mounting_id, contact, task : str
-            Empty if unknown.
+        Empty if unknown.
     namespace : str
-            Namespace of the finger, in bags of this package.
+        Namespace of the finger, in bags of this package.
     why_not : str
-            Why the trial is excluded from training and evaluation; empty if it is included.
+        Why the trial is excluded from training and evaluation; empty if it is included.
     columns : dict
-            All known properties of the trial, by name of column.
+        All known properties of the trial, by name of column.
     events : tuple of TrialEvent
-            Events in their order, in bags of this package.
+        Events in their order, in bags of this package.
     begin_ns : int or None
         Time of the first event (ROS time) [ns].
     """

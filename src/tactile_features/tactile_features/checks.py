@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Check that a feature set keeps the contract of `FeatureSet`; for tests of sets of your own."""
+"""Check that a feature set keeps the contract of `FeatureSet`, for tests of your own sets."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from tactile_features.feature_sets.registry import CHOOSER
 FloatArray = NDArray[np.float64]
 
 SAMPLES = 180
-"""Samples of a window where neither the set nor its speed decides."""
+"""Samples of a window if neither the feature set nor the speed determines the number."""
 
 SPEED_M_S = 0.015
 """Sliding speed of the windows [m/s]."""
 
 FEW = 10
-"""Batches of fewer windows are computed several times."""
+"""Batches with fewer windows are computed repeatedly."""
 
 BATCHES = (1, 6, 129, 481)
-"""Numbers of windows; linear algebra takes other ways in large batches."""
+"""Numbers of windows in a batch; large batches use other algorithms of linear algebra."""
 
 
 class FeatureSetCheckError(FeatureError):
@@ -58,22 +58,22 @@ def check_feature_set(
     """Check that a feature set keeps the contract of `FeatureSet`.
 
     It checks that the attributes are valid, that names are distinct, that `compute` returns one
-    finite float64 for each name and leaves its input as it is, that a window gives the same bits
-    alone and anywhere in a batch, and that windows without a value are named. It does not check
-    that the values are right.
+    finite float64 for each name and does not change its input, that a window gives the same bits
+    by itself and at any place in a batch, and that the error for windows without a value lists
+    all of them. It does not check that the values are correct.
 
     Parameters
     ----------
     feature_set : subclass of FeatureSet
     config : FeatureConfig, optional
-        Its parameters; the defaults where none are given.
+        Parameters of the feature set; defaults if omitted.
     windows : ndarray of shape (m, n), optional
         Further windows [N]. For a set whose window has a fixed length, n must be that length.
 
     Raises
     ------
     FeatureSetCheckError
-        The message says what is wrong; ``code`` names the check.
+        The message describes the error; ``code`` is the name of the check.
     """
     name = getattr(feature_set, 'name', feature_set.__name__)
     _check_attributes(feature_set, name)
@@ -117,7 +117,7 @@ def _check_attributes(feature_set: type[FeatureSet], name: str) -> None:
         not unknown,
         'attributes',
         f'{name}: cut, options and count_field must name fields of FeatureConfig that feature '
-        f'sets see; {", ".join(sorted(unknown))} is none of them',
+        f'sets see; {", ".join(sorted(unknown))} is not such a field',
     )
     _require(
         bool(counted) or not feature_set.can_be_early,
@@ -194,7 +194,7 @@ def _check_values(
                 for each in again
             ),
             'repeatable',
-            f'{name}: compute() returned other bits at the second call; keep no state',
+            f'{name}: compute() returned other bits in the second call; keep no state',
         )
         one = _compute(bound, batch[last].copy(), rate_hz, speed_m_s)
         is_same = one.shape == (features,) and one.tobytes() == values[last].tobytes()
@@ -207,15 +207,15 @@ def _check_values(
     _require(
         is_same,
         'batch',
-        f'{name}: a window gives other bits alone than in a batch of {len(batch)}; use sums along '
-        'the last axis instead of products of matrices',
+        f'{name}: a window gives other bits by itself than in a batch of {len(batch)}; use sums '
+        'along the last axis instead of matrix products',
     )
 
 
 def _check_undefined(
     bound: FeatureSet, name: str, batch: FloatArray, rate_hz: float, speed_m_s: float
 ) -> None:
-    """Check that constant windows have values, or are all named."""
+    """Check that constant windows have values, or that the error lists all of them."""
     batch[1], batch[3] = 5.0, 0.0
     try:
         values = _compute(bound, batch, rate_hz, speed_m_s)

@@ -153,7 +153,7 @@ class FeatureConfig(WindowParameters):
         Raises
         ------
         FeatureError
-                When the feature set does not exist, or its parameters are invalid.
+            When the feature set does not exist, or its parameters are invalid.
         """
         return _bind(self, phase)
 

@@ -505,9 +505,9 @@ def find_phases(
     Parameters
     ----------
     time_ns : array_like of int, shape (n,)
-            Times of the samples, increasing [ns].
+        Times of the samples, increasing [ns].
     tension_n : array_like of shape (n,)
-            Tension [N]; values that are not finite are ignored.
+        Tension [N]; values that are not finite are ignored.
     config : FeatureConfig
         ``phases`` names the protocol.
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Specifications: all that decides a vector of features, as node and model file compare it."""
+"""Specifications of features, which the feature node and model files compare."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from tactile_features.feature_sets.registry import (
 )
 
 EARLY = 'early_windows'
-"""Parameter of the specifications whose windows are given out when their samples are there."""
+"""Parameter of specifications with early windows, which end before their phase."""
 
 MEAN, ALL = 'mean', 'all'
 """In place of the name of a channel: the mean of all channels; each channel, one after another."""
@@ -56,30 +56,30 @@ def format_rates(first_hz: float, second_hz: float) -> tuple[str, str]:
 
 @dataclass(frozen=True)
 class FeatureSpec:
-    """A feature set as it comes out of one configuration.
+    """Everything that determines the values of a vector of features.
 
     Attributes
     ----------
     feature_set : str
-        Its name.
+        Name of the feature set.
     version : int
-        Changes when values of the same name would come out different.
+        Increased when features of the same name would have other values.
     rate_hz : float
         Nominal sample rate of the window [Hz].
     sample_count : int
-        Samples in a window; 0 where the phase or the sliding speed decides.
+        Samples in a window; 0 if the phase or the sliding speed decides.
     names, units : tuple of str
-        One a feature.
+        One per feature.
     parameters : mapping of str to float or str
-        Which part of the phase the window is, which losses are filled, and what is computed, by
-        the names of `FeatureConfig`. Ready-cut windows state the last alone. What refuses a
-        window but changes no value is not among them. ``early_windows`` is stated (as 1) where
-        windows are early.
+        Position of the window within the phase, gap policy, and options of the feature set, by the
+        names of `FeatureConfig`. Windows that are already cut state only the options. Limits that
+        refuse windows without changing values are not included. ``early_windows`` is included
+        (as 1) if windows are early.
     channel : str
         Name of the channel that the features are computed from, `MEAN` or `ALL`, for recordings
-        with several channels. Empty: the signal is the only one, as in a live node.
+        with several channels. Empty if the signal has only one channel, as in a live node.
     channels : tuple of str
-        Names of all channels of these recordings; empty where ``channel`` is.
+        Names of all channels of these recordings; empty if ``channel`` is empty.
     """
 
     feature_set: str
@@ -96,11 +96,11 @@ class FeatureSpec:
     def digest(self) -> str:
         """The first 16 hex digits of the SHA-256 of the specification as canonical JSON.
 
-        Canonical: keys in order, no spaces, ASCII, each number as the shortest text of its
-        double. So it is the same on every platform, and for 60 as for 60.0. Channels that are not
-        used do not count.
+        Canonical: sorted keys, no spaces, ASCII, each number as the shortest text of its double.
+        The digest is therefore the same on every platform, and for 60 and 60.0. Unused channels
+        are ignored.
         """
-        parameters = {  # the sum takes the sign from a zero
+        parameters = {  # adding 0.0 removes the sign of zero
             name: value if isinstance(value, str) else float(value) + 0.0
             for name, value in self.parameters.items()
         }
@@ -112,12 +112,12 @@ class FeatureSpec:
 
     @property
     def is_early(self) -> bool:
-        """True if a window is given out with its last sample, before the phase ends."""
+        """True if a window is returned with its last sample, before the phase ends."""
         return bool(self.parameters.get(EARLY))
 
     @property
     def missing_parameters(self) -> tuple[str, ...]:
-        """Parameters that a feature node's specification states and this one does not."""
+        """Parameters in the specifications of a feature node that this specification lacks."""
         found = find_feature_set(self.feature_set)
         names = (*found.cut, *found.options) if found else ()
         return tuple(name for name in names if name not in self.parameters)
@@ -131,7 +131,7 @@ class FeatureSpec:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> FeatureSpec:
-        """Return the specification that `to_dict` wrote.
+        """Return the specification from a dictionary that `to_dict` wrote.
 
         Raises
         ------
@@ -169,9 +169,9 @@ class FeatureSpec:
             raise FeatureError(f'the feature specification cannot be read: {error}') from error
 
     def config_values(self) -> dict[str, Any]:
-        """Return what a `FeatureConfig` must say, by its fields' names, to yield these features.
+        """Return the fields of `FeatureConfig` that yield these features.
 
-        What ready-cut windows do not know, how they were cut, is left out.
+        Specifications of windows that are already cut do not contain how they were cut.
         """
         values: dict[str, Any] = {'rate_hz': self.rate_hz}
         found = find_feature_set(self.feature_set)
@@ -190,7 +190,7 @@ class FeatureSpec:
 
     @property
     def task(self) -> str:
-        """The task that its windows answer; empty: its feature set is not installed here."""
+        """The task of the feature set; empty if the feature set is not installed."""
         return task_of(self.feature_set)
 
     def bind(self, config: FeatureConfig) -> FeatureConfig:
@@ -199,18 +199,18 @@ class FeatureSpec:
         Parameters
         ----------
         config : FeatureConfig
-            States the rest: limits, time-outs, and the parameters that the specification of
-            ready-cut windows misses.
+            Other parameters: limits, time-outs, and parameters that this specification lacks
+            because its windows were already cut.
 
         Raises
         ------
         FeatureError
-            When these features cannot be computed here, or not within the limits of ``config``.
+            When these features cannot be computed, or exceed the limits of ``config``.
         """
         found = find_feature_set(self.feature_set)
         if found is None:
             raise FeatureError(
-                f'the feature set "{self.feature_set}" is not installed here: install the package '
+                f'the feature set "{self.feature_set}" is not installed: install the package '
                 'that the model was trained with'
             )
         values = self.config_values()
@@ -221,20 +221,20 @@ class FeatureSpec:
         computed = spec_of(bound.feature_set(found.phase))
         reason = self.mismatch(computed)
         if unknown := sorted(set(self.parameters) - set(computed.parameters)):
-            reason = reason or f'the parameter {unknown[0]} is not known there'
+            reason = reason or f'the parameter {unknown[0]} is unknown'
         if reason:
             raise FeatureError(
-                f'the {self.feature_set} features that are wanted are not those of this '
-                f'installation: {reason} (here: wanted, there: installed); train the model again'
+                f'the installed {self.feature_set} gives other features than required: '
+                f'{reason}; train the model again'
             )
         return bound
 
     def mismatch(self, other: FeatureSpec) -> str:
-        """Return why features of ``other`` must not be taken for these, or an empty string.
+        """Return how the features of ``other`` differ from these, or an empty string.
 
-        A parameter or channel that only one of the two states is not compared: ready-cut
-        windows do not know how they were cut, nor a live signal which channel it would be. Rates
-        are compared with `is_same_rate`.
+        Parameters and channels that only one of the two specifications has are not compared,
+        because windows that are already cut lack parameters, and live signals have no channel
+        name. Rates are compared with `is_same_rate`.
         """
         pairs = [
             ('feature set', self.feature_set, other.feature_set),
@@ -257,7 +257,7 @@ class FeatureSpec:
             pairs.insert(2, ('rate in Hz', *format_rates(self.rate_hz, other.rate_hz)))
         for what, mine, theirs in pairs:
             if mine != theirs:
-                return f'the {what} differs: {mine} here, {theirs} there'
+                return f'the {what} differs: required {mine}, found {theirs}'
         if not self._has_names_of(other) or self.units != other.units:
             return 'the names or units of the features differ'
         return ''
@@ -271,7 +271,7 @@ class FeatureSpec:
         return all(map(_differ_by_rate, self.names, other.names))
 
     def describe_channel(self) -> str:
-        """Return which channel of several was used and what the others are; empty: one only."""
+        """Return the used channel and the unused ones; empty if there is only one channel."""
         if self.channel in (MEAN, ALL):
             return f'{self.channel} of {len(self.channels)} ({_list_some(self.channels)})'
         unused = [name for name in self.channels if name != self.channel]
@@ -298,16 +298,16 @@ def _list_some(names: Sequence[str]) -> str:
 
 @dataclass(frozen=True)
 class FeatureSpecifications:
-    """Specifications that a feature node computes, as it announces them.
+    """Specifications that a feature node announces.
 
     Attributes
     ----------
     specs : tuple of FeatureSpec
         Distinct by digest.
     config : mapping
-        Parameters of the node by name, as of `FeatureConfig`: what all windows share.
+        Parameters of the node by name, as in `FeatureConfig`, which all windows share.
     stamp_ns : int
-        Time of the configuration (ROS time) [ns].
+        Time of the configuration, ROS time [ns].
     """
 
     specs: tuple[FeatureSpec, ...]
@@ -335,13 +335,13 @@ def _describe(
 
 @lru_cache(maxsize=64)
 def spec_of(feature_set: FeatureSet) -> FeatureSpec:
-    """Return what the features of a set are when a feature node computes them."""
+    """Return the specification of a feature set in a feature node."""
     stated = (*feature_set.cut, *feature_set.options)
     return _describe(feature_set, feature_set.sample_count, feature_set.config.rate_hz, stated)
 
 
 def shared_rate_hz(specs: Iterable[FeatureSpec]) -> float:
-    """Return the sample rate that all specifications have [Hz]; 0: they differ, or are none."""
+    """Return the common sample rate of all specifications [Hz], or 0 if there is none."""
     rates = [spec.rate_hz for spec in specs]
     return rates[0] if rates and all(is_same_rate(each, rates[0]) for each in rates) else 0.0
 
@@ -352,7 +352,7 @@ def spec_for(task: str, config: FeatureConfig) -> FeatureSpec:
     Raises
     ------
     FeatureError
-        When the task is neither.
+        When the task is unknown.
     """
     return spec_of(set_for(task, config))
 
@@ -360,19 +360,17 @@ def spec_for(task: str, config: FeatureConfig) -> FeatureSpec:
 def set_for(task: str, config: FeatureConfig) -> FeatureSet:
     """Return the feature set for a task, ``texture`` or ``stiffness``; see `spec_for`."""
     if task not in PHASE_OF_TASK:
-        raise FeatureError(
-            f'there are no features for the task "{task}"; it is {" or ".join(PHASE_OF_TASK)}'
-        )
+        raise FeatureError(f'unknown task "{task}"; it must be {" or ".join(PHASE_OF_TASK)}')
     return config.feature_set(PHASE_OF_TASK[task])
 
 
 def array_spec(
     task: str, sample_count: int, rate_hz: float, config: FeatureConfig | None = None
 ) -> FeatureSpec:
-    """Return the specification for ready-cut windows: without parameters of the cut.
+    """Return the specification of windows that are already cut.
 
-    ``config`` names the set and its options; the defaults where not given. An unknown task, or a
-    rate [Hz] that is not positive, is a `FeatureError`.
+    ``config`` names the feature set and its options; defaults if omitted. Raises `FeatureError`
+    for an unknown task, or a rate [Hz] that is not positive.
     """
     if not (math.isfinite(rate_hz) and rate_hz > 0.0):
         raise FeatureError(f'the rate is {rate_hz} Hz; it must be positive')

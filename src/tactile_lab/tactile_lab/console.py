@@ -40,11 +40,11 @@ class Table:
     Parameters
     ----------
     *header : str
-            Names of the columns. Without names, the table has no header line.
+        Names of the columns. Without names, the table has no header line.
     title : str
-            Line of text above the table.
+        Line of text above the table.
     right_from : int, optional
-            Columns from this index on are right-aligned, for numbers.
+        Columns from this index on are right-aligned, for numbers.
     """
 
     def __init__(self, *header: str, title: str = '', right_from: int | None = None) -> None:

@@ -152,10 +152,10 @@ def legend_outside(figure: Figure, loc: str, **options: Any) -> None:
     Parameters
     ----------
     loc : {'upper center', 'lower center', 'upper right'}
-            Position of the legend: a strip above or below the panels, or beside them for
-            'upper right'.
+        Position of the legend: a strip above or below the panels, or beside them for
+        'upper right'.
     **options
-            Arguments of `matplotlib.figure.Figure.legend`.
+        Arguments of `matplotlib.figure.Figure.legend`.
     """
     legend = figure.legend(loc=loc, **options)
     box = legend.get_window_extent().transformed(figure.transFigure.inverted())

@@ -84,7 +84,7 @@ class BagRecorderNode(PollingNode):
 
     If writing fails, for example because the disk is full, the recording ends and this node
     reports a failure. Other nodes continue, because they may control motion. ``failure`` then has
-    the reason and says what is saved.
+    the reason and the number of saved messages.
 
     ``message_count`` messages were written, of which ``window_count`` are feature windows.
     ``audits`` are the audits of the last `MAX_AUDITS` trials that have ended.
@@ -430,7 +430,7 @@ class BagRecorderNode(PollingNode):
 
 
 def _drop_ended(events: list[bytes], known: Iterable[bytes]) -> list[bytes]:
-    """Return serialised events without those of ended trials, unless ``known`` has one of them."""
+    """Return serialised events without events of ended trials, unless ``known`` has one."""
     trials: list[tuple[str, list[bytes]]] = []
     has_ended: list[bool] = []
     for data in events:

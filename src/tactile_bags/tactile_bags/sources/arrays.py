@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from tactile_bags.sources.files import (
     decode_text,
+    ImportNotes,
     LAYOUT,
-    Leaf,
     name_labels,
-    Notes,
     SourceError,
+    SourceFile,
     SourceOptions,
 )
 from tactile_bags.sources.raw_trials import RawTrial
@@ -42,7 +42,9 @@ def _load_array(path: Path) -> NDArray[Any]:
     return np.array(array)
 
 
-def read_labelled_array(leaf: Leaf, options: SourceOptions) -> dict[str, NDArray[Any]] | None:
+def read_labelled_array(
+    leaf: SourceFile, options: SourceOptions
+) -> dict[str, NDArray[Any]] | None:
     """Return ``x`` and ``label`` of a file with one row per trial, as in an archive.
 
     Returns None if there is no file of labels: the stated one, or ``NAME_labels``, ``NAME_y``,
@@ -78,7 +80,7 @@ def _read_lines(path: Path) -> NDArray[np.str_]:
 
 
 def read_array_trials(
-    leaves: Sequence[Leaf], options: SourceOptions, notes: Notes
+    leaves: Sequence[SourceFile], options: SourceOptions, notes: ImportNotes
 ) -> list[RawTrial]:
     """Read files with one trial each, of shape (samples,) or (channels, samples)."""
     trials = []

@@ -93,11 +93,11 @@ class SourceOptions:
 
 
 @dataclass
-class Notes:
+class ImportNotes:
     """Sentences about assumptions that were made, without repetitions.
 
-    ``no_label`` is the error that says why labels are missing, and the remedy; None: all trials
-    have labels.
+    ``no_label`` is the error about missing labels, with its remedy; None if all trials have
+    labels.
     """
 
     lines: list[str] = field(default_factory=list)
@@ -131,7 +131,7 @@ GROUP_WORDS = (
     'session', 'day', 'date', 'subject', 'participant', 'specimen', 'mounting', 'batch', 'run',
     'block', 'folder',
 )  # fmt: skip
-"""Words for groups of trials that a test should hold out, the most likely one first."""
+"""Names of groups of trials that an evaluation should hold out, the most likely one first."""
 
 _NUMBERING = ('id', 'no', 'nr', 'number', 'name')
 _WORDS = re.compile(r'[A-Z]+(?![a-z])|[A-Z]?[a-z]+')
@@ -139,7 +139,7 @@ _DATE = re.compile(r'\d{4}[-_.]?\d\d[-_.]?\d\d')
 
 
 def find_group_word(name: str) -> str:
-    """Return which of `GROUP_WORDS` the name of a column or folder is; empty: none.
+    """Return the word of `GROUP_WORDS` in the name of a column or folder; empty if none.
 
     ``subject``, ``Subject ID``, ``sessionNumber``, ``day_2`` and ``2026-11-28`` are,
     ``session_length`` is not.
@@ -162,7 +162,7 @@ MAX_LEAVES = 100_000
 """Largest number of files in the given folders."""
 
 
-class Kind(Enum):
+class SourceKind(Enum):
     """Kind of recording at a path."""
 
     ARCHIVE = 'archive'
@@ -172,20 +172,20 @@ class Kind(Enum):
 
 
 _KINDS = {
-    '.npz': Kind.ARCHIVE,
-    '.npy': Kind.ARRAY,
-    **dict.fromkeys(('.csv', '.tsv', '.txt', '.parquet'), Kind.TABLE),
-    **dict.fromkeys(BAG_SUFFIXES, Kind.BAG),
+    '.npz': SourceKind.ARCHIVE,
+    '.npy': SourceKind.ARRAY,
+    **dict.fromkeys(('.csv', '.tsv', '.txt', '.parquet'), SourceKind.TABLE),
+    **dict.fromkeys(BAG_SUFFIXES, SourceKind.BAG),
 }
 
 
 @dataclass(frozen=True)
-class Leaf:
+class SourceFile:
     """One file or bag; ``root`` is the given path that contains it."""
 
     path: Path
     root: Path
-    kind: Kind
+    kind: SourceKind
 
     @property
     def name(self) -> str:
@@ -205,12 +205,12 @@ class Leaf:
         return _NUMBER_AT_END.sub('', self.path.stem)
 
 
-def find_leaves(paths: Sequence[Path]) -> list[Leaf]:
+def find_leaves(paths: Sequence[Path]) -> list[SourceFile]:
     """Return the files and bags of the given paths, sorted by name within each path.
 
     Raises `SourceError` for a path that does not exist, has no known recordings, or too many.
     """
-    leaves: list[Leaf] = []
+    leaves: list[SourceFile] = []
     for path in expand_lists(paths):
         found = list(_walk(path, path))
         if not found:
@@ -262,16 +262,16 @@ def _read_list(path: Path) -> Mapping[int, str]:
         return {}
 
 
-def _walk(path: Path, root: Path) -> Iterator[Leaf]:
+def _walk(path: Path, root: Path) -> Iterator[SourceFile]:
     if not path.exists():
         raise SourceError(f'{path} does not exist')
     if path.is_file():
         kind = _KINDS.get(path.suffix.lower())
-        is_model = kind is Kind.ARCHIVE and is_model_file(path)
+        is_model = kind is SourceKind.ARCHIVE and is_model_file(path)
         if is_model and path == root:
             raise SourceError(f'{path} is a model file; give recordings')
         if kind is not None and not is_model:
-            yield Leaf(path, root, kind)
+            yield SourceFile(path, root, kind)
         return
     if not path.is_dir():  # reading a pipe would never end
         return
@@ -279,13 +279,13 @@ def _walk(path: Path, root: Path) -> Iterator[Leaf]:
         bags = sorted(each for each in (path / BAGS).glob('*') if each.is_dir())
         if not bags:
             raise SourceError(f'{path} has no bags yet; run it with `tactile experiment`')
-        yield from (Leaf(bag, root, Kind.BAG) for bag in bags)
+        yield from (SourceFile(bag, root, SourceKind.BAG) for bag in bags)
         return
     inside = sorted(path.iterdir())
     if len(inside) > MAX_LEAVES:
         raise SourceError(f'{path} contains {len(inside)} files; the limit is {MAX_LEAVES}')
     if any(p.name == 'metadata.yaml' or p.name.endswith(BAG_SUFFIXES) for p in inside):
-        yield Leaf(path, root, Kind.BAG)
+        yield SourceFile(path, root, SourceKind.BAG)
         return
     for child in inside:
         if not child.name.startswith('.') and not _LABEL_FILES.match(child.stem):
@@ -293,7 +293,7 @@ def _walk(path: Path, root: Path) -> Iterator[Leaf]:
 
 
 def name_labels(
-    leaves: Sequence[Leaf], options: SourceOptions, notes: Notes
+    leaves: Sequence[SourceFile], options: SourceOptions, notes: ImportNotes
 ) -> list[dict[str, str]]:
     """Return the label of each file, and other named groups of a pattern in its path.
 
@@ -310,7 +310,7 @@ def name_labels(
     groups = {find_group_word(name) for name in folders}
     if not options.label_from and len(groups) == 1 and '' not in groups and len(set(outer)) > 1:
         column = groups.pop()
-        notes.add(f'label: the folder around that of each file ({_name_some(outer)})')
+        notes.add(f'label: the parent of the folder of each file ({_name_some(outer)})')
         notes.add(f'column {column}: the folder of each file ({_name_some(folders)})')
         return [{'label': a, column: b} for a, b in zip(outer, folders, strict=True)]
     try:
@@ -335,7 +335,7 @@ def name_labels(
     return [{'label': label} for label in labels]
 
 
-def _how_labelled(leaves: Sequence[Leaf]) -> str:
+def _how_labelled(leaves: Sequence[SourceFile]) -> str:
     if len({leaf.folder for leaf in leaves}) > 1:
         return 'folder'
     words = {leaf.word for leaf in leaves}
@@ -350,7 +350,7 @@ def _how_labelled(leaves: Sequence[Leaf]) -> str:
     )
 
 
-def _match(pattern: re.Pattern[str], leaf: Leaf) -> dict[str, str]:
+def _match(pattern: re.Pattern[str], leaf: SourceFile) -> dict[str, str]:
     # For a file that was given itself, the folder is part of the path to match.
     path = leaf.name if leaf.path != leaf.root else f'{leaf.folder}/{leaf.path.name}'
     found = pattern.search(path)

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from tactile_bags.bag_reader import TactileBag
 from tactile_bags.sources.files import (
     ambiguity,
-    Leaf,
+    ImportNotes,
     name_labels,
-    Notes,
     SourceError,
+    SourceFile,
     SourceOptions,
 )
 from tactile_bags.sources.raw_trials import RawTrial
@@ -33,7 +33,7 @@ _WRENCH_FIELDS = tuple(f'{part}.{axis}' for part in ('force', 'torque') for axis
 
 
 def read_bag_trials(
-    leaves: Sequence[Leaf], options: SourceOptions, notes: Notes
+    leaves: Sequence[SourceFile], options: SourceOptions, notes: ImportNotes
 ) -> list[RawTrial]:
     """Read bags with one trial each.
 
@@ -105,7 +105,7 @@ def _choose_fields(type_name: str, message: Any) -> list[str]:
 
 
 def _read_fields(
-    leaf: Leaf,
+    leaf: SourceFile,
     type_name: str,
     fields: Sequence[str],
     messages: Sequence[Any],
@@ -168,7 +168,7 @@ def _find_reader(type_name: str, field: str) -> Callable[[Any], float]:
 
 
 def _put_in_order(
-    values: NDArray[np.float64], stamps_ns: NDArray[np.int64], notes: Notes
+    values: NDArray[np.float64], stamps_ns: NDArray[np.int64], notes: ImportNotes
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return samples sorted by their stamps, without repeated stamps."""
     in_order, first = np.unique(stamps_ns, return_index=True)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One trial as a source gives it, and many of them as the arrays of an archive."""
+"""One trial as read from a source, and conversion of trials to the arrays of an archive."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_bags.sources.files import LAYOUT, Notes, SourceError
+from tactile_bags.sources.files import ImportNotes, LAYOUT, SourceError
 from tactile_classifier.datasets.archive import LARGEST_N, NEWTONS
 from tactile_features.config import round_rate
 
 GAP_PERIODS = 3.5
-"""Longest pause between samples that is filled by a straight line, in periods: two are lost."""
+"""Longest pause that is interpolated, in sample periods: up to two samples are lost."""
 
 RATE_TOLERANCE = 0.01
-"""Largest relative difference between a stated rate and that of the stamps."""
+"""Largest relative difference between a stated rate and the rate of the stamps."""
 
 RESERVED = ('x', 'rate_hz', 'length', 'offsets', 'unit', 'channel_names')
-"""Names of arrays that are no columns in an archive."""
+"""Names of arrays in an archive that are not columns."""
 
 Floats = NDArray[np.float64]
 
@@ -33,10 +33,10 @@ Floats = NDArray[np.float64]
 class RawTrial:
     """The samples of one trial.
 
-    ``values`` have shape (channels, samples), ``time_s`` (samples,): from any zero [s], None where
-    the source has no times. ``columns`` are what is known of it: ``label``, ``source``, others.
-    ``channels`` and ``units`` are empty where they are not known, and so may a unit be.
-    ``stated_rate_hz`` is the sample rate that the source states [Hz].
+    ``values`` has shape (channels, samples). ``time_s`` has shape (samples,) and an arbitrary zero
+    [s]; it is None if the source has no times. ``columns`` are the known properties: ``label``,
+    ``source`` and others. ``channels`` and ``units`` are empty if unknown; single units may be
+    empty, too. ``stated_rate_hz`` is the sample rate in the source [Hz].
     """
 
     name: str
@@ -49,20 +49,20 @@ class RawTrial:
 
     @property
     def unit(self) -> str:
-        """The unit of all channels; empty: it is not known, or they have several."""
+        """The unit of all channels; empty if unknown or not the same for all."""
         return self.units[0] if len(set(self.units)) == 1 else ''
 
     def in_newtons(self, unit: str = '') -> RawTrial:
-        """Return the trial with forces in newtons; channels of other units stay as they are.
+        """Return the trial with forces in newtons; channels with other units are unchanged.
 
-        ``unit`` is that of all channels, where it is stated. Forces beyond `LARGEST_N` are a
-        `SourceError`.
+        ``unit`` is the unit of all channels, if stated. Raises `SourceError` for forces beyond
+        `LARGEST_N`.
         """
         for other in set(filter(None, self.units)) - {unit}:
             if unit:
                 raise SourceError(
-                    f'trial {self.name} is in {other} by its heading, and --unit is {unit}; leave '
-                    'the option out, or correct the heading'
+                    f'the heading of trial {self.name} states {other}, but --unit is {unit}; '
+                    'omit the option, or correct the heading'
                 )
         units = (unit,) * len(self.values) if unit else self.units
         if not any(each in NEWTONS for each in units):
@@ -77,7 +77,7 @@ class RawTrial:
 
     @property
     def rate_hz(self) -> float | None:
-        """The sample rate that the source or the stamps say [Hz]; None: neither does."""
+        """The sample rate of the source or of the stamps [Hz]; None if both are missing."""
         if self.stated_rate_hz is not None:
             return self.stated_rate_hz
         period_s = _period_s(self.time_s)
@@ -85,26 +85,26 @@ class RawTrial:
 
 
 def _check_forces(values_n: Floats, where: str) -> None:
-    """Raise `SourceError` for a force beyond `LARGEST_N`; ``where`` says whose it is."""
+    """Raise `SourceError` for a force beyond `LARGEST_N`; ``where`` is used in the message."""
     with np.errstate(invalid='ignore'):
         beyond = np.flatnonzero(np.abs(values_n) > LARGEST_N)
     if len(beyond):
         raise SourceError(
-            f'{where}: sample {beyond[0]} is {values_n[beyond[0]]:.6g} N, and no tendon carries '
-            f'more than {LARGEST_N:g} N; is the unit right (--unit), or the decimal mark '
+            f'{where}: sample {beyond[0]} is {values_n[beyond[0]]:.6g} N, but tendons carry at '
+            f'most {LARGEST_N:g} N; check the unit (--unit) and the decimal mark '
             '(--decimal)?'
         )
 
 
 def arrays_from_trials(
-    trials: Sequence[RawTrial], rate_hz: float | None, notes: Notes, *, skip_bad: bool
+    trials: Sequence[RawTrial], rate_hz: float | None, notes: ImportNotes, *, skip_bad: bool
 ) -> dict[str, NDArray[Any]]:
-    """Return ``x``, ``label``, ``rate_hz``, ``length`` and columns, as an archive holds them.
+    """Return ``x``, ``label``, ``rate_hz``, ``length`` and columns, as in an archive.
 
-    Trials whose stamps are even to half a period keep their samples as they are. Others are
-    interpolated to an even grid. Without a stated ``rate_hz`` [Hz] it is that of the stamps. With
-    ``skip_bad``, trials with pauses or without a second sample are left out; otherwise they are a
-    `SourceError`.
+    Samples of trials whose stamps are even within half a period are unchanged. Samples of other
+    trials are interpolated to an even grid. By default, ``rate_hz`` [Hz] is the rate of the
+    stamps. With ``skip_bad``, trials with pauses or fewer than two samples are skipped; otherwise
+    they raise `SourceError`.
     """
     if not trials:
         raise SourceError(f'there are no trials\n{LAYOUT}')
@@ -117,8 +117,8 @@ def arrays_from_trials(
             values, changed = _make_even(trial, rate_hz)
         except SourceError as error:
             if not skip_bad:
-                raise SourceError(f'{error}; --skip-bad leaves such trials out') from error
-            notes.add(f'left out: {error}')
+                raise SourceError(f'{error}; --skip-bad skips such trials') from error
+            notes.add(f'skipped: {error}')
             continue
         kept.append(trial)
         signals.append(values)
@@ -126,15 +126,15 @@ def arrays_from_trials(
     if filled:
         notes.add(
             f'{filled} of {len(trials)} trials have uneven stamps or lost samples: interpolated '
-            f'by straight lines to an even {rate_hz:g} Hz'
+            f'linearly to an even {rate_hz:g} Hz'
         )
     if not kept:
-        raise SourceError('no trial can be used')
+        raise SourceError('no trial is usable')
     channels = {len(values) for values in signals}
     if len(channels) > 1:
         raise SourceError(
             f'the trials have {" and ".join(map(str, sorted(channels)))} channels; '
-            'all must have the same'
+            'all must have the same number'
         )
     names = list(dict.fromkeys(trial.channels for trial in kept if trial.channels))
     if len(names) > 1 and channels != {1}:
@@ -160,7 +160,7 @@ def arrays_from_trials(
 
 
 def find_fault(trial: RawTrial, rate_hz: float | None) -> str:
-    """Return why a trial cannot be used at a rate [Hz]; empty: it can, or no rate is known."""
+    """Return why a trial is unusable at a rate [Hz]; empty if it is usable or no rate is known."""
     try:
         if rate_hz is not None:
             _make_even(trial, rate_hz)
@@ -169,7 +169,7 @@ def find_fault(trial: RawTrial, rate_hz: float | None) -> str:
     return ''
 
 
-def _choose_rate(trials: Sequence[RawTrial], rate_hz: float | None, notes: Notes) -> float:
+def _choose_rate(trials: Sequence[RawTrial], rate_hz: float | None, notes: ImportNotes) -> float:
     found: list[_OwnRate] = []
     for trial in trials:
         stated, period_s = trial.stated_rate_hz, _period_s(trial.time_s)
@@ -180,17 +180,17 @@ def _choose_rate(trials: Sequence[RawTrial], rate_hz: float | None, notes: Notes
             if stated is not None:
                 _check_rate('the file says', stated, found[-1:], '')
     if rate_hz is not None:
-        _check_rate('--rate-hz says', rate_hz, found, 'leave the option out, or ')
+        _check_rate('--rate-hz says', rate_hz, found, 'omit the option, or ')
         return rate_hz
     silent = [t.name for t in trials if t.stated_rate_hz is None and t.time_s is None]
     if silent or not found:
         who = f'trial {silent[0]} has' if silent and found else 'the recordings have'
-        raise SourceError(f'{who} no times, so the sample rate is not known: --rate-hz')
+        raise SourceError(f'{who} no times, so the sample rate is unknown: --rate-hz')
     groups = _group_by_rate(np.array([own.rate_hz for own in found]))
     if len(groups) > 1:
         told = _format_rates([(rate, [found[i].trial for i in rows]) for rate, rows in groups])
         raise SourceError(
-            f'the trials have different rates: {told}; take the recordings of one rate at a time'
+            f'the trials have different rates: {told}; use recordings of one rate at a time'
         )
     if stated_hz := next((t.stated_rate_hz for t in trials if t.stated_rate_hz), None):
         return stated_hz
@@ -200,7 +200,7 @@ def _choose_rate(trials: Sequence[RawTrial], rate_hz: float | None, notes: Notes
 
 
 class _OwnRate(NamedTuple):
-    """The sample rate that a trial states, or its stamps have [Hz]; ``words`` say which."""
+    """The sample rate of a trial [Hz]; ``words`` say whether it is stated or from stamps."""
 
     rate_hz: float
     trial: RawTrial
@@ -208,21 +208,21 @@ class _OwnRate(NamedTuple):
 
 
 def _check_rate(source: str, rate_hz: float, found: Sequence[_OwnRate], way_out: str) -> None:
-    """Refuse a rate [Hz] that does not fit the trials' own; the most different one is named."""
+    """Refuse a rate [Hz] that differs from the trials' rates; name the most different one."""
     own = max(found, key=lambda own: abs(own.rate_hz - rate_hz), default=None)
     if own is not None and abs(own.rate_hz - rate_hz) > RATE_TOLERANCE * rate_hz:
         raise SourceError(
-            f'{source} {rate_hz:g} Hz, and {own.words} {own.rate_hz:.6g} Hz; {way_out}state '
+            f'{source} {rate_hz:g} Hz, but {own.words} {own.rate_hz:.6g} Hz; {way_out}state '
             'the unit of the times (--time-unit ms). `tactile evaluate`, `train`, '
             '`compare` and `features` change the rate with --resample-hz'
         )
 
 
 def _group_by_rate(rates: Floats) -> list[tuple[float, NDArray[np.intp]]]:
-    """Return each rate that some trials have [Hz], and which these are; the commonest first."""
+    """Return each rate [Hz] with the indices of its trials; the most frequent rate comes first."""
     left, groups = np.arange(len(rates)), []
     while len(left):
-        usual = np.sort(rates[left])[len(left) // 2]  # that of a trial, not a mean of two
+        usual = np.sort(rates[left])[len(left) // 2]  # the rate of a trial, not a mean of two
         is_same = np.abs(rates[left] / usual - 1.0) <= RATE_TOLERANCE
         groups.append((round_rate(float(np.median(rates[left[is_same]]))), left[is_same]))
         left = left[~is_same]
@@ -230,7 +230,7 @@ def _group_by_rate(rates: Floats) -> list[tuple[float, NDArray[np.intp]]]:
 
 
 def _format_rates(groups: Sequence[tuple[float, Sequence[RawTrial]]]) -> str:
-    """Return each rate with its files; with its trials where one file has several rates."""
+    """Return each rate with its files, or with its trials if a file has several rates."""
     sources = [{str(t.columns.get('source', '')) for t in trials} for _, trials in groups]
     is_of_one_rate = len(set().union(*sources)) == sum(map(len, sources))
     parts = []
@@ -242,7 +242,7 @@ def _format_rates(groups: Sequence[tuple[float, Sequence[RawTrial]]]) -> str:
 
 
 def _period_s(time_s: Floats | None) -> float:
-    """Return the mean time between samples that follow each other without a pause."""
+    """Return the mean time between consecutive samples without pauses [s]."""
     if time_s is None or len(time_s) < 2:
         return 0.0
     steps = np.diff(time_s)
@@ -253,7 +253,7 @@ def _period_s(time_s: Floats | None) -> float:
 
 
 def _make_even(trial: RawTrial, rate_hz: float) -> tuple[Floats, bool]:
-    """Return the samples at an even rate, and whether that changed them."""
+    """Return the samples at an even rate, and whether they were changed."""
     count = trial.values.shape[1]
     if count < 2:
         raise SourceError(f'trial {trial.name} has {count} samples')
@@ -265,7 +265,7 @@ def _make_even(trial: RawTrial, rate_hz: float) -> tuple[Floats, bool]:
     steps = np.diff(time_s)
     if (steps <= 0.0).any():
         row = int(np.argmax(steps <= 0.0)) + 1
-        raise SourceError(f'trial {trial.name}: the time does not rise at its sample {row}')
+        raise SourceError(f'trial {trial.name}: the time does not increase at its sample {row}')
     if steps.max() * rate_hz > GAP_PERIODS:
         at = int(np.argmax(steps))
         raise SourceError(
@@ -282,22 +282,23 @@ def _make_even(trial: RawTrial, rate_hz: float) -> tuple[Floats, bool]:
 
 
 def join_columns(
-    trials: Sequence[tuple[Mapping[str, Any], str]], notes: Notes | None = None
+    trials: Sequence[tuple[Mapping[str, Any], str]], notes: ImportNotes | None = None
 ) -> dict[str, NDArray[Any]]:
-    """Return the columns that every trial has, the label and the name of the trial among them.
+    """Return the columns that every trial has, including the label and the name of the trial.
 
-    ``trials`` are what is known of each, and its name; ``notes`` is told what was left out.
+    ``trials`` has the properties and the name of each trial. Omitted columns are noted in
+    ``notes``.
     """
     first = trials[0][0]
     shared = [name for name in first if all(name in columns for columns, _ in trials)]
     lost = sorted({name for columns, _ in trials for name in columns} - set(shared))
     if lost and notes is not None:
-        notes.add(f'left out, not known of every trial: {", ".join(lost)}')
-    # The names that an archive gives a meaning are not those of columns.
+        notes.add(f'omitted, because some trials lack it: {", ".join(lost)}')
+    # Names with a special meaning in an archive cannot be used for columns.
     named = {name: f'{name}_' if name in RESERVED else name for name in shared}
     found = {named[name]: np.array([columns[name] for columns, _ in trials]) for name in shared}
     if 'session' in found and 'session_id' not in found:
-        found['session_id'] = found.pop('session')  # the name that splits look for
+        found['session_id'] = found.pop('session')  # the name that splits require
     found['trial'] = np.array([name for _, name in trials])
     found['label'] = found['label'].astype(str)
     return found

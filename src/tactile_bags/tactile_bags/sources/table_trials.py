@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Trials of tables: a file a trial, or many in one long table, by the roles of their columns."""
+"""Trials of tables: one file per trial or one long table, by the roles of the columns."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from tactile_bags.sources.files import (
     find_group_word,
-    Leaf,
+    ImportNotes,
     name_labels,
-    Notes,
     SourceError,
+    SourceFile,
     SourceOptions,
 )
 from tactile_bags.sources.raw_trials import RawTrial
@@ -32,13 +32,13 @@ NAMES: Mapping[str, frozenset[str]] = {
     'label': frozenset(('label', 'object', 'object_label')),
     'force': frozenset(('force', 'tension')),
 }
-"""Names of columns that need no option, in small letters and without their unit."""
+"""Column names that need no option, in lower case and without their unit."""
 
 UNITS_S = {'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'µs': 1e-6, 'μs': 1e-6, 'ns': 1e-9, 'min': 60.0}
 """Units of time [s]."""
 
 ISO, DAY_FIRST = 'iso', 'day-first'
-"""Other values of `SourceOptions.time_unit`: forms of dates."""
+"""Other values of `SourceOptions.time_unit`: formats of dates."""
 
 _DAY_FIRST_FORMS = tuple(
     f'%d{mark}%m{mark}%Y %H:%M:%S{fraction}' for mark in './-' for fraction in ('', '.%f')
@@ -52,10 +52,10 @@ _SPELLINGS |= {'volts': 'V', '-': '', '1': '', 'raw': '', 'a.u.': '', 'n/a': ''}
 
 @dataclass(frozen=True)
 class Roles:
-    """The columns by what they are; an empty name: there is none.
+    """The columns by their role; an empty name means that there is none.
 
     Each of ``values`` is a channel of the signal. Without ``trial`` the file is one trial.
-    ``time_unit`` is a key of `UNITS_S`, or a form of dates.
+    ``time_unit`` is a key of `UNITS_S`, or a format of dates.
     """
 
     values: tuple[str, ...]
@@ -66,9 +66,9 @@ class Roles:
 
 
 def split_unit(name: str) -> tuple[str, str]:
-    """Return the name of a column in small letters and its unit, which may be empty.
+    """Return the name of a column in lower case and its unit, which may be empty.
 
-    ``Force [N]``, ``time (ms)``, ``time_ms`` and ``force_n`` have one.
+    ``Force [N]``, ``time (ms)``, ``time_ms`` and ``force_n`` have a unit.
     """
     for pattern in (_BRACKETS, _ENDING):
         found = pattern.match(name.strip())
@@ -81,13 +81,13 @@ def split_unit(name: str) -> tuple[str, str]:
 
 
 def read_table_trials(
-    leaves: Sequence[Leaf], options: SourceOptions, notes: Notes
+    leaves: Sequence[SourceFile], options: SourceOptions, notes: ImportNotes
 ) -> list[RawTrial]:
     """Read the trials of CSV and Parquet files.
 
-    A file with a column of trials holds many; another is one trial. A label that no column
-    states comes from the names of file or folder, see `name_labels`. A column whose meaning is not
-    known is a `SourceError`.
+    A file with a column of trials contains several trials; any other file is one trial. Labels
+    that no column states are taken from the names of file or folder, see `name_labels`. Raises
+    `SourceError` for a column whose meaning is unknown.
     """
     trials: list[RawTrial] = []
     named: list[dict[str, str]] = []
@@ -96,8 +96,8 @@ def read_table_trials(
     for i, leaf in enumerate(leaves):
         table = read_table(leaf.path, options)
         if table.nested:
-            notes.add(f'left out, they hold lists: {", ".join(table.nested)}')
-        if roles is None or tuple(table.columns) != columns:  # asked once for equal files
+            notes.add(f'omitted, because they contain lists: {", ".join(table.nested)}')
+        if roles is None or tuple(table.columns) != columns:  # once for files with equal columns
             roles, columns = assign_roles(table, options, notes), tuple(table.columns)
         known: Mapping[str, str] = {}
         if not roles.label:
@@ -110,7 +110,7 @@ def read_table_trials(
 
 
 def _propose_label(table: Table, roles: Roles) -> str:
-    """Return options for the columns of texts that may be the label; empty: there are none."""
+    """Return options for text columns that may be the label; empty if there are none."""
     likely = [
         name
         for name, column in table.columns.items()
@@ -122,7 +122,7 @@ def _propose_label(table: Table, roles: Roles) -> str:
 
 
 def _cut_trials(
-    table: Table, roles: Roles, leaf: Leaf, known: Mapping[str, str], notes: Notes
+    table: Table, roles: Roles, leaf: SourceFile, known: Mapping[str, str], notes: ImportNotes
 ) -> list[RawTrial]:
     for name in roles.values:
         _check_numeric(table, name)
@@ -153,16 +153,16 @@ def _cut_trials(
         )
     if 'label' in varying:
         raise SourceError(
-            f'{table.path}: a trial has several labels; name the column of trials with '
+            f'{table.path}: a trial has several labels; state the column of trials with '
             '--trial-column'
         )
     if varying:
-        notes.add(f'left out, they change within a trial: {", ".join(sorted(varying))}')
+        notes.add(f'omitted, because they vary within a trial: {", ".join(sorted(varying))}')
     return found
 
 
 def _times_s(table: Table, roles: Roles) -> NDArray[np.float64] | None:
-    """Return the times from the first one of the table, where integers lose no digit."""
+    """Return the times relative to the first one in the table, subtracted exactly for integers."""
     if not roles.time:
         return None
     column = table.columns[roles.time]
@@ -179,24 +179,24 @@ def _times_s(table: Table, roles: Roles) -> NDArray[np.float64] | None:
 
 
 def _parse_dates(table: Table, name: str, form: str) -> NDArray[np.int64]:
-    """Return texts as nanoseconds."""
+    """Return dates and times as nanoseconds since 1970."""
     found = []
     for row, text in enumerate(table.columns[name].tolist(), start=1):
         stamp = _parse_date(str(text).strip().replace(',', '.'), form)
         if stamp is None:
             raise SourceError(
-                f'{table.path}: column "{name}", row {row} of its data: "{text}" is no date and '
-                f'time of the form {form}'
+                f'{table.path}: column "{name}", data row {row}: "{text}" is not a date and '
+                f'time of the format {form}'
             )
         found.append(stamp)
     return np.array(found, dtype=np.int64)
 
 
 def _parse_date(text: str, form: str) -> int | None:
-    """Return a date and time in nanoseconds since 1970; None where the text is none."""
+    """Return a date and time in nanoseconds since 1970; None if the text is invalid."""
     try:
         if form == ISO:
-            # NumPy takes other texts, too, such as "now".
+            # NumPy accepts other texts, too, such as "now".
             if not _ISO_DATE.match(text):
                 return None
             return int(np.datetime64(text.replace(' ', 'T'), 'ns').astype(np.int64))
@@ -212,12 +212,13 @@ def _parse_date(text: str, form: str) -> int | None:
 
 
 def _group_rows(
-    table: Table, roles: Roles, notes: Notes
+    table: Table, roles: Roles, notes: ImportNotes
 ) -> list[tuple[tuple[Any, ...], NDArray[np.intp]]]:
-    """Return name and rows of each trial, by their first row.
+    """Return name and rows of each trial, in the order of first rows.
 
-    Where trials of several labels or sessions share a name, all these together are the trial: no
-    trial goes across a column that `find_group_word` finds, and trials are numbered within it.
+    Trials of several labels or sessions may share a name; all these columns together then name a
+    trial. A trial never spans several values of a column that `find_group_word` finds, and trials
+    are numbered within each value.
     """
     if not roles.trial:
         return [((), np.arange(len(table)))]
@@ -230,7 +231,7 @@ def _group_rows(
             if finer.max() > numbers.max():
                 names, numbers = (name, *names), finer
     if len(names) > 1:
-        notes.add(f'a trial is named by {" and ".join(names)} together')
+        notes.add(f'trials are distinguished by {" and ".join(names)} together')
     order = np.argsort(numbers, kind='stable')
     starts = np.flatnonzero(np.diff(numbers[order], prepend=-1))
     parts = np.split(order, starts[1:])
@@ -238,7 +239,7 @@ def _group_rows(
 
 
 def _number_groups(table: Table, names: Sequence[str]) -> NDArray[np.intp]:
-    """Return the number of the group of each row, from 0, in the order of first rows."""
+    """Return the index of the group of each row, from 0, in the order of first rows."""
     codes = np.zeros(len(table), dtype=np.intp)
     for name in names:
         _, inverse = np.unique(table.columns[name], return_inverse=True)
@@ -250,10 +251,10 @@ def _number_groups(table: Table, names: Sequence[str]) -> NDArray[np.intp]:
     return np.asarray(rank[inverse], dtype=np.intp)
 
 
-def assign_roles(table: Table, options: SourceOptions, notes: Notes) -> Roles:
+def assign_roles(table: Table, options: SourceOptions, notes: ImportNotes) -> Roles:
     """Return the role of each column: as stated, or by its exact name.
 
-    A column whose meaning neither says is a `SourceError`.
+    Raises `SourceError` for a required role that neither determines.
     """
     forces = tuple(name.strip() for name in options.force_column.split(',') if name.strip())
     stated = {'time': options.time_column, 'trial': options.trial_column}
@@ -277,7 +278,7 @@ def assign_roles(table: Table, options: SourceOptions, notes: Notes) -> Roles:
 
 
 def _find_named(table: Table, role: str) -> str:
-    """Return the column that has an exact name of a role; empty: there is none."""
+    """Return the column with an exact name of a role, or an empty string."""
     found = [name for name in table.columns if split_unit(name)[0] in NAMES[role]]
     return _choose(table, role, found) if found else ''
 
@@ -289,24 +290,24 @@ def _choose(table: Table, role: str, found: Sequence[str]) -> str:
 
 
 def _ask(table: Table, role: str, likely: Sequence[str]) -> SourceError:
-    """Return the refusal of a table that does not say which column has a role."""
+    """Return the error for a table in which the column of a role is unknown."""
     possible = f'; possible: {", ".join(likely)}' if likely else ''
     several = '[,NAME...]' if role == 'force' else ''
     return SourceError(
-        f'{table.path}: which column is the {role} is not known{possible}. State it with '
+        f'{table.path}: the column of the {role} is unknown{possible}. State it with '
         f'--{role}-column NAME{several}; {_show_columns(table)}'
     )
 
 
 def _show_columns(table: Table) -> str:
-    """Return names of the columns with their values in the first row."""
+    """Return the names of the columns with their values in the first row."""
     cells = [f'{name} = {column[0]}' for name, column in table.columns.items()]
     more = f', and {len(cells) - 12} more' if len(cells) > 12 else ''
     return f'columns and first row: {", ".join(cells[:12])}{more}'
 
 
 def _find_time_unit(table: Table, name: str, stated: str) -> str:
-    """Return the unit of the times, as stated or as the name of the column says."""
+    """Return the unit of the times, as stated or by the name of the column."""
     if stated and stated not in (*UNITS_S, ISO, DAY_FIRST):
         raise SourceError(
             f'--time-unit is "{stated}"; it must be one of {", ".join((*UNITS_S, ISO, DAY_FIRST))}'
@@ -322,14 +323,14 @@ def _find_time_unit(table: Table, name: str, stated: str) -> str:
     if unit in UNITS_S or (is_text and unit in (ISO, DAY_FIRST)):
         return unit
     if unit in (ISO, DAY_FIRST):
-        raise SourceError(f'{table.path}: column "{name}" holds numbers; --time-unit is {unit}')
+        raise SourceError(f'{table.path}: column "{name}" contains numbers; --time-unit is {unit}')
     steps = np.diff(table.columns[name][:1000].astype(np.float64))
     steps = steps[np.isfinite(steps) & (steps > 0.0)]
     step = float(np.median(steps)) if len(steps) else 0.0
     rates = [f'{u}: {1.0 / (step * UNITS_S[u]):.4g} Hz' for u in ('s', 'ms', 'us') if step > 0.0]
     shown = f' ({", ".join(rates)})' if rates else ''
     raise SourceError(
-        f'{table.path}: the unit of the times in column "{name}" is not known. State it with '
+        f'{table.path}: the unit of the times in column "{name}" is unknown. State it with '
         f'--time-unit UNIT{shown}, or in the name, as in {name}_s; {_show_columns(table)}'
     )
 
@@ -343,7 +344,7 @@ def _check_numeric(table: Table, name: str, remedy: str = '') -> None:
         (1, column[0]),
     )
     raise SourceError(
-        f'{table.path}: column "{name}" must hold numbers, and row {row} of its data holds '
+        f'{table.path}: column "{name}" must contain numbers, but data row {row} contains '
         f'"{cell}"{remedy}'
     )
 
@@ -356,7 +357,7 @@ def _is_number(cell: Any) -> bool:
     return True
 
 
-def _note_roles(table: Table, roles: Roles, notes: Notes) -> None:
+def _note_roles(table: Table, roles: Roles, notes: ImportNotes) -> None:
     parts = [f'force: {", ".join(roles.values)}']
     if roles.time:
         parts.append(f'time: {roles.time} in {roles.time_unit}')
@@ -364,4 +365,4 @@ def _note_roles(table: Table, roles: Roles, notes: Notes) -> None:
         parts.append(f'trial: {roles.trial}')
     if roles.label:
         parts.append(f'label: {roles.label}')
-    notes.add('took ' + '; '.join(parts))
+    notes.add('used ' + '; '.join(parts))

@@ -143,7 +143,7 @@ def test_equal_parameters_or_the_same_models_are_answered(
 def test_a_parameter_of_the_feature_node_alone_is_noticed(
     make_finger, make_trials, model_path, capfd
 ):
-    difference = '(texture_crop_start_s) differs: 0.6 here, 0.9 there'
+    difference = '(texture_crop_start_s) differs: required 0.6, found 0.9'
     finger = make_finger({'texture_crop_start_s': 0.9})
     finger.bring_up()
     log = capfd.readouterr().err

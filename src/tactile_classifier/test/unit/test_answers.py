@@ -94,7 +94,7 @@ def test_ready_cut_windows_take_their_specification_from_whoever_asks(
     assert model.fits(later.digest)
     assert model.format_mismatch(make_window(specification_digest=later.digest)) == ''
     assert not model.fits(faster.digest)
-    assert 'rate in Hz differs: 60 here, 100 there' in model.format_mismatch(
+    assert 'rate in Hz differs: required 60, found 100' in model.format_mismatch(
         make_window(specification_digest=faster.digest)
     )
     assert 'another specification' in model.format_mismatch(make_window())

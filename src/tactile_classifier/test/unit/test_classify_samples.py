@@ -214,7 +214,7 @@ def test_a_rate_that_differs_by_less_than_a_thousandth_is_the_same(model):
     other = features_from_trials('texture', samples[np.newaxis], 59.95)[1]
     assert other.names != model.spec.names
     model.check_fits(other)
-    with pytest.raises(ModelFileError, match=r'the rate in Hz differs: 60 here, 60\.07 there'):
+    with pytest.raises(ModelFileError, match=r'the rate in Hz differs: required 60, found 60\.07'):
         model.check_fits(features_from_trials('texture', samples[np.newaxis], 60.07)[1])
 
 

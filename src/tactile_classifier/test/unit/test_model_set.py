@@ -118,7 +118,7 @@ def test_a_window_that_fits_no_model_is_answered_with_the_reason(folder, window_
     assert 'another specification' in answer.reason
     models.set_specifications([GAPS])
     (answer,) = models.classify(window_of(GAPS))
-    assert 'max_gap_samples) differs: 0.0 here, 3 there' in answer.reason
+    assert 'max_gap_samples) differs: required 0.0, found 3' in answer.reason
     (sentence,) = models.unfed
     assert f'give its parameter models {folder / "a.npz"}' in sentence
     # The windows of its own are announced: those of another specification are for others.

@@ -462,15 +462,15 @@ def features_from_trials(
     task : str
         ``texture`` or ``stiffness``.
     x : array_like of shape (trials, samples)
-            Tension [N]; each row is one window. A feature set whose window length depends on the
-            speed uses the middle of each row.
+        Tension [N]; each row is one window. A feature set whose window length depends on the
+        speed uses the middle of each row.
     rate_hz : float
         Sample rate [Hz].
     config : FeatureConfig, optional
-            Names the feature set and its options; defaults if omitted. Parameters that say how
-            windows are cut have no effect.
+        Names the feature set and its options; defaults if omitted. Parameters that say how
+        windows are cut have no effect.
     speeds_m_s : array_like of shape (trials,), optional
-            Sliding speed of each trial [m/s]; required by feature sets over distance.
+        Sliding speed of each trial [m/s]; required by feature sets over distance.
 
     Returns
     -------
@@ -481,8 +481,8 @@ def features_from_trials(
     Raises
     ------
     FeatureError
-            When the shape, the rate or the speeds are invalid, a value is not finite or a feature
-            is undefined; the message names the trial.
+        When the shape, the rate or the speeds are invalid, a value is not finite or a feature
+        is undefined; the message names the trial.
     """
     tension = np.asarray(x, dtype=np.float64, order='C')  # as in the stream: bits depend on it
     if tension.ndim != 2 or tension.shape[1] < 2:

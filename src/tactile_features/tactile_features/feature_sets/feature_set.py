@@ -124,11 +124,11 @@ class WindowSpec:
     Attributes
     ----------
     crop_start_s, crop_end_s : float
-            Time that is left out at the start and at the end of the phase [s].
+        Time that is left out at the start and at the end of the phase [s].
     shortest_s : float
-            The window is refused when the phase is shorter than this between its crops [s].
+        The window is refused when the phase is shorter than this between its crops [s].
     sample_count : int
-            Length of the window after the crop, in samples; 0 for all samples between the crops.
+        Length of the window after the crop, in samples; 0 for all samples between the crops.
     """
 
     crop_start_s: float

@@ -65,12 +65,12 @@ def compute_spectrum(
     tension_n : array_like of shape (..., n)
         Windows of tension [N]; ``n >= 2``.
     detrend : str
-            Trend to subtract before the transform, as in `scipy.signal.detrend`: ``none``,
-            ``mean``, or ``linear`` for the least-squares line. ``none`` differs from ``mean``
-            only with a window function, because the component at 0 Hz is set to 0.
-        window : str
-            Window function: ``none``, or ``hann`` for the periodic one of
-            `scipy.signal.get_window`.
+        Trend to subtract before the transform, as in `scipy.signal.detrend`: ``none``,
+        ``mean``, or ``linear`` for the least-squares line. ``none`` differs from ``mean``
+        only with a window function, because the component at 0 Hz is set to 0.
+    window : str
+        Window function: ``none``, or ``hann`` for the periodic one of
+        `scipy.signal.get_window`.
 
     Returns
     -------
@@ -80,8 +80,8 @@ def compute_spectrum(
     Raises
     ------
     FeatureError
-            When there are too few samples, a value is not finite, or an amplitude is too
-            large to be represented.
+        When there are too few samples, a value is not finite, or an amplitude is too
+        large to be represented.
     """
     tension = np.asarray(tension_n, dtype=np.float64)
     n = tension.shape[-1] if tension.ndim else 0

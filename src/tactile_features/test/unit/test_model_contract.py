@@ -80,7 +80,7 @@ def test_a_file_that_is_refused_is_named_and_the_others_count(
 @pytest.mark.parametrize(
     ('changes', 'sentence'),
     [
-        ({'version': 1}, 'version of the feature set differs: 1 here, 2 there'),
+        ({'version': 1}, 'version of the feature set differs: required 1, found 2'),
         ({'feature_set': 'smell'}, 'feature set "smell" is not installed'),
         ({'names': FULL.names[:-1]}, 'names or units of the features differ'),
         ({'rate_hz': 0.5}, 'rate_hz is 0.5; it must be between'),

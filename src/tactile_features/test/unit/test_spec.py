@@ -229,7 +229,7 @@ def test_the_channel_is_part_of_the_specification():
     for spec in (alone, *of.values()):
         assert FeatureSpec.from_dict(json.loads(json.dumps(spec.to_dict()))) == spec
         assert alone.mismatch(spec) == spec.mismatch(alone) == ''
-    assert of['fx'].mismatch(of['mean']) == 'the channel differs: fx here, mean there'
+    assert of['fx'].mismatch(of['mean']) == 'the channel differs: required fx, found mean'
     more = {
         channel: dataclasses.replace(spec, channels=('fx', 'fy', 'fz'))
         for channel, spec in of.items()
@@ -238,7 +238,7 @@ def test_the_channel_is_part_of_the_specification():
     assert more['fx'].mismatch(of['fx']) == ''
     assert more['mean'].digest != of['mean'].digest
     assert more['mean'].mismatch(of['mean']) == (
-        'the list of channels differs: fx, fy, fz here, fx, fy there'
+        'the list of channels differs: required fx, fy, fz, found fx, fy'
     )
     assert more['fx'].describe_channel() == 'fx; not used: fy, fz'
     assert more['all'].describe_channel() == 'all of 3 (fx, fy, fz)'
@@ -251,9 +251,9 @@ def test_the_channel_is_part_of_the_specification():
 def test_rates_that_stamps_cannot_tell_apart_are_the_same():
     specs = [array_spec('texture', 180, rate_hz) for rate_hz in (60.0, 60.05, 60.07)]
     assert specs[0].mismatch(specs[1]) == specs[1].mismatch(specs[0]) == ''
-    assert specs[0].mismatch(specs[2]) == 'the rate in Hz differs: 60 here, 60.07 there'
+    assert specs[0].mismatch(specs[2]) == 'the rate in Hz differs: required 60, found 60.07'
     precise = [array_spec('texture', 180, rate_hz) for rate_hz in (1000.0001, 1002.0003)]
-    assert precise[0].mismatch(precise[1]) == 'the rate in Hz differs: 1000 here, 1002 there'
+    assert precise[0].mismatch(precise[1]) == 'the rate in Hz differs: required 1000, found 1002'
     assert format_rates(100.0, 100.00000001) == ('100', '100.00000001')
     assert shared_rate_hz(specs[:2]) == 60.0
     assert shared_rate_hz(specs) == 0.0

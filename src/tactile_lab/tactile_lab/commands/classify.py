@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile classify`: new recordings in, one answer for each trial out."""
+"""`tactile classify`: classify the trials of new recordings."""
 
 from pathlib import Path
 from typing import Annotated, TYPE_CHECKING
@@ -25,8 +25,8 @@ def classify(
             '--model',
             '-m',
             exists=True,
-            help='Model file (.npz) of `tactile train`, or a folder of them. Recordings of others '
-            'do not state task and contact: name one file for them.',
+            help='Model file (.npz) of `tactile train`, or a folder of them. Recordings of other '
+            'software do not state task and contact: give one file for them.',
         ),
     ],
     archives: options.ArchiveOptions = options.ARCHIVES,
@@ -38,18 +38,19 @@ def classify(
     As in: tactile classify new.csv --model models/texture.npz
 
     Prints one line for each trial: its name, the label that the recording states, if any, the
-    answer, its probability, and the share of held-out training trials that are as novel
-    (p-value). The answer is a label of the model; *unknown* where the trial is unlike all
-    training trials; or *no answer*, with the reason. Labels are not needed.
+    predicted label, its probability, and the fraction of held-out training trials that are at
+    least as novel (p-value). Instead of a label of the model, the prediction may be *unknown*, if
+    the trial differs from all training trials, or *no answer*, with the reason. Labels are not
+    needed.
 
-    A bag with trial events runs through the same features as live. In a table, an archive or a
-    bag of others, each trial is one window. A longer trial is cut as for training: ``--crop``,
-    then the samples of one window from the start, or from where the live node takes them. Rate,
-    unit and channel must be those of the model; ``--resample-hz`` changes the rate, and the model
-    names its channel itself.
+    Bags with trial events use the same features as the live node. In a table, an archive or a
+    bag of other software, each trial is one window. A longer trial is cut as for training:
+    ``--crop``, then the samples of one window from the start, or from the position at which the
+    live node takes them. Rate, unit and channel must match the model; ``--resample-hz`` changes
+    the rate, and the model contains the name of its channel.
 
-    ``--json`` prints every probability and score. The command exits with 2 when no trial has an
-    answer.
+    ``--json`` prints every probability and score. The command exits with 2 when no trial can be
+    classified.
     """
     from tactile_bags.sources.files import SourceOptions
     from tactile_lab.datasets.classified import classify_recording, count_right

@@ -91,7 +91,7 @@ def _open(path: Path) -> 'Recording':
     from tactile_bags.experiment_journal import is_experiment
     from tactile_bags.recorded_bag import RecordedBag
     from tactile_bags.recording import OWN, Recording
-    from tactile_bags.sources.files import find_leaves, Kind
+    from tactile_bags.sources.files import find_leaves, SourceKind
 
     inside = sorted([p.parent for p in path.glob('*/metadata.yaml')] + [*path.glob('*.npz')])
     if inside and not (path / 'metadata.yaml').exists() and not is_experiment(path):
@@ -100,7 +100,7 @@ def _open(path: Path) -> 'Recording':
             f'{inside[0]}'
         )
     (leaf, *more) = find_leaves([path])
-    if not more and leaf.kind is Kind.BAG and leaf.path == path:  # also a bag without trials
+    if not more and leaf.kind is SourceKind.BAG and leaf.path == path:  # also a bag without trials
         return Recording(OWN, path.name, [path], bags=[RecordedBag(path)])
     return Recording.load(path)
 

@@ -36,7 +36,7 @@ LISTEN_S = 2.5
 """Time that a board needs to boot and send its banner, if opening its port resets it [s]."""
 
 NAME_FOLDERS = ('/dev/tactile', '/dev/serial/by-id')
-"""Folders of persistent names: ours (see ``udev/60-tactile.rules``), then those of udev."""
+"""Folders of persistent names: ours (see ``udev/60-tactile.rules``), then udev's own."""
 
 USUAL_BAUD = 115_200
 OTHER_BAUDS = (9600, 57_600, 38_400, 19_200, 1_000_000)

@@ -198,7 +198,7 @@ class LiveRig:
             for model in self.models
             if model.task == request.protocol and model.contact in ('', request.contact)
         ]
-        # One window per specification; without models, that of the feature node.
+        # One window per specification; without models, one window of the feature node.
         windows = max(1, len({model.specification_digest for model in listening}))
         wanted = self.recorder.window_count + windows
         try:

@@ -81,8 +81,8 @@ def test_a_long_table_in_csv_and_parquet(tmp_path, long_table):
     assert found['samples'] == [240, 245]
     assert found['columns'] == ['source', 'trial', 'session_id']
     assert trials.columns['session_id'].tolist() == [0, 1, 0, 1, 0, 1] * 2
-    assert 'took force: force_n; time: time_s in s; trial: trial; label: object' in found['notes']
-    assert 'a trial is named by object and trial together' in found['notes']
+    assert 'used force: force_n; time: time_s in s; trial: trial; label: object' in found['notes']
+    assert 'trials are distinguished by object and trial together' in found['notes']
     parquet = tmp_path / 'long.parquet'
     pyarrow.parquet.write_table(pyarrow.csv.read_csv(long_table), parquet)
     check_holds(import_json(tmp_path, parquet)[1])
@@ -120,7 +120,7 @@ def test_a_file_a_trial_in_folders_named_as_the_label(tmp_path, folders):
     assert '--separator' in refusal(tmp_path, folders)
     found, trials = import_json(tmp_path, folders, *GERMAN, *FORCE)
     check_holds(trials, column='source', pattern='lab/{label}/{i:02d}.csv')
-    assert 'took force: Kraft [N]; time: Zeit [ms] in ms' in found['notes']
+    assert 'used force: Kraft [N]; time: Zeit [ms] in ms' in found['notes']
     assert 'label: the folder of each file (pla, rubber)' in found['notes']
 
 
@@ -288,7 +288,7 @@ def test_each_rate_is_named_with_its_files(tmp_path):
     for rate, label in ((100, 'pla'), (50, 'rubber')):
         files = ', '.join(f'b/{label}/{i}.csv' for i in range(3))
         assert f'{rate} Hz ({files})' in said
-    assert 'take the recordings of one rate at a time' in said
+    assert 'use recordings of one rate at a time' in said
     assert '75 Hz' not in said  # which no file has
     assert '--resample-hz' not in said  # which `import` does not have
     lines = ['label,trial,time_s,force_n']
@@ -373,4 +373,4 @@ def test_trials_numbered_anew_in_each_session_are_kept_apart(tmp_path):
     found, trials = import_json(tmp_path, save_rows(tmp_path / 'sessions.csv', lines))
     assert trials.lengths.tolist() == [50] * 4
     assert trials.columns['session_id'].tolist() == [1, 1, 2, 2]
-    assert 'a trial is named by session and label and trial together' in found['notes']
+    assert 'trials are distinguished by session and label and trial together' in found['notes']

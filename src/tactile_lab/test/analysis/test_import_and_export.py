@@ -91,7 +91,7 @@ def test_import_draws_says_first_what_it_could_not_know_and_last_what_to_do(tmp_
     assert 'window' in drawn
     table = write_trials(tmp_path, 'force')
     done = tactile('import', table, '-o', archive, '--force')
-    assert done.stdout.startswith('not known: unit of the signal (--unit N)\n')
+    assert done.stdout.startswith('unknown: unit of the signal (--unit N)\n')
     table = write_trials(tmp_path, 'force', rate=False)
     assert '--rate-hz' in hear_tactile('import', table, '-o', tmp_path / 'b.npz', code=2)
 
