@@ -353,11 +353,11 @@ def test_means_of_parts_are_exact(n, parts, offset, slope):
     [
         (lambda: compute_spectrum([1.0, np.nan, 2.0]), 'not finite'),
         (lambda: compute_spectrum(np.where(np.eye(99, 180) > 0, np.inf, 1.0)), 'not finite'),
-        (lambda: compute_spectrum([1.0]), 'at least 2 samples'),
-        (lambda: compute_spectrum(1.0), 'at least 2 samples'),
+        (lambda: compute_spectrum([1.0]), '2 samples'),
+        (lambda: compute_spectrum(1.0), '2 samples'),
         (lambda: compute_spectrum([1e308, -1e308, 1e308]), 'too large'),
-        (lambda: compute_spectrum([1.0, 2.0], 'cubic'), 'one of none, mean, linear and of none'),
-        (lambda: compute_spectrum([1.0, 2.0], 'mean', 'hamming'), 'and of none, hann'),
+        (lambda: compute_spectrum([1.0, 2.0], 'cubic'), 'none, mean, linear'),
+        (lambda: compute_spectrum([1.0, 2.0], 'mean', 'hamming'), 'none, hann'),
     ],
 )
 def test_a_kernel_refuses_what_has_no_value(compute, message):
@@ -388,7 +388,7 @@ def test_a_batch_names_what_is_wrong_with_it(task, x, fields, message):
 
 def test_a_trial_without_a_value_is_named():
     config = FeatureConfig(stiffness_features='stiffness_relaxation')
-    with pytest.raises(UndefinedFeatureError, match='trial 1: the intercept is zero'):
+    with pytest.raises(UndefinedFeatureError, match=r'trial 1: .*intercept'):
         features_from_trials('stiffness', [[1.0, 2.0, 3.0], [0.0, 1.0, 2.0]], 50.0, config=config)
 
 

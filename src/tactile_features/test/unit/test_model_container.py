@@ -125,37 +125,37 @@ class Evil:
 
 
 @pytest.mark.parametrize(
-    ('data', 'sentence'),
+    ('data', 'named'),
     [
-        (b'', 'it is not an .npz file'),
-        (b'\x80\x04\x95', 'it is not an .npz file'),
-        (zip_members([]), 'it is not an .npz file'),
-        (zip_members([('x.npy', np.zeros(3))]), 'it has no manifest'),
-        (seal({'x': np.array([Evil()], dtype=object)}), 'array "x" is not of doubles, floats'),
-        (seal({'x': np.zeros(2, dtype='f8,i4')}), 'is not of doubles'),
-        (seal({'x': np.zeros(2, dtype='>f8')}), 'is not of doubles'),
-        (seal({'x': np.asfortranarray(np.zeros((2, 2)))}), 'is not of doubles'),
-        (seal({'x': np.zeros((1,) * 5)}), 'is not of doubles'),
-        (seal({}, b'[1]'), 'its manifest is not a JSON object'),
-        (seal({}, b'{"a":'), 'its manifest is not JSON'),
-        (seal({}, b'[' * 50_000), 'its manifest is not JSON'),
-        (seal({}, b' ' * (2**22 + 1)), 'its manifest has more than 4 MiB'),
-        (zip_members([('../x.npy', np.zeros(3))]), "'../x.npy', which is not a model array"),
-        (zip_members([('run.py', b'print()')]), "'run.py', which is not a model array"),
-        (zip_members([('x.npy', b'ab')], zipfile.ZIP_DEFLATED), 'compressed or encrypted'),
-        (zip_members([('x.npy', b'ab')], zipfile.ZIP_LZMA), 'compressed or encrypted'),
+        (b'', 'npz'),
+        (b'\x80\x04\x95', 'npz'),
+        (zip_members([]), 'npz'),
+        (zip_members([('x.npy', np.zeros(3))]), 'manifest'),
+        (seal({'x': np.array([Evil()], dtype=object)}), '"x"'),
+        (seal({'x': np.zeros(2, dtype='f8,i4')}), '"x"'),
+        (seal({'x': np.zeros(2, dtype='>f8')}), '"x"'),
+        (seal({'x': np.asfortranarray(np.zeros((2, 2)))}), '"x"'),
+        (seal({'x': np.zeros((1,) * 5)}), '"x"'),
+        (seal({}, b'[1]'), 'JSON'),
+        (seal({}, b'{"a":'), 'JSON'),
+        (seal({}, b'[' * 50_000), 'JSON'),
+        (seal({}, b' ' * (2**22 + 1)), '4 MiB'),
+        (zip_members([('../x.npy', np.zeros(3))]), r"'\.\./x\.npy'"),
+        (zip_members([('run.py', b'print()')]), r"'run\.py'"),
+        (zip_members([('x.npy', b'ab')], zipfile.ZIP_DEFLATED), 'compressed'),
+        (zip_members([('x.npy', b'ab')], zipfile.ZIP_LZMA), 'compressed'),
     ],
     ids=lambda value: value if isinstance(value, str) else '',
 )
-def test_what_is_no_model_file_is_refused(data, sentence):
-    with pytest.raises(ModelFileError, match=sentence.replace('(', r'\(')):
+def test_what_is_no_model_file_is_refused(data, named):
+    with pytest.raises(ModelFileError, match=named):
         open_container(data)
 
 
 def test_an_array_that_is_there_twice_is_refused():
     with pytest.warns(UserWarning, match='Duplicate name'):
         data = zip_members([('x.npy', np.zeros(3)), ('x.npy', np.ones(3))])
-    with pytest.raises(ModelFileError, match='it has the array "x" twice'):
+    with pytest.raises(ModelFileError, match='"x" twice'):
         open_container(data)
 
 
@@ -163,7 +163,7 @@ def test_a_header_that_announces_more_than_there_is_allocates_nothing():
     npy = to_npy(np.zeros(1))
     bomb = npy.replace(b"'shape': (1,)", b"'shape': (999999999, 999999999)")
     bomb = bomb[:8] + struct.pack('<H', bomb.index(b'\n') + 1 - 10) + bomb[10:]
-    with pytest.raises(ModelFileError, match=r'"x" announces \d+ bytes and has 8'):
+    with pytest.raises(ModelFileError, match=r'"x" .*\d+ bytes .* 8'):
         open_container(zip_members([('x.npy', bomb)]))
 
 
@@ -171,10 +171,10 @@ def test_a_list_that_announces_more_bytes_than_the_file_has_is_refused():
     data = zip_members([('x.npy', np.zeros(3))])
     at = data.index(b'PK\x01\x02')
     size = struct.pack('<2L', 2**31, 2**31)
-    with pytest.raises(ModelFileError, match='announces more bytes than it has'):
+    with pytest.raises(ModelFileError, match='bytes'):
         open_container(data[: at + 20] + size + data[at + 28 :])
     many = zip_members([(f'a{i}.npy', b'') for i in range(2_000)])
-    with pytest.raises(ModelFileError, match='index of its arrays has more than 64 KiB'):
+    with pytest.raises(ModelFileError, match='64 KiB'):
         open_container(many)
 
 
@@ -182,7 +182,7 @@ def test_a_header_is_never_evaluated():
     npy = to_npy(np.zeros(1))
     for text in (b'__import__("os")', b'(' * 118):
         header = text.ljust(len(npy) - 18 - 1) + b'\n'
-        with pytest.raises(ModelFileError, match='is not of doubles'):
+        with pytest.raises(ModelFileError, match='"x"'):
             open_container(zip_members([('x.npy', npy[:10] + header + npy[-8:])]))
 
 
@@ -192,12 +192,12 @@ def test_files_of_other_kinds_are_named(tmp_path):
     np.savez(archive, x=np.zeros(3))
     old.write_bytes(b'\x08\x08')
     assert [is_model_file(path) for path in (model, archive, old, tmp_path)] == [1, 0, 0, 0]
-    with pytest.raises(ModelFileError, match=r'an ONNX file, which .*: train the model again'):
+    with pytest.raises(ModelFileError, match=r'ONNX.* train'):
         read_container(old)
-    with pytest.raises(ModelFileError, match='it has no manifest'):
+    with pytest.raises(ModelFileError, match='manifest'):
         read_container(archive)
 
 
 def test_a_model_beyond_the_limit_is_not_packed():
-    with pytest.raises(ModelFileError, match='would have 64 MiB, the limit is 64 MiB'):
+    with pytest.raises(ModelFileError, match='64 MiB'):
         pack_container({}, {'x': np.zeros(2**23)})

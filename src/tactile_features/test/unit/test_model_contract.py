@@ -47,44 +47,42 @@ def test_a_contact_leaves_out_the_models_of_another(folder):
     contracts, refused = read_contracts(str(folder), 'flexion')
     assert ([c.path.name for c in contracts], refused) == (['one.npz', 'third.npz'], [])
     assert read_contracts(folder / 'one.npz', 'flexion')[0] == contracts[:1]
-    with pytest.raises(
-        ModelFileError, match=r'are for abduction, but the parameter contact is flex'
-    ):
+    with pytest.raises(ModelFileError, match=r'abduction.* contact is flexion'):
         read_contracts(folder / 'other.npz', 'flexion')
 
 
 @pytest.mark.parametrize(
-    ('changes', 'sentence'),
+    ('changes', 'named'),
     [
-        ({'format_version': 5}, 'format version 5, this software reads 9: train'),
-        ({'task': 3}, 'no valid entry "task"'),
-        ({'task': 'stiffness'}, 'task "stiffness" does not fit its feature set'),
-        ({'contact': 'thumb'}, 'contact is "thumb"; it must be flexion or abduction, or empty'),
-        ({'specification_digest': '0' * 16}, 'one of them was changed'),
+        ({'format_version': 5}, 'version 5'),
+        ({'task': 3}, '"task"'),
+        ({'task': 'stiffness'}, 'task "stiffness"'),
+        ({'contact': 'thumb'}, 'contact is "thumb"'),
+        ({'specification_digest': '0' * 16}, ''),
     ],
     ids=str,
 )
 def test_a_file_that_is_refused_is_named_and_the_others_count(
-    folder, make_model_file, changes, sentence
+    folder, make_model_file, changes, named
 ):
     make_model_file(folder / 'broken.npz', FULL, **changes)
     contracts, (refused,) = read_contracts(folder)
     assert len(contracts) == 3
-    assert refused.startswith(f'model {folder / "broken.npz"} is refused: ')
-    assert sentence in refused
+    assert str(folder / 'broken.npz') in refused
+    assert named in refused
     with pytest.raises(ModelFileError) as caught:
         read_contracts(folder / 'broken.npz')
     assert str(caught.value) == refused
 
 
 @pytest.mark.parametrize(
-    ('changes', 'sentence'),
+    ('changes', 'named'),
     [
-        ({'version': 1}, 'version of the feature set differs: required 1, found 2'),
-        ({'feature_set': 'smell'}, 'feature set "smell" is not installed'),
-        ({'names': FULL.names[:-1]}, 'names or units of the features differ'),
-        ({'rate_hz': 0.5}, 'rate_hz is 0.5; it must be between'),
-        ({'sample_count': 10**7}, 'texture_samples is 10000000; it must be between'),
+        ({'version': 1}, 'version .*1 .*2'),
+        ({'feature_set': 'smell'}, '"smell"'),
+        ({'names': FULL.names[:-1]}, 'names'),
+        ({'rate_hz': 0.5}, 'rate_hz is 0.5'),
+        ({'sample_count': 10**7}, 'texture_samples is 10000000'),
         ({'texture_crop_start_s': 'late'}, 'texture_crop_start_s'),
         ({'spectrum_detrend': 1.0}, 'spectrum_detrend'),
         ({'smell': 1.0}, 'smell'),
@@ -92,27 +90,25 @@ def test_a_file_that_is_refused_is_named_and_the_others_count(
     ids=str,
 )
 def test_features_that_cannot_be_computed_here_refuse_the_file(
-    tmp_path, make_model_file, changes, sentence
+    tmp_path, make_model_file, changes, named
 ):
     fields = {name: value for name, value in changes.items() if hasattr(FULL, name)}
     parameters = {name: value for name, value in changes.items() if name not in fields}
     fields['parameters'] = {**FULL.parameters, **parameters}
     spec = dataclasses.replace(FULL, **fields)
     path = make_model_file(tmp_path / 'm.npz', spec, task='texture')
-    with pytest.raises(ModelFileError, match=f'm.npz is refused: .*{sentence}'):
+    with pytest.raises(ModelFileError, match=f'm.npz .*{named}'):
         read_contracts(path)
 
 
 def test_what_is_no_model_is_refused(tmp_path):
     path = tmp_path / 'm.npz'
-    with pytest.raises(ModelFileError, match='there are no model files') as caught:
-        read_contracts(tmp_path)
-    assert str(tmp_path) in str(caught.value)
-    with pytest.raises(ModelFileError, match=r'cannot read model .*: No such file'):
-        read_contracts(path)
+    for missing in (tmp_path, path):
+        with pytest.raises(ModelFileError, match=str(missing)):
+            read_contracts(missing)
     with path.open('wb') as file:
         file.truncate(MAX_MODEL_BYTES + 1)
-    with pytest.raises(ModelFileError, match='the limit is 64 MiB'):
+    with pytest.raises(ModelFileError, match='64 MiB'):
         read_contracts(tmp_path)
     for i in range(9):
         (tmp_path / f'{i}.npz').write_bytes(b'hello')

@@ -80,9 +80,9 @@ def test_agrees_with_exact_arithmetic_on_any_series(pairs):
     ('time_ns', 'tension', 'message'),
     [
         ([0, 1, 2], [1.0, 2.0], 'shapes'),
-        ([0], [1.0], 'at least 2 samples'),
-        ([0.0, 1.0], [1.0, 2.0], 'integer nanoseconds'),
-        ([5, 5, 5], [1.0, 2.0, 3.0], 'two different times'),
+        ([0], [1.0], '2 samples'),
+        ([0.0, 1.0], [1.0, 2.0], 'integer'),
+        ([5, 5, 5], [1.0, 2.0, 3.0], 'times'),
         ([0, 1], [1.0, np.nan], 'not finite'),
         ([0, 1], [-1.7e308, 1.7e308], 'too large'),
         ([0, 1], [0.0, 1e308], 'too large'),

@@ -19,10 +19,6 @@ if not DOCS.is_dir():
     pytest.skip('the packages are not in their own repository', allow_module_level=True)
 
 PAGES = [*ROOT.glob('*.md'), *DOCS.rglob('*.md')]
-FIRST_PAGES = (
-    'README.md',
-    *(f'docs/{p}.md' for p in ('index', 'on_your_hand', 'your_rig', 'your_data')),
-)
 INTERFACES = sorted((ROOT / 'src' / 'tactile_msgs').glob('*/*.*'))
 UNITLESS = {
     'bool',
@@ -80,13 +76,6 @@ def test_the_layout_is_that_of_the_code(monkeypatch):
     assert layout.replace_tables(page, layout.build_tables(source)) == page, (
         'renew it: ./tactile run python docs/generate.py'
     )
-    known = layout.read_modules(source)
-    for walk in page.split('\n## ')[1:4]:
-        modules = {
-            layout._owner(step, known)
-            for step in re.findall(r'^\| `([\w.]+)` \|', walk, re.MULTILINE)
-        }
-        assert 8 <= len(modules) <= 20
 
 
 def test_the_promises_of_motion_name_tests_that_exist():
@@ -123,14 +112,6 @@ def test_links_hold(page):
 def test_every_page_is_in_the_index():
     index = (DOCS / 'index.md').read_text()
     assert [p.name for p in DOCS.glob('*.md') if f'({p.name})' not in index] == ['index.md']
-
-
-def test_what_a_user_reads_first_is_short():
-    def count(pages):
-        return sum(len(re.findall(r'\S*\w\S*', page.read_text())) for page in pages)
-
-    assert count(ROOT / name for name in FIRST_PAGES) < 6_000
-    assert len((ROOT / 'README.md').read_text().splitlines()) < 130
 
 
 def interface_fields():
