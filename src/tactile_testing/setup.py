@@ -13,7 +13,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
     ],
-    install_requires=['setuptools', 'hypothesis', 'pytest', 'pyserial'],
+    install_requires=['setuptools', 'hypothesis', 'numpy', 'pytest', 'pyserial'],
     extras_require={'test': ['pytest']},
     zip_safe=True,
     maintainer='Tendon Tactile maintainers',

@@ -15,6 +15,7 @@ import pytest
 from tactile_bags import Recording, SourceError, SourceOptions
 from tactile_classifier.datasets.archive import load_archive, save_archive
 from tactile_classifier.errors import DatasetError
+from tactile_testing.recordings import check_source
 
 
 def write_archive(path, **more):
@@ -31,6 +32,49 @@ def write_archive(path, **more):
     }
     np.savez(path, **arrays)
     return path
+
+
+def write_tables(folder, suffix):
+    """Write a folder a label with a table a trial; return the first folder."""
+    for label in ('pla', 'rubber'):
+        (folder / label).mkdir(parents=True)
+        for number in range(2):
+            time_s = np.arange(40) / 100.0
+            table = pyarrow.table({'time_s': time_s, 'force_n': np.sin(number + time_s)})
+            path = folder / label / f'{number}{suffix}'
+            if suffix == '.csv':
+                pyarrow.csv.write_csv(table, path)
+            else:
+                pyarrow.parquet.write_table(table, path)
+    return folder
+
+
+def write_list(folder):
+    tables = write_tables(folder / 'data', '.csv')
+    paths = sorted(path.relative_to(folder) for path in tables.rglob('*.csv'))
+    (folder / 'recordings.txt').write_text('\n'.join(map(str, paths)))
+    return folder / 'recordings.txt'
+
+
+def write_long_table(folder):
+    table = Recording.load(write_archive(folder / 'a.npz', unit='mN')).to_table()
+    pyarrow.parquet.write_table(table, folder / 'trials.parquet')
+    return folder / 'trials.parquet'
+
+
+SOURCES = {
+    'archive': lambda folder: write_archive(folder / 'a.npz', unit='mN'),
+    'tables': lambda folder: write_tables(folder, '.csv'),
+    'parquet': lambda folder: write_tables(folder, '.parquet'),
+    'list': write_list,
+    'long table': write_long_table,
+}
+
+
+@pytest.mark.parametrize('source', SOURCES)
+def test_every_source_keeps_what_a_recording_promises(tmp_path, source):
+    path = SOURCES[source](tmp_path)
+    check_source(lambda: Recording.load(path))
 
 
 def test_an_archive_is_trials_and_the_same_archive_again(tmp_path):

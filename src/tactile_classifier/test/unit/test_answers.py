@@ -5,6 +5,7 @@
 
 import dataclasses
 
+from model_checks import check_model
 import numpy as np
 import pytest
 
@@ -178,16 +179,8 @@ def early_window(early_table, make_window):
 @pytest.mark.parametrize('classifier', CLASSIFIERS)
 def test_a_model_of_early_windows_answers_as_scikit_learn_does(early_table, tmp_path, classifier):
     trained = train(early_table, classifier)
-    model = write_model(tmp_path / 'm.npz', trained)
     rows = (0.6 * trained.values + 0.4 * trained.values[::-1])[:100]
-    found = model.compute(rows)
-    raw = compute_raw_scores(trained.estimator, rows)
-    np.testing.assert_allclose(found.scores, trained.calibration.compute(raw), atol=1e-12)
-    np.testing.assert_allclose(found.novelty, trained.novelty.compute(rows), rtol=1e-9)
-    named = np.array(model.labels)[found.answer]
-    np.testing.assert_array_equal(named, trained.estimator.predict(rows))
-    is_unknown = found.novelty > model.manifest.confidence.novelty_threshold
-    np.testing.assert_array_equal(model.predict(rows), np.where(is_unknown, UNKNOWN, named))
+    check_model(trained, tmp_path / 'm.npz', rows)
 
 
 def test_an_early_answer_has_probabilities_and_an_unknown_of_its_own(

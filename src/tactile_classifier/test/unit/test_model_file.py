@@ -7,6 +7,7 @@ import dataclasses
 import subprocess
 import sys
 
+from model_checks import check_model
 import numpy as np
 import pytest
 
@@ -14,7 +15,6 @@ from tactile_classifier.errors import ModelFileError
 from tactile_classifier.estimators import random_convolutions
 from tactile_classifier.estimators.classifiers import (
     build_estimator,
-    compute_raw_scores,
     SCORE_KINDS,
 )
 from tactile_classifier.model_file import prediction
@@ -27,17 +27,6 @@ from tactile_classifier.training.trainer import train, Trained
 from tactile_features.config import FeatureConfig
 from tactile_features.model_container import MAX_MODEL_BYTES, open_container, pack_container
 from tactile_features.spec import spec_for
-
-
-def check_answers(trained, model, values, atol):
-    """Compare a model file with the estimator and the calibration that it was made of."""
-    raw = compute_raw_scores(trained.estimator, values)
-    calibration = trained.calibration
-    expected = raw if calibration is None else calibration.compute(raw)
-    found = model.compute(values)
-    np.testing.assert_allclose(found.scores, expected, atol=atol, rtol=0)
-    answer = np.array(model.labels)[found.answer]
-    np.testing.assert_array_equal(answer, trained.estimator.predict(values))
 
 
 @pytest.mark.parametrize('classifier', CLASSIFIERS)
@@ -53,11 +42,10 @@ def test_model_file_answers_as_scikit_learn_does(
         'two': texture_table.take(np.arange(0, 120, 4)),
         'stiffness': stiffness_table,
     }[labels]
-    trained = train(table, classifier, scaling)
-    model = write_model(tmp_path / 'm.npz', trained)
     noise = np.random.default_rng(5).normal(size=table.values.shape)
-    for values in (table.values, table.values + noise * table.values.std(axis=0) / 3):
-        check_answers(trained, model, values, 1e-12)
+    near = table.values + noise * table.values.std(axis=0) / 3
+    values = np.concatenate([table.values, near])
+    check_model(train(table, classifier, scaling), tmp_path / 'm.npz', values)
 
 
 @pytest.mark.parametrize('scaling', ['none', 'standard'])
@@ -68,9 +56,8 @@ def test_features_far_from_zero_keep_double_precision(
     # Single precision would leave nothing of the differences beside the offset.
     values = stiffness_table.values * 1e-3 + 1e6
     trained = train(dataclasses.replace(stiffness_table, values=values), classifier, scaling)
-    model = write_model(tmp_path / 'm.npz', trained)
     # A linear kernel of 1e12 costs four digits in scikit-learn as well.
-    check_answers(trained, model, (values + values[::-1]) / 2, 1e-2)
+    check_model(trained, tmp_path / 'm.npz', (values + values[::-1]) / 2, 1e-2)
 
 
 def test_many_windows_of_many_trials_fit_into_the_memory_limit(small_table, tmp_path):

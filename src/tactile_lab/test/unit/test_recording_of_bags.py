@@ -17,6 +17,11 @@ from tactile_bags.replay import replay_phases
 from tactile_bags.sources.files import SourceError
 from tactile_lab.report.summary import describe_sources
 from tactile_ros.strain import StrainStatus
+from tactile_testing.recordings import check_source
+
+
+def test_a_bag_keeps_what_a_recording_promises(stiffness_bag):
+    check_source(lambda: Recording.load(stiffness_bag))
 
 
 def test_trials_have_labels_events_and_signals(stiffness_bag):

@@ -1,0 +1,43 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a model file of every classifier keeps."""
+
+import numpy as np
+
+from tactile_classifier.estimators.classifiers import compute_raw_scores
+from tactile_classifier.model_file.model import load_model
+from tactile_classifier.records import NO_ANSWER, UNKNOWN
+from tactile_classifier.training.model_writer import write_model
+
+
+def check_model(trained, path, values, atol=1e-12):
+    """Check a model file against the estimator, the calibration and the novelty it was made of.
+
+    Labels are those of scikit-learn, scores and novelty equal its own, and a window has the same
+    answer alone, in a batch, and after the file was loaded again.
+    """
+    model = write_model(path, trained)
+    raw = compute_raw_scores(trained.estimator, values)
+    calibration = trained.calibration
+    expected = raw if calibration is None else calibration.compute(raw)
+    found = model.compute(values)
+    np.testing.assert_allclose(found.scores, expected, atol=atol, rtol=0)
+    named = np.array(model.labels)[found.answer]
+    np.testing.assert_array_equal(named, trained.estimator.predict(values))
+    if calibration is not None:
+        np.testing.assert_allclose(found.scores.sum(axis=1), 1.0, rtol=1e-12)
+    is_unknown = np.zeros(len(values), dtype=bool)
+    if trained.novelty is not None:
+        np.testing.assert_allclose(found.novelty, trained.novelty.compute(values), rtol=1e-9)
+        is_unknown = found.novelty > model.manifest.confidence.novelty_threshold
+    answers = model.predict(values)
+    np.testing.assert_array_equal(answers, np.where(is_unknown, UNKNOWN, named))
+    assert set(answers) <= {*model.labels, UNKNOWN, NO_ANSWER}
+    alone = np.concatenate([model.compute(row[np.newaxis]).scores for row in values[:9]])
+    np.testing.assert_allclose(alone, found.scores[:9], atol=1e-12, rtol=0)
+    again = load_model(path)
+    assert again.manifest == model.manifest
+    assert again.predict(values).tolist() == answers.tolist()
+    assert again.predict(values[:0]).shape == (0,)
+    return model

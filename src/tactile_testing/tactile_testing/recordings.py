@@ -1,0 +1,51 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What holds for a recording of every kind, wherever its trials come from."""
+
+import numpy as np
+
+
+def check_source(load):
+    """Check what every source of trials keeps; ``load`` opens the same recording each time.
+
+    Loading twice gives the same trials. Each trial that counts has a label and a finite signal
+    with rising times, which is read once; arrays and the long table hold the same trials.
+    """
+    with load() as recording, load() as again:
+        assert recording.trials
+        assert recording.trials is recording.trials
+        for trial, same in zip(recording.trials, again.trials, strict=True):
+            assert describe(trial) == describe(same)
+            if not trial.why_not:
+                assert trial.label
+                check_signal(trial)
+                np.testing.assert_array_equal(trial.signal.values, same.signal.values)
+        counted = [trial for trial in recording.trials if not trial.why_not]
+        arrays = recording.to_arrays()
+        assert arrays.label.tolist() == [trial.label for trial in counted]
+        assert arrays.x.dtype == np.float64
+        assert arrays.x.shape[:2] == (len(counted), len(counted[0].signal.channels))
+        assert arrays.rate_hz > 0
+        assert recording.to_table().num_rows == sum(
+            trial.signal.values.shape[1] for trial in counted
+        )
+
+
+def describe(trial):
+    return trial.name, trial.label, trial.session_id, trial.contact, trial.why_not
+
+
+def check_signal(trial):
+    signal = trial.signal
+    assert trial.signal is signal
+    assert signal.values.dtype == np.float64
+    channels, samples = signal.values.shape
+    assert channels == len(signal.channels) > 0
+    assert samples > 0
+    assert np.isfinite(signal.values).all()
+    assert signal.rate_hz is None or signal.rate_hz > 0
+    if signal.time_s is not None:
+        assert signal.time_s.shape == (samples,)
+        assert signal.time_s[0] >= 0
+        assert (np.diff(signal.time_s) > 0).all()
