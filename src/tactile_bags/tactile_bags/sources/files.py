@@ -307,36 +307,48 @@ def name_labels(
         return [_match(pattern, leaf) for leaf in leaves]
     folders = [leaf.folder for leaf in leaves]
     outer = [leaf.path.absolute().parent.parent.name for leaf in leaves]
-    groups = {find_group_word(name) for name in folders}
-    if not options.label_from and len(groups) == 1 and '' not in groups and len(set(outer)) > 1:
-        column = groups.pop()
+    how = options.label_from
+    group = '' if how == 'folder' else _find_shared_word(folders)
+    columns: dict[str, Sequence[str]] = {}
+    if group:
+        columns[group] = folders
+        notes.add(f'column {group}: the folder of each file ({_name_some(folders)})')
+    if group and not how and len(set(outer)) > 1:
+        columns['label'] = outer
         notes.add(f'label: the parent of the folder of each file ({_name_some(outer)})')
-        notes.add(f'column {column}: the folder of each file ({_name_some(folders)})')
-        return [{'label': a, column: b} for a, b in zip(outer, folders, strict=True)]
-    try:
-        how = options.label_from or _how_labelled(leaves)
-    except SourceError as error:
-        notes.no_label = error
-        return [{'label': ''} for _ in leaves]
-    if how == 'folder':
-        labels = folders
-        notes.add(f'label: the folder of each file ({_name_some(labels)})')
     else:
-        labels = [leaf.word for leaf in leaves]
-        notes.add(f'label: the name of each file without its number ({_name_some(labels)})')
-    if '' in labels:
-        empty = leaves[labels.index('')].name
-        raise SourceError(f'{empty} has a name of digits only; --label-from folder or --label')
-    if how == 'folder' and len(set(outer)) > 1:
-        words = {find_group_word(name) for name in outer}
-        column = words.pop() if len(words) == 1 and '' not in words else 'folder'
-        notes.add(f'column {column}: the parent folder of those ({_name_some(outer)})')
-        return [{'label': a, column: b} for a, b in zip(labels, outer, strict=True)]
-    return [{'label': label} for label in labels]
+        try:
+            how = how or _how_labelled(leaves, folders_are_groups=bool(group))
+        except SourceError as error:
+            notes.no_label = error
+    if how == 'folder':
+        columns['label'] = folders
+        notes.add(f'label: the folder of each file ({_name_some(folders)})')
+        if len(set(outer)) > 1:
+            column = _find_shared_word(outer) or 'folder'
+            columns[column] = outer
+            notes.add(f'column {column}: the parent folder of those ({_name_some(outer)})')
+    elif how == 'file':
+        words = [leaf.word for leaf in leaves]
+        columns['label'] = words
+        notes.add(f'label: the name of each file without its number ({_name_some(words)})')
+        if '' in words:
+            empty = leaves[words.index('')].name
+            raise SourceError(f'{empty} has a name of digits only; --label-from folder or --label')
+    columns.setdefault('label', [''] * len(leaves))
+    return [
+        dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)
+    ]
 
 
-def _how_labelled(leaves: Sequence[SourceFile]) -> str:
-    if len({leaf.folder for leaf in leaves}) > 1:
+def _find_shared_word(folders: Sequence[str]) -> str:
+    """Return the group word of several folders, such as day1 and day2; empty: they share none."""
+    words = {find_group_word(name) for name in folders}
+    return words.pop() if len(words) == 1 and len(set(folders)) > 1 else ''
+
+
+def _how_labelled(leaves: Sequence[SourceFile], *, folders_are_groups: bool) -> str:
+    if not folders_are_groups and len({leaf.folder for leaf in leaves}) > 1:
         return 'folder'
     words = {leaf.word for leaf in leaves}
     guess = 'file' if 1 < len(words) < len(leaves) and '' not in words else ''

@@ -293,9 +293,12 @@ def _ask(table: Table, role: str, likely: Sequence[str]) -> SourceError:
     """Return the error for a table in which the column of a role is unknown."""
     possible = f'; possible: {", ".join(likely)}' if likely else ''
     several = '[,NAME...]' if role == 'force' else ''
+    channels = ''
+    if role == 'force' and len(likely) > 1:
+        channels = f', such as --force-column "{",".join(likely)}" for {len(likely)} channels'
     return SourceError(
         f'{table.path}: the column of the {role} is unknown{possible}. State it with '
-        f'--{role}-column NAME{several}; {_show_columns(table)}'
+        f'--{role}-column NAME{several}{channels}; {_show_columns(table)}'
     )
 
 

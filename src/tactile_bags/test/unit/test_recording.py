@@ -293,3 +293,48 @@ def test_a_trial_with_a_pause_does_not_count_and_is_not_written(tmp_path):
     ]
     assert set(recording.to_table()['trial'].to_pylist()) == {'0', '2'}
     assert recording.to_arrays(skip_bad=True).columns['trial'].tolist() == ['0', '2']
+
+
+def write_holds(folder, *names):
+    """Write a file for each name, with different samples; return the folder."""
+    for number, name in enumerate(names):
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        rows = (f'{i / 100},{number + i % 7}' for i in range(50))
+        path.write_text('\n'.join(['time_s,force_n', *rows]))
+    return folder
+
+
+def facts_of(folder, **options):
+    with Recording.load(folder, SourceOptions(**options)) as recording:
+        return [
+            {name: text for name, text in trial.columns.items() if name != 'source'}
+            for trial in recording.trials
+        ]
+
+
+@pytest.mark.parametrize(
+    ('days', 'column'), [(('day1', 'day2'), 'day'), (('2026-11-27', '2026-11-28'), 'date')]
+)
+def test_folders_of_sessions_are_columns_and_not_labels(tmp_path, days, column):
+    pairs = [(label, day) for day in days for label in ('pla', 'steel')]
+    expected = [{'label': label, column: day} for label, day in sorted(pairs)]
+    inner = write_holds(tmp_path / 'inner', *(f'{label}/{day}/1.csv' for label, day in pairs))
+    assert facts_of(inner) == expected
+    around = write_holds(tmp_path / 'around', *(f'{day}/{label}/1.csv' for label, day in pairs))
+    assert sorted(facts_of(around), key=lambda facts: facts['label']) == expected
+    names = (f'{day}/{label}_{i}.csv' for i, (label, day) in enumerate(pairs))
+    flat = write_holds(tmp_path / 'flat', *names)
+    assert {facts['label'] for facts in facts_of(flat)} == {''}
+    with Recording.load(flat) as recording, pytest.raises(SourceError, match='--label-from file'):
+        recording.to_arrays()
+    stated = facts_of(flat, label_from='file')
+    assert sorted(stated, key=lambda facts: facts['label']) == expected
+    assert {facts['label'] for facts in facts_of(flat, label_from='folder')} == set(days)
+
+
+def test_columns_in_newtons_are_proposed_as_channels(tmp_path):
+    path = tmp_path / 'a.csv'
+    path.write_text('time_s,fx_N,fy_N,speed\n0,1,2,3\n0.01,2,3,3\n')
+    with pytest.raises(SourceError, match='--force-column "fx_N,fy_N" for 2 channels'):
+        Recording.load(path)

@@ -71,7 +71,7 @@ def test_a_rig_that_lacks_an_object_is_refused_before_there_is_a_folder(tmp_path
     assert '--task stiffness' in said
     assert not plan.exists()
     said = hear_tactile('experiment', 'new', plan, '--objects', 'R1,oak')
-    assert 'oak: for your rig' in said
+    assert 'oak: only for your rig' in said
     assert "unknown texture plate 'oak'" in hear_tactile(
         'experiment', plan, '--simulated', '--yes', code=2
     )
