@@ -16,7 +16,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize
 from scipy.stats import t as student_t
-from sklearn.model_selection import StratifiedKFold
 
 from tactile_classifier.confidence.calibration import Calibration
 from tactile_classifier.confidence.fit_novelty import compute_auroc, fit_measure
@@ -24,6 +23,7 @@ from tactile_classifier.confidence.held_out_novelty import HeldOutNovelty
 from tactile_classifier.confidence.novelty import NoveltyMeasure
 from tactile_classifier.datasets.conditions import find_cells
 from tactile_classifier.datasets.dataset import divide_groups, FeatureTable
+from tactile_classifier.datasets.splits import count_different, divide_stratified
 from tactile_classifier.errors import TooFewTrialsError
 from tactile_classifier.estimators.classifiers import (
     build_estimator,
@@ -84,20 +84,22 @@ def make_group_folds(table: FeatureTable, columns: Sequence[str] = ('session_id'
     columns: single trials. The groups of each label are spread over the folds, so that a model
     fitted on the other folds knows every label of the one that is held out. Trials without groups
     are near copies where conditions were repeated (`find_cells`): those of a condition stay in one
-    fold. Raises TooFewTrialsError when a label has one trial only.
+    fold, and so do copies (`find_copies`). Raises TooFewTrialsError when a label has one trial
+    only.
     """
-    labels, codes, counts = np.unique(table.labels, return_inverse=True, return_counts=True)
+    codes = np.unique(table.labels, return_inverse=True)[1]
     if (folds := _hold_groups_out(table, codes, columns)) is not None:
         return folds
     cells = find_cells(table) if columns else None
     if cells and (folds := _hold_groups_out(table, codes, cells.columns)) is not None:
         return dataclasses.replace(folds, session=None, names=())
+    labels, counts = count_different(table.labels, table.copies)
     if counts.min() < 2:
         raise TooFewTrialsError(f'label "{labels[counts.argmin()]}" has one trial only')
     count = min(MAX_FOLDS, int(counts.min()))
-    splitter = StratifiedKFold(count, shuffle=True, random_state=RANDOM_STATE)
     fold = np.zeros(len(table), dtype=np.intp)
-    for i, (_, held_out) in enumerate(splitter.split(table.values, table.labels)):
+    folds_of_trials = divide_stratified(table.labels, table.copies, count, RANDOM_STATE)
+    for i, (_, held_out) in enumerate(folds_of_trials):
         fold[held_out] = i
     return GroupFolds(f'stratified {count}-fold over trials', fold, None)
 
@@ -110,6 +112,7 @@ def _hold_groups_out(
     for column in columns:
         if column in table.columns:
             group = divide_groups(group, table.columns[column])
+    group = np.unique(group[table.copies], return_inverse=True)[1]
     groups = int(group.max()) + 1
     contains = np.zeros((groups, int(codes.max()) + 1), dtype=bool)
     contains[group, codes] = True

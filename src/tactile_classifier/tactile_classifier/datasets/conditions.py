@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Objections to an evaluation in the columns of a table: near copies, labels tied to groups."""
+"""Objections to an evaluation: copies, repeats of conditions, labels tied to groups."""
 
 from __future__ import annotations
 
@@ -17,6 +17,9 @@ GROUPS = ('session_id', 'mounting_id', 'bag')
 
 _NUMBERS = ('repetition', 'trial', 'trial_id', 'trial_block', 'window_start_ns', 'window_end_ns')
 """Columns that number the trials, and so say nothing of the conditions."""
+
+MOST_NAMED = 5
+"""Copies that a warning names."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -64,6 +67,28 @@ def find_cells(table: FeatureTable) -> Cells | None:
     if not columns or np.median(np.bincount(cell)) < 2:
         return None
     return Cells(tuple(columns), cell)
+
+
+def cells_of_copies(copies: npt.NDArray[np.intp]) -> Cells | None:
+    """Return copies as cells without conditions, or None when all numbers differ."""
+    cell = np.unique(copies, return_inverse=True)[1]
+    return Cells((), cell) if cell.max() + 1 < len(cell) else None
+
+
+def describe_copies(table: FeatureTable) -> list[str]:
+    """Return a warning that names the copies of a table; none if it has none."""
+    (copied,) = np.nonzero(table.copies != np.arange(len(table)))
+    if not len(copied):
+        return []
+    names = table.columns.get('trial_id', np.arange(len(table))).astype(str)
+    named = [f'{names[i]} of {names[table.copies[i]]}' for i in copied[:MOST_NAMED]]
+    more = f' and {len(copied) - MOST_NAMED} more' * (len(copied) > MOST_NAMED)
+    one = len(copied) == 1
+    return [
+        f'{len(copied)} of {len(table)} trials {"is a copy" if one else "are copies"} of '
+        f'{"another one" if one else "other ones"}: {", ".join(named)}{more}. Folds keep copies '
+        'together; leave them out of the recordings'
+    ]
 
 
 def find_strata(table: FeatureTable) -> npt.NDArray[np.intp] | None:

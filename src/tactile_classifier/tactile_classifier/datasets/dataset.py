@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 import dataclasses
+from functools import cached_property
 import hashlib
 import json
 import re
@@ -16,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tactile_classifier.datasets.archive import Channel, LabelledTrials
+from tactile_classifier.datasets.copies import digest_rows, find_copies
 from tactile_classifier.errors import DatasetError
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError, UndefinedFeatureError
@@ -24,9 +26,6 @@ from tactile_features.feature_sets.registry import find_feature_set, task_of
 from tactile_features.spec import ALL, FeatureSpec
 
 _CHANNEL = 'channel_'
-
-DIGEST_BITS = 20
-"""Bits of a trial's largest feature that its digest sees."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,9 +142,12 @@ class FeatureTable:
         The features are rounded to about a millionth of the trial's largest one. A trial keeps its
         digest on a computer that rounds differently, and new trials differ by more.
         """
-        exponent = np.frexp(np.abs(self.values).max(axis=1, keepdims=True))[1]
-        rounded = np.rint(np.ldexp(self.values, DIGEST_BITS - exponent)).astype('<i8')
-        return [hashlib.sha256(row.tobytes()).hexdigest()[:16] for row in rounded]
+        return digest_rows(self.values)
+
+    @cached_property
+    def copies(self) -> npt.NDArray[np.intp]:
+        """The first trial that each trial is a copy of, shape (trials,); see `find_copies`."""
+        return find_copies(self.values, self.labels)
 
 
 def divide_groups(group: npt.NDArray[np.intp], column: npt.NDArray[Any]) -> npt.NDArray[np.intp]:

@@ -10,7 +10,7 @@ import dataclasses
 
 import numpy as np
 import numpy.typing as npt
-from sklearn.model_selection import KFold, LeaveOneGroupOut, LeaveOneOut, StratifiedKFold
+from sklearn.model_selection import KFold, LeaveOneGroupOut, StratifiedKFold
 
 from tactile_classifier.datasets.dataset import divide_groups, FeatureTable, plain_name
 from tactile_classifier.errors import EvaluationError
@@ -34,12 +34,14 @@ class Split:
 
     ``name`` stands beside every result. ``repeats`` are the folds of each repetition, within which
     each trial is tested once. ``groups``, shape (trials,), is the group of each trial where whole
-    groups are held out.
+    groups are held out. ``copies``, shape (trials,), is `FeatureTable.copies`: trials with equal
+    numbers stay in one fold.
     """
 
     name: str
     repeats: tuple[tuple[Fold, ...], ...]
     groups: IndexArray | None = None
+    copies: IndexArray | None = None
 
     @property
     def tested(self) -> IndexArray:
@@ -71,17 +73,15 @@ class Split:
         """
         inner = self._divide_groups_again(train, labels, random_state, folds)
         if not inner:
-            names, counts = np.unique(labels[train], return_counts=True)
+            copies = train if self.copies is None else self.copies[train]
+            names, counts = count_different(labels[train], copies)
             fewest = int(counts.min())
             if fewest < 2:
                 raise EvaluationError(
                     f'one trial of class "{names[counts.argmin()]}" is left to train on, so '
                     'nothing can be chosen by it: record more of it'
                 )
-            stratified = StratifiedKFold(
-                min(folds, fewest), shuffle=True, random_state=random_state
-            )
-            inner = [(a, b) for a, b in stratified.split(train, labels[train])]
+            inner = divide_stratified(labels[train], copies, min(folds, fewest), random_state)
         _check_training_size(inner)
         return [(train[a], train[b]) for a, b in inner]
 
@@ -138,7 +138,7 @@ def stratified_split(
     if folds < 2 or repetitions < 1:
         raise EvaluationError('cross-validation takes two folds or more, once or more often')
     _check_classes(table)
-    names, counts = np.unique(table.labels, return_counts=True)
+    names, counts = count_different(table.labels, table.copies)
     fewest, rarest = int(counts.min()), names[counts.argmin()]
     if fewest < 2:
         raise EvaluationError(
@@ -148,22 +148,44 @@ def stratified_split(
     why = f' ("{rarest}" has {fewest} trials)' if fewest < folds else ''
     folds = min(folds, fewest)
     if len(table) - -(-len(table) // folds) < _LEAST_TO_TRAIN:
-        each = tuple(LeaveOneOut().split(table.values))
-        return _checked(Split(f'leave-one-out{why}', (each,)))
+        each = tuple(LeaveOneGroupOut().split(table.values, groups=table.copies))
+        return _checked(Split(f'leave-one-out{why}', (each,), copies=table.copies))
     repeats = tuple(
-        tuple(
-            StratifiedKFold(folds, shuffle=True, random_state=random_state + i).split(
-                table.values, table.labels
-            )
-        )
+        tuple(divide_stratified(table.labels, table.copies, folds, random_state + i))
         for i in range(repetitions)
     )
     times = 'once' if repetitions == 1 else f'{repetitions} times'
-    return _checked(Split(f'stratified {folds}-fold{why}, {times}', repeats))
+    name = f'stratified {folds}-fold{why}, {times}'
+    return _checked(Split(name, repeats, copies=table.copies))
+
+
+def count_different(
+    labels: npt.NDArray[np.str_], copies: IndexArray
+) -> tuple[npt.NDArray[np.str_], IndexArray]:
+    """Return the labels, and how many trials of each are no copies of another one."""
+    different = np.unique(copies, return_index=True)[1]
+    return np.unique(labels[different], return_counts=True)
+
+
+def divide_stratified(
+    labels: npt.NDArray[np.str_], copies: IndexArray, folds: int, random_state: int
+) -> list[Fold]:
+    """Return random folds in which each class has its share; copies are in one fold.
+
+    Without copies they are scikit-learn's `StratifiedKFold`. ``copies``, shape (trials,): equal
+    numbers are copies.
+    """
+    numbers, different = np.unique(copies, return_index=True)
+    splitter = StratifiedKFold(folds, shuffle=True, random_state=random_state)
+    tests = (test for _, test in splitter.split(different, labels[different]))
+    held_out = [np.isin(copies, numbers[test]) for test in tests]
+    return [(np.flatnonzero(~test), np.flatnonzero(test)) for test in held_out]
 
 
 def grouped_split(table: FeatureTable, columns: Sequence[str]) -> Split:
     """Return a split that holds out each group of trials that agree in all columns, in turn.
+
+    A copy of a trial of an earlier group is tested with that group.
 
     Raises EvaluationError when there is one group only, or a class is in one group only, and
     DatasetError when there is no such column.
@@ -173,8 +195,13 @@ def grouped_split(table: FeatureTable, columns: Sequence[str]) -> Split:
     groups: IndexArray = np.zeros(len(table), dtype=np.intp)
     for column in columns:
         groups = divide_groups(groups, table.column(column))
+    several = groups.max() > 0
+    groups = np.unique(groups[table.copies], return_inverse=True)[1]
     if groups.max() < 1:
-        raise EvaluationError(f'all trials have the same {name}: there is nothing to hold out')
+        raise EvaluationError(
+            f'all trials have the same {name}{" or are copies" * bool(several)}: there is nothing '
+            'to hold out'
+        )
     for label in np.unique(table.labels):
         if len(np.unique(groups[table.labels == label])) < 2:
             raise EvaluationError(
@@ -182,7 +209,7 @@ def grouped_split(table: FeatureTable, columns: Sequence[str]) -> Split:
                 'no model can know the class'
             )
     folds = tuple(LeaveOneGroupOut().split(table.values, table.labels, groups))
-    return _checked(Split(f'one {name} held out', (folds,), groups))
+    return _checked(Split(f'one {name} held out', (folds,), groups, table.copies))
 
 
 def stated_split(
@@ -202,6 +229,12 @@ def stated_split(
         raise EvaluationError(
             f'{len(both)} trials are in both: trained on {train_is}, tested on {test_is}'
         )
+    leaked = train & np.isin(table.copies, table.copies[test])
+    if leaked.any():
+        raise EvaluationError(
+            f'{leaked.sum()} trials with {train_is} are copies of trials with {test_is}, such as '
+            f'number {leaked.argmax()}: leave them out of one of the two'
+        )
     known = np.unique(table.labels[train])
     new = np.setdiff1d(table.labels[test], known)
     if len(new):
@@ -215,7 +248,7 @@ def stated_split(
         )
     fold = (np.flatnonzero(train), np.flatnonzero(test))
     name = f'trained on {train_is} ({train.sum()} trials), tested on {test_is}'
-    return _checked(Split(name, ((fold,),)))
+    return _checked(Split(name, ((fold,),), copies=table.copies))
 
 
 def _check_classes(table: FeatureTable) -> None:

@@ -13,7 +13,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tactile_classifier.datasets.conditions import Cells, find_cells, find_tied_labels
+from tactile_classifier.datasets.conditions import (
+    Cells,
+    cells_of_copies,
+    describe_copies,
+    find_cells,
+    find_tied_labels,
+)
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import (
     Fold,
@@ -172,7 +178,8 @@ class AccuracyPlan:
             for i, pair in enumerate(self._pairs)
         ]
         is_random = self._split.groups is None and len(self._tested) == len(table)
-        near_copies = [self._cells.warning] if self._cells is not None and is_random else []
+        cells = self._cells if is_random else None
+        repeats = [cells.warning] if cells is not None and cells.columns else []
         return Evaluation(
             self._split.name,
             labels,
@@ -180,7 +187,7 @@ class AccuracyPlan:
             table.spec.feature_set,
             chance_level(table, self._split),
             tuple(scores),
-            (*near_copies, *find_tied_labels(table)),
+            (*describe_copies(table), *repeats, *find_tied_labels(table)),
             self._choose(answers) if self._inner else None,
         )
 
@@ -236,8 +243,14 @@ class AccuracyPlan:
 
 
 def find_tested_cells(table: FeatureTable, split: Split) -> Cells | None:
-    """Return the cells of repeats that a split tests; None where it holds groups out."""
-    return find_cells(table.take(split.tested)) if split.groups is None else None
+    """Return the cells of repeats that a split tests, otherwise of copies.
+
+    None where it holds groups out, or each trial is independent of the others.
+    """
+    if split.groups is not None:
+        return None
+    tested = split.tested
+    return find_cells(table.take(tested)) or cells_of_copies(table.copies[tested])
 
 
 def chance_level(table: FeatureTable, split: Split) -> float:

@@ -70,9 +70,10 @@ def test_result_depends_neither_on_jobs_nor_on_the_other_classifiers(noisy_table
 def test_held_out_group_is_never_trained_on():
     # The label follows from the number of the group, and neighbouring groups differ:
     # easy for a tree that has seen the group, impossible for one that has not.
-    group, odd = np.repeat(np.arange(4), 6), np.arange(24) % 6 == 0
+    group, odd = np.repeat(np.arange(4), 12), np.arange(48) % 6 == 0
     labels = np.where((group % 2 == 1) ^ odd, 'b', 'a')
-    table = make_table(labels, np.stack([10.0 * group, odd, np.zeros(24)], axis=1), group=group)
+    place = 10.0 * group + np.random.default_rng(0).random(48)  # otherwise most are copies
+    table = make_table(labels, np.stack([place, odd, np.zeros(48)], axis=1), group=group)
     mixed = evaluate(table, ['tree'], ['none'], folds=2, repetitions=2)
     held_out = evaluate(table, ['tree'], ['none'], hold_out=['group'])
     assert mixed.scores[0].mean > 0.8

@@ -78,3 +78,8 @@ def test_model_files_keep_every_label(request, tmp_path, table):
                 np.array(model.labels)[model.compute(mixed).answer] != estimator.predict(mixed)
             )
             assert changed == 0, f'{classifier}, scaling {scaling}'
+
+
+def test_no_public_recording_has_copies(fabrics, holds):
+    for table in (fabrics, holds):
+        np.testing.assert_array_equal(table.copies, np.arange(len(table)))

@@ -182,7 +182,7 @@ def test_random_folds_over_near_copies_say_so():
 
 
 def test_intervals_over_cells_are_wider_than_over_trials():
-    table = make_near_copies(0.0, 1.0)
+    table = make_near_copies(0.01, 1.0)
     found, plain = (
         evaluate(each, ['svm_linear'], ['none'], repetitions=3).scores[0]
         for each in (table, dataclasses.replace(table, columns={}))

@@ -1,0 +1,149 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Copies: trials whose features are equal, or nearer to each other than two repetitions can be.
+
+A copy in the test part of a fold makes accuracy too high: a classifier that remembers its training
+trials predicts its label. Copies come from a file that is read twice, a recording that was
+exported again with other digits, or added noise (augmentation).
+
+Two trials are copies if their features agree to about a millionth of the largest one. Two trials
+of one label are also copies if they are nearly equal: each feature is divided by its standard
+deviation within the label, and the root mean square of the differences is less than a tenth of
+the smallest distance that independent repetitions are likely to have. That distance follows from
+the variation of the trials themselves. If the features of one label are normal with eigenvalues
+``l_1 >= ... >= l_k`` of their correlation matrix, the squared distance of two trials is at least
+``2 l_j / k`` times a chi-squared variable of ``j`` degrees of freedom, for every ``j``. Its
+quantile is taken at 1e-6 divided by the number of pairs: one table in a million has an honest pair
+below it. The tenth and the millionth leave room for features that are not normal, such as those of
+repetitions that are much closer to each other within a mounting than between mountings. With many
+independent features (the spectrum of noise) the limit is about 0.05; with three (a regression)
+about 1e-5 to 1e-4, because two of many trials agree in three numbers by chance. Repetitions on a
+smooth plate differ by the noise of the sensor, and this noise is what their features are divided
+by: they are no copies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+import hashlib
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.special import gammaincinv
+
+IndexArray = npt.NDArray[np.intp]
+Matrix = npt.NDArray[np.float64]
+
+DIGEST_BITS = 20
+"""Bits of a trial's largest feature that its digest sees."""
+
+CHANCE = 1e-6
+"""Expected number of honest pairs in a table below the smallest likely distance."""
+
+FRACTION = 0.1
+"""Largest distance of copies, as a fraction of the smallest likely distance of repetitions."""
+
+LEAST_DEVIATION = 1e-3
+"""Smallest deviation of a feature within a label, as a fraction of its mean over the labels.
+
+A label whose trials are all copies has a smaller one.
+"""
+
+SAMPLED = 500
+"""Trials from which the eigenvalues are estimated, at most."""
+
+BLOCK = 2**20
+"""Distances that are computed at the same time."""
+
+
+def digest_rows(values: Matrix) -> list[str]:
+    """Return a digest of each row, 16 hex digits; see `FeatureTable.digest_trials`."""
+    exponent = np.frexp(np.abs(values).max(axis=1, keepdims=True))[1]
+    rounded = np.rint(np.ldexp(values, DIGEST_BITS - exponent)).astype('<i8')
+    return [hashlib.sha256(row.tobytes()).hexdigest()[:16] for row in rounded]
+
+
+def find_copies(values: Matrix, labels: npt.NDArray[np.str_]) -> IndexArray:
+    """Return for each trial the first trial that it is a copy of; its own index if none.
+
+    Copies of copies are copies of the same first trial.
+
+    Parameters
+    ----------
+    values : ndarray of shape (trials, k)
+        Features.
+    labels : ndarray of str, shape (trials,)
+
+    Returns
+    -------
+    ndarray of int, shape (trials,)
+    """
+    _, place, inverse = np.unique(digest_rows(values), return_index=True, return_inverse=True)
+    first = place[inverse].astype(np.intp)
+    code = np.unique(labels, return_inverse=True)[1]
+    scaled = _scale_within_labels(values, code)
+    counts = np.bincount(code)
+    limit = _compute_limit(scaled, len(counts), float(counts @ (counts - 1)) / 2)
+    for label in range(len(counts)):
+        (rows,) = np.nonzero((code == label) & (first == np.arange(len(first))))
+        for near, other in _find_near(scaled[rows], limit):
+            if len(near) > len(np.unique(near)):  # each row is near itself
+                first = _join(first, rows[near], rows[other])
+    return first
+
+
+def _scale_within_labels(values: Matrix, code: IndexArray) -> Matrix:
+    """Return the differences from the label's mean in standard deviations within the label."""
+    counts = np.bincount(code)
+    scaled = np.empty_like(values)
+    deviations = np.empty((len(counts), values.shape[1]))
+    for label, count in enumerate(counts):
+        of_label = code == label
+        scaled[of_label] = values[of_label] - values[of_label].mean(axis=0)
+        square = np.square(scaled[of_label]).sum(axis=0)
+        deviations[label] = np.sqrt(square / max(1, count - 1))
+    least = LEAST_DEVIATION * deviations.mean(axis=0)
+    deviations = np.maximum(deviations, least)
+    deviations[deviations == 0.0] = np.inf  # a constant feature tells nothing
+    scaled /= deviations[code]
+    return scaled
+
+
+def _compute_limit(scaled: Matrix, labels: int, pairs: float) -> float:
+    """Return the squared distance, summed over the features, below which trials are copies."""
+    trials = len(scaled)
+    freedom = trials - labels
+    if freedom < 1 or not pairs:
+        return 0.0
+    sample = scaled[np.linspace(0, trials - 1, min(trials, SAMPLED)).astype(int)]
+    squares = np.linalg.svd(sample, compute_uv=False) ** 2
+    # A table of few trials says nothing of more dimensions than it has degrees of freedom.
+    largest = squares[: min(freedom, len(squares))] / (len(sample) * freedom / trials)
+    freedoms = np.arange(1, len(largest) + 1)
+    quantiles = 2.0 * gammaincinv(freedoms / 2.0, CHANCE / pairs)  # of chi-squared
+    return float(FRACTION**2 * np.max(2.0 * largest * quantiles))
+
+
+def _find_near(scaled: Matrix, limit: float) -> Iterator[tuple[IndexArray, IndexArray]]:
+    """Yield the pairs of rows within a squared distance, in blocks of distances."""
+    square = np.square(scaled).sum(axis=1)
+    step = max(1, BLOCK // len(scaled))
+    for start in range(0, len(scaled), step):
+        block = slice(start, start + step)
+        product = scaled[block] @ scaled.T
+        near, other = np.nonzero(square[block, np.newaxis] + square - 2.0 * product <= limit)
+        yield near + start, other
+
+
+def _join(first: IndexArray, a: IndexArray, b: IndexArray) -> IndexArray:
+    """Return ``first`` after trials ``a`` have become copies of trials ``b``."""
+    trials = np.arange(len(first))
+    links = np.concatenate([a, trials]), np.concatenate([b, first])
+    graph = coo_matrix((np.ones(len(links[0]), dtype=bool), links), shape=2 * (len(first),))
+    count, group = connected_components(graph, directed=False)
+    earliest = np.full(count, len(first), dtype=np.intp)
+    np.minimum.at(earliest, group, trials)
+    return earliest[group]
