@@ -99,6 +99,32 @@ def find_strata(table: FeatureTable) -> npt.NDArray[np.intp] | None:
     return codes if codes.max() > 0 else None
 
 
+def find_mountings(table: FeatureTable) -> npt.NDArray[np.intp] | None:
+    """Return the mounting of each trial, for tests of means of mountings.
+
+    Trials of one mounting share how the plate or object was fixed, and are no independent samples.
+    A mounting belongs to one label and one session. Where mountings are not stated for all trials,
+    each label counts as mounted once a session. None: neither mountings nor sessions are stated.
+    """
+    columns = [
+        table.columns[name] for name in ('session_id', 'mounting_id') if name in table.columns
+    ]
+    if 'mounting_id' in table.columns and not states_mountings(table):
+        columns.pop()
+    if not columns:
+        return None
+    code: npt.NDArray[np.intp] = np.unique(table.labels, return_inverse=True)[1]
+    for column in columns:
+        code = divide_groups(code, column)
+    return code
+
+
+def states_mountings(table: FeatureTable) -> bool:
+    """Return True if each trial states its mounting."""
+    mountings = table.columns.get('mounting_id')
+    return mountings is not None and not (mountings.astype(str) == '').any()
+
+
 def find_tied_labels(table: FeatureTable) -> list[str]:
     """Return a warning for each grouping column in which labels and groups coincide.
 

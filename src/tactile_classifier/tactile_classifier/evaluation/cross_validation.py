@@ -259,23 +259,26 @@ def chance_level(table: FeatureTable, split: Split) -> float:
     return float(counts.max() / counts.sum())
 
 
-def split_interval(
-    split: Split,
-    cells: Cells | None,
-    right: npt.NDArray[np.float64],
-    interval: Callable[..., Interval] = accuracy_interval,
-) -> Interval:
-    """Return the interval of a mean accuracy under a split, with its cells (`find_tested_cells`).
+def split_interval(split: Split, cells: Cells | None, right: npt.NDArray[np.float64]) -> Interval:
+    """Return the interval of a mean accuracy under a split; see `split_parts`."""
+    return accuracy_interval(*split_parts(split, cells, right))
 
-    ``right`` is how often each trial of the table was named correctly, shape (trials,) [1]; with
-    `difference_interval`, the difference of two classifiers in that.
+
+def split_parts(
+    split: Split, cells: Cells | None, right: npt.NDArray[np.float64]
+) -> tuple[npt.NDArray[np.float64], str, npt.NDArray[np.intp] | None]:
+    """Return the independent parts of a mean accuracy, what they are, and their trials.
+
+    The parts are held-out groups, cells of near copies (`find_tested_cells`), or else trials; the
+    trials of each part are its weight, None: equal weights. ``right`` is how often each trial of
+    the table was named correctly, shape (trials,) [1], or the difference of two classifiers.
     """
     if split.groups is not None:
-        return interval([right[test].mean() for _, test in split.repeats[0]], 'groups')
+        return np.array([right[test].mean() for _, test in split.repeats[0]]), 'groups', None
     if cells is not None:
         share, sizes = cells.average(right[split.tested])
-        return interval(share, 'groups of repeats', sizes)
-    return interval(right[split.tested], 'trials')
+        return share, 'groups of repeats', sizes
+    return right[split.tested], 'trials', None
 
 
 def evaluate(

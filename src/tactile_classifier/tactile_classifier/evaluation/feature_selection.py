@@ -24,11 +24,17 @@ from tactile_classifier.evaluation.cross_validation import (
     find_tested_cells,
     list_pairs,
     predict_folds,
-    split_interval,
+    split_parts,
 )
-from tactile_classifier.evaluation.intervals import difference_interval, Interval, Result
+from tactile_classifier.evaluation.intervals import (
+    difference_interval,
+    difference_p_value,
+    Interval,
+    LEVEL,
+    Result,
+)
 from tactile_classifier.evaluation.plans import Task
-from tactile_classifier.evaluation.significance import rank_features
+from tactile_classifier.evaluation.significance import correct_holm, rank_features
 from tactile_classifier.records import CLASSIFIERS, SCALINGS
 
 Matrix = npt.NDArray[np.float64]
@@ -40,7 +46,8 @@ class SelectionResult(Result):
 
     ``chosen_counts`` are the features kept in each fold, ``all_mean`` and ``selected_mean`` the
     accuracies [1], ``difference`` the second less the first, paired over trials or held-out
-    groups.
+    groups. ``p`` is the p-value of no difference, corrected by Holm for all classifiers and
+    scalings of the split.
     """
 
     classifier: str
@@ -50,15 +57,14 @@ class SelectionResult(Result):
     all_mean: float
     selected_mean: float
     difference: Interval
+    p: float
 
     @property
     def verdict(self) -> str:
-        """``helps``, ``hurts``, or ``no clear difference``."""
-        if not self.difference.reason and self.difference.low > 0:
-            return 'helps'
-        if not self.difference.reason and self.difference.high < 0:
-            return 'hurts'
-        return 'no clear difference'
+        """``helps`` or ``hurts`` where ``p`` is at most 5 %; else ``no clear difference``."""
+        if self.p > 1.0 - LEVEL:
+            return 'no clear difference'
+        return 'helps' if self.difference.low + self.difference.high > 0 else 'hurts'
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields and the verdict by name as what JSON can hold."""
@@ -102,12 +108,14 @@ class SelectionPlan:
     def finish(self, answers: Sequence[list[FoldSelection]]) -> tuple[SelectionResult, ...]:
         """Return one result a classifier and scaling."""
         cells = find_tested_cells(self._table, self._split)
-        results = []
+        results, p_values = [], []
         for i, (classifier, scaling) in enumerate(self._pairs):
             folds = [answer[i] for answer in answers]
             gain = np.zeros(len(self._table))
             for (_, test), fold in zip(self._folds, folds, strict=True):
                 gain[test] = fold.selected_right - fold.all_right
+            parts = split_parts(self._split, cells, gain)
+            p_values.append(difference_p_value(*parts))
             results.append(
                 SelectionResult(
                     classifier,
@@ -116,10 +124,14 @@ class SelectionPlan:
                     tuple(fold.count for fold in folds),
                     float(np.mean([fold.all_right.mean() for fold in folds])),
                     float(np.mean([fold.selected_right.mean() for fold in folds])),
-                    split_interval(self._split, cells, gain, difference_interval),
+                    difference_interval(*parts),
+                    p_values[-1],
                 )
             )
-        return tuple(results)
+        corrected = correct_holm(p_values).tolist()
+        return tuple(
+            dataclasses.replace(result, p=p) for result, p in zip(results, corrected, strict=True)
+        )
 
 
 @dataclasses.dataclass(frozen=True)

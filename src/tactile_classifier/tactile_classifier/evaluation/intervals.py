@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import stdtrit
+from scipy.special import stdtr, stdtrit
 
 LEVEL = 0.95
 """Share of such intervals that are meant to hold the true value [1]."""
@@ -79,7 +79,8 @@ def accuracy_interval(
             low, high = (limit, 1.0) if values[0] == 1.0 else (0.0, 1.0 - limit)
             return Interval(low, high, f'exact binomial over {count} trials')
         return Interval(0.0, 0.0, '', f'all {count} {parts_are} have the same accuracy')
-    variance, quantile = _spread(values, share)
+    variance, freedom = _spread(values, share)
+    quantile = _quantile(freedom)
     # So many independent trials would have this variance of the mean.
     effective = mean * (1.0 - mean) / variance
     ratio = quantile**2 / effective
@@ -98,9 +99,28 @@ def difference_interval(
     if np.ptp(values) == 0.0:
         return Interval(0.0, 0.0, '', f'all {len(values)} {parts_are} have the same difference')
     mean = float(share @ values)
-    variance, quantile = _spread(values, share)
-    half = quantile * math.sqrt(variance)
+    variance, freedom = _spread(values, share)
+    half = _quantile(freedom) * math.sqrt(variance)
     return Interval(mean - half, mean + half, f't over {len(values)} {parts_are}')
+
+
+def difference_p_value(
+    differences: npt.ArrayLike, parts_are: str, weights: npt.ArrayLike | None = None
+) -> float:
+    """Return the two-sided p-value of no mean difference; see `difference_interval`.
+
+    It is below 0.05 when the interval excludes zero, and 1 where there is no interval.
+    """
+    values, share = _shares(differences, weights)
+    if np.ptp(values) == 0.0:
+        return 1.0
+    variance, freedom = _spread(values, share)
+    return float(2.0 * stdtr(freedom, -abs(share @ values) / math.sqrt(variance)))
+
+
+def _quantile(freedom: float) -> float:
+    """Return Student's quantile of the two-sided level."""
+    return float(stdtrit(freedom, 0.5 * (1.0 + LEVEL)))
 
 
 def _shares(
@@ -115,7 +135,7 @@ def _shares(
 def _spread(
     values: npt.NDArray[np.float64], share: npt.NDArray[np.float64]
 ) -> tuple[float, float]:
-    """Return the variance of the weighted mean, from the parts, and Student's quantile.
+    """Return the variance of the weighted mean, from the parts, and its degrees of freedom.
 
     Without bias, and with Satterthwaite's degrees of freedom, for parts of equal variance (Bell
     and McCaffrey 2002); with equal shares these are Student's. A part with a large share pulls the
@@ -135,4 +155,4 @@ def _spread(
         - 4.0 * total * cross * squares
     )
     freedom = squares**2 / trace
-    return float(factor @ residuals**2), float(stdtrit(freedom, 0.5 * (1.0 + LEVEL)))
+    return float(factor @ residuals**2), freedom

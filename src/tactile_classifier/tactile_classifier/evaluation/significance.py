@@ -22,7 +22,7 @@ _BLOCK_NUMBERS = 200_000
 
 @dataclass(frozen=True)
 class RankSum:
-    """P-values of the rank-sum tests between every two classes.
+    """P-values of the rank-sum tests between every two classes, and effect sizes.
 
     Attributes
     ----------
@@ -33,20 +33,46 @@ class RankSum:
     mean_p : ndarray of shape (k,)
         Mean over the pairs of two different classes: the paper's significance measure of
         a feature. Low where the feature tells most pairs apart.
+    auc : ndarray of shape (k, classes, classes)
+        Effect size: probability that a trial of the row's class has a larger value than a trial
+        of the column's class in the same stratum, ties counted half [1]. 0.5 on the diagonal and
+        for classes that share no stratum. Cliff's delta is ``2 * auc - 1``.
     strata : int
         Sessions that trials were compared within; 1: all trials with all.
+    counts : tuple of int
+        Tested values of each class: its units, or its trials where these are independent.
+    least_p : float
+        The largest, over the pairs, of the smallest p-value that so many values allow.
     """
 
     labels: tuple[str, ...]
     p: FloatArray
     mean_p: FloatArray
-    strata: int = 1
+    auc: FloatArray
+    strata: int
+    counts: tuple[int, ...]
+    least_p: float
+
+    @property
+    def separation(self) -> FloatArray:
+        """Mean of the larger of AUC and 1 - AUC over the pairs of classes, shape (k,) [1]."""
+        pairs = np.triu_indices(len(self.labels), 1)
+        auc = self.auc[:, pairs[0], pairs[1]]
+        return np.asarray(np.maximum(auc, 1.0 - auc).mean(axis=1))
 
 
 def rank_sum_p_values(
-    values: ArrayLike, labels: ArrayLike, strata: ArrayLike | None = None
+    values: ArrayLike,
+    labels: ArrayLike,
+    strata: ArrayLike | None = None,
+    units: ArrayLike | None = None,
 ) -> RankSum:
     """Return the p-value of Wilcoxon's rank-sum test of all pairs of classes, per feature.
+
+    The test takes values as independent. Trials of one mounting are not: with ``units``, the means
+    of each unit are tested instead of single trials. With plates that are mounted once a session,
+    tests of single trials find p < 0.05 in 24 to 53 % of the pairs without any effect of the label
+    (ten trials a mounting; standard deviation between mountings 0.5 to 2 of that between trials).
 
     The normal approximation with the corrections for ties and for continuity, which is
     ``scipy.stats.mannwhitneyu(a, b, method='asymptotic')`` for each pair.
@@ -74,19 +100,23 @@ def rank_sum_p_values(
     labels : array_like of str, shape (trials,)
     strata : array_like of shape (trials,), optional
         Such as the session of each trial.
+    units : array_like of shape (trials,), optional
+        Such as the mounting of each trial. A unit has trials of one class and one stratum.
 
     Raises
     ------
     DatasetError
-        When shapes do not fit, a value is not finite or there are fewer than two classes.
+        When shapes do not fit, a value is not finite, there are fewer than two classes, or a unit
+        has trials of several classes or strata.
     """
     table = np.asarray(values, dtype=np.float64)
     names = np.asarray(labels)
     strata = np.zeros(len(names)) if strata is None else np.asarray(strata)
-    if table.ndim != 2 or not names.shape == strata.shape == table.shape[:1]:
+    unit = np.arange(len(names)) if units is None else np.asarray(units)
+    if table.ndim != 2 or not names.shape == strata.shape == unit.shape == table.shape[:1]:
         raise DatasetError(
-            'rank sums need a table of trials by features, and one label and one stratum a trial; '
-            f'the shapes are {table.shape}, {names.shape} and {strata.shape}'
+            'rank sums need a table of trials by features, and one label, stratum and unit a '
+            f'trial; the shapes are {table.shape}, {names.shape}, {strata.shape} and {unit.shape}'
         )
     if not np.isfinite(table).all():
         raise DatasetError('the features hold values that are not finite; leave those trials out')
@@ -94,25 +124,30 @@ def rank_sum_p_values(
     stratum = np.unique(strata, return_inverse=True)[1]
     if len(found) < 2:
         raise DatasetError(f'rank sums compare two classes or more; there are {len(found)}')
+    tested, tested_index, tested_stratum = _average(table, index, stratum, unit)
+    p, auc = np.empty((2, table.shape[1], len(found), len(found)))
     step = max(1, _BLOCK_NUMBERS // (len(table) * len(found)))
-    blocks = [
-        _test_pairs(np.ascontiguousarray(table[:, at : at + step].T), index, stratum)
-        for at in range(0, table.shape[1], step)
-    ]
-    p = np.concatenate([np.empty((0, len(found), len(found))), *blocks])
+    for at in range(0, table.shape[1], step):
+        block = slice(at, at + step)
+        p[block], auc[block] = _test_pairs(tested[:, block].T, tested_index, tested_stratum)
+        if len(tested) < len(table):
+            _, auc[block] = _test_pairs(table[:, block].T, index, stratum)
     pairs = np.triu_indices(len(found), 1)
     return RankSum(
         labels=tuple(str(name) for name in found),
         p=p,
         mean_p=p[:, pairs[0], pairs[1]].mean(1),
+        auc=auc,
         strata=int(stratum.max()) + 1,
+        counts=tuple(np.bincount(tested_index, minlength=len(found)).tolist()),
+        least_p=_find_least_p(tested_index, tested_stratum),
     )
 
 
 def rank_features(
     values: ArrayLike, labels: ArrayLike, strata: ArrayLike | None = None
 ) -> IntArray:
-    """Return the columns of ``values`` from the most to the least telling, by their mean p.
+    """Return the columns of ``values`` from the lowest to the highest mean p of single trials.
 
     Columns with the same mean keep their order. Inside a cross-validation this belongs
     into each fold: ranked on all trials, it has seen those of the test. Errors as in
@@ -121,8 +156,39 @@ def rank_features(
     return np.argsort(rank_sum_p_values(values, labels, strata).mean_p, kind='stable')
 
 
-def _test_pairs(values: FloatArray, index: IntArray, stratum: IntArray) -> FloatArray:
-    """Return p of shape (k, classes, classes) for values of shape (k, trials)."""
+def correct_holm(p_values: ArrayLike) -> FloatArray:
+    """Return p-values corrected for their number by Holm (1979), shape (n,).
+
+    Among corrected values up to 0.05, the chance of any false one is at most 5 %, however the
+    tests depend on each other.
+    """
+    p = np.asarray(p_values, dtype=np.float64)
+    order = np.argsort(p)
+    steps = np.maximum.accumulate(p[order] * np.arange(len(p), 0, -1))
+    corrected = np.empty_like(p)
+    corrected[order] = np.minimum(steps, 1.0)
+    return corrected
+
+
+def _average(
+    table: FloatArray, index: IntArray, stratum: IntArray, unit: NDArray[np.generic]
+) -> tuple[FloatArray, IntArray, IntArray]:
+    """Return the mean of each unit with its class and stratum."""
+    _, first, code = np.unique(unit, return_index=True, return_inverse=True)
+    if len(first) == len(table):
+        return table, index, stratum
+    if (index != index[first][code]).any() or (stratum != stratum[first][code]).any():
+        raise DatasetError(
+            'a unit, such as a mounting, has trials of several classes or strata; give each its '
+            'own name'
+        )
+    sums = np.zeros((len(first), table.shape[1]))
+    np.add.at(sums, code, table)
+    return sums / np.bincount(code)[:, None], index[first], stratum[first]
+
+
+def _count_classes(index: IntArray, stratum: IntArray) -> tuple[IntArray, FloatArray]:
+    """Return the size of each class in each stratum, and the weight of each pair there."""
     classes = index.max() + 1
     sizes = np.array(
         [np.bincount(index[stratum == h], minlength=classes) for h in range(stratum.max() + 1)]
@@ -130,23 +196,52 @@ def _test_pairs(values: FloatArray, index: IntArray, stratum: IntArray) -> Float
     pooled = sizes[:, :, None] + sizes[:, None, :]
     weights = np.where(sizes[:, :, None] * sizes[:, None, :] > 0, 1.0 / (pooled + 1.0), 0.0)
     # Of a single stratum the weight is 1, and the result SciPy's to the last digit.
-    weights /= np.maximum(weights.max(axis=0), 1e-300)
+    return sizes, weights / np.maximum(weights.max(axis=0), 1e-300)
+
+
+def _find_least_p(index: IntArray, stratum: IntArray) -> float:
+    """Return the p-value of classes that no value mixes, of the pair with the fewest values."""
+    sizes, weights = _count_classes(index, stratum)
+    product = sizes[:, :, None] * sizes[:, None, :]
+    pooled = sizes[:, :, None] + sizes[:, None, :]
+    surplus = (weights * product / 2).sum(axis=0)
+    variance = (weights**2 * product / 12 * (pooled + 1)).sum(axis=0)
+    p = _compute_p(surplus, variance, weights)
+    return float(p[np.triu_indices(len(p), 1)].max())
+
+
+def _test_pairs(
+    values: FloatArray, index: IntArray, stratum: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return p and AUC, both (k, classes, classes), for values of shape (k, trials)."""
+    values = np.ascontiguousarray(values)
+    sizes, weights = _count_classes(index, stratum)
+    classes = sizes.shape[1]
     surplus = np.zeros((len(values), classes, classes))
-    variance = np.zeros_like(surplus)
+    variance, larger = np.zeros_like(surplus), np.zeros_like(surplus)
     for h, weight in enumerate(weights):
         inside = stratum == h
         u, ties = _count_pairs(values[:, inside], index[inside], classes)
-        product, n = np.multiply.outer(sizes[h], sizes[h]), pooled[h]
+        product, n = np.multiply.outer(sizes[h], sizes[h]), np.add.outer(sizes[h], sizes[h])
         surplus += weight * (u - product / 2)
         # In the order of SciPy's operations, for the same last digits.
         variance += weight**2 * (product / 12 * ((n + 1) - ties / np.maximum(n * (n - 1), 1)))
+        larger += u
+    p = _compute_p(surplus, variance, weights)
+    compared = (sizes[:, :, None] * sizes[:, None, :]).sum(axis=0)
+    auc = np.where(compared > 0, larger / np.maximum(compared, 1), 0.5)
+    diagonal = np.arange(classes)
+    p[:, diagonal, diagonal], auc[:, diagonal, diagonal] = 1.0, 0.5
+    return p, auc
+
+
+def _compute_p(surplus: FloatArray, variance: FloatArray, weights: FloatArray) -> FloatArray:
+    """Return two-sided p-values of shape (..., classes, classes); 1 without any variance."""
     smallest = np.where(weights > 0.0, weights, np.inf).min(axis=0)
     step = np.where(np.isfinite(smallest), smallest, 1.0)
     with np.errstate(divide='ignore', invalid='ignore'):
         z = (np.abs(surplus) - 0.5 * step) / np.sqrt(variance)
-    p = np.minimum(2.0 * ndtr(-z), 1.0)
-    p[:, np.arange(classes), np.arange(classes)] = 1.0
-    return np.asarray(p)
+    return np.asarray(np.minimum(2.0 * ndtr(-z), 1.0))
 
 
 def _count_pairs(

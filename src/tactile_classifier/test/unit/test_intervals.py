@@ -9,7 +9,11 @@ import numpy as np
 import pytest
 from scipy.stats import binom, ttest_1samp, ttest_rel
 
-from tactile_classifier.evaluation.intervals import accuracy_interval, difference_interval
+from tactile_classifier.evaluation.intervals import (
+    accuracy_interval,
+    difference_interval,
+    difference_p_value,
+)
 from tactile_classifier.evaluation.model_accuracy import compare_predictions, score_predictions
 from tactile_classifier.records import NO_ANSWER, UNKNOWN
 
@@ -56,6 +60,10 @@ def test_paired_difference_is_student_s():
     assert ends(found) == pytest.approx((expected.low, expected.high))
     turned = difference_interval(-differences, 'groups')
     assert ends(turned) == pytest.approx((-found.high, -found.low))
+    p = ttest_1samp(differences, 0.0).pvalue
+    assert difference_p_value(differences, 'groups') == pytest.approx(p)
+    assert difference_p_value(-differences, 'groups') == pytest.approx(p)
+    assert difference_p_value(np.full(6, 0.1), 'groups') == 1.0
 
 
 # -- models on labelled trials -------------------------------------------------------

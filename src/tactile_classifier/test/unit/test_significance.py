@@ -16,12 +16,21 @@ import numpy as np
 import pytest
 from scipy.stats import mannwhitneyu, norm
 
+from tactile_classifier.datasets.conditions import find_mountings, find_strata
 from tactile_classifier.datasets.splits import grouped_split, stratified_split
 from tactile_classifier.errors import DatasetError
 from tactile_classifier.evaluation.cross_validation import predict_folds
-from tactile_classifier.evaluation.feature_selection import choose_counts, SelectionPlan
+from tactile_classifier.evaluation.feature_selection import (
+    choose_counts,
+    FoldSelection,
+    SelectionPlan,
+)
 from tactile_classifier.evaluation.plans import run_plans
-from tactile_classifier.evaluation.significance import rank_features, rank_sum_p_values
+from tactile_classifier.evaluation.significance import (
+    correct_holm,
+    rank_features,
+    rank_sum_p_values,
+)
 
 
 def peer_p_values(values, labels):
@@ -165,6 +174,99 @@ def test_classes_that_share_no_session_are_not_compared():
     assert (found.p[:, 1, 2] < 0.05).all()
 
 
+# -- mountings ----------------------------------------------------------------------
+
+
+def draw_mountings(rng, sessions, spread, features, trials=10, effect=0.0):
+    """Draw four labels without any effect, each mounted once a session; mountings differ."""
+    code = np.repeat(np.arange(4), sessions * trials)
+    session = np.tile(np.repeat(np.arange(sessions), trials), 4)
+    mounting = code * sessions + session
+    values = spread * rng.normal(size=(4 * sessions, features))[mounting]
+    values += rng.normal(size=values.shape) + effect * code[:, None]
+    columns = {'session': session.astype(str), 'mounting': mounting.astype(str)}
+    return make_table(np.array([*'abcd'])[code], values, **columns)
+
+
+@pytest.mark.parametrize('spread', [0.5, 2.0])
+@pytest.mark.parametrize('sessions', [6, 10])
+def test_mountings_that_differ_are_no_effect_of_the_label(sessions, spread):
+    """Of single trials, 24 to 53 % of the pairs had p < 0.05."""
+    table = draw_mountings(np.random.default_rng(0), sessions, spread, 91)
+    found = rank_sum_p_values(
+        table.values, table.labels, find_strata(table), find_mountings(table)
+    )
+    one, other = np.triu_indices(4, 1)
+    assert (found.p[:, one, other] <= 0.05).mean() <= 0.07
+    assert found.counts == (sessions,) * 4
+    assert found.strata == sessions
+    trials = rank_sum_p_values(table.values, table.labels, find_strata(table))
+    assert (trials.p[:, one, other] <= 0.05).mean() > 0.15
+    assert trials.counts == (10 * sessions,) * 4
+
+
+def test_an_effect_of_the_label_is_found_between_mountings():
+    table = draw_mountings(np.random.default_rng(1), 10, 0.5, 91, effect=3.0)
+    found = rank_sum_p_values(
+        table.values, table.labels, find_strata(table), find_mountings(table)
+    )
+    one, other = np.triu_indices(4, 1)
+    assert (found.p[:, one, other] <= 0.05).mean() > 0.9
+    assert found.p[:, one, other].min() == pytest.approx(found.least_p)
+
+
+@pytest.mark.parametrize(('sessions', 'least'), [(1, 1.0), (2, 0.480), (3, 0.248), (6, 0.0412)])
+def test_few_mountings_state_the_smallest_p_that_they_allow(sessions, least):
+    table = draw_mountings(np.random.default_rng(2), sessions, 0.0, 91, effect=1e3)
+    found = rank_sum_p_values(
+        table.values, table.labels, find_strata(table), find_mountings(table)
+    )
+    assert found.least_p == pytest.approx(least, abs=5e-4)
+    assert found.mean_p == pytest.approx(found.least_p)
+
+
+def test_a_mounting_of_each_trial_and_no_stated_mountings_test_trials():
+    rng = np.random.default_rng(3)
+    labels = np.repeat([*'ab'], 20)
+    values = rng.normal(size=(40, 3))
+    table = make_table(labels, values, mounting=np.arange(40).astype(str))
+    found = rank_sum_p_values(values, labels, None, find_mountings(table))
+    assert np.array_equal(found.p, rank_sum_p_values(values, labels).p)
+    assert find_mountings(make_table(labels, values)) is None
+
+
+def test_a_mounting_has_one_label_and_one_session():
+    values = np.random.default_rng(4).normal(size=(8, 2))
+    labels, units = [*'aabbaabb'], [0, 0, 0, 1, 2, 2, 3, 3]
+    with pytest.raises(DatasetError, match='several classes or strata'):
+        rank_sum_p_values(values, labels, None, units)
+    with pytest.raises(DatasetError, match='several classes or strata'):
+        rank_sum_p_values(values, labels, [0, 1] * 4, [0, 0, 1, 1, 2, 2, 3, 3])
+
+
+@pytest.mark.parametrize('step', [0.0, 1.0])
+def test_auc_is_the_share_of_pairs_of_trials(step):
+    rng = np.random.default_rng(5)
+    table = draw_mountings(rng, 3, 1.0, 91, trials=4, effect=0.5)
+    values = np.round(table.values / step) * step if step else table.values
+    strata = find_strata(table)
+    found = rank_sum_p_values(values, table.labels, strata, find_mountings(table))
+    for i, a in enumerate('abcd'):
+        for j, b in enumerate('abcd'):
+            if i == j:
+                assert (found.auc[:, i, j] == 0.5).all()
+                continue
+            pairs = [
+                np.sign(values[m] - values[n])
+                for m in np.flatnonzero(table.labels == a)
+                for n in np.flatnonzero((table.labels == b) & (strata == strata[m]))
+            ]
+            np.testing.assert_allclose(found.auc[:, i, j], 0.5 + np.mean(pairs, axis=0) / 2)
+    one, other = np.triu_indices(4, 1)
+    larger = np.maximum(found.auc, 1.0 - found.auc)[:, one, other]
+    np.testing.assert_allclose(found.separation, larger.mean(axis=1))
+
+
 # -- selection of features by their p -----------------------------------------------
 
 
@@ -197,6 +299,47 @@ def test_selection_on_nothing_but_noise_invents_no_accuracy():
         ((result,),) = run_plans([SelectionPlan(table, split, ['svm_linear'], ['none'])])
         assert result.selected_mean == pytest.approx(0.5, abs=0.12)
         assert result.verdict != 'helps'
+
+
+def test_holm_is_that_of_the_textbook():
+    # Holm (1979): the smallest times 4, the next times 3, and so on, never falling.
+    found = correct_holm([0.04, 0.01, 0.02, 0.03])
+    np.testing.assert_allclose(found, [0.06, 0.04, 0.06, 0.06])
+    np.testing.assert_allclose(correct_holm([0.9, 0.6]), 1.0)
+    assert correct_holm([]).size == 0
+
+
+def test_eight_comparisons_without_effect_rarely_have_a_verdict():
+    """At 5 % each, one of eight had a verdict in a third of the tables."""
+    table = make_table(np.repeat(['a', 'b'], 40), np.zeros((80, 5)))
+    split = stratified_split(table, 4, 1)
+    plan = SelectionPlan(table, split)
+    rng = np.random.default_rng(6)
+    assert len(plan.finish(fake_folds(rng, split))) == 8
+    verdicts = [
+        [result.verdict for result in plan.finish(fake_folds(rng, split))] for _ in range(300)
+    ]
+    share = np.mean([any(each != 'no clear difference' for each in some) for some in verdicts])
+    assert share <= 0.09
+    ((result, *_),) = [plan.finish(fake_folds(rng, split, gain=0.4))]
+    assert (result.verdict, result.difference.low > 0) == ('helps', True)
+    ((result, *_),) = [plan.finish(fake_folds(rng, split, gain=-0.4))]
+    assert (result.verdict, result.difference.high < 0) == ('hurts', True)
+
+
+def fake_folds(rng, split, gain=0.0):
+    """Return what selection does in each fold if right answers are independent draws."""
+    return [
+        [
+            FoldSelection(
+                2,
+                (rng.random(len(test)) < 0.5).astype(float),
+                (rng.random(len(test)) < 0.5 + gain).astype(float),
+            )
+            for _ in range(8)
+        ]
+        for _, test in split.repeats[0]
+    ]
 
 
 def test_counts_end_with_all_features():

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any, TYPE_CHECKING, TypeVar
 
-from tactile_classifier.datasets.conditions import find_strata
+from tactile_classifier.datasets.conditions import find_mountings, find_strata
 from tactile_classifier.datasets.dataset import FeatureTable, plain_name
 from tactile_classifier.datasets.splits import (
     choose_repetitions,
@@ -87,8 +87,12 @@ class SetResult:
             'rank_sum': {
                 'labels': list(self.significance.labels),
                 'strata': self.significance.strata,
+                'counts': list(self.significance.counts),
+                'least_p': self.significance.least_p,
                 'mean_p': self.significance.mean_p.tolist(),
+                'separation': self.significance.separation.tolist(),
                 'p': self.significance.p.tolist() if self.of_holds else None,
+                'auc': self.significance.auc.tolist() if self.of_holds else None,
             },
             'answers': self.answers and self.answers.to_dict(),
             'not_done': list(self.not_done),
@@ -188,7 +192,7 @@ def _finish_set(
         recordings,
         tuple(found['evaluations']),
         tuple(result for results in found.get('selections', ()) for result in results),
-        rank_sum_p_values(table.values, table.labels, find_strata(table)),
+        rank_sum_p_values(table.values, table.labels, find_strata(table), find_mountings(table)),
         (*not_done, *(answers.not_done if answers else ())),
         answers,
     )

@@ -18,7 +18,11 @@ from tactile_lab.datasets.tables import format_interval, format_warnings
 from tactile_lab.output import named_errors
 from tactile_lab.report import drawings
 from tactile_lab.report.analysis import SetResult
-from tactile_lab.report.significance import find_components, format_alike_pairs
+from tactile_lab.report.significance import (
+    find_components,
+    format_alike_pairs,
+    format_least_p,
+)
 from tactile_lab.report.summary import (
     find_versions,
     format_accuracy,
@@ -97,6 +101,7 @@ _FUNCTIONS: Sequence[Callable[..., Any]] = (
     format_alike_pairs,
     format_features,
     format_first_sentence,
+    format_least_p,
     format_model,
     format_split,
     format_warnings,

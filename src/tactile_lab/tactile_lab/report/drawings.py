@@ -36,7 +36,8 @@ from tactile_lab.report.recordings import TrialExample
 from tactile_lab.report.significance import (
     Components,
     find_components,
-    format_tested_trials,
+    format_least_p,
+    format_tested_values,
     LEVEL,
     list_alike_pairs,
     short_name,
@@ -363,60 +364,74 @@ def draw_significance(results: Sequence[SetResult]) -> Iterable[Drawing]:
 
 
 def draw_mean_p(result: SetResult, components: Components) -> Drawing:
-    """Draw the mean p-value of each Fourier component."""
+    """Draw the mean p-value and the effect size of each Fourier component."""
     all_mean_p = result.significance.mean_p[components.columns]
     mean_p = np.maximum(all_mean_p, _SMALLEST_P)
+    separation = result.significance.separation[components.columns]
     above = all_mean_p > LEVEL
 
     def draw(figure: Figure) -> None:
-        axes = figure.subplots()
+        upper, lower = figure.subplots(2, 1, sharex=True)
         for chosen, colour in ((~above, '#2a78b8'), (above, '#c0392b')):
-            axes.semilogy(components.frequency[chosen], mean_p[chosen], 'o', ms=3, color=colour)
-        axes.axhline(LEVEL, ls='--', lw=1, color=INK)
-        axes.set(xlabel=components.title, ylabel='mean p over pairs of labels', ylim=(None, 1.0))
-        axes.grid(alpha=0.2, lw=0.5)
+            at = components.frequency[chosen]
+            upper.semilogy(at, mean_p[chosen], 'o', ms=3, color=colour)
+            lower.plot(at, separation[chosen], 'o', ms=3, color=colour)
+        upper.axhline(LEVEL, ls='--', lw=1, color=INK)
+        upper.set(ylabel='mean p', ylim=(None, 1.0))
+        lower.set(xlabel=components.title, ylabel='mean AUC', ylim=(0.48, 1.02))
+        for axes in (upper, lower):
+            axes.grid(alpha=0.2, lw=0.5)
 
     count = f'{int(above.sum())} of the {len(mean_p)} components above zero lie over {LEVEL}'
     least = components.frequency[np.argmin(all_mean_p)]
     return render(
         draw,
-        (6.2, 2.6),
+        (6.2, 4.2),
         f'{result.recordings.title}: rank-sum test of every two labels, mean p-value of each '
-        f'Fourier component, {format_tested_trials(result)}. {count} (dashes; red). A low mean: '
-        'between most pairs of labels the amplitude is shifted by more than chance. Many trials '
-        'show this even where single trials overlap.',
+        f'Fourier component (above), tested on {format_tested_values(result)}. {count} (dashes; '
+        f'red). {format_least_p(result)} Below: how well the component separates single trials, '
+        'as the mean over the pairs of the area under the ROC curve (AUC; 0.5: not at all, 1: '
+        'completely). p also falls with the number of tested values, the AUC does not.',
         f'Mean p-value by {components.name}: {count}; the lowest is at {least:.3g} '
-        f'{components.unit}.',
+        f'{components.unit}. Mean AUC: {separation.min():.2f} to {separation.max():.2f}.',
         simulated=result.recordings.simulated,
     )
 
 
 def draw_p_matrices(result: SetResult) -> Drawing:
-    """Draw the p-value matrix of each stiffness feature."""
+    """Draw p-values and effect sizes of each stiffness feature."""
     significance = result.significance
     names = [short_name(name) for name in result.recordings.table.spec.names]
     labels = significance.labels
 
     def draw(figure: Figure) -> None:
         panels = np.ravel(figure.subplots(1, len(names), sharey=True, squeeze=False))
-        for axes, name, p in zip(panels, names, significance.p, strict=True):
+        for axes, name, p, auc in zip(
+            panels, names, significance.p, significance.auc, strict=True
+        ):
+            # p above the diagonal, AUC below it.
             texts = [
-                ['' if i == j else _short_p(p[i, j]) for j in range(len(p))] for i in range(len(p))
+                [_short_p(p[i, j]) if i < j else f'{auc[i, j]:.2f}' for j in range(len(p))]
+                for i in range(len(p))
             ]
+            for i in range(len(p)):
+                texts[i][i] = ''
             # Filled where labels differ.
             draw_matrix(axes, 1.0 - p, labels, texts)
             axes.set_title(name)
 
     pairs = list_alike_pairs(result)
-    found = (
+    found = format_least_p(result) or (
         f'Over {LEVEL}: {"; ".join(pairs)}.' if pairs else 'Every pair differs in each feature.'
     )
     return render(
         draw,
         (1.6 + 1.9 * len(names), 3.4),
-        f'{result.recordings.title}: p-values of the rank-sum test between every two objects, '
-        f'{format_tested_trials(result)}; filled where they differ. {found}',
-        f'Matrices of p-values between objects, for {", ".join(names)}. {found}',
+        f'{result.recordings.title}: rank-sum test between every two objects, tested on '
+        f'{format_tested_values(result)}. Above the diagonal the p-value; below it how often a '
+        'trial of the row has a larger value than one of the column (AUC; 0.5: no difference). '
+        f'Filled where p is small. {found}',
+        f'Matrices of p-values and AUC between objects, for {", ".join(names)}. {found}',
         simulated=result.recordings.simulated,
     )
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tactile_classifier.datasets.conditions import states_mountings
 from tactile_features.spec import FeatureSpec
 from tactile_lab.report.analysis import SetResult
 
@@ -58,12 +59,36 @@ def find_components(spec: FeatureSpec) -> Components | None:
     return None
 
 
-def format_tested_trials(result: SetResult) -> str:
-    """Return the trials that the tests compare, in words."""
-    trials, strata = len(result.recordings.table), result.significance.strata
-    if strata == 1:
-        return f'over all {trials} trials'
-    return f'of {trials} trials within their {strata} sessions (van Elteren)'
+def format_tested_values(result: SetResult) -> str:
+    """Return what the tests compare, in words: trials or means of mountings."""
+    table, significance = result.recordings.table, result.significance
+    values, strata = sum(significance.counts), significance.strata
+    if values < len(table):
+        least, most = min(significance.counts), max(significance.counts)
+        each = f'{least}' if least == most else f'{least} to {most}'
+        tested = f'means of {values} mountings ({each} of each label; {len(table)} trials)'
+        if not states_mountings(table):
+            tested += (
+                '. The mountings are not stated, so that each label counts as mounted once '
+                'a session'
+            )
+    else:
+        tested = f'{values} trials as independent samples'
+        if not states_mountings(table):
+            tested += ' (their mountings are not stated; if trials share one, p is too small)'
+    within = f', compared within {strata} sessions (van Elteren)' if strata > 1 else ''
+    return f'{tested}{within}'
+
+
+def format_least_p(result: SetResult) -> str:
+    """Return one sentence where the tested values are too few for p below `LEVEL`, or nothing."""
+    least = result.significance.least_p
+    if least <= LEVEL:
+        return ''
+    return (
+        f'So few cannot give p below {least:.2g} for every pair, however large the difference: '
+        'record each label in more mountings and sessions.'
+    )
 
 
 def format_alike_pairs(result: SetResult, components: Components) -> str:

@@ -24,7 +24,11 @@ from tactile_lab.report.analysis import analyse
 from tactile_lab.report.build import build_page, report_path
 from tactile_lab.report.drawings import draw_textures
 from tactile_lab.report.recordings import Example, make_sets, RecordingSet, usual_splits
-from tactile_lab.report.significance import find_components, format_tested_trials
+from tactile_lab.report.significance import (
+    find_components,
+    format_least_p,
+    format_tested_values,
+)
 from tactile_lab.report.summary import (
     describe_sources,
     format_accuracy,
@@ -312,11 +316,41 @@ def test_components_are_known_by_the_names_of_the_features():
     assert find_components(spec_for('stiffness', FeatureConfig())) is None
 
 
-def test_tests_within_sessions_are_told(easy_holds):
-    assert format_tested_trials(easy_holds) == 'over all 72 trials'
-    significance = dataclasses.replace(easy_holds.significance, strata=3)
-    within = dataclasses.replace(easy_holds, significance=significance)
-    assert format_tested_trials(within) == 'of 72 trials within their 3 sessions (van Elteren)'
+def test_the_report_states_what_the_rank_sums_tested(easy_holds):
+    said = format_tested_values(easy_holds)
+    assert said.startswith('72 trials as independent samples (their mountings are not stated')
+    assert format_least_p(easy_holds) == ''
+    table = make_easy_holds().table
+    session, mounting = np.arange(72) % 2, np.arange(72) % 4
+    columns = {'session_id': session.astype(str), 'mounting_id': mounting.astype(str)}
+    recordings = dataclasses.replace(
+        easy_holds.recordings, table=dataclasses.replace(table, columns=columns)
+    )
+    result = run(recordings, folds=2)
+    assert result.significance.counts == (4, 4, 4)
+    said = format_tested_values(result)
+    assert said.startswith('means of 12 mountings (4 of each label; 72 trials)')
+    assert said.endswith('compared within 2 sessions (van Elteren)')
+    # Two mountings of each label in a session: the test cannot find a difference.
+    assert result.significance.least_p > 0.05
+    page = build_page([result], [], {})
+    assert format_least_p(result) in page
+    assert 'Every pair differs' not in page
+    # The effect is seen nevertheless: the slope separates all trials.
+    assert result.to_dict()['rank_sum']['auc'][0][0][1] == 0.0
+    json.dumps(result.to_dict(), allow_nan=False)
+
+
+@pytest.mark.parametrize('missing', ['mounting_id', 'names'])
+def test_without_stated_mountings_each_label_counts_as_mounted_once_a_session(missing):
+    recordings = make_easy_holds()
+    columns = {'session_id': (np.arange(72) % 6).astype(str)}
+    if missing == 'names':
+        columns['mounting_id'] = np.where(np.arange(72) < 3, '', 'a')
+    table = dataclasses.replace(recordings.table, columns=columns)
+    result = run(dataclasses.replace(recordings, table=table), folds=2)
+    assert result.significance.counts == (6, 6, 6)
+    assert 'mounted once a session' in format_tested_values(result)
 
 
 def make_grouped(**columns):
