@@ -150,10 +150,11 @@ def _measure_choice(read: Read, divide: Divide, seeds: range) -> dict[str, Any]:
     for seed in seeds:
         tables = read(seed)
         split = divide(next(iter(tables.values())), seed)
-        found += run_plans([ChoicePlan(tables, split, 100 * seed)])
+        ((choice,),) = run_plans([ChoicePlan(tables, split, 100 * seed)])
+        found.append(choice)
     nested, best = (
         100 * np.array(values)
-        for values in zip(*((c.nested_accuracy, c.best.accuracy) for c in found), strict=True)
+        for values in zip(*((c.nested.mean, c.ranking[0].score.mean) for c in found), strict=True)
     )
     regret = best - nested
     return {

@@ -58,6 +58,21 @@ class Split:
         name = self.name if self.groups is not None else f'{self.name.split(",")[0]}, once'
         return dataclasses.replace(self, name=name, repeats=self.repeats[:1])
 
+    def take(self, keep: npt.NDArray[np.bool_]) -> Split:
+        """Return the split of the trials that a mask selects, without folds that test none."""
+        place = np.cumsum(keep) - 1
+        repeats = tuple(
+            tuple(
+                (place[train[keep[train]]], place[test[keep[test]]])
+                for train, test in folds
+                if keep[test].any()
+            )
+            for folds in self.repeats
+        )
+        groups = None if self.groups is None else self.groups[keep]
+        copies = None if self.copies is None else self.copies[keep]
+        return dataclasses.replace(self, repeats=repeats, groups=groups, copies=copies)
+
     def divide_again(
         self,
         train: IndexArray,
@@ -67,40 +82,57 @@ class Split:
     ) -> list[Fold]:
         """Divide the trials of one fold's training once more, to choose something on them.
 
-        Groups stay whole where the split holds groups out and each part then has trials of all
-        classes to train on; otherwise trials are divided at random. Indices are into the table.
-        Raises EvaluationError when too few trials of a class are left.
+        A split that holds groups out is divided by whole groups, otherwise trials are divided at
+        random. Indices are into the table. Folds whose training part lacks a class are left out.
+        Raises EvaluationError when too few groups, or too few trials of a class, are left.
         """
-        inner = self._divide_groups_again(train, labels, random_state, folds)
-        if not inner:
+        if self.groups is None:
             copies = train if self.copies is None else self.copies[train]
-            names, counts = count_different(labels[train], copies)
-            fewest = int(counts.min())
-            if fewest < 2:
-                raise EvaluationError(
-                    f'one trial of class "{names[counts.argmin()]}" is left to train on, so '
-                    'nothing can be chosen by it: record more of it'
-                )
-            inner = divide_stratified(labels[train], copies, min(folds, fewest), random_state)
+            inner = _divide_trials(labels[train], copies, random_state, folds)
+        else:
+            inner = _divide_groups(train, labels[train], self.groups[train], random_state, folds)
         _check_training_size(inner)
         return [(train[a], train[b]) for a, b in inner]
 
-    def _divide_groups_again(
-        self, train: IndexArray, labels: npt.NDArray[np.str_], random_state: int, folds: int
-    ) -> list[Fold]:
-        """Return folds of whole groups, as indices into ``train``; empty: some lack a class."""
-        if self.groups is None:
-            return []
-        names, group = np.unique(self.groups[train], return_inverse=True)
-        count = min(folds, len(names))
-        if count < 2:
-            return []
+
+def _divide_trials(
+    labels: npt.NDArray[np.str_], copies: IndexArray, random_state: int, folds: int
+) -> list[Fold]:
+    names, counts = count_different(labels, copies)
+    fewest = int(counts.min())
+    if fewest < 2:
+        raise EvaluationError(
+            f'one trial of class "{names[counts.argmin()]}" is left to train on, so '
+            'nothing can be chosen by it: record more of it'
+        )
+    return divide_stratified(labels, copies, min(folds, fewest), random_state)
+
+
+def _divide_groups(
+    train: IndexArray,
+    labels: npt.NDArray[np.str_],
+    groups: IndexArray,
+    random_state: int,
+    folds: int,
+) -> list[Fold]:
+    names = np.unique(groups)
+    inner: list[Fold] = []
+    if len(names) > 1:
         # As GroupKFold(shuffle=True), which scikit-learn has from 1.6 on.
-        splitter = KFold(count, shuffle=True, random_state=random_state)
-        held_out = [np.isin(group, test) for _, test in splitter.split(names)]
-        inner = [(np.flatnonzero(~test), np.flatnonzero(test)) for test in held_out]
-        known = set(labels[train])
-        return inner if all(set(labels[train[a]]) == known for a, _ in inner) else []
+        splitter = KFold(min(folds, len(names)), shuffle=True, random_state=random_state)
+        held_out = [np.isin(groups, names[test]) for _, test in splitter.split(names)]
+        known = len(np.unique(labels))
+        inner = [
+            (np.flatnonzero(~test), np.flatnonzero(test))
+            for test in held_out
+            if len(np.unique(labels[~test])) == known
+        ]
+    if len(inner) < 2:
+        raise EvaluationError(
+            'too few groups are left to train on to hold out some of them again: record more '
+            'groups with all labels'
+        )
+    return inner
 
 
 LARGE_TABLE = 2_000_000_000

@@ -5,10 +5,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 import dataclasses
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -29,7 +27,6 @@ from tactile_classifier.datasets.splits import (
     Split,
     stratified_split,
 )
-from tactile_classifier.errors import EvaluationError
 from tactile_classifier.estimators.classifiers import build_estimator, RANDOM_STATE
 from tactile_classifier.evaluation.intervals import accuracy_interval, Interval, Result
 from tactile_classifier.evaluation.plans import run_plans, Task
@@ -74,27 +71,6 @@ class Score(Result):
 
 
 @dataclasses.dataclass(frozen=True)
-class NestedChoice(Result):
-    """Accuracy of the best classifier and scaling when each fold picks them without its tests.
-
-    The largest of several means is too good on average. Here folds inside each fold's training
-    trials pick, and the fold's tests only judge (nested cross-validation; Varma and Simon 2006).
-    ``mean`` is over the folds [1]; ``picks`` are classifiers and scalings with the number of folds
-    that picked them, the most frequent first.
-    """
-
-    picks: tuple[tuple[str, str, int], ...]
-    mean: float
-    interval: Interval
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the fields by name as what JSON can hold."""
-        names = ('classifier', 'scaling', 'folds')
-        picks = [dict(zip(names, pick, strict=True)) for pick in self.picks]
-        return {**super().to_dict(), 'picks': picks}
-
-
-@dataclasses.dataclass(frozen=True)
 class Evaluation(Result):
     """The scores of several classifiers and scalings under one split.
 
@@ -104,8 +80,6 @@ class Evaluation(Result):
         Accuracy of always naming the commonest label [1].
     warnings : tuple of str
         What the columns of the table say against these numbers, one sentence each.
-    nested : NestedChoice or None
-        None where it was not asked for, or too few trials are left to choose by.
     """
 
     split: str
@@ -115,7 +89,6 @@ class Evaluation(Result):
     chance: float
     scores: tuple[Score, ...]
     warnings: tuple[str, ...] = ()
-    nested: NestedChoice | None = None
 
     def score(self, classifier: str, scaling: str) -> Score:
         """Return the score of one classifier with one scaling; KeyError when not evaluated."""
@@ -126,11 +99,7 @@ class Evaluation(Result):
 
 
 class AccuracyPlan:
-    """The cross-validation of a table under one split; a `Plan` of an `Evaluation`.
-
-    ``random_state`` is that of the folds inside the folds for the nested choice; None: no such
-    choice. ``no_choice`` says why there is none although it was asked for.
-    """
+    """The cross-validation of a table under one split; a `Plan` of an `Evaluation`."""
 
     def __init__(
         self,
@@ -138,108 +107,77 @@ class AccuracyPlan:
         split: Split,
         classifiers: Sequence[str] | None = None,
         scalings: Sequence[str] = SCALINGS,
-        random_state: int | None = None,
     ) -> None:
         self._table = table
         self._split = split
-        self._inner: list[list[Fold]] = []
-        self.no_choice = ''
-        if random_state is not None:
-            try:
-                self._inner = [
-                    split.divide_again(train, table.labels, random_state)
-                    for train, _ in split.repeats[0]
-                ]
-            except EvaluationError as error:
-                self.no_choice = str(error)
-        self._tested = split.tested
-        self._cells = find_tested_cells(table, split)
         self._pairs = list_pairs(table, classifiers, scalings)
         for pair in self._pairs:
             build_estimator(*pair)  # a wrong name fails here, not in a worker
 
     def tasks(self) -> list[Task]:
-        """Return one task a classifier, scaling and repetition, and those of the nested choice."""
+        """Return one task a classifier, scaling and repetition."""
         table = self._table
-        tests = [(pair, repeat) for pair in self._pairs for repeat in self._split.repeats]
-        inner = [fold for folds in self._inner for fold in folds]
-        tests += [(pair, tuple(inner)) for pair in self._pairs if inner]
         return [
             (predict_folds, (*pair, table.values, table.labels, folds, table.channels))
-            for pair, folds in tests
+            for pair in self._pairs
+            for folds in self._split.repeats
         ]
 
     def finish(self, answers: Sequence[Answers]) -> Evaluation:
         """Return the scores."""
-        table, repeats = self._table, len(self._split.repeats)
-        labels = tuple(str(name) for name in np.unique(table.labels))
+        repeats = len(self._split.repeats)
         scores = [
-            self._score(*pair, labels, answers[i * repeats : (i + 1) * repeats])
+            make_score(*pair, self._table, self._split, answers[i * repeats : (i + 1) * repeats])
             for i, pair in enumerate(self._pairs)
         ]
-        is_random = self._split.groups is None and len(self._tested) == len(table)
-        cells = self._cells if is_random else None
-        repeats = [cells.warning] if cells is not None and cells.columns else []
-        return Evaluation(
-            self._split.name,
-            labels,
-            len(self._tested),
-            table.spec.feature_set,
-            chance_level(table, self._split),
-            tuple(scores),
-            (*describe_copies(table), *repeats, *find_tied_labels(table)),
-            self._choose(answers) if self._inner else None,
-        )
+        return make_evaluation(self._table, self._split, scores)
 
-    def _choose(self, answers: Sequence[Answers]) -> NestedChoice:
-        """Return what the first repetition's folds pick, and how that does on their tests."""
-        true, repeats = self._table.labels, len(self._split.repeats)
-        inner = [iter(said) for said in answers[len(self._pairs) * repeats :]]
-        right, accuracies, picks = np.zeros(len(true)), [], []
-        for i, ((_, test), folds) in enumerate(
-            zip(self._split.repeats[0], self._inner, strict=True)
-        ):
-            counts = [
-                sum(int(np.sum(next(said) == true[held_out])) for _, held_out in folds)
-                for said in inner
-            ]
-            pick = int(np.argmax(counts))
-            right[test] = answers[pick * repeats][i] == true[test]
-            accuracies.append(right[test].mean())
-            picks.append(self._pairs[pick])
-        return NestedChoice(
-            tuple((*pair, folds) for pair, folds in Counter(picks).most_common()),
-            float(np.mean(accuracies)),
-            split_interval(self._split, self._cells, right),
-        )
 
-    def _score(
-        self, classifier: str, scaling: str, labels: tuple[str, ...], answers: Sequence[Answers]
-    ) -> Score:
-        true, split = self._table.labels, self._split
-        accuracies = np.zeros((len(split.repeats), len(split.repeats[0])))
-        confusion = np.zeros((len(labels), len(labels)), dtype=np.int64)
-        rows = np.searchsorted(labels, true)
-        right = np.zeros(len(true), dtype=np.int64)
-        for i, (repeat, said) in enumerate(zip(split.repeats, answers, strict=True)):
-            for j, ((_, test), answer) in enumerate(zip(repeat, said, strict=True)):
-                is_right = answer == true[test]
-                accuracies[i, j] = np.mean(is_right)
-                right[test] += is_right
-                np.add.at(confusion, (rows[test], np.searchsorted(labels, answer)), 1)
-        parts = accuracies[0] if split.groups is not None else accuracies.mean(axis=1)
-        return Score(
-            classifier,
-            scaling,
-            split.name,
-            labels,
-            accuracies,
-            float(accuracies.mean()),
-            float(parts.std(ddof=1)) if len(parts) > 1 else 0.0,
-            split.spread_of,
-            split_interval(split, self._cells, right / len(split.repeats)),
-            confusion,
-        )
+def make_evaluation(table: FeatureTable, split: Split, scores: Sequence[Score]) -> Evaluation:
+    """Return an evaluation of some scores under one split, with chance and warnings."""
+    cells = find_tested_cells(table, split)
+    is_random = split.groups is None and len(split.tested) == len(table)
+    repeats = [cells.warning] if cells is not None and cells.columns and is_random else []
+    return Evaluation(
+        split.name,
+        tuple(str(name) for name in np.unique(table.labels)),
+        len(split.tested),
+        table.spec.feature_set,
+        chance_level(table, split),
+        tuple(scores),
+        (*describe_copies(table), *repeats, *find_tied_labels(table)),
+    )
+
+
+def make_score(
+    classifier: str, scaling: str, table: FeatureTable, split: Split, answers: Sequence[Answers]
+) -> Score:
+    """Return the score of a classifier from its answers on each test of each repetition."""
+    true = table.labels
+    labels = tuple(str(name) for name in np.unique(true))
+    accuracies = np.zeros((len(split.repeats), len(split.repeats[0])))
+    confusion = np.zeros((len(labels), len(labels)), dtype=np.int64)
+    rows = np.searchsorted(labels, true)
+    right = np.zeros(len(true), dtype=np.int64)
+    for i, (repeat, said) in enumerate(zip(split.repeats, answers, strict=True)):
+        for j, ((_, test), answer) in enumerate(zip(repeat, said, strict=True)):
+            is_right = answer == true[test]
+            accuracies[i, j] = np.mean(is_right)
+            right[test] += is_right
+            np.add.at(confusion, (rows[test], np.searchsorted(labels, answer)), 1)
+    parts = accuracies[0] if split.groups is not None else accuracies.mean(axis=1)
+    return Score(
+        classifier,
+        scaling,
+        split.name,
+        labels,
+        accuracies,
+        float(accuracies.mean()),
+        float(parts.std(ddof=1)) if len(parts) > 1 else 0.0,
+        split.spread_of,
+        split_interval(split, find_tested_cells(table, split), right / len(split.repeats)),
+        confusion,
+    )
 
 
 def find_tested_cells(table: FeatureTable, split: Split) -> Cells | None:

@@ -94,8 +94,9 @@ class Manifest:
     versions : mapping of str to str
         Library versions.
     cross_validation : mapping
-        ``mean``, ``spread``, ``spread_of`` and ``split``; empty when not evaluated. ``choice``:
-        by which features and classifier were chosen (`FeatureChoice.summarise`), where so.
+        ``mean``, ``spread``, ``spread_of``, ``split`` and ``interval``; empty when not evaluated.
+        ``choice``: choice of features and classifier (`FeatureChoice.summarise`), if the folds
+        chose them; the other entries are then those of its nested score.
     created : str
         When it was trained (ISO 8601, UTC).
     confidence : Confidence
@@ -252,14 +253,8 @@ def list_facts(manifest: Manifest) -> dict[str, str]:
         **({'channel': spec.describe_channel()} if spec.channel else {}),
         'trained on': f'{manifest.trials} {_format_origin(manifest)} trials, '
         f'{_format_conditions(manifest)}; {manifest.created}',
-        'cross-validation': f'{100 * score["mean"]:.1f} % ± {100 * score["spread"]:.1f} over '
-        f'{score["spread_of"]} ({score["split"]})'
-        if score
-        else 'not stated',
+        'accuracy': _format_accuracy(manifest),
         'chosen': _format_choice(score.get('choice')),
-        'held out': f'{100 * confidence.accuracy:.1f} % named correctly ({calibration["split"]})'
-        if confidence.accuracy >= 0.0 and 'split' in calibration
-        else f'not calibrated: {calibration.get("reason", "not stated")}',
         'scores': format_scores(manifest),
     }
     before, after = confidence.calibration_error_before, confidence.calibration_error_after
@@ -338,14 +333,37 @@ def _format_shares(shares: Sequence[float], names: Sequence[str]) -> str:
     )
 
 
+def _format_accuracy(manifest: Manifest) -> str:
+    """Return the one accuracy of the card.
+
+    It is the cross-validated one, which is nested if the folds chose the classifier; without a
+    cross-validation, the accuracy on the held-out trials of the calibration.
+    """
+    score, calibration = manifest.cross_validation, manifest.calibration
+    if score:
+        inside = ', chosen inside the folds' if 'choice' in score else ''
+        interval = score['interval']
+        span = (
+            f'no interval: {interval["reason"]}'
+            if 'reason' in interval
+            else f'95 % interval {100 * interval["low"]:.1f} to {100 * interval["high"]:.1f} %'
+        )
+        return f'{100 * score["mean"]:.1f} % ({score["split"]}{inside}; {span})'
+    if manifest.confidence.accuracy >= 0.0 and 'split' in calibration:
+        return f'{100 * manifest.confidence.accuracy:.1f} % ({calibration["split"]})'
+    return f'not known: {calibration.get("reason", "not stated")}'
+
+
 def _format_choice(choice: Mapping[str, Any] | None) -> str:
     """Return how features and classifier were chosen, and the runner-up with its cost."""
     if choice is None:
         return 'features and classifier as stated, not by the folds'
-    text = (
-        f'from {choice["candidates"]} sets of features with classifiers; such a choice names '
-        f'{100 * choice["accuracy"]:.1f} % correctly ({choice["split"]})'
-    )
+    text = f'from {choice["candidates"]} sets of features with classifiers'
+    if choice.get('has_few_groups'):
+        text += (
+            f'; {choice["groups"]} groups are too few to choose by: the most robust one is '
+            'preferred, record more groups'
+        )
     other = choice.get('runner_up')
     if other is None:
         return text

@@ -42,7 +42,7 @@ from tactile_classifier.model_file.manifest import (
     TrainingTrials,
 )
 from tactile_classifier.records import PROBABILITY, ROCKET
-from tactile_classifier.training.feature_choice import Candidate, FeatureChoice
+from tactile_classifier.training.feature_choice import FeatureChoice
 from tactile_features.model_container import MAX_MANIFEST_BYTES, MAX_MODEL_BYTES
 
 LIBRARIES = ('numpy', 'scikit-learn')
@@ -94,9 +94,9 @@ def train(
         Take the largest of the sessions' thresholds: the share then holds in most new sessions,
         and fewer unknown objects are found.
     score : Score, optional
-        What cross-validation said of the same classifier and scaling.
+        Cross-validated score of the same classifier and scaling.
     choice : FeatureChoice, optional
-        By which features, classifier and scaling were chosen.
+        Choice of features, classifier and scaling; the card then states its nested score.
     hold_out : sequence of str
         Columns whose groups probabilities and thresholds are to hold for.
 
@@ -110,6 +110,8 @@ def train(
         classifier.
     """
     scaling = scaling or default_scaling(table.task, classifier)
+    if choice is not None:
+        score = choice.nested
     if score is not None and (score.classifier, score.scaling) != (classifier, scaling):
         raise ValueError(
             f'the score is of {score.classifier} with scaling {score.scaling}, '
@@ -145,9 +147,7 @@ def train(
         trials=len(table),
         trial_digests=tuple(table.digest_trials()),
         versions=_versions(),
-        cross_validation=_summary(
-            score, choice, Candidate(table.spec.feature_set, classifier, scaling)
-        ),
+        cross_validation=_summarise(score, choice),
         created=datetime.datetime.now(datetime.timezone.utc).isoformat(timespec='seconds'),
         confidence=Confidence(
             novelty_threshold=held_out.novelty_threshold,
@@ -249,13 +249,12 @@ def _only_contact(table: FeatureTable) -> str:
     return str(contacts[0]) if len(contacts) == 1 else ''
 
 
-def _summary(
-    score: Score | None, choice: FeatureChoice | None, chosen: Candidate
-) -> dict[str, Any]:
+def _summarise(score: Score | None, choice: FeatureChoice | None) -> dict[str, Any]:
     if score is None:
         return {}
     stated = {key: getattr(score, key) for key in ('mean', 'spread', 'spread_of', 'split')}
-    return stated if choice is None else {**stated, 'choice': choice.summarise(chosen)}
+    stated['interval'] = score.interval.to_dict()
+    return stated if choice is None else {**stated, 'choice': choice.summarise()}
 
 
 def _versions() -> dict[str, str]:

@@ -1,7 +1,6 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-from collections import Counter
 import dataclasses
 import json
 import threading
@@ -12,10 +11,8 @@ import pytest
 from sklearn.model_selection import StratifiedKFold
 from sklearn.svm import SVC
 
-from tactile_classifier.datasets.splits import grouped_split, stratified_split
 from tactile_classifier.errors import DatasetError, EvaluationError
-from tactile_classifier.estimators.classifiers import build_estimator
-from tactile_classifier.evaluation.cross_validation import AccuracyPlan, evaluate
+from tactile_classifier.evaluation.cross_validation import evaluate
 from tactile_classifier.evaluation.plans import run_plans
 
 
@@ -117,48 +114,6 @@ def test_few_trials_are_divided_into_the_folds_that_they_allow(noisy_table, tria
     evaluation = evaluate(noisy_table.take(trials), ['knn'], ['none'])
     assert evaluation.split == split
     assert evaluation.scores[0].fold_accuracies.size == folds
-
-
-def test_choice_inside_the_folds_is_that_done_by_hand(noisy_table):
-    split = grouped_split(noisy_table, ['session_id'])
-    plan = AccuracyPlan(noisy_table, split, ['knn', 'tree'], ['none'], random_state=3)
-    (evaluation,) = run_plans([plan], 1)
-    x, y = noisy_table.values, noisy_table.labels
-    accuracies, picks = [], []
-
-    def judge(pair, train, test):
-        return np.sum(build_estimator(*pair).fit(x[train], y[train]).predict(x[test]) == y[test])
-
-    for train, test in split.repeats[0]:
-        inner = split.divide_again(train, y, 3)
-        right = {
-            (score.classifier, score.scaling): sum(
-                judge((score.classifier, score.scaling), *fold) for fold in inner
-            )
-            for score in evaluation.scores
-        }
-        picks.append(max(right, key=right.get))
-        accuracies.append(judge(picks[-1], train, test) / len(test))
-        assert not any(np.isin(test, part).any() for fold in inner for part in fold)
-    nested = evaluation.nested
-    assert nested.mean == pytest.approx(np.mean(accuracies), abs=1e-15)
-    assert {pick[:2]: pick[2] for pick in nested.picks} == dict(Counter(picks))
-    assert nested.interval.method.endswith('groups')
-    assert evaluation.to_dict()['nested']['mean'] == nested.mean
-
-
-def test_the_best_of_classifiers_that_know_nothing_is_chance_when_chosen_inside():
-    generator = np.random.default_rng(4)
-    best, inside = [], []
-    for _ in range(8):
-        values = generator.normal(size=(60, 3))
-        table = make_table(generator.permutation(np.repeat(['a', 'b'], 30)), values)
-        split = stratified_split(table, 6, 1)
-        (found,) = run_plans([AccuracyPlan(table, split, ['knn', 'tree'], random_state=0)], 1)
-        best.append(max(score.mean for score in found.scores))
-        inside.append(found.nested.mean)
-    assert np.mean(best) > 0.55
-    assert np.mean(inside) == pytest.approx(0.5, abs=0.05)
 
 
 class TwoParts:

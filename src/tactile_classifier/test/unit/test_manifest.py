@@ -18,7 +18,6 @@ import pytest
 from tactile_classifier.confidence.held_out_novelty import HeldOutNovelty
 from tactile_classifier.datasets.splits import stratified_split
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.evaluation.cross_validation import evaluate
 from tactile_classifier.evaluation.plans import run_plans
 from tactile_classifier.model_file.manifest import (
     Confidence,
@@ -50,7 +49,13 @@ GOOD = Manifest(
     trials=120,
     trial_digests=('ab' * 8,) * 120,
     versions={'numpy': '2.2.6'},
-    cross_validation={'mean': 0.9, 'spread': 0.01, 'spread_of': 'folds', 'split': 'random'},
+    cross_validation={
+        'mean': 0.9,
+        'spread': 0.01,
+        'spread_of': 'folds',
+        'split': 'random',
+        'interval': {'low': 0.8, 'high': 0.95},
+    },
     created='2026-01-02T03:04:05+00:00',
     confidence=Confidence(1.5, 2.0, 0.0, 0.1, 0.05, 0.9),
     calibration={'split': 'one session held out', 'groups': 3, 'strict': True},
@@ -144,7 +149,7 @@ def test_any_entry_may_hold_anything(field, value):
     st.sampled_from(['cross_validation', 'calibration']),
     st.sampled_from(
         ['mean', 'split', 'groups', 'strict', 'reason', 'choice',
-         'unlearned', 'spread', 'held_out', 'held_out_novelty', 'surplus']
+         'unlearned', 'spread', 'held_out', 'held_out_novelty', 'surplus', 'interval']
     ),
     JSON,
 )  # fmt: skip
@@ -202,7 +207,7 @@ SEVERAL = TrainingTrials(3, 3, 2, 0.02, 0.03, 0)
         # Too few trials for the rate: that is the reason, not the sessions.
         (
             {'training': SEVERAL, 'calibration': {'reason': '12 trials cannot'}},
-            ['No session was held out: 12 trials cannot. A new', 'not calibrated: 12 trials'],
+            ['No session was held out: 12 trials cannot. A new'],
             ['one session only'],
         ),
         (
@@ -242,17 +247,26 @@ def test_conditions_come_from_the_training_trials():
 def test_the_card_says_what_was_chosen_and_what_unlearned_labels_do(texture_table):
     table = texture_table.take(np.arange(480) % 4 == 0)
     plan = ChoicePlan({'texture_spectrum': table}, stratified_split(table, 2, 1), scaling='none')
-    (choice,) = run_plans([plan])
-    chosen = choice.best.candidate
-    score = evaluate(table, [chosen.classifier], [chosen.scaling], repetitions=1).scores[0]
-    manifest = train(table, chosen.classifier, chosen.scaling, score=score, choice=choice).manifest
+    ((choice,),) = run_plans([plan])
+    _, classifier, scaling = choice.chosen
+    manifest = train(table, classifier, scaling, choice=choice).manifest
     facts = list_facts(manifest)
-    runner_up = choice.find_runner_up(chosen)
+    runner_up = choice.find_runner_up()
     assert facts['chosen'].startswith(
-        'from 4 sets of features with classifiers; such a choice names '
-        f'{100 * choice.nested_accuracy:.1f} % correctly (stratified 2-fold, once); '
+        'from 4 sets of features with classifiers; '
         f'runner-up: texture_spectrum, {CLASSIFIER_TITLES[runner_up.candidate.classifier]}, '
     )
+    # One accuracy: the nested one. Neither that of the best candidate nor of the calibration.
+    nested = f'{100 * choice.nested.mean:.1f} %'
+    assert facts['accuracy'].startswith(f'{nested} (stratified 2-fold, once, chosen inside')
+    others = {f'{100 * each.score.mean:.1f} %' for each in choice.ranking} - {nested}
+    others |= {f'{100 * manifest.confidence.accuracy:.1f} %'} - {nested}
+    assert [text for text in others if text in format_card(manifest)] == []
+    few = {**manifest.cross_validation['choice'], 'groups': 2, 'has_few_groups': True}
+    stated = {**manifest.cross_validation, 'choice': few}
+    warned = list_facts(dataclasses.replace(manifest, cross_validation=stated))['chosen']
+    assert '2 groups are too few to choose by' in warned
+    assert 'too few' not in facts['chosen']
     unlearned = manifest.calibration['unlearned']
     assert facts['unlearned labels'] == (
         f'{100 * unlearned["miss_rate"]:.0f} % of their trials get a known name by the mean '

@@ -230,23 +230,31 @@ def test_groups_stay_whole_in_folds_and_in_folds_of_folds(data, groups, seed):
     pairs = [pairs[i] for i in np.random.default_rng(seed).permutation(len(pairs))]
     labels, group = np.array([pair[0] for pair in pairs]), np.array([pair[1] for pair in pairs])
     split = grouped_split(make_table(labels, group=group), ['group'])
-    inner = list(check_folds(split, labels, 0))
     assert len(split.repeats[0]) == groups
     assert all(len(set(group[test])) == 1 for _, test in split.repeats[0])
-    for a, b in inner if groups > 2 else ():
+    if groups == 2:  # one is left to train on
+        for train, _ in split.repeats[0]:
+            with pytest.raises(EvaluationError, match='too few groups are left to train on'):
+                split.divide_again(train, labels, 0)
+        return
+    for a, b in check_folds(split, labels, 0):
         assert not set(group[a]) & set(group[b])
 
 
-@pytest.mark.parametrize('groups', ['00001111' + '22223333', '00110011' + '00110011'])
-def test_inner_folds_of_groups_that_lack_a_class_or_are_one_are_drawn_at_random(groups):
-    labels = np.repeat(['a', 'b'], 8)
-    split = grouped_split(make_table(labels, group=list(groups)), ['group'])
-    inner = list(check_folds(split, labels, 0))
-    assert len(inner) == 3 * len(split.repeats[0])
+def test_inner_folds_whose_training_part_lacks_a_class_are_left_out():
+    labels, groups = np.repeat(['a', 'b'], 8), np.array(list('0000111122223333'))
+    split = grouped_split(make_table(labels, group=groups), ['group'])
+    train, _ = split.repeats[0][0]
+    inner = split.divide_again(train, labels, 0)
+    assert sorted(set(groups[test]).pop() for _, test in inner) == ['2', '3']
     assert all(set(labels[a]) == {'a', 'b'} for a, _ in inner)
-    (train, _), *_ = split.repeats[0]
+
+
+def test_one_trial_of_a_class_cannot_be_divided_again():
+    labels = np.repeat(['a', 'b'], 8)
+    split = stratified_split(make_table(labels), 2, 1)
     with pytest.raises(EvaluationError, match='one trial of class "a" is left to train on'):
-        split.divide_again(train[[0, -1]], labels, 0)
+        split.divide_again(np.array([0, 15]), labels, 0)
 
 
 def test_once_is_the_first_repetition_and_says_so():

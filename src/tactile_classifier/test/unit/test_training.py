@@ -34,6 +34,7 @@ def test_manifest_states_what_was_trained(small_table):
         'spread': score.spread,
         'spread_of': 'repetitions',
         'split': 'stratified 6-fold, 2 times',
+        'interval': score.interval.to_dict(),
     }
     created = datetime.datetime.fromisoformat(manifest.created)
     age = datetime.datetime.now(datetime.timezone.utc) - created

@@ -69,7 +69,8 @@ def evaluate(
         Optional[str],
         typer.Option(
             help='Only these features, separated by commas, as in --features slope,correlation; '
-            'a set of features, as in --features glide_waveform; or auto: folds choose the set.'
+            'a set of features, as in --features glide_waveform; or auto: the set that the folds '
+            'choose. Default: tables of the recorded set beside the choice among all sets.'
         ),
     ] = None,
     report: Annotated[
@@ -93,12 +94,13 @@ def evaluate(
     cluster: options.ClusterOption = '',
     as_json: options.JsonOption = False,
 ) -> None:
-    """Cross-validate the four classifiers on recordings, or evaluate model files.
+    """State the accuracy of the model that *train* would write, or evaluate model files.
 
-    Takes real or simulated trials and computes the same features as the live node. Evaluates
-    every classifier with and without scaling, by random folds and by held-out sessions, mountings
-    or other groups, and states the split beside each number. ``--report`` and ``--json`` add
-    feature selection, and take longer. The report has figures of your trials.
+    Takes real or simulated trials and computes the same features as the live node. The first
+    number is that of features and classifier chosen inside the folds, by held-out groups.
+    Tables of the paper's four classifiers with and without scaling follow, by random folds and by
+    held-out sessions, mountings or other groups, with the split beside each number. ``--report``
+    and ``--json`` add feature selection, and take longer. The report has figures of your trials.
 
     ``--model`` evaluates a model file on trials that it was not trained on, as in: tactile
     evaluate bags/new --model old/texture.npz --model new/texture.npz. Its features are computed
@@ -122,18 +124,19 @@ def evaluate(
         return
     from tactile_bags.sources.files import SourceOptions
     from tactile_lab.cluster import on_cluster
+    from tactile_lab.datasets.automatic_features import AUTO, choose_automatically
     from tactile_lab.datasets.feature_tables import open_features
     from tactile_lab.datasets.reading import Reading
     from tactile_lab.report.analysis import analyse
     from tactile_lab.report.recordings import make_sets
 
     output = Output(as_json)
-    automatic = features == 'auto'
+    is_auto = features == AUTO
     reading = Reading(
         task=task,
         over=over,
         detrend=detrend,
-        features=None if automatic else features,
+        features=None if is_auto else features,
         train_where=train_where,
         test_where=test_where,
         **vars(archives),
@@ -146,20 +149,32 @@ def evaluate(
 
         file = report_path(report)
     with on_cluster(cluster):
-        with (
-            output.progress('reading'),
-            open_features(
-                recordings, reading, SourceOptions(**vars(statements)), folds=folds
-            ) as source,
-        ):
-            chosen = None
-            if automatic:
-                from tactile_lab.datasets.automatic_features import choose_automatically
-
-                columns = next(iter(hold_out), ('session_id',))
-                chosen = choose_automatically(source, folds, seed, output.say, columns)
-            sets = make_sets(source, hold_out, chosen, report=file is not None, answers=answers)
-            sources = describe_sources(recordings, source.recording) if file is not None else []
+        with open_features(
+            recordings, reading, SourceOptions(**vars(statements)), folds=folds
+        ) as source:
+            said: list[str] = []
+            with output.progress('choosing features and classifier') as show:
+                chosen = choose_automatically(
+                    source,
+                    folds,
+                    seed,
+                    said.append,
+                    next(iter(hold_out), ()),
+                    any_set=is_auto or not (features or over or detrend),
+                    repetitions=repetitions,
+                    progress=show,
+                )
+            output.say(*said)
+            with output.progress('reading'):
+                sets = make_sets(
+                    source,
+                    chosen,
+                    hold_out,
+                    of_choice=is_auto,
+                    report=file is not None,
+                    answers=answers,
+                )
+                sources = describe_sources(recordings, source.recording) if file else []
         with output.progress('evaluating') as show:
             results = analyse(
                 sets,
@@ -218,15 +233,25 @@ def _evaluate_models(
 def _print(result: 'SetResult', output: Output) -> None:
     from tactile_classifier.model_file.manifest import format_features
     from tactile_lab.datasets.tables import accuracy_caption, accuracy_table, format_warnings
-    from tactile_lab.report.summary import answer_rows, format_accuracy
+    from tactile_lab.report.summary import (
+        answer_rows,
+        format_accuracy,
+        format_first_sentence,
+        format_model,
+    )
 
+    output.say(
+        f'{result.recordings.title}: {format_first_sentence(result)}',
+        f'  {format_model(result)}',
+        f'  {format_accuracy(result)}',
+        '',
+    )
     for evaluation in result.evaluations:
         output.say(accuracy_table(evaluation, result.recordings.title, intervals=True))
         output.say(accuracy_caption(evaluation, intervals=True))
     output.say(f'  {format_features(result.recordings.table.spec)}')
     lines = [
         *result.recordings.format_preparation(most=10),
-        format_accuracy(result),
         *(': '.join(row) for row in (answer_rows(result.answers) if result.answers else ())),
         *result.not_done,
         *format_warnings(result.evaluations),

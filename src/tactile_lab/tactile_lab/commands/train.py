@@ -18,9 +18,10 @@ from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
     from tactile_classifier.datasets.dataset import FeatureTable
-    from tactile_classifier.evaluation.cross_validation import Evaluation, Score
+    from tactile_classifier.evaluation.cross_validation import Evaluation
     from tactile_classifier.model_file.manifest import Manifest
     from tactile_classifier.training.feature_choice import FeatureChoice
+    from tactile_lab.datasets.automatic_features import Chosen
     from tactile_lab.datasets.feature_tables import FeatureTables, RecordingFeatures
 
 
@@ -45,32 +46,22 @@ class TrainedModel:
     window_s: Optional[float] = None
 
     @property
-    def score(self) -> 'Score':
-        """The cross-validated score of classifier and scaling of the model."""
-        return self.evaluation.score(self.manifest.classifier, self.manifest.scaling)
-
-    @property
     def accuracy(self) -> float:
-        """Nested accuracy if the folds chose the classifier, else the cross-validated one [1]."""
-        choice = self._choice
-        return self.score.mean if choice is None else float(choice['accuracy'])
+        """The one accuracy of the card: nested if the folds chose the classifier [1]."""
+        return float(self.manifest.cross_validation['mean'])
 
     @property
     def split(self) -> str:
         """The folds of `accuracy`."""
-        return str((self._choice or self.manifest.cross_validation)['split'])
-
-    @property
-    def _choice(self) -> Optional[Mapping[str, Any]]:
-        return self.manifest.cross_validation.get('choice')
+        return str(self.manifest.cross_validation['split'])
 
     def to_dict(self) -> dict[str, Any]:
         """Return what JSON can hold."""
         return {
             'path': str(self.path),
             'model_id': self.model_id,
+            'accuracy': dict(self.manifest.cross_validation),
             'evaluation': self.evaluation.to_dict(),
-            'choice': self._choice,
             'window_s': self.window_s,
             'calibration': dict(self.manifest.calibration),
             'false_alarm_rate': self.manifest.false_alarm_rate,
@@ -142,9 +133,9 @@ def train(
     group: Annotated[
         Optional[str],
         typer.Option(
-            help='Choose and calibrate by holding out each group of trials that agree in these '
-            'columns. '
-            'Default: session_id where there are several, else random folds.'
+            help='Choose, test and calibrate by holding out each group of trials that agree in '
+            'these columns. Default: sessions where there are several, else blocks of trials of a '
+            'bag, else random folds.'
         ),
     ] = None,
     force: Annotated[
@@ -160,11 +151,11 @@ def train(
 ) -> None:
     """Choose features and classifier by the folds, write a model file.
 
-    Also prints the accuracy of six-fold cross-validation, repeated ten times, for the paper's
-    four classifiers with and without scaling. One model file (.npz) is written for each task, kind
-    of contact and length of window in the recordings. Its scores are calibrated probabilities. It
-    classifies windows that differ from all training trials as *unknown*. Existing model files
-    are only replaced with --force.
+    Prints the accuracy of all candidates and of the choice itself by held-out groups. With
+    --classifier, prints the paper's four classifiers with and without scaling. One model file
+    (.npz) is written for each task, kind of contact and length of window in the recordings. Its
+    scores are calibrated probabilities. It classifies windows that differ from all training trials
+    as *unknown*. Existing model files are only replaced with --force.
     """
     from tactile_bags.sources.files import SourceOptions
     from tactile_lab.cluster import on_cluster
@@ -175,8 +166,6 @@ def train(
     output = Output(as_json)
     if features == AUTO and classifier:
         raise TactileError('--features auto chooses the classifier: leave --classifier out')
-    if group and classifier:
-        raise TactileError('--group is for the choice of a classifier: leave --classifier out')
     lengths = parse_lengths(window)
     if over and lengths != [None]:
         raise TactileError('features over distance have no early windows: leave --window out')
@@ -206,14 +195,19 @@ def train(
                     output=output,
                     false_alarm_rate=false_alarm_rate,
                     strict=strict,
-                    folds=folds,
-                    repetitions=repetitions,
-                    seed=seed,
                     force=force,
                 )
                 if classifier:
                     found = read_with_progress(source, output)
-                    trained += write(found.tables, classifier=classifier, scaling=scaling)
+                    trained += write(
+                        found.tables,
+                        classifier=classifier,
+                        scaling=scaling,
+                        hold_out=options.split(group),
+                        folds=folds,
+                        repetitions=repetitions,
+                        seed=seed,
+                    )
                     continue
                 if not automatic:
                     read_with_progress(source, output)
@@ -224,22 +218,16 @@ def train(
                         folds,
                         seed,
                         said.append,
-                        options.split(group) or ('session_id',),
+                        options.split(group),
                         any_set=automatic,
                         must_hold_out=bool(group),
                         scaling=scaling or '',
+                        repetitions=repetitions,
                         progress=show,
                     )
                 output.say(*said)
-                for key, each in chosen.items():
-                    _, named, scaled = each.candidate
-                    trained += write(
-                        {key: each.table},
-                        classifier=named,
-                        scaling=scaled,
-                        choice=each.choice,
-                        hold_out=options.split(group) or ('session_id',),
-                    )
+                tables = {key: each.table for key, each in chosen.items()}
+                trained += write(tables, chosen=chosen, hold_out=options.split(group))
     if len(lengths) > 1:
         say_lengths(trained, folder / 'accuracy_by_length.png', output)
     output.result({'models': [model.to_dict() for model in trained]})
@@ -321,8 +309,8 @@ def train_models(
     output: Output,
     classifier: str = 'knn',
     scaling: Optional[str] = None,
-    choice: 'Optional[FeatureChoice]' = None,
-    hold_out: Sequence[str] = ('session_id',),
+    chosen: 'Optional[Mapping[tuple[str, ...], Chosen]]' = None,
+    hold_out: Sequence[str] = (),
     false_alarm_rate: float = 0.05,
     strict: bool = False,
     folds: int = 6,
@@ -330,16 +318,15 @@ def train_models(
     seed: int = 0,
     force: bool = False,
 ) -> list[TrainedModel]:
-    """Cross-validate the four classifiers on each table and write the chosen one's model.
+    """Write the model of each table, and print accuracies by held-out groups.
 
-    The tables are those of ``source``, by task and contact. For the other parameters see
-    ``tactile train --help``.
+    The tables are those of ``source``, by task and contact. ``chosen`` is the choice for each of
+    them; without it, the stated classifier is trained and the four are cross-validated. For the
+    other parameters see ``tactile train --help``.
     """
     import numpy as np
 
-    from tactile_classifier.datasets.splits import choose_repetitions
     from tactile_classifier.estimators.classifiers import default_scaling
-    from tactile_classifier.evaluation.cross_validation import evaluate
     from tactile_classifier.model_file.manifest import format_features
     from tactile_classifier.records import CLASSIFIER_TITLES, SCALING_TITLES
     from tactile_classifier.training.model_writer import write_model
@@ -348,6 +335,7 @@ def train_models(
     from tactile_lab.datasets.tables import (
         accuracy_caption,
         accuracy_table,
+        choice_table,
         describe_answers,
         format_warnings,
     )
@@ -360,38 +348,68 @@ def train_models(
     make_output_folder(folder)
     models = []
     for key, table in tables.items():
-        repeats, saving = choose_repetitions(table, repetitions)
-        if saving:
-            output.say(saving)
-        with output.progress('cross-validating') as show:
-            evaluation = evaluate(
-                table, folds=folds, repetitions=repeats, random_state=seed, jobs=-1, progress=show
-            )
+        choice: Optional[FeatureChoice] = None
+        if chosen is not None:
+            choice = chosen[key].choice
+            _, classifier, scaling = choice.chosen
+            evaluation = choice.evaluation
+        else:
+            evaluation = _evaluate(table, hold_out, folds, repetitions, seed, output)
         simulated = ', SIMULATED trials' if np.any(table.columns.get('simulated', False)) else ''
+        title = f'{source.title(key, table)}{simulated}'
         output.say(
-            accuracy_table(evaluation, f'{source.title(key, table)}{simulated}'),
+            accuracy_table(evaluation, title) if choice is None else choice_table(choice, title),
             accuracy_caption(evaluation),
             format_features(table.spec),
             *format_warnings([evaluation]),
         )
-        chosen = scaling or default_scaling(key[0], classifier)
+        scaled = scaling or default_scaling(key[0], classifier)
         trained = train_model(
             table,
             classifier,
-            chosen,
+            scaled,
             false_alarm_rate=false_alarm_rate,
             strict=strict,
-            score=evaluation.score(classifier, chosen),
+            score=evaluation.score(classifier, scaled),
             choice=choice,
-            hold_out=hold_out,
+            hold_out=hold_out or ('session_id',),
         )
         model = write_model(paths[key], trained)
         output.say(
             *describe_answers(trained.manifest),
-            f'{paths[key]}: {CLASSIFIER_TITLES[classifier]}, {SCALING_TITLES[chosen]}; '
+            f'{paths[key]}: {CLASSIFIER_TITLES[classifier]}, {SCALING_TITLES[scaled]}; '
             f'{model.model_id}\n',
         )
         models.append(
             TrainedModel(paths[key], model.model_id, table, evaluation, trained.manifest, window_s)
         )
     return models
+
+
+def _evaluate(
+    table: 'FeatureTable',
+    hold_out: Sequence[str],
+    folds: int,
+    repetitions: Optional[int],
+    seed: int,
+    output: Output,
+) -> 'Evaluation':
+    """Cross-validate the classifiers by held-out groups, or by random folds if there are none."""
+    from tactile_classifier.datasets.splits import choose_repetitions
+    from tactile_classifier.evaluation.cross_validation import evaluate
+    from tactile_lab.datasets.automatic_features import find_sessions
+
+    columns = tuple(hold_out) or find_sessions(table)
+    repeats, saving = choose_repetitions(table, repetitions)
+    if saving and not columns:
+        output.say(saving)
+    with output.progress('cross-validating') as show:
+        return evaluate(
+            table,
+            folds=folds,
+            repetitions=repeats,
+            hold_out=columns,
+            random_state=seed,
+            jobs=-1,
+            progress=show,
+        )

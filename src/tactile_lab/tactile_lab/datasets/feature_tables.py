@@ -67,9 +67,10 @@ class RecordingFeatures(ABC):
     """Features of an open recording; made by `features_of`.
 
     ``steps``: what was done to the signals first, in words. ``skipped``: trials of an archive that
-    cannot be used.
+    cannot be used. ``has_speeds``: False if sets of features over the surface are not possible.
     """
 
+    has_speeds = True
     steps: tuple[str, ...] = ()
     skipped: tuple[Skipped, ...] = ()
 
@@ -215,6 +216,7 @@ class TrialFeatures(RecordingFeatures):
             or self._config.feature_set(PHASE_GLIDE).needs_speed
             or (is_texture and reading.speed_column)
         )
+        self.has_speeds = self._needs_speed
         self._table, self._trials = self._usable(trials, self._config)
         self.steps, self.skipped = self._trials.steps, self._trials.skipped
         if used := self._table.spec.describe_channel():

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from tactile_classifier.evaluation.cross_validation import Evaluation
+from tactile_classifier.evaluation.cross_validation import Evaluation, Score
 from tactile_classifier.evaluation.intervals import Interval
 from tactile_classifier.records import (
     CLASSIFIER_TITLES,
@@ -36,18 +36,40 @@ def name_candidate(candidate: Candidate) -> str:
     return f'{candidate.feature_set} with {title}, {short_scaling(candidate.scaling)}'
 
 
+def format_span(interval: Interval) -> str:
+    """Return an interval of accuracies in words, or why there is none."""
+    if interval.reason:
+        return f'no interval: {interval.reason}'
+    return f'95 % interval {format_interval(interval)} %'
+
+
 def format_nested(choice: FeatureChoice) -> str:
     """Return the accuracy of a choice of features that is made inside the folds."""
-    interval = choice.interval
-    span = (
-        f'no interval: {interval.reason}'
-        if interval.reason
-        else f'95 % interval {format_interval(interval)} %'
-    )
+    nested = choice.nested
     return (
-        f'accuracy {100 * choice.nested_accuracy:.1f} % with set and classifier chosen inside the '
-        f'folds ({choice.split}; {span}); chance {100 * choice.chance:.1f} %'
+        f'accuracy {100 * nested.mean:.1f} % with set and classifier chosen inside the folds '
+        f'({nested.split}; {format_span(nested.interval)}); '
+        f'chance {100 * choice.evaluation.chance:.1f} %'
     )
+
+
+def choice_table(choice: FeatureChoice, title: str) -> Table:
+    """Return the accuracies [%] of all candidates under the split that chose, with their spread.
+
+    The last row is the accuracy of the choice itself, made inside the folds.
+    """
+    table = Table('features', 'classifier', 'scaling', 'accuracy', title=title, right_from=3)
+    for each in choice.ranking:
+        names = each.candidate.feature_set, CLASSIFIER_TITLES[each.candidate.classifier]
+        scaling = short_scaling(each.candidate.scaling)
+        table.add_row(*names, scaling, _format_mean(each.score))
+    table.add_row('chosen inside the folds', '', '', _format_mean(choice.nested))
+    return table
+
+
+def _format_mean(score: Score) -> str:
+    mean = f'{100 * score.mean:.1f}'
+    return f'{mean} ± {100 * score.spread:.1f}' if score.fold_accuracies.size > 1 else mean
 
 
 def accuracy_table(evaluation: Evaluation, title: str, *, intervals: bool = False) -> Table:
@@ -64,9 +86,7 @@ def accuracy_table(evaluation: Evaluation, title: str, *, intervals: bool = Fals
                 cells.append('')
                 continue
             score = found[scaling]
-            cell = f'{100 * score.mean:.1f}'
-            if score.fold_accuracies.size > 1:
-                cell += f' ± {100 * score.spread:.1f}'
+            cell = _format_mean(score)
             if intervals and not score.interval.reason:
                 low, high = score.interval.low, score.interval.high
                 cell += f'  ({100 * low:.0f} to {100 * high:.0f})'

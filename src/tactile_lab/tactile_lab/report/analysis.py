@@ -20,7 +20,7 @@ from tactile_classifier.datasets.splits import (
     stratified_split,
 )
 from tactile_classifier.errors import EvaluationError
-from tactile_classifier.evaluation.cross_validation import AccuracyPlan, Evaluation
+from tactile_classifier.evaluation.cross_validation import AccuracyPlan, Evaluation, Score
 from tactile_classifier.evaluation.plans import Plan, run_plans
 from tactile_classifier.evaluation.significance import rank_sum_p_values, RankSum
 from tactile_features.records import PROTOCOL_STIFFNESS
@@ -45,6 +45,8 @@ class SetResult:
         One sentence for each analysis that the trials do not allow.
     answers : Answers or None
         None where they were not requested.
+    stated : Evaluation or None
+        The chosen classifier on the stated trials to test on, if there are any.
     """
 
     recordings: RecordingSet
@@ -53,6 +55,18 @@ class SetResult:
     significance: RankSum
     not_done: tuple[str, ...]
     answers: Answers | None = None
+    stated: Evaluation | None = None
+
+    @property
+    def headline(self) -> Score:
+        """The score of the model that `tactile train` would write, by trials that did not choose.
+
+        It is the nested one of the choice, or on the stated trials to test on.
+        """
+        if self.stated is not None:
+            return self.stated.scores[0]
+        assert self.recordings.choice is not None
+        return self.recordings.choice.choice.nested
 
     @property
     def name(self) -> str:
@@ -81,7 +95,8 @@ class SetResult:
             'feature_set': spec.feature_set,
             'feature_parameters': dict(spec.parameters),
             'features': list(spec.names),
-            'feature_choice': recordings.choice and recordings.choice[1].to_dict(),
+            'feature_choice': recordings.choice and recordings.choice.choice.to_dict(),
+            'headline': self.headline.to_dict() if recordings.choice else None,
             'evaluations': [evaluation.to_dict() for evaluation in self.evaluations],
             'feature_selection': [selection.to_dict() for selection in self.selections],
             'rank_sum': {
@@ -123,21 +138,13 @@ def _plan_set(
     if not evaluated:
         raise EvaluationError(f'{recordings.title}: {"; ".join(impossible)}')
     plans: Plans = defaultdict(list)
-    accuracies = [
-        AccuracyPlan(table, split, random_state=None if saving else random_state)
-        for split in evaluated
-    ]
-    plans['evaluations'] = [*accuracies]
-    not_done += [
-        f'choice of the classifier inside the folds, {split.name}: {plan.no_choice}'
-        for split, plan in zip(evaluated, accuracies, strict=True)
-        if plan.no_choice
-    ]
+    plans['evaluations'] = [AccuracyPlan(table, split) for split in evaluated]
+    if recordings.choice is not None and recordings.choice.splits:
+        _, classifier, scaling = recordings.choice.choice.chosen
+        (split,) = recordings.choice.splits
+        plans['stated'] = [AccuracyPlan(recordings.choice.table, split, [classifier], [scaling])]
     if details and saving:
-        not_done.append(
-            'feature selection, choice of the classifier inside the folds: '
-            'left out of a large table without --repetitions'
-        )
+        not_done.append('feature selection: left out of a large table without --repetitions')
     elif details:
         plans['selections'] = _plan_selection(table, splits, random_state, not_done)
     if recordings.answers:
@@ -195,6 +202,7 @@ def _finish_set(
         rank_sum_p_values(table.values, table.labels, find_strata(table), find_mountings(table)),
         (*not_done, *(answers.not_done if answers else ())),
         answers,
+        stated=next(iter(found.get('stated', ())), None),
     )
 
 

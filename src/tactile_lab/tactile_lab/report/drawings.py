@@ -46,8 +46,7 @@ from tactile_lab.report.summary import (
     confusion_shares,
     format_classifier,
     format_confusion,
-    hardest_evaluation,
-    shown_score,
+    usual_score,
 )
 from tactile_lab.report.svg import CLASSIFIER_COLOURS, Drawing, INK, legend_below, render
 
@@ -60,38 +59,43 @@ _SMALLEST_P = 1e-16
 
 
 def draw_split_accuracies(result: SetResult) -> Drawing:
-    """Draw the accuracy of the shown classifier by split, with its interval."""
-    scores = [shown_score(result, evaluation) for evaluation in result.evaluations]
-    colour = CLASSIFIER_COLOURS[scores[0].classifier]
+    """Draw the accuracy of the chosen model, and by split that of three nearest neighbours."""
+    usual = [usual_score(result, evaluation) for evaluation in result.evaluations]
+    scores = [*reversed(usual), result.headline]
+    chosen = result.headline.classifier
+    names = [*(score.split for score in reversed(usual)), f'chosen, {result.headline.split}']
 
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
-        for y, (each, evaluation) in enumerate(zip(scores, result.evaluations, strict=True)):
+        for y, each in enumerate(scores):
+            colour = CLASSIFIER_COLOURS[each.classifier]
             mean = 100 * each.mean
             if not each.interval.reason:
                 span = (100 * each.interval.low, 100 * each.interval.high)
                 axes.plot(span, (y, y), '-', color=colour, lw=2)
             axes.plot(mean, y, 'o', color=colour, ms=6)
             axes.text(mean, y + 0.12, f'{mean:.1f}', ha='center', va='bottom')
-            chance = 100 * evaluation.chance
+            chance = 100 * result.plain.chance
             axes.plot((chance, chance), (y - 0.3, y + 0.3), ':', color=INK, lw=1)
-        axes.set_yticks(range(len(scores)), [fill(score.split, 16) for score in scores])
+        axes.set_yticks(range(len(scores)), [fill(name, 16) for name in names])
         axes.set(xlim=(0, 106), ylim=(-0.5, len(scores) - 0.3), xlabel='accuracy [%]')
 
-    shown = format_classifier(scores[0])
-    means = '; '.join(f'{_percent(score.mean)}, {score.split}' for score in scores)
+    means = '; '.join(f'{_percent(score.mean)}, {score.split}' for score in usual)
+    headline = f'{_percent(result.headline.mean)}, {result.headline.split}'
     return render(
         draw,
-        (3.4, 0.8 + 0.6 * max(2, len(scores))),
-        f'Accuracy of {shown}, by split, with its 95 % interval. Dots: chance.',
-        f'Accuracy of {shown}: {means}. Chance: {_percent(result.evaluations[0].chance)}.',
+        (3.4, 0.8 + 0.6 * len(scores)),
+        f'Accuracy of the chosen model ({CLASSIFIER_TITLES[chosen]}), and of '
+        f'{format_classifier(usual[0])}, by split, with 95 % intervals. Dots: chance.',
+        f'Accuracy of the chosen model: {headline}. Of {format_classifier(usual[0])}: {means}. '
+        f'Chance: {_percent(result.plain.chance)}.',
         simulated=result.recordings.simulated,
     )
 
 
 def draw_answers(result: SetResult) -> Drawing:
-    """Draw the confusion matrix of the shown classifier in the hardest split."""
-    score = shown_score(result, hardest_evaluation(result))
+    """Draw the confusion matrix of the chosen model."""
+    score = result.headline
     size_in = max(1.6, 0.26 * len(score.labels))
 
     def draw(figure: Figure) -> None:

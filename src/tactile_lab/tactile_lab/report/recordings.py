@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,16 +16,12 @@ from tactile_classifier.datasets.dataset import FeatureTable, plain_name
 from tactile_classifier.datasets.splits import grouped_split, Split
 from tactile_classifier.errors import EvaluationError
 from tactile_features.records import PROTOCOL_STIFFNESS
+from tactile_lab.datasets.automatic_features import Chosen, SESSIONS
 from tactile_lab.datasets.feature_tables import Key, RecordingFeatures
 from tactile_lab.datasets.reading import select_features
 
-if TYPE_CHECKING:
-    from tactile_classifier.training.feature_choice import Candidate, FeatureChoice
-    from tactile_lab.datasets.automatic_features import Chosen
-
-SESSIONS = ('session_id', 'session', 'day')
 MOUNTINGS = ('mounting_id', 'mounting')
-"""Names of columns, in small letters, that are held out without being asked for."""
+"""Names of columns of mountings, in small letters."""
 
 
 @dataclass(frozen=True)
@@ -69,8 +64,8 @@ class RecordingSet:
         Stated trials to train on and to test on, beside plain folds and grouped splits.
     skipped, steps
         Trials that could not be used, and what was done to the signals first, in words.
-    choice : (Candidate, FeatureChoice) or None
-        Set of features and classifier that folds chose, and from what; None where they did not.
+    choice : Chosen or None
+        Features and classifier that `tactile train` would choose.
     not_done : tuple of str
         One sentence for each usual split that the trials do not allow.
     """
@@ -86,7 +81,7 @@ class RecordingSet:
     splits: tuple[Split, ...] = ()
     skipped: tuple[Skipped, ...] = ()
     steps: tuple[str, ...] = ()
-    choice: tuple[Candidate, FeatureChoice] | None = None
+    choice: Chosen | None = None
     not_done: tuple[str, ...] = ()
     answers: bool = False
 
@@ -103,21 +98,33 @@ class RecordingSet:
 
 def make_sets(
     features: RecordingFeatures,
+    chosen: Mapping[Key, Chosen],
     hold_out: Sequence[Sequence[str]] = (),
-    chosen: Mapping[Key, Chosen] | None = None,
     *,
+    of_choice: bool = False,
     report: bool = False,
     answers: bool = False,
 ) -> list[RecordingSet]:
     """Return the sets of an open recording, one for each task and contact.
 
-    ``hold_out`` are the columns of the grouped splits. Empty: one session is held out where there
-    are several that have all labels, one block of trials where not, and one mounting. ``chosen``
-    is the choice of ``--features auto``. ``report``: also signals. ``answers``: unknown objects
-    are evaluated, too.
+    Parameters
+    ----------
+    chosen : mapping
+        The choice for each set.
+    hold_out : sequence of sequence of str
+        Columns of the grouped splits. Empty: one session is held out where there are several that
+        have all labels, one block of trials where not, and one mounting.
+    of_choice : bool
+        Tables have the features of the chosen set, not the recorded ones.
+    report : bool
+        Also signals.
+    answers : bool
+        Unknown objects are evaluated, too.
     """
     reading, recording = features.reading, features.recording
-    whole = features.tables().tables if chosen is None else {k: c.table for k, c in chosen.items()}
+    whole = features.tables().tables
+    if of_choice:
+        whole = {key: each.table for key, each in chosen.items()}
     tables = {
         key: select_features(reading.keep_stated(table), reading.features)
         for key, table in whole.items()
@@ -126,7 +133,7 @@ def make_sets(
     for key, table in tables.items():
         simulated = bool(np.any(table.columns.get('simulated', False)))
         columns, not_done = (hold_out, []) if hold_out else usual_splits(table)
-        of_auto = f', auto: {table.spec.feature_set}' if chosen and not recording.is_own else ''
+        of_auto = f', auto: {table.spec.feature_set}' if of_choice and not recording.is_own else ''
         found = RecordingSet(
             title=features.title(key, table) + of_auto + (', simulated' if simulated else ''),
             contact=key[1],
@@ -137,7 +144,7 @@ def make_sets(
             splits=reading.splits(table),
             skipped=features.skipped,
             steps=features.steps,
-            choice=(chosen[key].candidate, chosen[key].choice) if chosen else None,
+            choice=chosen.get(key, chosen.get(key[:2])),
             not_done=tuple(not_done),
             answers=answers,
         )

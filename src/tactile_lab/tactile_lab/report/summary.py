@@ -3,8 +3,7 @@
 
 """The summary of one set of trials: its accuracy as a plain sentence, its answers in rows.
 
-The accuracy is that of three nearest neighbours, which were not chosen by the accuracies that
-are shown; or, with ``--features auto``, of the choice inside the folds.
+The accuracy is the one that a model of `tactile train` has on trials that did not choose it.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ from tactile_classifier.estimators.classifiers import default_scaling
 from tactile_classifier.evaluation.cross_validation import Evaluation, Score
 from tactile_classifier.evaluation.open_set import OpenSetEvaluation
 from tactile_classifier.records import CLASSIFIER_TITLES, short_scaling
-from tactile_lab.datasets.tables import format_interval, format_nested, name_candidate
+from tactile_lab.datasets.tables import format_nested, format_span, name_candidate
 from tactile_lab.report.analysis import SetResult
 from tactile_lab.report.answers import Answers, CLASSIFIER
 
@@ -98,30 +97,9 @@ def find_versions() -> dict[str, str]:
     return found
 
 
-_RANDOM = 'stratified '
-"""Beginning of the names of random splits."""
-
-
-def shown_score(result: SetResult, evaluation: Evaluation) -> Score:
-    """Return the score of the chosen classifier, or else of three nearest neighbours."""
-    if result.recordings.choice is not None:
-        candidate, _ = result.recordings.choice
-        return evaluation.score(candidate.classifier, candidate.scaling)
+def usual_score(result: SetResult, evaluation: Evaluation) -> Score:
+    """Return the score of three nearest neighbours, the same classifier for every split."""
     return evaluation.score(CLASSIFIER, default_scaling(result.recordings.table.task, CLASSIFIER))
-
-
-def hardest_evaluation(result: SetResult) -> Evaluation:
-    """Return the held-out split in which that classifier does worst; of equals, the last.
-
-    Random folds count only where there is no other split. Where features were chosen on stated
-    trials to train on, it is the split that tests on the others: these did not choose.
-    """
-    if result.recordings.choice is not None and result.recordings.splits:
-        return result.evaluations[-1]
-    held_out = [each for each in result.evaluations if not each.split.startswith(_RANDOM)]
-    return min(
-        reversed(held_out or result.evaluations), key=lambda each: shown_score(result, each).mean
-    )
 
 
 def format_classifier(each: Score | OpenSetEvaluation) -> str:
@@ -130,75 +108,49 @@ def format_classifier(each: Score | OpenSetEvaluation) -> str:
 
 
 def format_model(result: SetResult) -> str:
-    """Return the model of the first sentence, and the command that writes it."""
-    if result.recordings.choice is not None:
-        chosen = name_candidate(result.recordings.choice[0])
-        return f'This model: {chosen}, as chosen by the folds.'
-    score = shown_score(result, result.plain)
-    return (
-        f'This model: {format_classifier(score)}, as '
-        f'from tactile train --classifier {score.classifier}. The default of tactile train '
-        'chooses features and classifier; --features auto evaluates that choice.'
-    )
+    """Return the model of the first sentence."""
+    chosen = result.recordings.choice
+    assert chosen is not None
+    return f'This model: {name_candidate(chosen.choice.chosen)}, as tactile train chooses it.'
 
 
 def format_first_sentence(result: SetResult) -> str:
-    """Return touches of 100 that are named right in a plain sentence, for the hardest split."""
-    choice = result.recordings.choice
-    if choice is not None and not result.recordings.splits:
-        split, mean = choice[1].split, choice[1].nested_accuracy
-    else:
-        evaluation = hardest_evaluation(result)
-        split, mean = evaluation.split, shown_score(result, evaluation).mean
+    """Return touches of 100 that such a model names right in a plain sentence."""
+    chosen = result.recordings.choice
+    assert chosen is not None
+    mean = result.headline.mean
     rounded = round(100 * mean)
     # 99.7 is not all of 100.
     count = 'more than 99' if rounded == 100 and mean < 1 else f'{rounded}'
     right = f'this model names {count} of 100 touches right'
-    if split in (stated.name for stated in result.recordings.splits):
+    if result.stated is not None:
         return f'On the stated test trials, {right}.'
-    if split.startswith(_RANDOM):
+    if not chosen.columns:
         return (
             f'By random folds, {right}. It was trained on other trials of the same recordings, '
             'so this is no forecast for a new session.'
         )
-    columns = {
-        f'one {" and ".join(map(plain_name, columns))} held out': columns
-        for columns in (('session_id',), ('trial_block',), *result.recordings.hold_out)
-    }[split]
-    if columns == ('session_id',):
+    if chosen.columns == ('session_id',):
         return f'In a new session, {right}.'
-    if columns == ('trial_block',):
+    if chosen.columns == ('trial_block',):
         return (
             f'In another part of the same session, {right}. This is no forecast for a new session.'
         )
-    return f'With a new {" and ".join(map(plain_name, columns))}, {right}.'
+    return f'With a new {" and ".join(map(plain_name, chosen.columns))}, {right}.'
 
 
 def format_accuracy(result: SetResult) -> str:
     """Return accuracy, split, interval, chance and the most frequent confusion in one line."""
-    evaluation = hardest_evaluation(result)
-    score = shown_score(result, evaluation)
-    confusion = f'most frequent confusion: {format_confusion(score)}'
-    chosen = ''
-    if result.recordings.choice is not None:
-        candidate, choice = result.recordings.choice
-        chosen = f'{name_candidate(candidate)} was chosen'
-        if not result.recordings.splits:
-            return (
-                f'{format_nested(choice)}; {chosen}, whose own accuracy is too high on average, '
-                f'since these trials chose it; {confusion} ({score.split})'
-            )
-        chosen = f'; {chosen} on trials that are not tested'
-    split = score.split if len(result.evaluations) > 1 else f'{score.split}, the only split'
-    interval = (
-        f'no interval: {score.interval.reason}'
-        if score.interval.reason
-        else f'95 % interval {format_interval(score.interval)} %'
-    )
-    return (
-        f'accuracy {100 * score.mean:.1f} % ({split}; {interval}); '
-        f'chance {100 * evaluation.chance:.1f} %{chosen}; {confusion}'
-    )
+    chosen, score = result.recordings.choice, result.headline
+    assert chosen is not None
+    if result.stated is None:
+        accuracy = format_nested(chosen.choice)
+    else:
+        accuracy = (
+            f'accuracy {100 * score.mean:.1f} % ({score.split}; {format_span(score.interval)}; '
+            f'chosen on trials that are not tested); chance {100 * result.stated.chance:.1f} %'
+        )
+    return f'{accuracy}; most frequent confusion: {format_confusion(score)}'
 
 
 def confusion_shares(score: Score) -> NDArray[np.float64]:

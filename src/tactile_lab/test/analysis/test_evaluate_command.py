@@ -200,15 +200,25 @@ def test_no_possible_split_is_one_sentence(tmp_path):
     assert 'random folds: class "b" has one trial only' in said
 
 
-def test_a_choice_inside_the_folds_that_cannot_be_made_is_told(tmp_path):
+def test_groups_that_are_too_small_to_choose_by_leave_the_most_robust_candidate(tmp_path):
     # Three groups of one trial of each class and no more: two trials are left inside a fold.
     label, part = np.tile(['a', 'b'], 3), np.repeat([0, 1, 2], 2)
     x = np.random.default_rng(1).normal(size=(6, 60))
     np.savez(tmp_path / 'few.npz', x=x, label=label, rate_hz=60.0, part=part)
     asked = (tmp_path / 'few.npz', '--task', 'texture', *ONCE, '--folds', 2, '--group', 'part')
-    (found,) = ask_tactile('evaluate', *asked)['sets']
-    told = 'choice of the classifier inside the folds, one part held out: 2 trials would be left'
-    assert any(line.startswith(told) for line in found['not_done'])
+    document, said = ask_and_hear_tactile('evaluate', *asked)
+    (found,) = document['sets']
+    (pick,) = found['feature_choice']['picks']
+    assert (pick['classifier'], pick['folds']) == ('rocket', 3)
+    assert '3 groups are too few to choose by' in said
+
+
+def test_a_candidate_that_cannot_be_fitted_is_left_out_with_one_line(tmp_path):
+    x = np.random.default_rng(0).normal(size=(16, 6))  # too short for random convolutions
+    np.savez(tmp_path / 'short.npz', x=x, label=['a', 'b'] * 8, rate_hz=50.0)
+    said = hear_tactile('evaluate', tmp_path / 'short.npz', '--task', 'texture', *ONCE)
+    assert said.count('glide_waveform rocket none is left out: ') == 1
+    assert 'This model: texture_spectrum with' in said
 
 
 def test_labels_tied_to_sessions_are_told(stiffness_bag, rewrite, tmp_path):

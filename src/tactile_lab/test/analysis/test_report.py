@@ -13,13 +13,16 @@ import numpy as np
 import pytest
 
 from tactile_classifier.datasets.dataset import FeatureTable
-from tactile_classifier.datasets.splits import stratified_split
-from tactile_classifier.training.feature_choice import Candidate
+from tactile_classifier.datasets.splits import grouped_split, stratified_split
+from tactile_classifier.evaluation.plans import run_plans
+from tactile_classifier.training.feature_choice import ChoicePlan
 from tactile_features.config import FeatureConfig
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_features.spec import spec_for
+from tactile_lab.datasets.automatic_features import choose_automatically, Chosen
 from tactile_lab.datasets.feature_tables import open_features
 from tactile_lab.datasets.reading import select_features
+from tactile_lab.datasets.tables import name_candidate
 from tactile_lab.report.analysis import analyse
 from tactile_lab.report.build import build_page, report_path
 from tactile_lab.report.drawings import draw_textures
@@ -35,7 +38,6 @@ from tactile_lab.report.summary import (
     format_confusion,
     format_first_sentence,
     format_model,
-    hardest_evaluation,
 )
 from tactile_lab.report.svg import INK, render
 from tactile_ros.errors import TactileError
@@ -70,7 +72,17 @@ def make_textures():
     return RecordingSet('texture, x.npz', '', False, table, (('day',),), 'raw', examples)
 
 
+def choose(table, columns=()):
+    split = grouped_split(table, columns) if columns else stratified_split(table, 3, 1)
+    ((choice,),) = run_plans([ChoicePlan({table.spec.feature_set: table}, split)])
+    return Chosen(table, choice, tuple(columns))
+
+
 def run(recordings, folds=3):
+    if recordings.choice is None:
+        columns = next(iter(recordings.hold_out), ())
+        chosen = choose(recordings.table, columns)
+        recordings = dataclasses.replace(recordings, choice=chosen)
     (result,) = analyse([recordings], folds=folds, repetitions=1, random_state=0, jobs=1)
     return result
 
@@ -127,7 +139,7 @@ def test_sentence_picture_signals_tables_come_in_this_order_and_the_rest_is_fold
     whole, *folded = page.split('<details>')
     sentence = format_first_sentence(textures)
     assert sentence.startswith('With a new day, this model names ')
-    assert '<li>This model: 3 nearest neighbours, not scaled, as from tactile train' in whole
+    assert '<li>This model: texture_spectrum with ' in whole
     order = [sentence, '<svg', '>Signals</h2>', '>Accuracy</h2>', '<table']
     places = [whole.index(text) for text in order]
     assert places == sorted(places)
@@ -161,50 +173,43 @@ def test_figures_that_a_phone_cannot_show_whole_say_that_they_scroll(page):
 
 
 @pytest.mark.parametrize(
-    ('split', 'mean', 'sentence'),
+    ('columns', 'mean', 'sentence'),
     [
-        ('one session held out', 0.74, 'In a new session, this model names 74 of 100 touches'),
-        ('one session held out', 0.997, 'names more than 99 of 100 touches right.'),
-        ('one block of trials held out', 1.0, 'names 100 of 100 touches right. This is'),
-        ('stratified 6-fold, once', 0.5, 'By random folds, this model names 50 of 100 touches'),
-        ('stratified 6-fold, once', 0.5, 'no forecast for a new session.'),
+        (('session_id',), 0.74, 'In a new session, this model names 74 of 100 touches'),
+        (('session_id',), 0.997, 'names more than 99 of 100 touches right.'),
+        (('trial_block',), 1.0, 'names 100 of 100 touches right. This is'),
+        (('day', 'hour'), 0.5, 'With a new day and hour, this model names 50 of 100'),
+        ((), 0.5, 'By random folds, this model names 50 of 100 touches'),
+        ((), 0.5, 'no forecast for a new session.'),
     ],
 )
 def test_first_sentence_says_how_many_of_100_and_what_was_held_out(
-    easy_holds, split, mean, sentence
+    easy_holds, columns, mean, sentence
 ):
-    scores = tuple(
-        dataclasses.replace(score, split=split, mean=mean) for score in easy_holds.plain.scores
-    )
-    evaluation = dataclasses.replace(easy_holds.plain, split=split, scores=scores)
-    result = dataclasses.replace(easy_holds, evaluations=(evaluation,))
+    choice = easy_holds.recordings.choice.choice
+    choice = dataclasses.replace(choice, nested=dataclasses.replace(choice.nested, mean=mean))
+    chosen = dataclasses.replace(easy_holds.recordings.choice, choice=choice, columns=columns)
+    recordings = dataclasses.replace(easy_holds.recordings, choice=chosen)
+    result = dataclasses.replace(easy_holds, recordings=recordings)
     assert sentence in format_first_sentence(result)
 
 
-def test_what_the_folds_chose_is_shown_and_not_three_neighbours(easy_holds):
-    chosen = Candidate(easy_holds.recordings.table.spec.feature_set, 'tree', 'none')
-    means = {'tree': 0.5, 'knn': 0.25}
-    scores = tuple(
-        dataclasses.replace(score, mean=means.get(score.classifier, 1.0))
-        for score in easy_holds.plain.scores
-    )
-    evaluation = dataclasses.replace(easy_holds.plain, scores=scores)
-    split = stratified_split(easy_holds.recordings.table, 3, 1)
-    for choice, words, accuracy in (
-        ((chosen, None), 'decision tree', 'accuracy 50.0 %'),
-        (None, '3 nearest neighbours', 'accuracy 25.0 %'),
-    ):
-        recordings = dataclasses.replace(easy_holds.recordings, choice=choice, splits=(split,))
-        result = dataclasses.replace(
-            easy_holds, recordings=recordings, evaluations=(evaluation, evaluation)
-        )
-        assert format_accuracy(result).startswith(accuracy)
-        assert words in format_model(result)
+def test_the_headline_is_that_of_the_choice_or_of_the_stated_trials(easy_holds):
+    nested = easy_holds.recordings.choice.choice.nested
+    assert easy_holds.headline is nested
+    assert format_accuracy(easy_holds).startswith(f'accuracy {100 * nested.mean:.1f} % with set')
+    assert name_candidate(easy_holds.recordings.choice.choice.chosen) in format_model(easy_holds)
+    stated = dataclasses.replace(easy_holds.plain, scores=easy_holds.plain.scores[:1])
+    result = dataclasses.replace(easy_holds, stated=stated)
+    mean = stated.scores[0].mean
+    assert format_accuracy(result).startswith(f'accuracy {100 * mean:.1f} % (stratified 3-fold')
+    assert format_first_sentence(result).startswith('On the stated test trials, this model names')
 
 
 def test_simulated_trials_are_marked_in_every_figure_and_table(stiffness_bag):
     with open_features([stiffness_bag]) as features:
-        sets = make_sets(features, report=True)
+        chosen = choose_automatically(features, 3, 0, lambda _: None, any_set=False)
+        sets = make_sets(features, chosen, report=True)
         sources = describe_sources([stiffness_bag.parent], features.recording)
     assert sets[0].hold_out == (('trial_block',),)
     result = run(sets[0], folds=3)
@@ -233,13 +238,12 @@ def test_simulated_trials_are_marked_in_every_figure_and_table(stiffness_bag):
     assert hold[1] < start_s < end_s < hold[2]
 
 
-def test_summary_states_the_hardest_split_in_one_line(textures, easy_holds):
+def test_summary_states_accuracy_chance_and_confusion_in_one_line(textures, easy_holds):
     line = format_accuracy(textures)
-    held_out = textures.evaluations[1].score('knn', 'none')
-    assert hardest_evaluation(textures).score('knn', 'none').mean == held_out.mean
-    assert line.startswith(f'accuracy {100 * held_out.mean:.1f} % (one day held out; ')
+    nested = textures.recordings.choice.choice.nested
+    assert line.startswith(f'accuracy {100 * nested.mean:.1f} % with set and classifier chosen')
+    assert '(one day held out; ' in line
     assert f'chance {100 * textures.plain.chance:.1f} %; most frequent confusion: ' in line
-    assert 'the only split' in format_accuracy(easy_holds)
     score = easy_holds.plain.score('knn', 'standard')
     confusion = np.array([[70, 2, 0], [0, 48, 24], [9, 0, 63]])
     told = format_confusion(dataclasses.replace(score, confusion=confusion))
@@ -380,7 +384,8 @@ def test_sessions_and_mountings_are_held_out_without_being_asked_for(columns, he
 
 def test_report_and_answers_open_each_bag_once(stiffness_bag, opened):
     with open_features([stiffness_bag]) as features:
-        sets = make_sets(features, report=True, answers=True)
+        chosen = choose_automatically(features, 2, 0, lambda _: None, any_set=False)
+        sets = make_sets(features, chosen, report=True, answers=True)
         (source,) = describe_sources([stiffness_bag], features.recording)
     assert len(opened) == 1
     assert sets[0].examples

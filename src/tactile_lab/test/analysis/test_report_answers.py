@@ -15,6 +15,7 @@ from tactile_classifier.evaluation.open_set import evaluate_open_set
 from tactile_classifier.evaluation.plans import run_plans
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
+from tactile_lab.datasets.automatic_features import choose_automatically
 from tactile_lab.datasets.feature_tables import open_features
 from tactile_lab.datasets.reading import select_features
 from tactile_lab.report import answers as answers_module
@@ -50,7 +51,8 @@ def answer(table, hold_out=('session_id',)):
 def answered(simulate_bag):
     """Return the results of simulated textures, and the page made of them."""
     with open_features([simulate_bag('texture', 'flexion', 4, seed=11)]) as features:
-        sets = make_sets(features, answers=True)
+        chosen = choose_automatically(features, 2, 0, lambda _: None, any_set=False)
+        sets = make_sets(features, chosen, answers=True)
     options = {'folds': 2, 'repetitions': 1, 'details': False}
     with pytest.MonkeyPatch.context() as patch:
         # Two folds, and a rate that the half of the trials can bound.
