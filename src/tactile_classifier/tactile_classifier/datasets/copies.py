@@ -146,4 +146,4 @@ def _join(first: IndexArray, a: IndexArray, b: IndexArray) -> IndexArray:
     count, group = connected_components(graph, directed=False)
     earliest = np.full(count, len(first), dtype=np.intp)
     np.minimum.at(earliest, group, trials)
-    return earliest[group]
+    return np.asarray(earliest[group])
