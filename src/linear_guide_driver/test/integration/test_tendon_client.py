@@ -144,7 +144,7 @@ def test_an_answer_to_a_driver_that_was_killed_is_not_taken_for_the_model(connec
     ('address', 'size', 'value', 'text'),
     [
         (0, 2, 1200, '1200'),
-        (6, 1, 37, 'firmware 37 '),
+        (6, 1, 37, r'firmware 37\b'),
         (68, 1, 1, ''),
         (38, 2, 50, r'0\.1[0-9]+ A'),
         (44, 4, 10, 'm/s'),
@@ -177,7 +177,7 @@ def test_a_servo_that_has_shut_down_is_restarted_and_refused_when_that_does_not_
     ('registers_', 'words'),
     [
         ({0: 1120, 64: 1, 98: 255}, r'1120.* XM430'),
-        ({6: 37, 64: 1}, 'firmware 37 '),
+        ({6: 37, 64: 1}, r'firmware 37\b'),
         ({68: 1, 64: 1}, ''),
         ({64: 1}, ''),
         ({64: 1, 11: 5, 102: 1193, 112: 50}, ''),

@@ -102,7 +102,7 @@ def test_a_fault_right_after_the_last_report_is_told(guide, monkeypatch):
 def test_a_stop_of_a_guide_that_is_unplugged_is_not_confirmed(guide, grbl):
     assert guide.call('/linear_guide/stop').success
     grbl.close()
-    wait_until(lambda: not guide.node.is_well())
+    wait_until(lambda: not guide.node.is_usable())
     assert not guide.call('/linear_guide/stop').success
 
 
