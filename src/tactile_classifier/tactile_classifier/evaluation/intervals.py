@@ -16,6 +16,10 @@ from scipy.special import stdtr, stdtrit
 LEVEL = 0.95
 """Share of such intervals that are meant to hold the true value [1]."""
 
+COVERAGE_WITH_TRAINING = (0.84, 0.95)
+"""Least and largest measured coverage of intervals over held-out groups [1], with training inside:
+the folds train on other groups, and share most of them. See docs/evaluation.md."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Result:
@@ -62,10 +66,12 @@ def accuracy_interval(
     The score interval of Wilson with the effective number of trials that the spread between the
     parts implies, and the quantile of Student's t with one degree of freedom less than there are
     parts (the modified Wilson interval of Dean and Pagano 2015 for clustered samples). It covers
-    the chance in which parts were tested. It does not cover that of the training.
+    the chance in which parts were tested, and not that of the training: see
+    `COVERAGE_WITH_TRAINING`.
 
-    Trials that are all right, or all wrong, have no spread: their interval is the exact binomial
-    one. Other parts without spread get none.
+    Parts that are all right, or all wrong, have no spread: their interval is the exact binomial
+    one over the parts. The trials of a group count as one, so that it holds even if the trials of
+    a group always agree. Other parts without spread get none.
 
     ``parts_are`` is ``trials``, or names the parts, such as ``groups``. ``weights`` are the trials
     in each part, where the mean is over trials.
@@ -73,11 +79,12 @@ def accuracy_interval(
     values, share = _shares(parts, weights)
     count, mean = len(values), float(share @ values)
     if np.ptp(values) == 0.0:
-        if parts_are == 'trials' and values[0] in (0.0, 1.0):
-            # Clopper and Pearson with no error in n: both tails, so that it fits the level.
-            limit = ((1 - LEVEL) / 2) ** (1 / count)
+        if values[0] in (0.0, 1.0):
+            # All or none correct: exact Clopper-Pearson bound, two-sided. Unequal parts count as
+            # so many equal ones (Kish's effective size).
+            limit = ((1 - LEVEL) / 2) ** float(share @ share)
             low, high = (limit, 1.0) if values[0] == 1.0 else (0.0, 1.0 - limit)
-            return Interval(low, high, f'exact binomial over {count} trials')
+            return Interval(low, high, f'exact binomial over {count} {parts_are}')
         return Interval(0.0, 0.0, '', f'all {count} {parts_are} have the same accuracy')
     variance, freedom = _spread(values, share)
     quantile = _quantile(freedom)

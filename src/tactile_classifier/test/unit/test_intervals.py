@@ -7,7 +7,7 @@ Coverage is in `test/analysis/test_interval_coverage.py`.
 
 import numpy as np
 import pytest
-from scipy.stats import binom, ttest_1samp, ttest_rel
+from scipy.stats import binom, binomtest, ttest_1samp, ttest_rel
 
 from tactile_classifier.evaluation.intervals import (
     accuracy_interval,
@@ -22,16 +22,31 @@ def ends(interval):
     return interval.low, interval.high
 
 
-def test_no_error_is_not_certainty_and_groups_without_spread_have_no_interval():
+def test_no_error_is_not_certainty_and_equal_groups_with_errors_have_no_interval():
     interval = accuracy_interval(np.ones(60), 'trials')
     # The probability of no error in 60 trials at the lower limit is 2.5 %.
     assert interval.low**60 == pytest.approx(0.025)
     assert interval.high == 1.0
     nothing = accuracy_interval(np.zeros(60), 'trials')
     assert ends(nothing) == (0.0, pytest.approx(1 - interval.low))
-    groups = accuracy_interval(np.ones(6), 'groups')
+    groups = accuracy_interval(np.full(6, 0.9), 'groups')
     assert groups.to_dict() == {'reason': 'all 6 groups have the same accuracy'}
     assert difference_interval(np.zeros(9), 'trials').reason
+
+
+@pytest.mark.parametrize(('groups', 'low'), [(2, 0.158), (3, 0.292), (6, 0.541), (20, 0.832)])
+def test_groups_that_are_all_right_have_the_exact_binomial_bound(groups, low):
+    found = accuracy_interval(np.ones(groups), 'groups')
+    # As if each group were a single trial.
+    expected = binomtest(groups, groups).proportion_ci(0.95, 'exact')
+    assert ends(found) == pytest.approx((expected.low, expected.high))
+    assert found.low == pytest.approx(low, abs=5e-4)
+    assert found.method == f'exact binomial over {groups} groups'
+    nothing = accuracy_interval(np.zeros(groups), 'groups')
+    assert ends(nothing) == pytest.approx((0.0, 1.0 - found.low))
+    # A group with most of the trials says less than its share.
+    heavy = accuracy_interval(np.ones(groups), 'cells', np.r_[100, np.ones(groups - 1)])
+    assert heavy.low < found.low
 
 
 def test_equal_weights_change_nothing_and_a_part_without_weight_none():

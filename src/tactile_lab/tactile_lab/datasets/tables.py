@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from tactile_classifier.evaluation.cross_validation import Evaluation, Score
-from tactile_classifier.evaluation.intervals import Interval
+from tactile_classifier.evaluation.intervals import COVERAGE_WITH_TRAINING, Interval
 from tactile_classifier.records import (
     CLASSIFIER_TITLES,
     PROBABILITY,
@@ -72,6 +72,14 @@ def _format_mean(score: Score) -> str:
     return f'{mean} ± {100 * score.spread:.1f}' if score.fold_accuracies.size > 1 else mean
 
 
+def format_coverage(evaluation: Evaluation) -> str:
+    """Return the measured coverage of intervals over held-out groups, or nothing."""
+    if evaluation.scores[0].spread_of != 'groups':
+        return ''
+    least, most = COVERAGE_WITH_TRAINING
+    return f', measured coverage {100 * least:.0f} to {100 * most:.0f} %'
+
+
 def accuracy_table(evaluation: Evaluation, title: str, *, intervals: bool = False) -> Table:
     """Return accuracies [%] by classifier and scaling, with their spread, and intervals."""
     scalings = list(dict.fromkeys(score.scaling for score in evaluation.scores))
@@ -105,7 +113,7 @@ def accuracy_caption(evaluation: Evaluation, *, intervals: bool = False) -> str:
     if first.fold_accuracies.size > 1:
         parts.insert(1, f'± standard deviation over {first.spread_of}')
     if intervals and any(not score.interval.reason for score in evaluation.scores):
-        parts.insert(-1, 'in brackets the 95 % interval')
+        parts.insert(-1, f'in brackets the 95 % interval{format_coverage(evaluation)}')
     return '; '.join(parts)
 
 

@@ -14,7 +14,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from tactile_classifier.evaluation.open_set import OpenSetEvaluation
 from tactile_classifier.model_file.manifest import format_features
 from tactile_classifier.records import CLASSIFIER_TITLES, short_scaling
-from tactile_lab.datasets.tables import format_interval, format_warnings
+from tactile_lab.datasets.tables import format_coverage, format_interval, format_warnings
 from tactile_lab.output import named_errors
 from tactile_lab.report import drawings
 from tactile_lab.report.analysis import SetResult
@@ -99,6 +99,7 @@ _FUNCTIONS: Sequence[Callable[..., Any]] = (
     find_components,
     format_accuracy,
     format_alike_pairs,
+    format_coverage,
     format_features,
     format_first_sentence,
     format_least_p,

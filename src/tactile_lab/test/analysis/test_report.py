@@ -132,6 +132,10 @@ def test_page_stands_alone_escapes_labels_and_names_the_split_of_every_table(pag
     assert len(of_accuracies) == 4
     for caption in of_accuracies:
         assert 'stratified 3-fold' in caption or 'one day held out' in caption
+    # Training inside makes intervals over held-out groups cover less than 95 %.
+    tables = [caption for caption in of_accuracies if 'interval: ' in caption]
+    for caption in tables:
+        assert ('measured coverage 84 to 95 %' in caption) == ('one day held out' in caption)
     assert 'SIMULATED' not in page
 
 
