@@ -38,7 +38,7 @@ COMMANDS = {
     'export': 'Write the trials of recordings as one long table, with a dataset card beside it.',
     'train': 'Choose features and classifier by the folds, write a model file.',
     'classify': 'Classify the trials of recordings with a model file.',
-    'evaluate': 'Cross-validate the four classifiers on recordings, or evaluate model files.',
+    'evaluate': 'State the accuracy of the model that *train* would write, or of model files.',
     'features': 'Write the features of recordings as a table, for notebooks and other programs.',
     'replay': 'Run a recording through features and classification again, and compare.',
     'repair': 'Write a closed copy of a bag whose recorder was killed.',

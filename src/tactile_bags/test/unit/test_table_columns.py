@@ -119,7 +119,7 @@ def test_dates_of_another_form_are_named_with_file_column_and_row(tmp_path):
     with pytest.raises(SourceError, match=r'row 1 .*"12/11/2026 .* day-first'):
         Recording.load(folder)
     write_trials(tmp_path, 'time,force_n', ['12/11/2026 10:00:00,1', '11/13/2026 10:00:00,1'])
-    with pytest.raises(SourceError, match=r'pla/1\.csv: column "time", row 2 .*"11/13'):
+    with pytest.raises(SourceError, match=r'pla/1\.csv: column "time", data row 2.*"11/13'):
         Recording.load(folder, SourceOptions(time_unit='day-first'))
 
 

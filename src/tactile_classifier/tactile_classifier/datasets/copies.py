@@ -7,20 +7,19 @@ A copy in the test part of a fold makes accuracy too high: a classifier that rem
 trials predicts its label. Copies come from a file that is read twice, a recording that was
 exported again with other digits, or added noise (augmentation).
 
-Two trials are copies if their features agree to about a millionth of the largest one. Two trials
-of one label are also copies if they are nearly equal: each feature is divided by its standard
-deviation within the label, and the root mean square of the differences is less than a tenth of
-the smallest distance that independent repetitions are likely to have. That distance follows from
-the variation of the trials themselves. If the features of one label are normal with eigenvalues
-``l_1 >= ... >= l_k`` of their correlation matrix, the squared distance of two trials is at least
-``2 l_j / k`` times a chi-squared variable of ``j`` degrees of freedom, for every ``j``. Its
-quantile is taken at 1e-6 divided by the number of pairs: one table in a million has an honest pair
-below it. The tenth and the millionth leave room for features that are not normal, such as those of
-repetitions that are much closer to each other within a mounting than between mountings. With many
-independent features (the spectrum of noise) the limit is about 0.05; with three (a regression)
-about 1e-5 to 1e-4, because two of many trials agree in three numbers by chance. Repetitions on a
-smooth plate differ by the noise of the sensor, and this noise is what their features are divided
-by: they are no copies.
+Two trials are copies if their features are equal. Two trials of one label are also copies if they
+are nearly equal: each feature is divided by its standard deviation within the label, and the root
+mean square of the differences is less than a tenth of the smallest distance that independent
+repetitions are likely to have. That distance follows from the variation of the trials themselves.
+If the features of one label are normal with eigenvalues ``l_1 >= ... >= l_k`` of their correlation
+matrix, the squared distance of two trials is at least ``2 l_j / k`` times a chi-squared variable
+of ``j`` degrees of freedom, for every ``j``. Its quantile is taken at 1e-6 divided by the number
+of pairs: one table in a million has an honest pair below it. The tenth and the millionth leave
+room for features that are not normal, such as those of repetitions that are much closer to each
+other within a mounting than between mountings. With many independent features (the spectrum of
+noise) the limit is about 0.05; with three (a regression) about 1e-5 to 1e-4, because two of many
+trials agree in three numbers by chance. Repetitions on a smooth plate differ by the noise of the
+sensor, and this noise is what their features are divided by: they are no copies.
 """
 
 from __future__ import annotations
@@ -30,9 +29,6 @@ import hashlib
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
-from scipy.special import gammaincinv
 
 IndexArray = npt.NDArray[np.intp]
 Matrix = npt.NDArray[np.float64]
@@ -81,14 +77,17 @@ def find_copies(values: Matrix, labels: npt.NDArray[np.str_]) -> IndexArray:
     -------
     ndarray of int, shape (trials,)
     """
-    _, place, inverse = np.unique(digest_rows(values), return_index=True, return_inverse=True)
-    first = place[inverse].astype(np.intp)
+    seen: dict[bytes, int] = {}
+    rows_in_order = enumerate(values + 0.0)  # 0.0 equals -0.0
+    first = np.array([seen.setdefault(row.tobytes(), i) for i, row in rows_in_order], np.intp)
     code = np.unique(labels, return_inverse=True)[1]
     scaled = _scale_within_labels(values, code)
     counts = np.bincount(code)
     limit = _compute_limit(scaled, len(counts), float(counts @ (counts - 1)) / 2)
     for label in range(len(counts)):
         (rows,) = np.nonzero((code == label) & (first == np.arange(len(first))))
+        if not len(rows):
+            continue
         for near, other in _find_near(scaled[rows], limit):
             if len(near) > len(np.unique(near)):  # each row is near itself
                 first = _join(first, rows[near], rows[other])
@@ -114,6 +113,8 @@ def _scale_within_labels(values: Matrix, code: IndexArray) -> Matrix:
 
 def _compute_limit(scaled: Matrix, labels: int, pairs: float) -> float:
     """Return the squared distance, summed over the features, below which trials are copies."""
+    from scipy.special import gammaincinv  # a model file is read without SciPy
+
     trials = len(scaled)
     freedom = trials - labels
     if freedom < 1 or not pairs:
@@ -140,6 +141,9 @@ def _find_near(scaled: Matrix, limit: float) -> Iterator[tuple[IndexArray, Index
 
 def _join(first: IndexArray, a: IndexArray, b: IndexArray) -> IndexArray:
     """Return ``first`` after trials ``a`` have become copies of trials ``b``."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
     trials = np.arange(len(first))
     links = np.concatenate([a, trials]), np.concatenate([b, first])
     graph = coo_matrix((np.ones(len(links[0]), dtype=bool), links), shape=2 * (len(first),))

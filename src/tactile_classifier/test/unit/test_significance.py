@@ -311,7 +311,8 @@ def test_holm_is_that_of_the_textbook():
 
 def test_eight_comparisons_without_effect_rarely_have_a_verdict():
     """At 5 % each, one of eight had a verdict in a third of the tables."""
-    table = make_table(np.repeat(['a', 'b'], 40), np.zeros((80, 5)))
+    values = np.random.default_rng(5).normal(size=(80, 5))
+    table = make_table(np.repeat(['a', 'b'], 40), values)
     split = stratified_split(table, 4, 1)
     plan = SelectionPlan(table, split)
     rng = np.random.default_rng(6)

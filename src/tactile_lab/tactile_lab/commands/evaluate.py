@@ -94,7 +94,7 @@ def evaluate(
     cluster: options.ClusterOption = '',
     as_json: options.JsonOption = False,
 ) -> None:
-    """State the accuracy of the model that *train* would write, or evaluate model files.
+    """State the accuracy of the model that *train* would write, or of model files.
 
     Takes real or simulated trials and computes the same features as the live node. The first
     number is that of features and classifier chosen inside the folds, by held-out groups.
