@@ -119,8 +119,8 @@ class TactileBag:
         self._store = message_store()
         self._files: list[McapFile | SqliteFile] = []
         self._merged = _MergedFiles(self._files)
-        self._foreign: dict[str, str] = {}  # errors by type that cannot be decoded
-        self._stored: dict[str, Typestore] = {}  # by topic with another definition
+        self._foreign: dict[str, str] = {}  # error for each type that cannot be decoded
+        self._stored: dict[str, Typestore] = {}  # types by topic, if the bag's definition differs
         self._stack = ExitStack()
         try:
             metadata = self._open()

@@ -29,14 +29,14 @@ EARLY = 'early_windows'
 """Parameter of specifications with early windows, which end before their phase."""
 
 MEAN, ALL = 'mean', 'all'
-"""In place of the name of a channel: the mean of all channels; each channel, one after another."""
+"""Values of ``channel``: the mean of all channels, or the features of every channel."""
 
 SAME_RATE = 1e-3
-"""Relative difference below which two sample rates are the same, as stamps cannot tell them."""
+"""Largest relative difference of two equal sample rates; stamps cannot show less."""
 
 _DIGEST_DIGITS = 16
 
-_MOST_CHANNELS = 8  # that are listed by name
+_MOST_CHANNELS = 8  # number of channels that are listed by name
 _NUMBER_AT_END = re.compile(r'\d+(\.\d+)?$')
 
 

@@ -107,7 +107,7 @@ def make_output_folder(folder: Path) -> None:
 
 @contextmanager
 def named_errors(task: str, path: Path) -> Iterator[None]:
-    """Convert an error of the operating system to one with the task and the path."""
+    """Convert an OSError to a `TactileError` that names the task and the path."""
     try:
         yield
     except OSError as error:

@@ -33,8 +33,8 @@ class WindowParameters:
 
     rate_hz: float = parameter(
         60.0,
-        'nominal sample rate of the tension. The node takes the rate of the sensor instead, with '
-        'windows of the same duration, unless models or another value than the default decide',
+        'nominal sample rate of the tension. Without models and with the default, the node uses '
+        'the rate of the sensor instead, with windows of the same duration',
         unit='Hz',
         range=(1.0, 20000.0),
     )

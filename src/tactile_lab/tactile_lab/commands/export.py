@@ -136,7 +136,7 @@ def format_card(file: Path, recording: 'Recording', trials: 'Sequence[Trial]', t
 
 
 def _stated(recording: 'Recording') -> str:
-    """Return the statements in the metadata of the bags, without paths."""
+    """Return entries of the metadata of the bags as text, without paths."""
     found = {
         f'{name}: {value}'
         for bag in recording.bags

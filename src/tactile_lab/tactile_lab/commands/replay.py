@@ -74,8 +74,8 @@ def replay(
 ) -> None:
     """Run a recording through features and classification again, and compare.
 
-    Prints *equal*, or the first difference from the recorded results, and then exits with 1.
-    Also reports whether samples of the recording are missing, duplicate or out of
+    Prints *equal*, or the first difference from the recorded results. With a difference, the
+    exit code is 1. Also reports whether samples of the recording are missing, duplicate or out of
     order. With ``--watch`` it first plays the recording in real time on a live page.
     """
     output = Output(as_json)

@@ -333,7 +333,7 @@ class DynamixelDevice:
         return Foreseen(times_s, position, velocity, displacement_m)
 
     def follow(self, foreseen: Foreseen, tension_n: FloatArray) -> int:
-        """Take foreseen steps until the tension interferes; return the number of steps.
+        """Take computed steps until the tension stops the servo; return the number of steps.
 
         ``tension_n``, shape (times,), is the tension before each step [N].
         """
