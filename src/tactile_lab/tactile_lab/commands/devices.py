@@ -22,7 +22,7 @@ def devices(
         Optional[list[str]],
         typer.Option(
             help='Probe only this serial port; may be given several times. Needed for ports that '
-            'the computer does not list, such as those of `tactile_sim_rig --links`.'
+            'the computer does not list, such as links made by `tactile_sim_rig`.'
         ),
     ] = None,
     net_ft: Annotated[

@@ -124,7 +124,7 @@ def format_card(file: Path, recording: 'Recording', trials: 'Sequence[Trial]', t
         recording=recording,
         facts=_stated(recording),
         columns=[
-            # The type in a dictionary of strings that occur once is that of its values.
+            # A dictionary column has the type of its values.
             (
                 each.name,
                 getattr(each.type, 'value_type', each.type),

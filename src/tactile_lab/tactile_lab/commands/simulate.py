@@ -86,7 +86,7 @@ def simulate(
 
     Writes one bag for each contact, with plates or objects times sessions times trials. The bags
     contain the same messages as live recordings, marked as simulated. The same
-    seed gives the same bytes with the same NumPy, whatever the number of processes.
+    seed gives the same bytes with the same NumPy, for any number of processes.
 
     Exits with 3 when the simulator found no equilibrium in some trial: such trials are in
     the bag up to that time, end as aborted, and give no features.
