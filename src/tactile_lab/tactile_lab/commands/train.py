@@ -209,7 +209,9 @@ def train(
                         seed=seed,
                     )
                     continue
-                if not automatic:
+                if automatic:
+                    output.say(*source.steps)
+                else:
                     read_with_progress(source, output)
                 said: list[str] = []
                 with output.progress('choosing features and classifier') as show:

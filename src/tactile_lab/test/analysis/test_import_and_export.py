@@ -143,10 +143,10 @@ def test_the_channel_that_was_used_is_said_with_the_others(tmp_path):
     options = ('--task', 'texture', '--repetitions', 1)
     used = 'channel: fx_N; not used: fy_N, fz_N'
     assert used in hear_tactile('evaluate', tmp_path / 'a.npz', *options)
-    for path in (tmp_path / 'table.csv', tmp_path / 'a.npz'):  # a table needs no archive
-        more = columns if path.suffix == '.csv' else ()
-        train = (path, '-o', tmp_path / 'm', *options, *more, '--force')
-        assert used in hear_tactile('train', *train, '--features', 'texture_spectrum')
+    stated = ('--features', 'texture_spectrum')
+    for name, more in (('table.csv', columns), ('a.npz', stated)):  # a table needs no archive
+        train = (tmp_path / name, '-o', tmp_path / 'm', *options, '--force')
+        assert used in hear_tactile('train', *train, *more)
         assert used in hear_tactile('show', tmp_path / 'm' / 'texture.npz')
     default = load_model(tmp_path / 'm' / 'texture.npz').spec
     assert (
