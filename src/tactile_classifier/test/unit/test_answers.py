@@ -50,10 +50,10 @@ def test_simulated_comes_from_the_window_too(make_window, small_table, tmp_path)
 
 def test_values_of_another_shape_are_refused(model, small_table):
     one = small_table.values[30]
-    with pytest.raises(DatasetError, match=r'shape \(91,\); model .* takes \(windows, 91\); one'):
+    with pytest.raises(DatasetError, match=r'\(91,\).* \(windows, 91\)'):
         model.predict(one)
     for wrong in (small_table.values[:, 1:], 3.0, small_table.values[np.newaxis]):
-        with pytest.raises(DatasetError, match=r'takes \(windows, 91\)'):
+        with pytest.raises(DatasetError, match=r'\(windows, 91\)'):
             model.predict(wrong)
 
 

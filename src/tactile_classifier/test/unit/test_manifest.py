@@ -76,38 +76,38 @@ def changed(**changes):
 
 
 @pytest.mark.parametrize(
-    ('changes', 'message'),
+    ('changes', 'named'),
     [
-        ({'format_version': 5}, 'format version 5, this software reads 9: train'),
-        ({'specification_digest': 'ab' * 8}, 'does not match its feature specification'),
-        ({'specification_digest': 7}, 'no valid entry "specification_digest"'),
-        ({'format_version': 8}, 'format version 8, .*: train the model again'),
-        ({'format_version': None}, 'format version None'),
-        ({'labels': 'pla'}, 'no valid entry "labels"'),
-        ({'labels': ['pla', 3]}, 'no valid entry "labels"'),
-        ({'labels': ['pla']}, 'not two or more different names'),
-        ({'labels': ['pla', 'pla']}, 'not two or more different names'),
-        ({'simulated': 1}, 'no valid entry "simulated"'),
-        ({'trials': None}, 'no valid entry "trials"'),
-        ({'task': 'texture'}, 'task "texture" does not fit its feature set'),
+        ({'format_version': 5}, 'version 5.* train'),
+        ({'specification_digest': 'ab' * 8}, 'specification'),
+        ({'specification_digest': 7}, '"specification_digest"'),
+        ({'format_version': 8}, 'version 8'),
+        ({'format_version': None}, 'None'),
+        ({'labels': 'pla'}, '"labels"'),
+        ({'labels': ['pla', 3]}, '"labels"'),
+        ({'labels': ['pla']}, 'names'),
+        ({'labels': ['pla', 'pla']}, 'names'),
+        ({'simulated': 1}, '"simulated"'),
+        ({'trials': None}, '"trials"'),
+        ({'task': 'texture'}, '"texture"'),
         ({'contact': 'palm'}, 'contact is "palm"'),
-        ({'score_kind': 'odds'}, 'score_kind is "odds"; it must be one of votes'),
+        ({'score_kind': 'odds'}, 'score_kind is "odds".* votes'),
         ({'classifier': 'forest'}, 'classifier is "forest"'),
         ({'scaling': 'minmax'}, 'scaling is "minmax"'),
-        ({'spec': {}}, 'manifest is damaged: .*no entry'),
-        ({'training': {}}, 'no valid entry "training"'),
-        ({'training': {**TRAINING, 'sessions': 1.5}}, 'no valid entry "sessions" in "training"'),
-        ({'training': {**TRAINING, 'fastest_m_s': math.inf}}, 'no valid entry "fastest_m_s"'),
-        ({'surprise': 1}, 'unknown entry "surprise"'),
-        ({'false_alarm_rate': 2.0}, 'a rate that is not between 0 and 1'),
-        ({'confidence': 3}, 'no valid entry "confidence"'),
+        ({'spec': {}}, 'manifest'),
+        ({'training': {}}, '"training"'),
+        ({'training': {**TRAINING, 'sessions': 1.5}}, '"sessions"'),
+        ({'training': {**TRAINING, 'fastest_m_s': math.inf}}, '"fastest_m_s"'),
+        ({'surprise': 1}, '"surprise"'),
+        ({'false_alarm_rate': 2.0}, '0 and 1'),
+        ({'confidence': 3}, '"confidence"'),
         ({'confidence': {**CONFIDENCE, 'novelty_threshold': math.inf}}, '"novelty_threshold"'),
         ({'confidence': {**CONFIDENCE, 'novelty_threshold': math.nan}}, '"novelty_threshold"'),
-        ({'confidence': {**CONFIDENCE, 'more': 1}}, 'no valid entry "confidence"'),
+        ({'confidence': {**CONFIDENCE, 'more': 1}}, '"confidence"'),
     ],
 )
-def test_tampered_manifest_is_refused(changes, message):
-    with pytest.raises(ModelFileError, match=message):
+def test_tampered_manifest_is_refused(changes, named):
+    with pytest.raises(ModelFileError, match=named):
         Manifest.from_dict(changed(**changes))
 
 
@@ -115,7 +115,7 @@ def test_missing_entry_is_named():
     for field in GOOD.to_dict().keys() - {'format_version'}:
         content = GOOD.to_dict()
         del content[field]
-        with pytest.raises(ModelFileError, match=f'no valid entry "{field}"'):
+        with pytest.raises(ModelFileError, match=f'"{field}"'):
             Manifest.from_dict(content)
 
 
