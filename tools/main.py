@@ -29,7 +29,7 @@ usage: ./tactile COMMAND [ARGUMENT ...]
   build           set up and build, and nothing else
   clean           remove everything that this command has set up
 
-  simulate, import, train, evaluate, features, export, replay, repair, show, trials,
+  simulate, import, train, classify, evaluate, features, export, replay, repair, show, trials,
   experiment, rig, sense, hand, watch, devices, check, calibrate
                   the commands of `tactile`; ./tactile COMMAND --help explains each
 

@@ -183,8 +183,8 @@ def finish(right_of, groups=5, each=4):
     tables = {}
     for name in ('texture_spectrum', 'glide_waveform'):
         spec = spec_for('texture', FeatureConfig(texture_features=name))
-        values, labels = np.zeros((len(group), len(spec.names))), np.array(['a', 'b'] * each)
-        labels = np.resize(labels, len(group))
+        values = np.random.default_rng(1).normal(size=(len(group), len(spec.names)))
+        labels = np.resize(['a', 'b'], len(group))
         tables[name] = FeatureTable(values, labels, spec, columns)
     plan = ChoicePlan(tables, grouped_split(tables['glide_waveform'], ['session_id']))
     answers = []

@@ -44,6 +44,8 @@ class Finger:
 
         self.classifier = make(TactileClassifierNode, parameters)
         self.features = None if features is None else make(TactileFeaturesNode, features)
+        # Without models the feature node announces its features with the first samples.
+        self.announces = features is not None and 'models' in features
         self.nodes = [node for node in (self.features, self.classifier) if node is not None]
         self.peer = Node('peer', context=context)
         self.heard, self.diagnostics = [], []
@@ -108,7 +110,7 @@ class Finger:
         self.spin_until(
             lambda: (
                 all(publisher.get_subscription_count() for publisher in publishers)
-                and (self.features is None or self.answering.is_told)
+                and (not self.announces or self.answering.is_told)
             )
         )
 

@@ -146,11 +146,11 @@ def test_a_parameter_of_the_feature_node_alone_is_noticed(
     difference = '(texture_crop_start_s) differs: required 0.6, found 0.9'
     finger = make_finger({'texture_crop_start_s': 0.9})
     finger.bring_up()
+    finger.play(*make_trials())
+    finger.spin_until(lambda: len(finger.heard) == 2)
     log = capfd.readouterr().err
     assert 'announces no features that model texture-flexion-svm_linear' in log
     assert f'give its parameter models {model_path}' in log
-    finger.play(*make_trials())
-    finger.spin_until(lambda: len(finger.heard) == 2)
     for answer in finger.answers:
         assert (answer.outcome, answer.label) == (Outcome.NO_FEATURES, '')
         assert difference in answer.reason

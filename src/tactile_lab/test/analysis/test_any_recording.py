@@ -295,7 +295,7 @@ def test_each_rate_is_named_with_its_files(tmp_path):
     for trial, step_s in enumerate((0.01, 0.01, 0.02)):
         lines += [f'pla,{trial},{i * step_s!r},{i % 7}' for i in range(50)]
     said = refusal(tmp_path, save_rows(tmp_path / 'rates.csv', lines))
-    assert 'different rates: 100 Hz (trial 0, trial 1), 50 Hz (trial 2); take' in said
+    assert 'different rates: 100 Hz (trial 0, trial 1), 50 Hz (trial 2); use' in said
 
 
 @pytest.mark.filterwarnings('error:.*:RuntimeWarning')

@@ -197,7 +197,7 @@ def test_no_possible_split_is_one_sentence(tmp_path):
     x = np.random.default_rng(1).normal(size=(12, 60))
     np.savez(tmp_path / 'few.npz', x=x, label=label, rate_hz=60.0)
     said = hear_tactile('evaluate', tmp_path / 'few.npz', '--task', 'texture', *ONCE, code=2)
-    assert 'random folds: class "b" has one trial only' in said
+    assert 'class "b" has one trial only' in said
 
 
 def test_groups_that_are_too_small_to_choose_by_leave_the_most_robust_candidate(tmp_path):
@@ -217,7 +217,7 @@ def test_a_candidate_that_cannot_be_fitted_is_left_out_with_one_line(tmp_path):
     x = np.random.default_rng(0).normal(size=(16, 6))  # too short for random convolutions
     np.savez(tmp_path / 'short.npz', x=x, label=['a', 'b'] * 8, rate_hz=50.0)
     said = hear_tactile('evaluate', tmp_path / 'short.npz', '--task', 'texture', *ONCE)
-    assert said.count('glide_waveform rocket none is left out: ') == 1
+    assert said.count('glide_waveform, rocket, none is left out: ') == 1
     assert 'This model: texture_spectrum with' in said
 
 

@@ -96,7 +96,7 @@ def test_what_is_wrong_with_a_topic_is_told_with_its_remedy(context):
 def test_a_topic_that_nobody_publishes_is_told():
     code, document = answer_of('check', '--seconds', 1, '--sensor-topic', '/nothing')
     assert code == 1
-    assert 'nobody publishes /nothing' in describe(document['devices'][0]['problems'])
+    assert '/nothing has no publisher' in describe(document['devices'][0]['problems'])
 
 
 def test_topics_with_a_force_are_listed_with_their_parameters(context):
