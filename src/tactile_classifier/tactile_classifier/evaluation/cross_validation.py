@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 import dataclasses
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -68,6 +69,29 @@ class Score(Result):
     spread_of: str
     interval: Interval
     confusion: npt.NDArray[np.int64]
+
+    @property
+    def recall(self) -> npt.NDArray[np.float64]:
+        """Share of the trials of each label that were named correctly, shape (labels,) [1].
+
+        NaN for a label without tests.
+        """
+        with np.errstate(invalid='ignore'):
+            return np.asarray(np.diag(self.confusion) / self.confusion.sum(axis=1))
+
+    @property
+    def balanced_accuracy(self) -> float:
+        """Mean recall of the labels that were tested [1]."""
+        return float(np.nanmean(self.recall))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields, the recall by label and the balanced accuracy for JSON."""
+        recall = zip(self.labels, self.recall.tolist(), strict=True)
+        return {
+            **super().to_dict(),
+            'recall': {label: share for label, share in recall if share == share},
+            'balanced_accuracy': self.balanced_accuracy,
+        }
 
 
 @dataclasses.dataclass(frozen=True)

@@ -11,8 +11,10 @@ import pytest
 from sklearn.model_selection import StratifiedKFold
 from sklearn.svm import SVC
 
+from tactile_classifier.datasets.splits import grouped_split, stratified_split
 from tactile_classifier.errors import DatasetError, EvaluationError
-from tactile_classifier.evaluation.cross_validation import evaluate
+from tactile_classifier.evaluation.cross_validation import evaluate, make_score
+from tactile_classifier.evaluation.permutation import PermutationPlan
 from tactile_classifier.evaluation.plans import run_plans
 
 
@@ -114,6 +116,41 @@ def test_few_trials_are_divided_into_the_folds_that_they_allow(noisy_table, tria
     evaluation = evaluate(noisy_table.take(trials), ['knn'], ['none'])
     assert evaluation.split == split
     assert evaluation.scores[0].fold_accuracies.size == folds
+
+
+def test_recall_shows_what_accuracy_hides():
+    labels = np.repeat(['rare', 'usual'], [6, 30])
+    table = make_table(labels, np.zeros((36, 3)))
+    split = stratified_split(table, 3, 1)
+    usual = [[np.full(len(test), 'usual') for _, test in split.repeats[0]]]
+    score = make_score('knn', 'none', table, split, usual)
+    assert score.mean == pytest.approx(30 / 36)
+    assert score.recall.tolist() == [0.0, 1.0]
+    assert score.balanced_accuracy == 0.5
+    stated = score.to_dict()
+    assert (stated['recall'], stated['balanced_accuracy']) == ({'rare': 0.0, 'usual': 1.0}, 0.5)
+
+
+def permute(table, split, *pair):
+    (baseline,) = run_plans([PermutationPlan(table, split, *pair)])
+    return baseline
+
+
+def test_permuted_labels_are_named_at_chance_under_the_same_folds():
+    rng = np.random.default_rng(1)
+    # Three labels in each of four groups; the group shifts all features.
+    group, label = np.repeat(np.arange(4), 12), np.resize([0, 1, 2], 48)
+    values = rng.normal(size=(48, 3)) + 5.0 * group[:, None]
+    values[:, 0] += 40.0 * label
+    table = make_table(label.astype(str), values, session_id=group)
+    split = grouped_split(table, ['session_id'])
+    baseline = permute(table, split, 'knn', 'none')
+    assert (baseline.split, baseline.permutations) == ('one session held out', 20)
+    assert baseline.p_value == 1 / 21
+    assert baseline.mean == pytest.approx(1 / 3, abs=0.08)
+    assert baseline.mean < baseline.largest < 0.7
+    noise = dataclasses.replace(table, values=rng.normal(size=(48, 3)))
+    assert permute(noise, split, 'knn', 'none').p_value > 0.05
 
 
 class TwoParts:

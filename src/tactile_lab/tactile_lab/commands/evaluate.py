@@ -232,7 +232,12 @@ def _evaluate_models(
 
 def _print(result: 'SetResult', output: Output) -> None:
     from tactile_classifier.model_file.manifest import format_features
-    from tactile_lab.datasets.tables import accuracy_caption, accuracy_table, format_warnings
+    from tactile_lab.datasets.tables import (
+        accuracy_caption,
+        accuracy_table,
+        format_warnings,
+        recall_table,
+    )
     from tactile_lab.report.summary import (
         answer_rows,
         format_accuracy,
@@ -244,7 +249,7 @@ def _print(result: 'SetResult', output: Output) -> None:
         f'{result.recordings.title}: {format_first_sentence(result)}',
         f'  {format_model(result)}',
         f'  {format_accuracy(result)}',
-        '',
+        recall_table(result.headline),
     )
     for evaluation in result.evaluations:
         output.say(accuracy_table(evaluation, result.recordings.title, intervals=True))

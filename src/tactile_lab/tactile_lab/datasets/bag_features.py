@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -65,6 +65,7 @@ class BagFeatures(RecordingFeatures):
         first: RecordedFeatures | None = None
         found: defaultdict[tuple[str, str, str], list[Row]] = defaultdict(list)
         specs: dict[str, FeatureSpec] = {}
+        refused: Counter[tuple[str, str, str]] = Counter()
         left_out: list[str] = []
         paths = list(self._bags)
         for path, bag in self._bags.items():
@@ -77,7 +78,7 @@ class BagFeatures(RecordingFeatures):
                         f'{finger}{path} was recorded with other feature parameters than '
                         f'{paths[0]}; train on each of them alone, or name the features'
                     )
-                specs |= _collect(bag, namespace, features, found, left_out)
+                specs |= _collect(bag, namespace, features, found, refused, left_out)
         if not found:
             raise BagError(
                 f'no labelled trial with features in {", ".join(paths) or "no bag"}'
@@ -91,12 +92,14 @@ class BagFeatures(RecordingFeatures):
                 names = ', '.join(sorted({specs[digest].feature_set for *_, digest in full}))
                 raise DatasetError(f'{names}: early windows are not possible')
         tables: dict[Key, FeatureTable] = {}
+        refusals: dict[Key, int] = {}
         places = {digest: place for place, digest in enumerate(specs)}
         for task, contact, digest in sorted(found, key=lambda key: (*key[:2], places[key[2]])):
             key: Key = (task, contact)
             key = (*key, digest) if key in tables else key
             tables[key] = _table(found[task, contact, digest], specs[digest])
-        return FeatureTables(tables, tuple(dict.fromkeys(left_out)))
+            refusals[key] = refused[task, contact, digest]
+        return FeatureTables(tables, tuple(dict.fromkeys(left_out)), refusals)
 
     def windows(self, table: FeatureTable, rows: Sequence[int]) -> list[Samples]:
         trials = _list_rows(table, 'bag', 'namespace', 'window_start_ns', 'window_end_ns')
@@ -150,9 +153,13 @@ def _collect(
     namespace: str,
     features: RecordedFeatures,
     found: defaultdict[tuple[str, str, str], list[Row]],
+    refused_trials: Counter[tuple[str, str, str]],
     left_out: list[str],
 ) -> dict[str, FeatureSpec]:
-    """Collect the labelled windows of a finger; return their specifications by digest."""
+    """Collect the labelled windows of a finger; return their specifications by digest.
+
+    Labelled windows without features are counted in ``refused_trials``.
+    """
     replayed = replay_phases(bag, features, namespace, finish=True)
     dropped = {name: each.why_not for name, each in bag.corrections.items() if each.why_not}
     events: defaultdict[str, list[TrialEvent]] = defaultdict(list)
@@ -163,20 +170,21 @@ def _collect(
     for window in replayed.windows:
         event = event_before(window, events[window.trial_id])
         end = _end_after(window, events[window.trial_id])
+        # By what the features are: a trial of one protocol may have a window of the other.
+        key = task_of(window.feature_set), event.contact, window.specification_digest
         if window.outcome == Outcome.OK and _identify(window) in refused:
             continue
         if window.trial_id in dropped:
             left_out.append(f'{window.trial_id}: {dropped[window.trial_id]}')
         elif window.outcome != Outcome.OK:
             left_out.append(f'{window.trial_id}: {window.reason}')
+            refused_trials[key] += bool(event.object_label)
         elif end is not None and end.phase == PHASE_ABORTED:
             reason = end.message or 'no reason given'
             left_out.append(f'{window.trial_id}: the trial was aborted later: {reason}')
         elif not event.object_label:
             left_out.append(f'{window.trial_id}: the trial has no label')
         else:
-            # By what the features are: a trial of one protocol may have a window of the other.
-            key = task_of(window.feature_set), event.contact, window.specification_digest
             found[key].append((window, event, str(bag.path), namespace))
     return {spec.digest: spec for spec in replayed.specifications}
 

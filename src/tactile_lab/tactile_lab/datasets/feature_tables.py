@@ -12,7 +12,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -50,11 +50,13 @@ class FeatureTables:
 
     ``tables``: by task and contact. Where a recording has several specifications of a task, each
     has a table; those after the first have the digest in their key, too. ``left_out``: one
-    sentence for each trial that gave no features, or has no label.
+    sentence for each trial that gave no features, or has no label. ``refused``: by key, the number
+    of labelled trials that gave no features, such as for lost samples.
     """
 
     tables: dict[Key, FeatureTable]
     left_out: tuple[str, ...] = ()
+    refused: Mapping[Key, int] = field(default_factory=dict)
 
 
 def name_table(key: Key, table: FeatureTable) -> str:
@@ -242,7 +244,8 @@ class TrialFeatures(RecordingFeatures):
         if changed:
             table, _ = self._usable(self._trials, replace(self._config, **changed))
         left_out = tuple(f'row {each.row}: {each.reason}' for each in self.skipped)
-        return FeatureTables({(self._task, ''): table}, left_out)
+        key = (self._task, '')
+        return FeatureTables({key: table}, left_out, {key: len(self.skipped)})
 
     def _usable(
         self, trials: LabelledTrials, config: FeatureConfig

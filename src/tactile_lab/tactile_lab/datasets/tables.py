@@ -67,6 +67,15 @@ def choice_table(choice: FeatureChoice, title: str) -> Table:
     return table
 
 
+def recall_table(score: Score) -> Table:
+    """Return the recall [%] of each label, with the number of its tests."""
+    table = Table('label', 'tests', 'recall', title='recall by label in %', right_from=1)
+    counts = score.confusion.sum(axis=1)
+    for label, count, share in zip(score.labels, counts, score.recall, strict=True):
+        table.add_row(label, str(count), f'{100 * share:.1f}' if count else '')
+    return table
+
+
 def _format_mean(score: Score) -> str:
     mean = f'{100 * score.mean:.1f}'
     return f'{mean} ± {100 * score.spread:.1f}' if score.fold_accuracies.size > 1 else mean

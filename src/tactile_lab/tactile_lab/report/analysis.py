@@ -21,6 +21,7 @@ from tactile_classifier.datasets.splits import (
 )
 from tactile_classifier.errors import EvaluationError
 from tactile_classifier.evaluation.cross_validation import AccuracyPlan, Evaluation, Score
+from tactile_classifier.evaluation.permutation import PermutationBaseline, PermutationPlan
 from tactile_classifier.evaluation.plans import Plan, run_plans
 from tactile_classifier.evaluation.significance import rank_sum_p_values, RankSum
 from tactile_features.records import PROTOCOL_STIFFNESS
@@ -29,6 +30,7 @@ from tactile_lab.report.recordings import RecordingSet
 
 if TYPE_CHECKING:
     from tactile_classifier.evaluation.feature_selection import SelectionResult
+    from tactile_lab.datasets.automatic_features import Chosen
 
 _Result = TypeVar('_Result')
 
@@ -47,6 +49,8 @@ class SetResult:
         None where they were not requested.
     stated : Evaluation or None
         The chosen classifier on the stated trials to test on, if there are any.
+    permuted : PermutationBaseline or None
+        Accuracy of the chosen classifier on permuted labels; None where it was not requested.
     """
 
     recordings: RecordingSet
@@ -56,6 +60,7 @@ class SetResult:
     not_done: tuple[str, ...]
     answers: Answers | None = None
     stated: Evaluation | None = None
+    permuted: PermutationBaseline | None = None
 
     @property
     def headline(self) -> Score:
@@ -67,6 +72,12 @@ class SetResult:
             return self.stated.scores[0]
         assert self.recordings.choice is not None
         return self.recordings.choice.choice.nested
+
+    @property
+    def end_to_end(self) -> float:
+        """The accuracy of the headline with refused trials counted as wrong [1]."""
+        trials = int(self.headline.confusion.sum())
+        return self.headline.mean * trials / (trials + self.recordings.refused)
 
     @property
     def name(self) -> str:
@@ -97,6 +108,9 @@ class SetResult:
             'features': list(spec.names),
             'feature_choice': recordings.choice and recordings.choice.choice.to_dict(),
             'headline': self.headline.to_dict() if recordings.choice else None,
+            'refused': recordings.refused,
+            'end_to_end': self.end_to_end if recordings.choice else None,
+            'permuted': self.permuted and self.permuted.to_dict(),
             'evaluations': [evaluation.to_dict() for evaluation in self.evaluations],
             'feature_selection': [selection.to_dict() for selection in self.selections],
             'rank_sum': {
@@ -143,6 +157,8 @@ def _plan_set(
         _, classifier, scaling = recordings.choice.choice.chosen
         (split,) = recordings.choice.splits
         plans['stated'] = [AccuracyPlan(recordings.choice.table, split, [classifier], [scaling])]
+    if details and recordings.choice is not None:
+        plans['permuted'] = _plan_permutation(recordings.choice, folds, random_state)
     if details and saving:
         not_done.append('feature selection: left out of a large table without --repetitions')
     elif details:
@@ -164,6 +180,18 @@ def _divide(
         name = f'one {" and ".join(map(plain_name, columns))} held out'
         splits += _try(name, partial(grouped_split, table, columns), impossible)
     return splits, impossible
+
+
+def _plan_permutation(chosen: Chosen, folds: int, random_state: int) -> list[Plan[Any]]:
+    """Return the baseline under the split that tests the choice."""
+    table, (_, classifier, scaling) = chosen.table, chosen.choice.chosen
+    if chosen.splits:
+        (split,) = chosen.splits
+    elif chosen.columns:
+        split = grouped_split(table, chosen.columns)
+    else:
+        split = stratified_split(table, folds, 1, random_state)
+    return [PermutationPlan(table, split, classifier, scaling, random_state)]
 
 
 def _plan_selection(
@@ -203,6 +231,7 @@ def _finish_set(
         (*not_done, *(answers.not_done if answers else ())),
         answers,
         stated=next(iter(found.get('stated', ())), None),
+        permuted=next(iter(found.get('permuted', ())), None),
     )
 
 

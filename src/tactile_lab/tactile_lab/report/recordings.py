@@ -68,6 +68,8 @@ class RecordingSet:
         Features and classifier that `tactile train` would choose.
     not_done : tuple of str
         One sentence for each usual split that the trials do not allow.
+    refused : int
+        Labelled trials that gave no features: they count as wrong in the end-to-end accuracy.
     """
 
     title: str
@@ -84,6 +86,7 @@ class RecordingSet:
     choice: Chosen | None = None
     not_done: tuple[str, ...] = ()
     answers: bool = False
+    refused: int = 0
 
     def format_preparation(self, most: int | None = None) -> list[str]:
         """Return what was done to the signals and which trials were skipped, ``most`` of them."""
@@ -122,7 +125,8 @@ def make_sets(
         Unknown objects are evaluated, too.
     """
     reading, recording = features.reading, features.recording
-    whole = features.tables().tables
+    found_tables = features.tables()
+    whole = found_tables.tables
     if of_choice:
         whole = {key: each.table for key, each in chosen.items()}
     tables = {
@@ -147,6 +151,7 @@ def make_sets(
             choice=chosen.get(key, chosen.get(key[:2])),
             not_done=tuple(not_done),
             answers=answers,
+            refused=found_tables.refused.get(key, 0),
         )
         if report:
             rows = _first_rows(table)

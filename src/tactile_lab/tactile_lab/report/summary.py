@@ -140,7 +140,7 @@ def format_first_sentence(result: SetResult) -> str:
 
 
 def format_accuracy(result: SetResult) -> str:
-    """Return accuracy, split, interval, chance and the most frequent confusion in one line."""
+    """Return the accuracy with its split, interval, baselines and confusion in one line."""
     chosen, score = result.recordings.choice, result.headline
     assert chosen is not None
     if result.stated is None:
@@ -150,7 +150,18 @@ def format_accuracy(result: SetResult) -> str:
             f'accuracy {100 * score.mean:.1f} % ({score.split}; {format_span(score.interval)}; '
             f'chosen on trials that are not tested); chance {100 * result.stated.chance:.1f} %'
         )
-    return f'{accuracy}; most frequent confusion: {format_confusion(score)}'
+    parts = [accuracy, f'balanced accuracy {100 * score.balanced_accuracy:.1f} %']
+    if refused := result.recordings.refused:
+        parts.append(
+            f'with {refused} refused trials counted as wrong {100 * result.end_to_end:.1f} %'
+        )
+    if (permuted := result.permuted) is not None:
+        parts.append(
+            f'on permuted labels {100 * permuted.mean:.1f} %, and at most '
+            f'{100 * permuted.largest:.1f} % in {permuted.permutations} permutations '
+            f'(p = {permuted.p_value:.2g})'
+        )
+    return '; '.join((*parts, f'most frequent confusion: {format_confusion(score)}'))
 
 
 def confusion_shares(score: Score) -> NDArray[np.float64]:

@@ -169,6 +169,9 @@ def test_evaluate_leads_with_what_train_would_write(tmp_path):
     assert found['feature_choice']['chosen']['feature_set'] == manifest.spec.feature_set
     assert manifest.spec.feature_set == 'glide_waveform'
     assert 'In a new session, this model names 100 of 100 touches right.' in said
+    assert found['headline']['recall'] == {'high': 1.0, 'low': 1.0}
+    assert 'recall by label in %' in said
+    assert found['permuted']['p_value'] == pytest.approx(1 / 21)
     # The paper's four classifiers follow on the spectrum.
     assert found['feature_set'] == 'texture_spectrum'
     assert said.index('names 100 of 100') < said.index('3 nearest neighbours')

@@ -210,6 +210,24 @@ def test_the_headline_is_that_of_the_choice_or_of_the_stated_trials(easy_holds):
     assert format_first_sentence(result).startswith('On the stated test trials, this model names')
 
 
+def test_the_line_of_accuracy_counts_refused_trials_and_names_baselines(easy_holds):
+    nested = easy_holds.recordings.choice.choice.nested
+    assert easy_holds.end_to_end == nested.mean
+    assert 'refused' not in format_accuracy(easy_holds)
+    result = dataclasses.replace(
+        easy_holds, recordings=dataclasses.replace(easy_holds.recordings, refused=8)
+    )
+    assert result.end_to_end == pytest.approx(nested.mean * 72 / 80)
+    line = format_accuracy(result)
+    assert f'with 8 refused trials counted as wrong {100 * result.end_to_end:.1f} %' in line
+    assert f'balanced accuracy {100 * nested.balanced_accuracy:.1f} %' in line
+    permuted = easy_holds.permuted
+    assert (permuted.split, permuted.classifier) == (nested.split, nested.classifier)
+    assert f'on permuted labels {100 * permuted.mean:.1f} %' in line
+    stated = result.to_dict()
+    assert (stated['refused'], stated['end_to_end']) == (8, result.end_to_end)
+
+
 def test_simulated_trials_are_marked_in_every_figure_and_table(stiffness_bag):
     with open_features([stiffness_bag]) as features:
         chosen = choose_automatically(features, 3, 0, lambda _: None, any_set=False)
@@ -247,7 +265,8 @@ def test_summary_states_accuracy_chance_and_confusion_in_one_line(textures, easy
     nested = textures.recordings.choice.choice.nested
     assert line.startswith(f'accuracy {100 * nested.mean:.1f} % with set and classifier chosen')
     assert '(one day held out; ' in line
-    assert f'chance {100 * textures.plain.chance:.1f} %; most frequent confusion: ' in line
+    assert f'chance {100 * textures.plain.chance:.1f} %; balanced accuracy ' in line
+    assert '; most frequent confusion: ' in line
     score = easy_holds.plain.score('knn', 'standard')
     confusion = np.array([[70, 2, 0], [0, 48, 24], [9, 0, 63]])
     told = format_confusion(dataclasses.replace(score, confusion=confusion))

@@ -71,6 +71,8 @@ def test_trials_with_lost_samples_or_without_a_label_are_left_out_and_told(
     lost = [each for each in found.left_out if f'{SAMPLES_PER_BLOCK} samples are missing' in each]
     assert len(lost) == 1
     assert sum('no label' in each for each in found.left_out) == 3
+    # Refused trials with a label count in the end-to-end accuracy.
+    assert found.refused == {('stiffness', 'flexion'): 1}
 
 
 def rename_protocols(event):

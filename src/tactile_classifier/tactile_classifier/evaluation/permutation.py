@@ -1,0 +1,108 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Accuracy on permuted labels, under the folds of the accuracy that it is compared with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.datasets.splits import Split
+from tactile_classifier.estimators.classifiers import build_estimator, RANDOM_STATE
+from tactile_classifier.evaluation.cross_validation import predict_folds
+from tactile_classifier.evaluation.intervals import Result
+from tactile_classifier.evaluation.plans import Task
+from tactile_classifier.records import ROCKET
+
+PERMUTATIONS = 20
+
+
+@dataclasses.dataclass(frozen=True)
+class PermutationBaseline(Result):
+    """Accuracy of a classifier on permuted labels.
+
+    ``mean`` and ``largest`` are over the permutations [1]. ``p_value`` is the share of
+    permutations that reach the accuracy on the true labels, with these as one of them (Phipson and
+    Smyth 2010) [1].
+    """
+
+    classifier: str
+    scaling: str
+    split: str
+    permutations: int
+    mean: float
+    largest: float
+    p_value: float
+
+
+class PermutationPlan:
+    """The baseline of one classifier under the first repetition of a split; a `Plan`.
+
+    Labels are permuted within the held-out groups, so that each group keeps its number of trials
+    of each label (as in scikit-learn's ``permutation_test_score``).
+    """
+
+    def __init__(
+        self,
+        table: FeatureTable,
+        split: Split,
+        classifier: str,
+        scaling: str,
+        random_state: int = RANDOM_STATE,
+    ) -> None:
+        self._table, self._split = table, split.once()
+        self._pair = classifier, scaling
+        self._random_state = random_state
+
+    def tasks(self) -> list[Task]:
+        """Return one task."""
+        return [(_permute, (self._pair, self._table, self._split, self._random_state))]
+
+    def finish(self, answers: Sequence[npt.NDArray[np.float64]]) -> PermutationBaseline:
+        """Return the baseline."""
+        ((true, *permuted),) = answers
+        count = len(permuted)
+        reached = sum(each >= true - 1e-9 for each in permuted)
+        return PermutationBaseline(
+            *self._pair,
+            self._split.name,
+            count,
+            float(np.mean(permuted)),
+            float(max(permuted)),
+            (1 + reached) / (1 + count),
+        )
+
+
+def _permute(
+    pair: tuple[str, str], table: FeatureTable, split: Split, random_state: int
+) -> npt.NDArray[np.float64]:
+    """Return the accuracy on the true labels, then those on permuted ones.
+
+    Random convolutions are fitted once to all trials: they do not depend on the labels.
+    """
+    rng = np.random.default_rng(random_state)
+    (folds,) = split.repeats
+    groups = np.zeros(len(table), dtype=np.intp) if split.groups is None else split.groups
+    estimator = build_estimator(*pair, table.channels)
+    if pair[0] == ROCKET:
+        estimator.fit(table.values, table.labels)
+    accuracies = []
+    for i in range(1 + PERMUTATIONS):
+        labels = table.labels.copy()
+        for group in np.unique(groups) if i else ():
+            rows = np.flatnonzero(groups == group)
+            labels[rows] = labels[rng.permutation(rows)]
+        if pair[0] == ROCKET:
+            answers = estimator[-1].predict_folds(table.values, labels, folds)
+        else:
+            answers = predict_folds(*pair, table.values, labels, folds, table.channels)
+        right = [
+            np.mean(said == labels[test]) for (_, test), said in zip(folds, answers, strict=True)
+        ]
+        accuracies.append(np.mean(right))
+    return np.array(accuracies)
