@@ -34,6 +34,7 @@ from tactile_classifier.evaluation.cross_validation import (
 from tactile_classifier.evaluation.intervals import Result
 from tactile_classifier.evaluation.plans import Task
 from tactile_classifier.records import ROCKET
+from tactile_features.feature_sets.registry import find_feature_set
 
 INNER_FOLDS, INNER_REPEATS = 6, 3
 """Folds inside a fold, and how often its training trials are divided: with three folds, once,
@@ -313,9 +314,7 @@ class ChoicePlan:
         ``right``, shape (candidates, trials), is how often each candidate named a trial correctly
         [1], NaN where it was not tested.
         """
-        by_robustness = sorted(
-            range(len(candidates)), key=lambda i: ROBUST.index(candidates[i][1:])
-        )
+        by_robustness = sorted(range(len(candidates)), key=lambda i: _rank(candidates[i]))
         rows = rows[np.isfinite(right[0, rows])]
         group = rows if self._split.groups is None else self._split.groups[rows]
         groups = np.unique(group)
@@ -425,6 +424,15 @@ def _answer_fold(
             tested[held_out] += 1
     with np.errstate(invalid='ignore'):
         return FoldAnswers(said[fold[1]], right / tested, time_s)
+
+
+def _rank(candidate: Candidate) -> tuple[int, bool]:
+    """Return a number that is lower for a more robust candidate.
+
+    Sets over the surface come first: on public recordings they are better in new conditions.
+    """
+    found = find_feature_set(candidate.feature_set)
+    return ROBUST.index(candidate[1:]), not getattr(found, 'needs_speed', False)
 
 
 def _select(keep: npt.NDArray[np.bool_], fold: Fold) -> Fold:

@@ -120,7 +120,7 @@ def test_few_trials_are_divided_into_the_folds_that_they_allow(noisy_table, tria
 
 def test_recall_shows_what_accuracy_hides():
     labels = np.repeat(['rare', 'usual'], [6, 30])
-    table = make_table(labels, np.zeros((36, 3)))
+    table = make_table(labels, np.random.default_rng(0).normal(size=(36, 3)))
     split = stratified_split(table, 3, 1)
     usual = [[np.full(len(test), 'usual') for _, test in split.repeats[0]]]
     score = make_score('knn', 'none', table, split, usual)
