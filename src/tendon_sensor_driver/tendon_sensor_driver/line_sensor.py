@@ -58,6 +58,7 @@ _NAMED = rb'([A-Za-z_]*[:=])?(%s)([A-Za-z]*)'  # 'Weight:' and '12.3g' written t
 _split_columns = re.compile(rb'[ \t]*[,;][ \t]*|[ \t]+').split
 # If the comma is the decimal mark, it separates columns unless there are digits on both sides.
 _split_at_other_commas = re.compile(rb'[ \t]*(?:;|(?<!\d),|,(?!\d))[ \t]*|[ \t]+').split
+_find_bare_comma = re.compile(rb'(?:^|[ \t,;]),\d').search  # ',5' may be 0.5 or an empty column
 _join_sign = re.compile(rb'(?<![^ \t,;])([+-]) +(?=[\d.,])').sub
 _find_digit = re.compile(rb'\d').search
 _find_letter = re.compile(rb'[A-Za-z%\x80-\xff]').search  # '%' may be a unit
@@ -208,6 +209,8 @@ class LineDecoder:
 
     def _decode_line(self, line: bytes, received_at_ns: int) -> LineReading:
         plain = _join_sign(rb'\1', line) if b'+ ' in line or b'- ' in line else line
+        if self._has_comma and _find_bare_comma(plain):
+            raise _RefusedLineError(_NO_NUMBER)
         columns = self._split(plain)
         if line in _FAULT_LINES or not _FAULTS.isdisjoint(columns):
             raise _RefusedLineError(_FAULT)

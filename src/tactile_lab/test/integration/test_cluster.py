@@ -28,6 +28,17 @@ def digests(folder):
     return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
 
 
+def without_times(found):
+    """Return JSON without the times of fits, which no two runs share."""
+    if isinstance(found, dict):
+        return {
+            name: without_times(each)
+            for name, each in found.items()
+            if name not in ('fold_s', 'time_ratio')
+        }
+    return [without_times(each) for each in found] if isinstance(found, list) else found
+
+
 def test_two_workers_give_the_bits_of_one_process(address, tmp_path):
     plan = ('simulate', 'stiffness', '--contact', 'flexion', '--trials', 2, '--sessions', 2)
     hear_tactile(*plan, '-o', tmp_path / 'one', '--jobs', 1)
@@ -41,7 +52,7 @@ def test_two_workers_give_the_bits_of_one_process(address, tmp_path):
         ask_tactile('evaluate', bag, *quick, '--cluster', where) for where in ('', address)
     )
     assert here['sets'][0]['trials'] == 20
-    assert there == here
+    assert without_times(there) == without_times(here)
 
     told = []
     for folder, where in (('here', ''), ('there', address)):

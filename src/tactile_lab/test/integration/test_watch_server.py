@@ -174,7 +174,7 @@ def test_what_fails_and_what_is_no_command_is_said_to_all_pages(controls, server
                 (
                     ({'do': 'tare', 'token': token}, 'tare: the finger is loaded'),
                     ({**TRIAL, 'token': token}, 'a fault of the program'),
-                    ({'do': 'trial', 'token': token}, 'no protocol ""'),
+                    ({'do': 'trial', 'token': token}, 'protocol is ""'),
                     ({'do': 'home'}, 'only show and stop'),
                     ({'do': 'dance'}, '"dance" is not a command'),
                     ({'do': 'stop'}, 'stopped'),
@@ -186,7 +186,7 @@ def test_what_fails_and_what_is_no_command_is_said_to_all_pages(controls, server
                         socket, lambda f, said=said: any(said in s for s in sentences(f))
                     )
                     last = frame['state']['said'][-1]
-                    if 'no' not in said:  # an unreadable command has no id
+                    if number not in (2, 3, 4):  # an unreadable command has no id
                         assert last['id'] == f'{number}'
                     assert last['level'] == ('ok' if said == 'stopped' else 'error')
 

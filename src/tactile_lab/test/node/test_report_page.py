@@ -8,8 +8,12 @@ import numpy as np
 import pytest
 
 from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.datasets.splits import grouped_split
+from tactile_classifier.evaluation.plans import run_plans
+from tactile_classifier.training.feature_choice import ChoicePlan
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
+from tactile_lab.datasets.automatic_features import Chosen
 from tactile_lab.report.analysis import analyse
 from tactile_lab.report.build import build_page
 from tactile_lab.report.recordings import RecordingSet
@@ -27,7 +31,10 @@ def browser(tmp_path_factory):
     values = code[:, np.newaxis] + generator.normal(0.0, 1.0, (48, 3))
     columns = {'session_id': np.arange(48) % 3}
     table = FeatureTable(values, labels, spec_for('stiffness', FeatureConfig()), columns)
-    recordings = RecordingSet('stiffness', '', True, table, (('session_id',),), 'N')
+    split = grouped_split(table, ['session_id'])
+    ((choice,),) = run_plans([ChoicePlan({table.spec.feature_set: table}, split)])
+    chosen = Chosen(table, choice, ('session_id',))
+    recordings = RecordingSet('stiffness', '', True, table, (('session_id',),), 'N', choice=chosen)
     results = analyse([recordings], folds=2, repetitions=1, random_state=0, jobs=1)
     file = tmp_path_factory.mktemp('report') / 'report.html'
     file.write_text(build_page(results, [], {'folds': '2'}), encoding='utf-8')

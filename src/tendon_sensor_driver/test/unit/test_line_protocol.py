@@ -375,6 +375,7 @@ def test_a_line_of_a_dialect_is_read_exactly_or_refused(dialect, unit, mark, sam
     ).map(b''.join),
 )
 @example('.', -1, 0, 'kg', b'0 1')
+@example(',', -1, 1, 'kg', b',1')
 def test_a_value_stands_in_its_line_as_it_is_given(mark, time_column, value_column, unit, data):
     if time_column == value_column:
         time_column = -1
