@@ -31,6 +31,8 @@ from tendon_sensor_driver.topic_stream import READERS, ReadingError, TopicStream
 RATE_TOLERANCE = 0.02
 """Largest relative deviation of the rate; windows with a larger one are refused."""
 
+_UNKNOWN = '_NODE_NAME_UNKNOWN_'
+
 LARGEST_DELAY_S = 0.02
 """With a longer delay, the shortest window of the texture protocol may be refused."""
 
@@ -281,6 +283,8 @@ class TopicClient(SensorClient):
             level, reason = qos_check_compatible(info.qos_profile, profile)
             conflict = reason if level == QoSCompatibility.ERROR else None
             node = f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+            # ROS 2 finds a publisher before the name of its node.
+            node = 'another node' if _UNKNOWN in node else node
             found.append(Publisher(node, info.topic_type, conflict))
         return found
 

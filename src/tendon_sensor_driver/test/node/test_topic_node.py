@@ -240,7 +240,8 @@ def test_a_quality_of_service_that_does_not_fit_is_told(topic_graph, make_source
         **{'qos_overrides./force.subscription.reliability': 'reliable'},
     )
     graph.await_health(DiagnosticStatus.ERROR, 'qos_overrides')
-    assert '/broadcaster' in graph.sentence()
+    # The name of the node may be found later than its publisher.
+    graph.spin_until(lambda: '/broadcaster' in graph.sentence())
 
 
 def test_two_publishers_and_stamps_that_stand_still_are_told(topic_graph, make_source):
