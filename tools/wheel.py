@@ -71,7 +71,7 @@ def use(python: Path, folder: Path) -> None:
     told = run([tactile, 'evaluate', bag, '--repetitions', '1', '--json'], folder)
     if json.loads(told)['sets'][0]['trials'] != 96:
         raise SystemExit('evaluate did not count the 96 trials that were simulated')
-    run([tactile, 'compare', model, model, bag, '--json'], folder)
+    run([tactile, 'classify', bag, '--model', model, '--json'], folder)
     run([python, '-c', MODULES, bag, model], folder)
     for arguments in (['sense', '--simulated'], ['demo'], ['rig', '--simulated']):
         run([tactile, *arguments], folder, code=2, says='source a ROS 2 workspace')
