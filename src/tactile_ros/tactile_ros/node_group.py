@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, ExitStack
 import faulthandler
-import gc
 import threading
 import time
 import traceback
@@ -105,10 +104,6 @@ class NodeGroup:
             self._spinning.append((executor, thread))
 
     def __enter__(self) -> NodeGroup:
-        # A full garbage collection holds the interpreter for 0.06 to 0.3 s in a process that has
-        # trained before, and a heartbeat may be 0.4 s late. It skips what exists now.
-        gc.collect()
-        gc.freeze()
         for _, thread in self._spinning:
             thread.start()
         return self

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 
 from dataclasses import make_dataclass
-import gc
 from pathlib import Path
 import subprocess
 import sys
@@ -109,11 +108,3 @@ def test_ctrl_c_while_nodes_are_taken_down_lets_all_of_them_end():
         cwd=Path(__file__).parent,
     )
     assert done.stdout == '[True, True]\n', done.stderr
-
-
-def test_what_exists_at_the_start_is_left_out_of_garbage_collection(context):
-    """A full collection stops every thread, for longer the more objects there are."""
-    before = [[number] for number in range(100_000)]
-    with NodeGroup([Node('any', context=context)], context=context):
-        assert gc.get_freeze_count() > len(before)
-        assert len(gc.get_objects()) < len(before)
