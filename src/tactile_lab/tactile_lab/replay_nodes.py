@@ -151,7 +151,7 @@ def replay_through_nodes(
 
 def _caught_up(features: Any, sent: Mapping[str, int]) -> bool:
     extractor = features.extractor
-    taken = extractor.block_count + extractor.event_count + features.message_guard.refused_count
+    taken = extractor.block_count + extractor.event_count + features.message_guard.refused.count
     return bool(taken >= sum(sent.values()))
 
 

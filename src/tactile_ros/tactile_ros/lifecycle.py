@@ -38,32 +38,32 @@ from tactile_ros.rclpy_internals import (
 )
 
 LOG_PERIOD_S = 10.0
-"""Shortest time between two log messages about refused messages [s]."""
+"""Shortest time between two log messages about refused, or about unpublished, messages [s]."""
 
 SHOWN_S = 10.0
-"""Time for which diagnostics warn about a refused message [s]."""
+"""Time for which diagnostics warn about a refused or unpublished message [s]."""
 
 
 class MessageGuard:
-    """Keeps a node running if a message cannot be converted.
+    """Keeps a node running if a message cannot be converted or published.
 
     If a callback raises `MessageError`, the message is refused and the node continues. Every
     other exception is a fault of the program and ends the node.
 
+    Fast DDS sometimes cannot publish a message while a process that subscribes to its topic ends
+    (ros2/rmw_fastrtps issue 310). Such a message is published once more; if this fails too, the
+    message is lost, as on a network, and the node continues.
+
     Attributes
     ----------
-    refused_count : int
-        Number of messages refused since the node was created.
-    last_reason : str
-        Topic of the last refused message, and the reason.
+    refused, unpublished : MessageFaults
+        The messages that were refused, and those that could not be published.
     """
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self.refused_count = 0
-        self.last_reason = ''
-        self._refused_at_s: float | None = None
-        self._logged_at_s: float | None = None
+        self.refused = MessageFaults(node, 'refused a message')
+        self.unpublished = MessageFaults(node, 'could not publish a message')
 
     def wrap(self, topic: str, callback: Callable[..., Any]) -> Callable[..., Any]:
         """Return a callback for a subscription that refuses messages on `MessageError`."""
@@ -79,30 +79,78 @@ class MessageGuard:
 
     def refuse(self, topic: str, reason: object) -> None:
         """Count and log a refused message."""
+        self.refused.add(topic, reason)
+
+    def wrap_publish(self, topic: str, publish: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Return a ``publish`` that counts and logs a message that cannot be published."""
+
+        def guarded(message: Any) -> None:
+            try:
+                publish(message)
+            except RCLError:
+                if not self._node.context.ok():
+                    raise
+                try:
+                    publish(message)
+                except RCLError as error:
+                    self.unpublished.add(topic, error)
+
+        return guarded
+
+    @property
+    def warning(self) -> str | None:
+        """A message for `SHOWN_S` after a message was refused or lost; otherwise None."""
+        return self.refused.warning or self.unpublished.warning
+
+    @property
+    def values(self) -> dict[str, object]:
+        """Values for diagnostics: count and last reason; no values before the first fault."""
+        values: dict[str, object] = {}
+        if self.refused.count:
+            values['refused_messages'] = self.refused.count
+            values['last_refused_message'] = self.refused.last_reason
+        if self.unpublished.count:
+            values['unpublished_messages'] = self.unpublished.count
+            values['last_unpublished_message'] = self.unpublished.last_reason
+        return values
+
+
+class MessageFaults:
+    """Counts and logs messages with one kind of fault.
+
+    Attributes
+    ----------
+    count : int
+        Number of these messages since the node was created.
+    last_reason : str
+        Topic of the last of these messages, and the reason.
+    """
+
+    def __init__(self, node: Node, what: str) -> None:
+        self._node, self._what = node, what
+        self.count = 0
+        self.last_reason = ''
+        self._at_s: float | None = None
+        self._logged_at_s: float | None = None
+
+    def add(self, topic: str, reason: object) -> None:
+        """Count a message, and log it unless another was logged within `LOG_PERIOD_S`."""
         now_s = time.monotonic()
-        self.refused_count += 1
+        self.count += 1
         self.last_reason = f'{topic}: {reason}'
-        self._refused_at_s = now_s
+        self._at_s = now_s
         if self._logged_at_s is None or now_s - self._logged_at_s >= LOG_PERIOD_S:
             self._logged_at_s = now_s
             self._node.get_logger().error(
-                f'refused a message on {self.last_reason} (refused so far: {self.refused_count})'
+                f'{self._what} on {self.last_reason} (messages so far: {self.count})'
             )
 
     @property
     def warning(self) -> str | None:
-        """A message for `SHOWN_S` after a message was refused; otherwise None."""
-        at_s = self._refused_at_s
-        if at_s is None or time.monotonic() - at_s > SHOWN_S:
+        """A message for `SHOWN_S` after a fault; otherwise None."""
+        if self._at_s is None or time.monotonic() - self._at_s > SHOWN_S:
             return None
-        return f'refused a message on {self.last_reason}'
-
-    @property
-    def values(self) -> dict[str, object]:
-        """Values for diagnostics: count and last reason; no values before a refused message."""
-        if not self.refused_count:
-            return {}
-        return {'refused_messages': self.refused_count, 'last_refused_message': self.last_reason}
+        return f'{self._what} on {self.last_reason}'
 
 
 Config = TypeVar('Config')
@@ -248,7 +296,8 @@ class TactileNode(LifecycleNode):
     ending : threading.Event
         Set when the process must end. Long waits in ``set_up`` must wait for this event.
     message_guard : MessageGuard
-        Guards every subscription of the node: a callback may raise `MessageError`.
+        Guards every subscription of the node: a callback may raise `MessageError`. It guards
+        every publisher, too.
     """
 
     is_finished = False
@@ -258,6 +307,8 @@ class TactileNode(LifecycleNode):
 
     def __init__(self, name: str, config_class: type, **node_options: Any) -> None:
         self.ending = threading.Event()
+        self._periodics: list[Periodic] = []
+        self._is_destroyed = False
         self.message_guard = MessageGuard(self)
         super().__init__(name, **node_options)
         self._config_class = config_class
@@ -283,6 +334,20 @@ class TactileNode(LifecycleNode):
         guarded = self.message_guard.wrap(topic, callback)
         return super().create_subscription(message_type, topic, guarded, *args, **opts)
 
+    def create_publisher(self, message_type: Any, topic: str, *args: Any, **opts: Any) -> Any:
+        """Create a publisher that survives a message that cannot be published."""
+        publisher = super().create_publisher(message_type, topic, *args, **opts)
+        publisher.publish = self.message_guard.wrap_publish(topic, publisher.publish)
+        return publisher
+
+    def create_lifecycle_publisher(
+        self, message_type: Any, topic: str, *args: Any, **opts: Any
+    ) -> Any:
+        """Create a lifecycle publisher that survives a message that cannot be published."""
+        publisher = super().create_lifecycle_publisher(message_type, topic, *args, **opts)
+        publisher.publish = self.message_guard.wrap_publish(topic, publisher.publish)
+        return publisher
+
     def create_stream_publisher(
         self, message_type: Any, topic: str, profile: QoSProfile = STREAM
     ) -> Any:
@@ -300,8 +365,9 @@ class TactileNode(LifecycleNode):
     def call_every(self, period_s: float, callback: Callable[[], object]) -> Periodic:
         """Call ``callback`` every ``period_s`` [s] of the monotonic clock.
 
-        The callback runs on the thread of periodic calls. Its exceptions end the node's executor,
-        like exceptions of the node's other callbacks.
+        The callback runs on the thread of periodic calls, until the returned `Periodic` is
+        cancelled or the node is destroyed. Its exceptions end the node's executor, like exceptions
+        of the node's other callbacks.
         """
         return self._call_on(SLOW_CALLS, period_s, callback)
 
@@ -313,10 +379,11 @@ class TactileNode(LifecycleNode):
                 callback()
             except Exception as error:
                 periodic.cancel()
-                if self.context.ok():
+                if self.context.ok() and not self._is_destroyed:
                     self._fail(error)
 
         periodic = ticker.every(period_s, call)
+        self._periodics = [known for known in self._periodics if known.is_running] + [periodic]
         return periodic
 
     def _fail(self, error: Exception) -> None:
@@ -325,11 +392,13 @@ class TactileNode(LifecycleNode):
         def fail() -> None:
             raise error
 
-        executor = self.executor
-        if executor is None:
-            self.get_logger().fatal(f'a callback failed: {error!r}')
-        else:
-            executor.create_task(fail)
+        try:
+            if self.executor is not None:
+                self.executor.create_task(fail)
+                return
+        except AttributeError:  # rclpy, of an executor that was shut down
+            pass
+        self.get_logger().fatal(f'a callback failed: {error!r}')
 
     def set_up(self, config: Any) -> None: ...
 
@@ -405,6 +474,9 @@ class TactileNode(LifecycleNode):
             self.destroy_node()
 
     def destroy_node(self) -> None:
+        self._is_destroyed = True
+        for periodic in self._periodics:
+            periodic.cancel()
         # The log level belongs to the name; reset it for the next node with this name.
         self.get_logger().set_level(LoggingSeverity.UNSET)
         super().destroy_node()

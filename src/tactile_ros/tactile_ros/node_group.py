@@ -25,6 +25,7 @@ from tactile_ros.process import (
     ignore_signals,
     ignoring_terminal_stops,
     keep_heap_small,
+    short_collections,
     Signals,
     STDERR,
     uninterrupted,
@@ -53,6 +54,8 @@ class NodeGroup:
     Quiet nodes of a class share one executor, every other node has a separate one. Each time an
     executor wakes up, it checks all entities of its nodes. The executor of quiet nodes is woken
     only by requests and trial events; see docs/decisions/0006-executor.md.
+
+    Garbage collections are short meanwhile; see `tactile_ros.process.short_collections`.
 
     On close, running goals are ended first, while the executors still run, so that devices come
     to rest with a working graph. Then each `TactileNode` is taken down and any other node
@@ -88,6 +91,7 @@ class NodeGroup:
         self._on_end = on_end
         self._ending = threading.Event()
         self._end_lock = threading.Lock()
+        self._collections = ExitStack()
         self.ended = threading.Event()
         self.error: Exception | None = None
         self._spinning: list[tuple[SingleThreadedExecutor, threading.Thread]] = []
@@ -104,6 +108,7 @@ class NodeGroup:
             self._spinning.append((executor, thread))
 
     def __enter__(self) -> NodeGroup:
+        self._collections.enter_context(short_collections())
         for _, thread in self._spinning:
             thread.start()
         return self
@@ -177,6 +182,7 @@ class NodeGroup:
                 _logger().error(f'{name} failed while it ended:\n{traceback.format_exc()}')
         for executor, _ in spinning:
             executor.shutdown()
+        self._collections.close()
 
 
 def _spin_once(executor: SingleThreadedExecutor) -> None:

@@ -24,6 +24,11 @@ class Periodic:
         self.callback = callback
         self.due_s = time.monotonic() + period_s
 
+    @property
+    def is_running(self) -> bool:
+        """False after `cancel`."""
+        return self.callback is not _do_nothing
+
     def cancel(self) -> None:
         """End the periodic call, without waiting for a call that is running."""
         self._ticker.remove(self)

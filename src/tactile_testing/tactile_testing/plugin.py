@@ -7,6 +7,7 @@ Each package names it in ``setup.cfg``, so that ``colcon test`` and ``pytest`` l
 Programs have a ROS domain of this process's own, and hear Ctrl-C.
 """
 
+import gc
 import os
 import signal
 
@@ -22,6 +23,15 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
+def pytest_collection_finish():
+    """Keep garbage collections short, as `tactile_ros.process.short_collections` does.
+
+    Nodes under test must not stand still because this process has imported many modules.
+    """
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope='session', autouse=True)

@@ -70,8 +70,8 @@ def test_nodes_outlive_unknown_values_and_tell_of_them(context, trained, tmp_pat
         events.publish(TrialEvent(trial_id='a', phase='dance'))
         features.publish(TactileFeatures(outcome=9))
         for name in listeners:
-            wait_until(lambda name=name: nodes[name].message_guard.refused_count == 4)
-        wait_until(lambda: nodes[CLASSIFIER_NODE].message_guard.refused_count == 1)
+            wait_until(lambda name=name: nodes[name].message_guard.refused.count == 4)
+        wait_until(lambda: nodes[CLASSIFIER_NODE].message_guard.refused.count == 1)
         wait_until(lambda: reasons.keys() == {*listeners, CLASSIFIER_NODE})
         assert 'outcome is 9' in reasons[CLASSIFIER_NODE]
         assert 'cannot be audited' in reasons['bag_recorder']

@@ -18,6 +18,7 @@ from tactile_ros.errors import MessageError
 from tactile_ros.health import Diagnostics, Health, OK, WARN
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.qos import CLOCK, STREAM
+from tactile_ros.rclpy_internals import RCLError
 from tactile_testing.waiting import read_stderr, wait_until
 
 DEADLINE_S = 10.0
@@ -56,8 +57,8 @@ def test_a_message_is_refused_or_unusable_and_only_a_fault_of_the_program_ends_t
     for number in (1, -2, 3, -4, 5):
         publisher.publish(Int32(data=number))
     wait_until(lambda: listener.numbers == [1, 3, 5])
-    assert listener.message_guard.refused_count == 2
-    assert listener.message_guard.last_reason == 'numbers: data is -4; it must not be negative'
+    assert listener.message_guard.refused.count == 2
+    assert listener.message_guard.refused.last_reason == 'numbers: data is -4; it must not be negative'
     assert not group.ended.is_set()
     publisher.publish(Int32(data=13))
     assert group.ended.wait(DEADLINE_S)
@@ -89,12 +90,51 @@ def test_the_log_mentions_refused_messages_now_and_then(graph, capfd, monkeypatc
     for number in (-1, -2, -3, 1):
         publisher.publish(Int32(data=number))
     wait_until(lambda: listener.numbers == [1])  # the third refusal is over
-    assert listener.message_guard.refused_count == 3
+    assert listener.message_guard.refused.count == 3
     monkeypatch.setattr(lifecycle, 'LOG_PERIOD_S', 0.0)
     publisher.publish(Int32(data=-4))
-    wait_until(lambda: listener.message_guard.refused_count == 4)
-    wait_until(lambda: 'refused so far: 4' in read_stderr())
+    wait_until(lambda: listener.message_guard.refused.count == 4)
+    wait_until(lambda: '(messages so far: 4)' in read_stderr())
     assert capfd.readouterr().err.count('refused a message on numbers') == 2
+
+
+def test_a_node_survives_messages_that_cannot_be_published(graph, capfd):
+    """Fast DDS fails now and then while a process that subscribes ends."""
+    listener, _, _, group = graph
+    sent, failures = [], 3
+
+    def publish(message):
+        nonlocal failures
+        if failures:
+            failures -= 1
+            raise RCLError('cannot publish data')
+        sent.append(message)
+
+    guarded = listener.message_guard.wrap_publish('strain', publish)
+    for number in range(3):
+        guarded(number)
+    assert sent == [1, 2]  # the first failed twice, the second once
+    assert listener.message_guard.unpublished.count == 1
+    assert listener.message_guard.warning.startswith('could not publish a message on strain')
+    assert listener.message_guard.values['unpublished_messages'] == 1
+    assert not group.ended.is_set()
+    wait_until(lambda: 'could not publish a message on strain' in read_stderr())
+
+
+def test_every_publisher_of_a_node_is_guarded(context, monkeypatch):
+    def fail(*_):
+        raise RCLError('cannot publish data')
+
+    listener = Listener(context=context)
+    monkeypatch.setattr('rclpy.publisher.Publisher.publish', fail)
+    listener.trigger_configure()
+    listener.trigger_activate()
+    listener.create_publisher(Int32, 'plain', STREAM).publish(Int32())
+    stream = listener.create_stream_publisher(Int32, 'stream', STREAM)
+    stream.on_activate(None)
+    stream.publish(Int32())
+    assert listener.message_guard.unpublished.count == 2
+    listener.take_down()
 
 
 def test_an_impossible_clock_does_not_end_a_node(context, spun):

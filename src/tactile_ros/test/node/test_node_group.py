@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 from dataclasses import make_dataclass
+import gc
 from pathlib import Path
 import subprocess
 import sys
@@ -108,3 +109,18 @@ def test_ctrl_c_while_nodes_are_taken_down_lets_all_of_them_end():
         cwd=Path(__file__).parent,
     )
     assert done.stdout == '[True, True]\n', done.stderr
+
+
+def test_garbage_collections_skip_what_existed_when_the_nodes_started(context):
+    """A full collection stops every thread, for longer the more objects there are."""
+    frozen = gc.get_freeze_count()
+    gc.unfreeze()  # as in a program
+    try:
+        before = [[number] for number in range(100_000)]
+        with NodeGroup([Node('any', context=context)], context=context):
+            assert gc.get_freeze_count() > len(before)
+            assert len(gc.get_objects()) < len(before)
+        assert gc.get_freeze_count() == 0
+    finally:
+        if frozen:
+            gc.freeze()

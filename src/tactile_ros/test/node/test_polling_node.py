@@ -9,6 +9,7 @@ import threading
 import pytest
 import rclpy
 from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import Int32
@@ -72,7 +73,7 @@ def test_messages_come_in_order_on_the_thread_of_the_node_until_a_fault_of_the_p
     assert listener.threads == {'topics of listener'}
     publish(publisher, (1, -1, 2))
     wait_until(lambda: listener.values[500:] == [1, 2])
-    assert listener.message_guard.refused_count == 1
+    assert listener.message_guard.refused.count == 1
     assert not group.ended.is_set()
     publish(publisher, [99_999])
     assert group.ended.wait(DEADLINE_S)
@@ -168,6 +169,28 @@ def test_polling_ends_with_its_context():
     wait_until(lambda: not [t for t in threading.enumerate() if t.name == 'topics of listener'])
 
 
+def test_a_node_that_is_destroyed_meanwhile_does_not_end_the_periodic_calls_of_others(context):
+    first, other = (Listener(name, context=context) for name in ('first', 'other'))
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(first)
+    is_called, is_destroyed = threading.Event(), threading.Event()
+
+    def use_destroyed_node():
+        is_called.set()
+        assert is_destroyed.wait(DEADLINE_S)
+        first.count_publishers('numbers')
+
+    first.call_every(0.001, use_destroyed_node)
+    assert is_called.wait(DEADLINE_S)
+    executor.shutdown()
+    first.destroy_node()
+    is_destroyed.set()
+    looks = threading.Semaphore(0)
+    other.call_every(0.001, looks.release)
+    assert looks.acquire(timeout=DEADLINE_S)
+    other.destroy_node()
+
+
 class Doubling(Stage):
     """A stage that emits twice its input, and counts the messages that it creates."""
 
@@ -227,7 +250,7 @@ def test_one_stage_after_the_other_by_calls_and_by_topics(context, spun, by_call
     for number in (1, -1, 2):
         take(number)
     wait_until(lambda: results == [4, 8])
-    assert first.message_guard.refused_count == 1
+    assert first.message_guard.refused.count == 1
     assert first.stage.built == ([] if by_calls else [2, 4])
     heard = []
     outside = peer.create_subscription(
