@@ -49,6 +49,7 @@ html_copy_source = False
 # Packages import their parts on first use; autodoc sees only what is imported.
 for package in (
     'linear_guide_driver',
+    'tactile_analysis',
     'tactile_bags',
     'tactile_classifier',
     'tactile_features',

@@ -17,7 +17,7 @@ BEGIN, END = '<!-- modules: begin -->\n', '<!-- modules: end -->\n'
 
 LAYERS = (
     ('tactile_lab',),
-    ('tactile_bringup',),
+    ('tactile_bringup', 'tactile_analysis'),
     ('tactile_sim', 'tactile_bags'),
     ('tactile_classifier',),
     ('tendon_sensor_driver', 'linear_guide_driver', 'tactile_features'),

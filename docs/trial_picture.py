@@ -21,10 +21,10 @@ from matplotlib.patches import Circle, Polygon
 import numpy as np
 from numpy.typing import NDArray
 
+from tactile_analysis.plots import draw_spectrum, shade_phases
 from tactile_bringup.trial_protocols import TrialConfig
 from tactile_features.config import FeatureConfig
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
-from tactile_lab.plots import draw_spectrum, shade_phases
 from tactile_lab.simulation.simulated_trials import plan_trial, SimulationPlan, TrialSchedule
 from tactile_ros.errors import TactileError
 from tactile_sim.descriptions.catalogue import Catalogue

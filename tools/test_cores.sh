@@ -9,7 +9,7 @@ python=${1:-python}
 cd "$(dirname "$0")/.."
 PYTHONPATH=$(printf '%s:' "$PWD"/src/*/)
 export PYTHONPATH
-for package in linear_guide_driver tactile_classifier tactile_features tactile_sim tendon_sensor_driver; do
+for package in linear_guide_driver tactile_analysis tactile_classifier tactile_features tactile_sim tendon_sensor_driver; do
     echo "$package"
     (cd "src/$package" && "$python" -m pytest -q -p no:cacheprovider test/unit $(ls -d test/analysis 2> /dev/null))
 done

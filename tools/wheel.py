@@ -22,10 +22,10 @@ ROOT = Path(__file__).resolve().parent.parent
 
 MODULES = """
 import sys
-import tactile_bags, tactile_classifier, tactile_features, tactile_lab, tactile_sim
+import tactile_analysis, tactile_bags, tactile_classifier, tactile_features, tactile_lab, tactile_sim
 from tactile_bags.bag_reader import TactileBag
 from tactile_classifier import load_model
-from tactile_lab.datasets.feature_tables import read_tables
+from tactile_analysis import read_tables
 from pathlib import Path
 
 bag, model = Path(sys.argv[1]), load_model(sys.argv[2])

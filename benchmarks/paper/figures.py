@@ -25,8 +25,8 @@ from benchmarks.paper.reproduction import (
     UNITS,
 )
 from benchmarks.paper.statements import BEST, LEVEL, STIFFNESS_LEAST
+from tactile_analysis.report.drawings import draw_matrix
 from tactile_classifier.evaluation.significance import rank_sum_p_values
-from tactile_lab.report.drawings import draw_matrix
 
 Results = dict[tuple[str, str], Result]
 

@@ -19,8 +19,6 @@ setup(
         'lz4>=4.0',
         'mcap',
         'numpy>=1.26',
-        'pandas>=2.1',
-        'pyarrow',
         'PyYAML>=6.0',
         'rosbags',
         'zstandard',

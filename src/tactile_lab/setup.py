@@ -9,7 +9,7 @@ setup(
     name=package_name,
     version='0.1.0',
     packages=find_packages(exclude=['test*']),
-    package_data={package_name: ['py.typed', 'report/templates/*', 'watch/page/*']},
+    package_data={package_name: ['py.typed', 'watch/page/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
@@ -19,7 +19,6 @@ setup(
         'aiohttp>=3.9',
         'Jinja2>=3.1',
         'joblib>=1.3',
-        'matplotlib>=3.6',
         'numpy>=1.26',
         'pyarrow',
         'pyserial>=3.5',

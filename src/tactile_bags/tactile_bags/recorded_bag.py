@@ -18,8 +18,8 @@ from tactile_bags.errors import BagDamageError
 from tactile_bags.experiment_journal import Correction, experiment_of, read_corrections
 from tactile_bags.message_records import KeptMessage, read_records, RECORDED_TYPES
 from tactile_bags.recorded_setup import nominal_rate_hz
-from tactile_bags.sources.raw_trials import RawTrial
-from tactile_bags.trial import Signal, Trial
+from tactile_bags.trial import mean_period_s, Signal, Trial
+from tactile_features.config import round_rate
 from tactile_features.records import PHASE_ABORTED, PHASE_DONE, TrialEvent
 from tactile_ros.strain import StrainStatus
 from tactile_ros.topics import CLASSIFICATION, EVENT, STRAIN
@@ -146,7 +146,8 @@ class RecordedBag(TactileBag):
         if nominal_hz := nominal_rate_hz(self, namespace):
             return nominal_hz
         stamps_ns = self.strain(namespace)[0]
-        return RawTrial('', np.empty((1, 0)), 1e-9 * (stamps_ns - stamps_ns[:1])).rate_hz
+        period_s = mean_period_s(1e-9 * (stamps_ns - stamps_ns[:1]))
+        return None if period_s is None else round_rate(1.0 / period_s)
 
     def trials(self, namespace: str) -> list[Trial]:
         """Return the trials of a finger in the order of their first events."""

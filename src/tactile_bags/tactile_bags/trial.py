@@ -107,3 +107,14 @@ class Trial:
     @property
     def simulated(self) -> bool:
         return bool(self.columns.get('simulated', False))
+
+
+def mean_period_s(time_s: NDArray[np.float64] | None) -> float | None:
+    """Return the mean time between consecutive samples without pauses [s]; None if unknown."""
+    if time_s is None or len(time_s) < 2:
+        return None
+    steps = np.diff(time_s)
+    steps = steps[np.isfinite(steps) & (steps > 0.0)]
+    if not len(steps):
+        return None
+    return float(steps[steps <= 1.5 * np.median(steps)].mean())

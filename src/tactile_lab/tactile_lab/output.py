@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 from tactile_lab.console import PlainConsole, Table
-from tactile_ros.errors import TactileError
+from tactile_ros.errors import named_errors, TactileError
 
 if TYPE_CHECKING:
     import pyarrow
@@ -103,15 +103,6 @@ def make_output_folder(folder: Path) -> None:
     """Create a folder for results, before the computation of the results."""
     with named_errors('make the folder', folder):
         folder.mkdir(parents=True, exist_ok=True)
-
-
-@contextmanager
-def named_errors(task: str, path: Path) -> Iterator[None]:
-    """Convert an OSError to a `TactileError` that names the task and the path."""
-    try:
-        yield
-    except OSError as error:
-        raise TactileError(f'cannot {task} {path}: {error.strerror or error}') from error
 
 
 def refuse_suffix(option: str, path: Path, suffixes: Sequence[str]) -> None:

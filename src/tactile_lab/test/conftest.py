@@ -83,10 +83,10 @@ def opened(monkeypatch):
 @pytest.fixture(scope='session')
 def trained(stiffness_bag, tmp_path_factory):
     """Return a folder with a model that was trained on the small recording."""
+    from tactile_analysis.datasets.feature_tables import read_tables
     from tactile_classifier.training.model_writer import write_model
     from tactile_classifier.training.trainer import train
     from tactile_lab.commands.train import model_path
-    from tactile_lab.datasets.feature_tables import read_tables
 
     folder = tmp_path_factory.mktemp('models')
     for (task, contact), table in read_tables([stiffness_bag]).tables.items():

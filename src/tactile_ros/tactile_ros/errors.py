@@ -3,6 +3,10 @@
 
 """Exceptions that several packages share; independent of ROS."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
 
 class TactileError(Exception):
     """A request of the user cannot be fulfilled.
@@ -10,6 +14,15 @@ class TactileError(Exception):
     The message is a sentence for the user. It states the problem, the thing that has it, and a
     remedy.
     """
+
+
+@contextmanager
+def named_errors(task: str, path: Path) -> Iterator[None]:
+    """Convert an OSError to a `TactileError` that names the task and the path."""
+    try:
+        yield
+    except OSError as error:
+        raise TactileError(f'cannot {task} {path}: {error.strerror or error}') from error
 
 
 def plain_text(text: str, keep: str = '') -> str:

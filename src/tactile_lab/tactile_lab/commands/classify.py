@@ -14,7 +14,7 @@ from tactile_lab.output import Output
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
-    from tactile_lab.datasets.classified import ClassifiedTrial
+    from tactile_analysis.datasets.classified import ClassifiedTrial
 
 
 def classify(
@@ -52,10 +52,10 @@ def classify(
     ``--json`` prints every probability and score. The command exits with 2 when no trial can be
     classified.
     """
-    from tactile_bags.sources.files import SourceOptions
-    from tactile_lab.datasets.classified import classify_recording, count_right
-    from tactile_lab.datasets.feature_tables import load_recording
-    from tactile_lab.datasets.reading import Reading
+    from tactile_analysis.datasets.classified import classify_recording, count_right
+    from tactile_analysis.datasets.feature_tables import load_recording
+    from tactile_analysis.datasets.reading import Reading
+    from tactile_analysis.sources.files import SourceOptions
 
     output = Output(as_json)
     with (

@@ -74,12 +74,12 @@ def demo(
     """
     from domain_coordinator import domain_id
 
+    from tactile_analysis.datasets.feature_tables import open_features
+    from tactile_analysis.datasets.reading import Reading
     from tactile_bringup.launch_config.graph import Ports
     from tactile_lab.commands.replay import print_report, replay_and_compare
     from tactile_lab.commands.simulate import make_bags
     from tactile_lab.commands.train import read_with_progress, train_models
-    from tactile_lab.datasets.feature_tables import open_features
-    from tactile_lab.datasets.reading import Reading
     from tactile_lab.experiment.live_rig import LiveSetup, run_live_trials
     from tactile_lab.simulation.simulated_bags import paper_plans
     from tactile_lab.watch.access import WatchOptions
@@ -196,8 +196,8 @@ def draw_plots(
 
 def draw_trace(path: Path, bag: 'RecordedBag', request: 'TrialRequest') -> None:
     """Draw a recorded stiffness trial: tension, phases, the window and its fitted line."""
+    from tactile_analysis.plots import plot_strain
     from tactile_bags.replay import recorded_results
-    from tactile_lab.plots import plot_strain
 
     (trial,) = (trial for trial in bag.trials('') if trial.name == request.trial_id)
     assert trial.begin_ns is not None
@@ -220,7 +220,7 @@ def draw_spectra(path: Path, table: 'FeatureTable') -> None:
     """Draw the spectrum of the first trial on each plate."""
     import numpy as np
 
-    from tactile_lab.plots import plot_spectra
+    from tactile_analysis.plots import plot_spectra
     from tactile_sim.descriptions.catalogue import list_objects
 
     labels = [label for label in list_objects('texture') if label in table.labels]

@@ -14,7 +14,7 @@ from tactile_lab.output import Output
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
-    from tactile_lab.report.analysis import SetResult
+    from tactile_analysis.report.analysis import SetResult
 
 STATED = (
     'task', 'channel', 'where', 'train_where', 'test_where', 'crop', 'resample_hz', 'over',
@@ -122,13 +122,13 @@ def evaluate(
             recordings, task, model, group or [], archives, statements, Output(as_json)
         )
         return
-    from tactile_bags.sources.files import SourceOptions
+    from tactile_analysis.datasets.automatic_features import AUTO, choose_automatically
+    from tactile_analysis.datasets.feature_tables import open_features
+    from tactile_analysis.datasets.reading import Reading
+    from tactile_analysis.report.analysis import analyse
+    from tactile_analysis.report.recordings import make_sets
+    from tactile_analysis.sources.files import SourceOptions
     from tactile_lab.cluster import on_cluster
-    from tactile_lab.datasets.automatic_features import AUTO, choose_automatically
-    from tactile_lab.datasets.feature_tables import open_features
-    from tactile_lab.datasets.reading import Reading
-    from tactile_lab.report.analysis import analyse
-    from tactile_lab.report.recordings import make_sets
 
     output = Output(as_json)
     is_auto = features == AUTO
@@ -144,8 +144,8 @@ def evaluate(
     hold_out = [options.split(names) for names in group or ()]
     file = None
     if report is not None:
-        from tactile_lab.report.build import build_page, report_path  # matplotlib
-        from tactile_lab.report.summary import describe_sources
+        from tactile_analysis.report.build import build_page, report_path  # matplotlib
+        from tactile_analysis.report.summary import describe_sources
 
         file = report_path(report)
     with on_cluster(cluster):
@@ -208,10 +208,11 @@ def _evaluate_models(
     statements: options.Statements,
     output: Output,
 ) -> None:
-    from tactile_bags.sources.files import SourceOptions
-    from tactile_lab.datasets.feature_tables import load_recording
-    from tactile_lab.datasets.model_accuracy import evaluate_models, format_evaluation
-    from tactile_lab.datasets.reading import Reading
+    from tactile_analysis.datasets.feature_tables import load_recording
+    from tactile_analysis.datasets.model_accuracy import evaluate_models
+    from tactile_analysis.datasets.reading import Reading
+    from tactile_analysis.sources.files import SourceOptions
+    from tactile_lab.result_tables import format_evaluation
 
     for name, values, most in (('--model', models, 2), ('--group', group, 1)):
         if len(values) > most:
@@ -231,19 +232,15 @@ def _evaluate_models(
 
 
 def _print(result: 'SetResult', output: Output) -> None:
-    from tactile_classifier.model_file.manifest import format_features
-    from tactile_lab.datasets.tables import (
-        accuracy_caption,
-        accuracy_table,
-        format_warnings,
-        recall_table,
-    )
-    from tactile_lab.report.summary import (
+    from tactile_analysis.report.summary import (
         answer_rows,
         format_accuracy,
         format_first_sentence,
         format_model,
     )
+    from tactile_analysis.wording import accuracy_caption, format_warnings
+    from tactile_classifier.model_file.manifest import format_features
+    from tactile_lab.result_tables import accuracy_table, recall_table
 
     output.say(
         f'{result.recordings.title}: {format_first_sentence(result)}',

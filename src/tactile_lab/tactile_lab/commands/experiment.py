@@ -14,9 +14,9 @@ from typer.core import TyperGroup
 
 from tactile_lab import options
 from tactile_lab.console import Table
-from tactile_lab.output import named_errors, Output, refuse_to_replace, write_atomically
+from tactile_lab.output import Output, refuse_to_replace, write_atomically
 from tactile_lab.usage import WholeNames
-from tactile_ros.errors import TactileError
+from tactile_ros.errors import named_errors, TactileError
 
 if TYPE_CHECKING:
     from tactile_bringup.trial_protocols import TrialRequest

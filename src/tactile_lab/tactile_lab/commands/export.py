@@ -13,16 +13,17 @@ import typer
 
 from tactile_lab import options
 from tactile_lab.output import (
-    named_errors,
     Output,
     refuse_suffix,
     refuse_to_replace,
     TABLES,
     write_table,
 )
+from tactile_ros.errors import named_errors
 
 if TYPE_CHECKING:
-    from tactile_bags import Recording, Trial
+    from tactile_analysis import Recording
+    from tactile_bags import Trial
 
 _SIZES = {
     'n<1K': 1e3,
@@ -51,7 +52,7 @@ def export(
     Markdown with the fields that dataset hubs read; add the licence yourself. `tactile import`
     reads the table. Excluded trials are not written.
     """
-    from tactile_bags import Recording, SourceOptions
+    from tactile_analysis import Recording, SourceOptions
 
     output = Output(as_json)
     refuse_suffix('--output', file, TABLES)
@@ -102,7 +103,7 @@ def format_card(file: Path, recording: 'Recording', trials: 'Sequence[Trial]', t
         'configs': [{'config_name': 'default', 'data_files': file.name}],
     }
     environment = Environment(
-        loader=PackageLoader('tactile_lab.report'),
+        loader=PackageLoader('tactile_analysis.report'),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

@@ -52,9 +52,9 @@ def features(
     """
     import numpy as np
 
-    from tactile_bags.sources.files import SourceOptions
-    from tactile_lab.datasets.feature_tables import open_features
-    from tactile_lab.datasets.reading import Reading, select_features
+    from tactile_analysis.datasets.feature_tables import open_features
+    from tactile_analysis.datasets.reading import Reading, select_features
+    from tactile_analysis.sources.files import SourceOptions
 
     output = Output(as_json)
     refuse_suffix('--output', file, TABLES)

@@ -9,11 +9,11 @@ from typing import Annotated, Optional, TYPE_CHECKING
 import typer
 
 from tactile_lab import options
-from tactile_lab.output import named_errors, Output, PICTURES, refuse_suffix, refuse_to_replace
-from tactile_ros.errors import TactileError
+from tactile_lab.output import Output, PICTURES, refuse_suffix, refuse_to_replace
+from tactile_ros.errors import named_errors, TactileError
 
 if TYPE_CHECKING:
-    from tactile_bags import Recording
+    from tactile_analysis import Recording
     from tactile_classifier.datasets.archive import LabelledTrials
 
 SHOWN_LABELS = 12
@@ -51,7 +51,7 @@ def import_recordings(
     """
     import numpy as np
 
-    from tactile_bags import Recording, SourceOptions
+    from tactile_analysis import Recording, SourceOptions
     from tactile_classifier.datasets.archive import save_archive
 
     output = Output(as_json)
@@ -115,7 +115,7 @@ def import_recordings(
 
 def next_command(archive: Path, trials: 'LabelledTrials') -> list[str]:
     """Return the command that evaluates an archive with groups held out, then remarks on it."""
-    from tactile_bags.sources.files import find_group_word, GROUP_WORDS
+    from tactile_analysis.sources.files import find_group_word, GROUP_WORDS
 
     command = f'tactile evaluate {archive} --task texture (or stiffness)'
     words = {name: find_group_word(name) for name in trials.columns}
@@ -151,7 +151,7 @@ def _can_hold_out(trials: 'LabelledTrials', name: str) -> bool:
 
 
 def _draw(plot: Path, recording: 'Recording', trials: 'LabelledTrials') -> None:
-    from tactile_lab.plots import plot_signals
+    from tactile_analysis.plots import plot_signals
 
     usable = [trial for trial in recording.trials if not trial.why_not]
     first = list({trial.label: trial for trial in reversed(usable)}.values())[::-1]

@@ -11,11 +11,12 @@ import typer
 
 from tactile_lab import options
 from tactile_lab.console import Cell, Prose, Table
-from tactile_lab.output import named_errors, Output, PICTURES, refuse_suffix
-from tactile_ros.errors import TactileError
+from tactile_lab.output import Output, PICTURES, refuse_suffix
+from tactile_ros.errors import named_errors, TactileError
 
 if TYPE_CHECKING:
-    from tactile_bags import Recording, Trial
+    from tactile_analysis import Recording
+    from tactile_bags import Trial
 
 SHOWN = 20
 """Number of trials in the terminal's table; JSON has all."""
@@ -88,10 +89,10 @@ def show(
 
 
 def _open(path: Path) -> 'Recording':
+    from tactile_analysis.recording import OWN, Recording
+    from tactile_analysis.sources.files import find_leaves, SourceKind
     from tactile_bags.experiment_journal import is_experiment
     from tactile_bags.recorded_bag import RecordedBag
-    from tactile_bags.recording import OWN, Recording
-    from tactile_bags.sources.files import find_leaves, SourceKind
 
     inside = sorted([p.parent for p in path.glob('*/metadata.yaml')] + [*path.glob('*.npz')])
     if inside and not (path / 'metadata.yaml').exists() and not is_experiment(path):
@@ -206,8 +207,8 @@ def describe_card(path: Path) -> Contents:
 
 def _draw(plot: Path, path: Path, recording: 'Recording', trial: Optional[int]) -> str:
     """Draw one trial, or all trials of an experiment; return what was drawn."""
+    from tactile_analysis.plots import plot_all_trials, plot_signals, plot_strain
     from tactile_bags.experiment_journal import is_experiment
-    from tactile_lab.plots import plot_all_trials, plot_signals, plot_strain
 
     trials = [t for t in recording.trials if recording.is_own or not t.why_not]
     with named_errors('write', plot):

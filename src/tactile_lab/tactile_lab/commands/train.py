@@ -17,12 +17,12 @@ from tactile_lab.output import make_output_folder, Output, refuse_to_replace
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
+    from tactile_analysis.datasets.automatic_features import Chosen
+    from tactile_analysis.datasets.feature_tables import FeatureTables, RecordingFeatures
     from tactile_classifier.datasets.dataset import FeatureTable
     from tactile_classifier.evaluation.cross_validation import Evaluation
     from tactile_classifier.model_file.manifest import Manifest
     from tactile_classifier.training.feature_choice import FeatureChoice
-    from tactile_lab.datasets.automatic_features import Chosen
-    from tactile_lab.datasets.feature_tables import FeatureTables, RecordingFeatures
 
 
 FULL = 'full'
@@ -157,11 +157,11 @@ def train(
     scores are calibrated probabilities. It classifies windows that differ from all training trials
     as *unknown*. Existing model files are only replaced with --force.
     """
-    from tactile_bags.sources.files import SourceOptions
+    from tactile_analysis.datasets.automatic_features import AUTO, choose_automatically
+    from tactile_analysis.datasets.feature_tables import open_features
+    from tactile_analysis.datasets.reading import Reading
+    from tactile_analysis.sources.files import SourceOptions
     from tactile_lab.cluster import on_cluster
-    from tactile_lab.datasets.automatic_features import AUTO, choose_automatically
-    from tactile_lab.datasets.feature_tables import open_features
-    from tactile_lab.datasets.reading import Reading
 
     output = Output(as_json)
     if features == AUTO and classifier:
@@ -236,10 +236,10 @@ def train(
 
 
 def _check_sets(features: str) -> None:
+    from tactile_analysis.datasets.automatic_features import AUTO
+    from tactile_analysis.datasets.reading import list_sets
     from tactile_features.feature_sets.registry import list_feature_sets
     from tactile_features.records import PHASE_GLIDE, PHASE_HOLD
-    from tactile_lab.datasets.automatic_features import AUTO
-    from tactile_lab.datasets.reading import list_sets
 
     if not list_sets(features):
         raise TactileError(
@@ -265,8 +265,8 @@ def parse_lengths(text: str) -> list[Optional[float]]:
 
 def say_lengths(trained: Sequence[TrainedModel], picture: Path, output: Output) -> None:
     """Print the accuracy by length of the window, and draw it."""
+    from tactile_analysis.plots import plot_accuracy_by_length
     from tactile_lab.console import Table
-    from tactile_lab.plots import plot_accuracy_by_length
 
     columns = ('model', 'window [s]', 'accuracy [%]', 'trials', 'tested by')
     table = Table(*columns, title='accuracy by length', right_from=1)
@@ -328,19 +328,18 @@ def train_models(
     """
     import numpy as np
 
+    from tactile_analysis.wording import (
+        accuracy_caption,
+        describe_answers,
+        format_warnings,
+    )
     from tactile_classifier.estimators.classifiers import default_scaling
     from tactile_classifier.model_file.manifest import format_features
     from tactile_classifier.records import CLASSIFIER_TITLES, SCALING_TITLES
     from tactile_classifier.training.model_writer import write_model
     from tactile_classifier.training.trainer import check_size
     from tactile_classifier.training.trainer import train as train_model
-    from tactile_lab.datasets.tables import (
-        accuracy_caption,
-        accuracy_table,
-        choice_table,
-        describe_answers,
-        format_warnings,
-    )
+    from tactile_lab.result_tables import accuracy_table, choice_table
 
     for table in tables.values():
         check_size(table)
@@ -397,9 +396,9 @@ def _evaluate(
     output: Output,
 ) -> 'Evaluation':
     """Cross-validate the classifiers by held-out groups, or by random folds if there are none."""
+    from tactile_analysis.datasets.automatic_features import find_sessions
     from tactile_classifier.datasets.splits import choose_repetitions
     from tactile_classifier.evaluation.cross_validation import evaluate
-    from tactile_lab.datasets.automatic_features import find_sessions
 
     columns = tuple(hold_out) or find_sessions(table)
     repeats, saving = choose_repetitions(table, repetitions)

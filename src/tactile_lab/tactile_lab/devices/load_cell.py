@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 import yaml
 
-from tactile_lab.output import named_errors, write_atomically
-from tactile_ros.errors import TactileError
+from tactile_lab.output import write_atomically
+from tactile_ros.errors import named_errors, TactileError
 from tactile_ros.yaml_files import load_yaml, read_text
 
 MAX_BYTES = 2**20

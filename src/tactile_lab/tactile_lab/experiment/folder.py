@@ -29,8 +29,8 @@ from tactile_lab.experiment.plan import (
     PlannedTrial,
     read_plan,
 )
-from tactile_lab.output import named_errors, write_atomically
-from tactile_ros.errors import TactileError
+from tactile_lab.output import write_atomically
+from tactile_ros.errors import named_errors, TactileError
 from tactile_ros.yaml_files import read_text
 
 _OWN = {name for each in (PLAN, ORDER, BAGS) for name in (each, f'.{each}.new')}

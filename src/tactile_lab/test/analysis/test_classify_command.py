@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from tactile_command import ask_tactile, hear_tactile
 
-from tactile_bags import Recording
-from tactile_bags.sources.files import SourceError
+from tactile_analysis import Recording
+from tactile_analysis.datasets.classified import classify_recording
+from tactile_analysis.sources.files import SourceError
 from tactile_classifier.datasets.archive import LabelledTrials, save_archive
 from tactile_classifier.datasets.dataset import table_from_trials
 from tactile_classifier.model_file.model import load_model
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
-from tactile_lab.datasets.classified import classify_recording
 
 RATE_HZ = 60.0
 LABELS = ('fine', 'middle', 'coarse')

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from tactile_command import ask_and_hear_tactile, ask_tactile, hear_tactile
 
+from tactile_analysis.datasets.reading import select_trials
 from tactile_bags import EVENT
 from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.datasets.dataset import table_from_trials
-from tactile_lab.datasets.reading import select_trials
 from tactile_lab.experiment.folder import ExperimentFolder
 from tactile_lab.experiment.plan import ExperimentPlan
 from tactile_ros.errors import TactileError

@@ -7,12 +7,12 @@ import pytest
 from scipy.stats import binomtest
 from tactile_command import ask_tactile, hear_tactile
 
+from tactile_analysis.datasets.feature_tables import open_features, read_tables
+from tactile_analysis.datasets.reading import Reading
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.model_file.model import load_model
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
-from tactile_lab.datasets.feature_tables import open_features, read_tables
-from tactile_lab.datasets.reading import Reading
 
 
 def options_of(models):

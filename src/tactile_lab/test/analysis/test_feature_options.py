@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from tactile_command import ask_and_hear_tactile, ask_tactile, hear_tactile
 
+from tactile_analysis.datasets.reading import list_sets, Reading
 from tactile_classifier.estimators import random_convolutions
 from tactile_classifier.model_file.model import load_model
-from tactile_lab.datasets.reading import list_sets, Reading
 from tactile_ros.errors import TactileError
 
 

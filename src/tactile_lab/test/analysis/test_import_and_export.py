@@ -10,7 +10,7 @@ import pytest
 from tactile_command import ask_tactile, hear_tactile, tactile
 import yaml
 
-from tactile_bags import Recording
+from tactile_analysis import Recording
 from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.datasets.dataset import table_from_trials
 from tactile_classifier.model_file.model import load_model

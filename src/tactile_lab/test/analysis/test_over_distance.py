@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from tactile_command import ask_tactile, hear_tactile
 
+from tactile_analysis.datasets.feature_tables import read_tables
+from tactile_analysis.datasets.reading import parse_over
 from tactile_classifier.model_file.model import load_model
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
-from tactile_lab.datasets.feature_tables import read_tables
-from tactile_lab.datasets.reading import parse_over
 from tactile_ros.errors import TactileError
 
 SPEEDS_MM_S = (10, 30)

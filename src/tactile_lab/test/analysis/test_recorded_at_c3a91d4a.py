@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
-from tactile_bags import EVENT, FEATURES, Recording, STRAIN, TactileBag
+from tactile_analysis import Recording
+from tactile_bags import EVENT, FEATURES, STRAIN, TactileBag
 from tactile_bags.recorded_setup import nominal_rate_hz, recorded_features, recorded_models
 from tactile_bags.replay import recorded_results, replay_through_core
 from tactile_classifier import ModelSet

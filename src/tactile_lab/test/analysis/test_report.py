@@ -12,6 +12,27 @@ import re
 import numpy as np
 import pytest
 
+from tactile_analysis.datasets.automatic_features import choose_automatically, Chosen
+from tactile_analysis.datasets.feature_tables import open_features
+from tactile_analysis.datasets.reading import select_features
+from tactile_analysis.report.analysis import analyse
+from tactile_analysis.report.build import build_page, report_path
+from tactile_analysis.report.drawings import draw_textures
+from tactile_analysis.report.recordings import Example, make_sets, RecordingSet, usual_splits
+from tactile_analysis.report.significance import (
+    find_components,
+    format_least_p,
+    format_tested_values,
+)
+from tactile_analysis.report.summary import (
+    describe_sources,
+    format_accuracy,
+    format_confusion,
+    format_first_sentence,
+    format_model,
+)
+from tactile_analysis.report.svg import INK, render
+from tactile_analysis.wording import name_candidate
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import grouped_split, stratified_split
 from tactile_classifier.evaluation.plans import run_plans
@@ -19,27 +40,6 @@ from tactile_classifier.training.feature_choice import ChoicePlan
 from tactile_features.config import FeatureConfig
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_features.spec import spec_for
-from tactile_lab.datasets.automatic_features import choose_automatically, Chosen
-from tactile_lab.datasets.feature_tables import open_features
-from tactile_lab.datasets.reading import select_features
-from tactile_lab.datasets.tables import name_candidate
-from tactile_lab.report.analysis import analyse
-from tactile_lab.report.build import build_page, report_path
-from tactile_lab.report.drawings import draw_textures
-from tactile_lab.report.recordings import Example, make_sets, RecordingSet, usual_splits
-from tactile_lab.report.significance import (
-    find_components,
-    format_least_p,
-    format_tested_values,
-)
-from tactile_lab.report.summary import (
-    describe_sources,
-    format_accuracy,
-    format_confusion,
-    format_first_sentence,
-    format_model,
-)
-from tactile_lab.report.svg import INK, render
 from tactile_ros.errors import TactileError
 
 

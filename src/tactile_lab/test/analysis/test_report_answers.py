@@ -9,22 +9,22 @@ import json
 import numpy as np
 import pytest
 
+from tactile_analysis.datasets.automatic_features import choose_automatically
+from tactile_analysis.datasets.feature_tables import open_features
+from tactile_analysis.datasets.reading import select_features
+from tactile_analysis.report import answers as answers_module
+from tactile_analysis.report.analysis import analyse
+from tactile_analysis.report.answers import AnswersPlan
+from tactile_analysis.report.build import build_page
+from tactile_analysis.report.recordings import make_sets
+from tactile_analysis.report.significance import find_components, format_alike_pairs
+from tactile_analysis.report.summary import answer_rows
 from tactile_classifier.confidence import fit_calibration
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.evaluation.open_set import evaluate_open_set
 from tactile_classifier.evaluation.plans import run_plans
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
-from tactile_lab.datasets.automatic_features import choose_automatically
-from tactile_lab.datasets.feature_tables import open_features
-from tactile_lab.datasets.reading import select_features
-from tactile_lab.report import answers as answers_module
-from tactile_lab.report.analysis import analyse
-from tactile_lab.report.answers import AnswersPlan
-from tactile_lab.report.build import build_page
-from tactile_lab.report.recordings import make_sets
-from tactile_lab.report.significance import find_components, format_alike_pairs
-from tactile_lab.report.summary import answer_rows
 from tactile_ros.errors import TactileError
 
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from tactile_command import tactile
 
+from tactile_analysis.datasets.feature_tables import read_tables
 from tactile_bags import EVENT, STRAIN, TactileBag
 from tactile_bags.errors import BagError
 from tactile_bringup.trial_protocols import TrialConfig, TrialRequest
 from tactile_features.config import FeatureConfig
 from tactile_features.conversions import event_from_msg, strain_block_from_msg
-from tactile_lab.datasets.feature_tables import read_tables
 from tactile_lab.simulation import simulated_bags, simulated_trials
 from tactile_lab.simulation.simulated_bags import write_simulated_bag
 from tactile_lab.simulation.simulated_trials import plan_trial, SimulationPlan

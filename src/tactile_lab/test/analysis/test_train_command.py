@@ -9,6 +9,10 @@ import numpy as np
 import pytest
 from tactile_command import ask_tactile, hear_tactile
 
+from tactile_analysis.datasets import bag_features
+from tactile_analysis.datasets.feature_tables import open_features
+from tactile_analysis.datasets.reading import Reading
+from tactile_analysis.wording import describe_answers
 from tactile_bags import TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
@@ -19,10 +23,6 @@ from tactile_features.config import FeatureConfig
 from tactile_features.records import Outcome
 from tactile_features.spec import spec_for
 from tactile_lab.commands.train import parse_lengths, train_models
-from tactile_lab.datasets import bag_features
-from tactile_lab.datasets.feature_tables import open_features
-from tactile_lab.datasets.reading import Reading
-from tactile_lab.datasets.tables import describe_answers
 from tactile_lab.output import Output
 from tactile_ros.errors import TactileError
 

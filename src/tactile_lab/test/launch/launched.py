@@ -17,13 +17,13 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 import launch_testing.actions
 from rclpy.node import Node
 
+from tactile_analysis.datasets.feature_tables import read_tables
 from tactile_bringup.nodes.graph_runner import ros_context
 from tactile_bringup.trial_protocols import TrialConfig
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
 from tactile_lab.commands.train import model_path
-from tactile_lab.datasets.feature_tables import read_tables
 from tactile_lab.simulation.simulated_bags import write_simulated_bag
 from tactile_lab.simulation.simulated_trials import SimulationPlan
 from tactile_ros.node_group import NodeGroup

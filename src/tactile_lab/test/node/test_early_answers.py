@@ -10,6 +10,8 @@ from domain_coordinator import domain_id
 import numpy as np
 import pytest
 
+from tactile_analysis.datasets.feature_tables import open_features, read_tables
+from tactile_analysis.datasets.reading import Reading
 from tactile_bags import TactileBag
 from tactile_bags.message_records import read_records
 from tactile_bags.recorded_setup import recorded_features, recorded_models
@@ -20,8 +22,6 @@ from tactile_classifier.records import Outcome
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_lab.commands.replay import replay_and_compare
-from tactile_lab.datasets.feature_tables import open_features, read_tables
-from tactile_lab.datasets.reading import Reading
 from tactile_lab.experiment.live_rig import LiveSetup, run_live_trials
 from tactile_lab.output import Output
 from tactile_ros.errors import TactileError

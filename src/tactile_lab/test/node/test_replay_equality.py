@@ -19,6 +19,8 @@ import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
+from tactile_analysis.datasets.feature_tables import open_features
+from tactile_analysis.datasets.reading import Reading
 from tactile_bags import EVENT, STRAIN, TactileBag
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
 from tactile_bags.replay import replay_through_core, sensed_messages
@@ -37,8 +39,6 @@ from tactile_features.conversions import (
 )
 from tactile_features.model_contract import plan_features
 from tactile_features.records import PHASES_STATED
-from tactile_lab.datasets.feature_tables import open_features
-from tactile_lab.datasets.reading import Reading
 from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, RESULTS, STREAM

@@ -8,6 +8,7 @@ import dataclasses
 import numpy as np
 from rclpy.serialization import serialize_message
 
+from tactile_analysis.datasets.feature_tables import read_tables
 from tactile_bags import CLASSIFICATION_TOPIC, FEATURES_TOPIC, MODELS_TOPIC, TactileBag
 from tactile_bags.bag_writer import BagWriter
 from tactile_bags.recorded_setup import recorded_features
@@ -18,7 +19,6 @@ from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.conversions import feature_window_to_msg
 from tactile_lab.commands.replay import replay_and_compare
-from tactile_lab.datasets.feature_tables import read_tables
 from tactile_lab.replay_nodes import replay_through_nodes
 
 

@@ -7,16 +7,16 @@ from chromium import Chromium, find_chromium
 import numpy as np
 import pytest
 
+from tactile_analysis.datasets.automatic_features import Chosen
+from tactile_analysis.report.analysis import analyse
+from tactile_analysis.report.build import build_page
+from tactile_analysis.report.recordings import RecordingSet
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import grouped_split
 from tactile_classifier.evaluation.plans import run_plans
 from tactile_classifier.training.feature_choice import ChoicePlan
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
-from tactile_lab.datasets.automatic_features import Chosen
-from tactile_lab.report.analysis import analyse
-from tactile_lab.report.build import build_page
-from tactile_lab.report.recordings import RecordingSet
 
 pytestmark = pytest.mark.skipif(
     find_chromium() is None, reason='no Chromium is installed; apt install chromium'

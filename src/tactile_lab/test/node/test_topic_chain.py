@@ -15,7 +15,8 @@ from rclpy.qos import qos_profile_sensor_data
 from rclpy.time import Time
 from tactile_command import program
 
-from tactile_bags import EVENT, Recording, STRAIN, TactileBag
+from tactile_analysis import Recording
+from tactile_bags import EVENT, STRAIN, TactileBag
 from tactile_bags.message_records import read_records
 from tactile_features.conversions import event_to_msg
 from tactile_lab.commands.replay import replay_and_compare

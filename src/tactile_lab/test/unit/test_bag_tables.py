@@ -4,6 +4,8 @@
 import numpy as np
 import pytest
 
+from tactile_analysis.datasets.bag_features import number_blocks
+from tactile_analysis.datasets.feature_tables import read_tables
 from tactile_bags import (
     BagWriter,
     EVENT,
@@ -14,8 +16,6 @@ from tactile_bags import (
     TactileBag,
 )
 from tactile_bags.errors import BagError
-from tactile_lab.datasets.bag_features import number_blocks
-from tactile_lab.datasets.feature_tables import read_tables
 from tactile_lab.simulation.simulated_trials import SAMPLES_PER_BLOCK
 
 

@@ -14,10 +14,10 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from tactile_bags.sources.files import SourceOptions
+from tactile_analysis.datasets.reading import Reading
+from tactile_analysis.sources.files import SourceOptions
 from tactile_classifier.datasets.splits import REPETITIONS
 from tactile_lab import commands, options, program
-from tactile_lab.datasets.reading import Reading
 from tactile_ros.process import PROFILES, TRANSPORTS
 
 

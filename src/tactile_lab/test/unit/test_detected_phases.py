@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
 
+from tactile_analysis.datasets.feature_tables import read_tables
 from tactile_bags import (
     BagWriter,
     EVENT,
@@ -23,7 +24,6 @@ from tactile_bags.replay import replay_phases
 from tactile_features.conversions import event_to_msg, strain_block_from_msg
 from tactile_features.extraction.extractor import TrialFeatureExtractor
 from tactile_features.records import Outcome
-from tactile_lab.datasets.feature_tables import read_tables
 
 WITHIN_NS = 50_000_000
 FOUND_TOPIC = dataclasses.replace(EVENT_TOPIC, name='tactile_features/detected_events')

@@ -11,6 +11,7 @@ import pytest
 from rclpy.serialization import serialize_message
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
+from tactile_analysis.datasets.feature_tables import name_table, read_tables
 from tactile_bags import (
     BagWriter,
     message_store,
@@ -35,7 +36,6 @@ from tactile_classifier import ModelInfos, ModelSet
 from tactile_classifier.conversions import model_infos_to_msg
 from tactile_features import FeatureConfig, FeatureSpecifications, spec_for
 from tactile_features.conversions import specifications_to_msg
-from tactile_lab.datasets.feature_tables import name_table, read_tables
 from tactile_ros.errors import TactileError
 from tactile_ros.topics import RecordedTopic, SPECIFICATIONS
 

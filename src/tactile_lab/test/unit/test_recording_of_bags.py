@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from tactile_command import ask_tactile
 
-from tactile_bags import EVENT, Recording, STRAIN, TactileBag
+from tactile_analysis import Recording
+from tactile_analysis.report.summary import describe_sources
+from tactile_analysis.sources.files import SourceError
+from tactile_bags import EVENT, STRAIN, TactileBag
 from tactile_bags.message_records import read_records
 from tactile_bags.recorded_setup import recorded_features
 from tactile_bags.replay import replay_phases
-from tactile_bags.sources.files import SourceError
-from tactile_lab.report.summary import describe_sources
 from tactile_ros.strain import StrainStatus
 from tactile_testing.recordings import check_source
 

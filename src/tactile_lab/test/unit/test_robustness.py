@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tactile_analysis.datasets.feature_tables import read_tables
 from tactile_bringup.trial_protocols import TrialConfig
-from tactile_lab.datasets.feature_tables import read_tables
 from tactile_sim.descriptions.catalogue import Catalogue
 from tactile_sim.physics.trials import simulate_trials
 

@@ -1,0 +1,62 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Analysis of recordings, without ROS: from bags and other files to models, accuracies and pages.
+
+```python
+from tactile_analysis import open_features, Reading, Recording
+
+recording = Recording.load('bags')          # or CSV, Parquet, .npy, .npz; see `SourceOptions`
+recording.trials[0].signal.values           # samples of one trial [N]
+recording.to_frame()                        # all samples, as a pandas.DataFrame
+
+with open_features(['bags'], Reading()) as features:
+    tables = features.tables().tables       # one `FeatureTable` for each task and contact
+
+classify_recording(recording, Path('models'))     # labels of the trials, by model files
+evaluate_models(recording, [Path('model.npz')], Reading())  # accuracy on trials not trained on
+```
+
+``tactile import``, ``features``, ``train``, ``evaluate``, ``classify``, ``export`` and the report
+are these functions with printing.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+_HOMES = {
+    'ClassifiedTrial': 'tactile_analysis.datasets.classified',
+    'ClassifiedTrials': 'tactile_analysis.datasets.classified',
+    'FeatureTables': 'tactile_analysis.datasets.feature_tables',
+    'ModelEvaluation': 'tactile_analysis.datasets.model_accuracy',
+    'Reading': 'tactile_analysis.datasets.reading',
+    'Recording': 'tactile_analysis.recording',
+    'RecordingFeatures': 'tactile_analysis.datasets.feature_tables',
+    'RecordingSet': 'tactile_analysis.report.recordings',
+    'SetResult': 'tactile_analysis.report.analysis',
+    'SourceError': 'tactile_analysis.sources.files',
+    'SourceOptions': 'tactile_analysis.sources.files',
+    'analyse': 'tactile_analysis.report.analysis',
+    'build_page': 'tactile_analysis.report.build',
+    'choose_automatically': 'tactile_analysis.datasets.automatic_features',
+    'classify_recording': 'tactile_analysis.datasets.classified',
+    'evaluate_models': 'tactile_analysis.datasets.model_accuracy',
+    'make_sets': 'tactile_analysis.report.recordings',
+    'open_features': 'tactile_analysis.datasets.feature_tables',
+    'read_tables': 'tactile_analysis.datasets.feature_tables',
+}
+
+__all__ = sorted(_HOMES)
+
+
+def __getattr__(name: str) -> Any:
+    # Imported on first use: matplotlib, pyarrow and scikit-learn are slow to import.
+    if name in _HOMES:
+        return getattr(importlib.import_module(_HOMES[name]), name)
+    raise AttributeError(f'module {__name__} has no attribute {name}')
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -1,0 +1,255 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Feature tables of our own bags, by running their samples through the extractor again."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_analysis.datasets.feature_tables import (
+    FeatureTables,
+    Fields,
+    Key,
+    name_table,
+    RecordingFeatures,
+    Samples,
+)
+from tactile_analysis.datasets.reading import Reading
+from tactile_analysis.recording import Recording
+from tactile_bags.errors import BagError
+from tactile_bags.recorded_bag import RecordedBag
+from tactile_bags.recorded_setup import computable_features, RecordedFeatures
+from tactile_bags.replay import replay_phases
+from tactile_bags.trial import Trial
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.errors import DatasetError
+from tactile_features.errors import FeatureError
+from tactile_features.feature_sets.registry import task_of
+from tactile_features.records import (
+    FeatureWindow,
+    Outcome,
+    PHASE_ABORTED,
+    PHASE_DONE,
+    TrialEvent,
+)
+from tactile_features.spec import FeatureSpec
+
+BLOCKS = 6
+"""Into how many parts the trials of a session are cut in the order of time, as many as folds."""
+
+Row = tuple[FeatureWindow, TrialEvent, str, str]
+"""A labelled window, its trial's last event before it, bag and namespace."""
+
+
+class BagFeatures(RecordingFeatures):
+    """Features of our own bags: every finger (namespace) of each counts."""
+
+    def __init__(self, recording: Recording, reading: Reading) -> None:
+        super().__init__(recording, reading)
+        reading.check_for_bags()
+        self._fields = reading.choose_fields()
+        self._bags = {str(bag.path): bag for bag in recording.bags}
+
+    def title(self, key: Key, table: FeatureTable) -> str:
+        return name_table(key, table)
+
+    def _compute(self, fields: Fields) -> FeatureTables:
+        chosen = {**self._fields, **fields}
+        first: RecordedFeatures | None = None
+        found: defaultdict[tuple[str, str, str], list[Row]] = defaultdict(list)
+        specs: dict[str, FeatureSpec] = {}
+        refused: Counter[tuple[str, str, str]] = Counter()
+        left_out: list[str] = []
+        paths = list(self._bags)
+        for path, bag in self._bags.items():
+            for namespace in bag.namespaces:
+                features = _choose(path, computable_features(bag, namespace), chosen, self.reading)
+                first = first or features
+                if _compared(features) != _compared(first):
+                    finger = f'{namespace} of ' if namespace else ''
+                    raise BagError(
+                        f'{finger}{path} was recorded with other feature parameters than '
+                        f'{paths[0]}; train on each of them alone, or name the features'
+                    )
+                specs |= _collect(bag, namespace, features, found, refused, left_out)
+        if not found:
+            raise BagError(
+                f'no labelled trial with features in {", ".join(paths) or "no bag"}'
+                + (f'; the first reason: {left_out[0]}' if left_out else '')
+            )
+        if self.reading.window_s is not None:
+            full = {key for key in found if not specs[key[2]].is_early}
+            for unwanted in full:
+                del found[unwanted]
+            if not found:
+                names = ', '.join(sorted({specs[digest].feature_set for *_, digest in full}))
+                raise DatasetError(f'{names}: early windows are not possible')
+        tables: dict[Key, FeatureTable] = {}
+        refusals: dict[Key, int] = {}
+        places = {digest: place for place, digest in enumerate(specs)}
+        for task, contact, digest in sorted(found, key=lambda key: (*key[:2], places[key[2]])):
+            key: Key = (task, contact)
+            key = (*key, digest) if key in tables else key
+            tables[key] = _table(found[task, contact, digest], specs[digest])
+            refusals[key] = refused[task, contact, digest]
+        return FeatureTables(tables, tuple(dict.fromkeys(left_out)), refusals)
+
+    def windows(self, table: FeatureTable, rows: Sequence[int]) -> list[Samples]:
+        trials = _list_rows(table, 'bag', 'namespace', 'window_start_ns', 'window_end_ns')
+        samples = []
+        for path, namespace, start_ns, end_ns in (trials[row] for row in rows):
+            signal = self._bags[path].signal_between(namespace, start_ns, end_ns)
+            assert signal.time_s is not None
+            samples.append((signal.time_s, signal.values[0]))
+        return samples
+
+    def find_trial(self, table: FeatureTable, row: int) -> Trial | None:
+        path, namespace, name = _list_rows(table, 'bag', 'namespace', 'trial_id')[row]
+        found = [
+            trial
+            for trial in self.recording.trials
+            if (trial.source, trial.namespace, trial.name) == (path, namespace, name)
+        ]
+        return found[0] if len(found) == 1 else None  # else its phases cannot be told apart
+
+
+def _list_rows(table: FeatureTable, *names: str) -> list[tuple[Any, ...]]:
+    """Return these columns of each trial."""
+    return list(zip(*(table.column(name).tolist() for name in names), strict=True))
+
+
+def _choose(
+    path: str, recorded: RecordedFeatures, chosen: Fields, reading: Reading
+) -> RecordedFeatures:
+    """Return the features to compute: full windows, or early ones of the length that is asked."""
+    full = RecordedFeatures(
+        replace(recorded.config, early_windows=False),
+        tuple(spec for spec in recorded.wanted if not spec.is_early),
+    )
+    if not chosen and reading.window_s is None:
+        return full
+    try:
+        config = replace(full.bound(), **chosen)
+        return RecordedFeatures(replace(config, **reading.early_fields(config.rate_hz)))
+    except FeatureError as error:
+        raise BagError(f'{path}: {error}') from error
+
+
+def _compared(features: RecordedFeatures) -> tuple[object, ...]:
+    """Return what the recordings of a table must share."""
+    digests = tuple(sorted(spec.digest for spec in features.specifications))
+    return features.bound().without_detection(), digests
+
+
+def _collect(
+    bag: RecordedBag,
+    namespace: str,
+    features: RecordedFeatures,
+    found: defaultdict[tuple[str, str, str], list[Row]],
+    refused_trials: Counter[tuple[str, str, str]],
+    left_out: list[str],
+) -> dict[str, FeatureSpec]:
+    """Collect the labelled windows of a finger; return their specifications by digest.
+
+    Labelled windows without features are counted in ``refused_trials``.
+    """
+    replayed = replay_phases(bag, features, namespace, finish=True)
+    dropped = {name: each.why_not for name, each in bag.corrections.items() if each.why_not}
+    events: defaultdict[str, list[TrialEvent]] = defaultdict(list)
+    for event in replayed.events:
+        events[event.trial_id].append(event)
+    # A refusal follows an early window in which its phase ended.
+    refused = {_identify(window) for window in replayed.windows if window.outcome != Outcome.OK}
+    for window in replayed.windows:
+        event = event_before(window, events[window.trial_id])
+        end = _end_after(window, events[window.trial_id])
+        # By what the features are: a trial of one protocol may have a window of the other.
+        key = task_of(window.feature_set), event.contact, window.specification_digest
+        if window.outcome == Outcome.OK and _identify(window) in refused:
+            continue
+        if window.trial_id in dropped:
+            left_out.append(f'{window.trial_id}: {dropped[window.trial_id]}')
+        elif window.outcome != Outcome.OK:
+            left_out.append(f'{window.trial_id}: {window.reason}')
+            refused_trials[key] += bool(event.object_label)
+        elif end is not None and end.phase == PHASE_ABORTED:
+            reason = end.message or 'no reason given'
+            left_out.append(f'{window.trial_id}: the trial was aborted later: {reason}')
+        elif not event.object_label:
+            left_out.append(f'{window.trial_id}: the trial has no label')
+        else:
+            found[key].append((window, event, str(bag.path), namespace))
+    return {spec.digest: spec for spec in replayed.specifications}
+
+
+def _identify(window: FeatureWindow) -> tuple[object, ...]:
+    return window.trial_id, window.specification_digest, window.window_start_ns
+
+
+def event_before(window: FeatureWindow, events: Sequence[TrialEvent]) -> TrialEvent:
+    """Return its trial's last event before the window; a trial's name may come again."""
+    return max(
+        (event for event in events if event.stamp_ns <= window.window_start_ns),
+        key=lambda event: event.stamp_ns,
+    )
+
+
+def _end_after(window: FeatureWindow, events: Sequence[TrialEvent]) -> TrialEvent | None:
+    """Return how its trial ended after the window, if that was recorded."""
+    ends = (
+        event
+        for event in events
+        if event.stamp_ns >= window.window_end_ns and event.phase in (PHASE_DONE, PHASE_ABORTED)
+    )
+    return min(ends, key=lambda event: event.stamp_ns, default=None)
+
+
+def _table(rows: Sequence[Row], spec: FeatureSpec) -> FeatureTable:
+    windows, events, bags, namespaces = zip(*rows, strict=True)
+    labels = np.array([event.object_label for event in events])
+    session_ids = np.array([event.session_id for event in events])
+    starts_ns = np.array([window.window_start_ns for window in windows])
+    return FeatureTable(
+        values=np.array([window.values for window in windows]),
+        labels=labels,
+        spec=spec,
+        columns={
+            'trial_id': np.array([event.trial_id for event in events]),
+            'session_id': session_ids,
+            'mounting_id': np.array([event.mounting_id for event in events]),
+            'trial_block': number_blocks(starts_ns, session_ids, labels),
+            'contact': np.array([event.contact for event in events]),
+            'glide_speed_m_s': np.array([event.glide_speed_m_s for event in events]),
+            'simulated': np.array([window.simulated for window in windows]),
+            'bag': np.array(bags),
+            'namespace': np.array(namespaces),
+            'window_start_ns': starts_ns,
+            'window_end_ns': np.array([window.window_end_ns for window in windows]),
+        },
+    )
+
+
+def number_blocks(
+    starts_ns: NDArray[np.int64], session_ids: NDArray[np.str_], labels: NDArray[np.str_]
+) -> NDArray[np.intp]:
+    """Return which sixth of its label's trials in its session each trial belongs to, from 0.
+
+    Trials that follow each other share wear, warmth and drift; with random folds they stand
+    on both sides. Held out in turn, these blocks keep neighbours together.
+
+    ``starts_ns``, ``session_ids``, ``labels`` (ndarray of shape (trials,)).
+    """
+    blocks = np.zeros(len(labels), dtype=np.intp)
+    for session in np.unique(session_ids):
+        for label in np.unique(labels):
+            (trials,) = np.nonzero((session_ids == session) & (labels == label))
+            in_order = trials[np.argsort(starts_ns[trials], kind='stable')]
+            blocks[in_order] = np.arange(len(trials)) * BLOCKS // max(len(trials), 1)
+    return blocks

@@ -1,0 +1,329 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Accuracy of model files on the trials of a recording that they were not trained on."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import chain
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tactile_analysis.datasets.feature_tables import features_of
+from tactile_analysis.datasets.reading import Reading
+from tactile_analysis.recording import Recording
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.evaluation.intervals import Result
+from tactile_classifier.evaluation.model_accuracy import (
+    AccuracyDifference,
+    compare_predictions,
+    ModelAccuracy,
+    Names,
+    score_predictions,
+)
+from tactile_classifier.model_file.model import load_model, TactileModel
+from tactile_classifier.records import NO_ANSWER, UNKNOWN
+from tactile_features.records import contacts_agree
+from tactile_features.spec import is_same_rate
+from tactile_ros.errors import TactileError
+
+SESSION = 'session_id'
+
+
+@dataclass(frozen=True)
+class NewLabels(Result):
+    """Trials with labels that a model does not know; they do not count.
+
+    ``unknown_rates``: share of them that each model calls unknown [1].
+    """
+
+    trials: int
+    labels: tuple[str, ...]
+    unknown_rates: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class ModelEvaluation(Result):
+    """Accuracy of one or two models on the same trials.
+
+    Attributes
+    ----------
+    title : str
+        Task and contact; ``SIMULATED`` if a trial is simulated.
+    models : tuple of dict
+        ``path``, ``model_id``, ``feature_set``, ``labels`` and ``training_trials``, the number of
+        trials left out because the model was trained on them.
+    scores : tuple of ModelAccuracy
+        One per model.
+    difference : AccuracyDifference or None
+        None for one model.
+    trials, sessions : int
+        Trials that count, and their sessions; 0 if no column names them.
+    beside_training : int
+        Trials that count in sessions of which a model was trained on other trials.
+    new_labels : NewLabels or None
+    left_out : tuple of str
+        Why trials of the recording give a model no features, one sentence each.
+    """
+
+    title: str
+    models: tuple[dict[str, Any], ...]
+    scores: tuple[ModelAccuracy, ...]
+    difference: AccuracyDifference | None
+    trials: int
+    sessions: int
+    beside_training: int
+    new_labels: NewLabels | None
+    left_out: tuple[str, ...] = field(default=())
+
+    @property
+    def warnings(self) -> list[str]:
+        """Limits of these numbers, one sentence each."""
+        found = []
+        if self.beside_training:
+            found.append(
+                f'{self.beside_training} of these trials are in sessions that a model was trained '
+                'on; accuracy in a new session may be lower'
+            )
+        if self.sessions < 2:
+            found.append(
+                'the trials are of one session, or name none: the interval says nothing about '
+                'another session'
+            )
+        known = [set(model['labels']) for model in self.models]
+        for side, mine, other in zip('AB', known, known[::-1], strict=False):
+            if mine - other:
+                found.append(f'only {side} knows {", ".join(sorted(mine - other))}')
+        return found
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what JSON can hold."""
+        return {**super().to_dict(), 'warnings': self.warnings}
+
+
+class _Row(NamedTuple):
+    """One labelled trial as one model sees it."""
+
+    label: str
+    session: str
+    is_simulated: bool
+    prediction: str
+    is_training: bool
+
+
+def evaluate_models(
+    recording: Recording, reading: Reading, paths: Sequence[Path], columns: Sequence[str] = ()
+) -> ModelEvaluation:
+    """Evaluate one or two model files on the labelled trials of a recording.
+
+    Each model gets the features that it was trained on, computed from the recording. Training
+    trials of either model do not count, nor do trials whose label one of them does not know. A
+    trial that gives one of two models no features is a wrong prediction of this model.
+
+    Parameters
+    ----------
+    recording : Recording
+    reading : Reading
+        Which trials count, and how archives are cut. Features and task are those of the models.
+    paths : sequence of Path
+        One or two model files.
+    columns : sequence of str
+        Columns whose values, in combination, name the session of a trial; default: ``session_id``.
+
+    Raises
+    ------
+    TactileError
+        When models and recording do not fit, or no trial is left.
+    ModelFileError
+        When a file cannot be used, or needs features that the recording does not give.
+    """
+    models = [load_model(path) for path in paths]
+    _check_question(models, paths, reading.task)
+    tables = [_read_table(recording, reading, *pair) for pair in zip(models, paths, strict=True)]
+    has_sessions = bool(columns) or any(SESSION in table.columns for table, _ in tables)
+    rows = [
+        _list_rows(model, _of_contact(table, models), columns)
+        for model, (table, _) in zip(models, tables, strict=True)
+    ]
+    names = list(dict.fromkeys(chain(*rows)))
+    trials = [next(each[name] for each in rows if name in each) for name in names]
+    labels = np.array([trial.label for trial in trials])
+    sessions = np.array([trial.session for trial in trials])
+    predicted = np.array([[_predict(each.get(name)) for name in names] for each in rows])
+    seen = np.array([[name in each and each[name].is_training for name in names] for each in rows])
+    is_known = np.all([np.isin(labels, model.labels) for model in models], axis=0)
+    keep = is_known & ~seen.any(axis=0)
+    if not keep.any():
+        raise TactileError(_explain_nothing_left(recording, models, paths, labels, seen, is_known))
+    counted = [each[keep] for each in predicted]
+    groups = sessions[keep] if has_sessions else None
+    simulated = any(
+        trial.is_simulated for trial, is_kept in zip(trials, keep, strict=True) if is_kept
+    )
+    contacts = {model.contact for model in models} - {''}
+    return ModelEvaluation(
+        title=', '.join(
+            [models[0].task, *sorted(contacts), *(['SIMULATED'] if simulated else [])]
+        ),
+        models=tuple(
+            {
+                'path': str(path),
+                'model_id': model.model_id,
+                'feature_set': model.spec.feature_set,
+                'labels': list(model.labels),
+                'training_trials': int(is_training.sum()),
+            }
+            for path, model, is_training in zip(paths, models, seen, strict=True)
+        ),
+        scores=tuple(score_predictions(labels[keep], each, groups) for each in counted),
+        difference=(
+            compare_predictions(labels[keep], counted[0], counted[1], groups)
+            if len(models) == 2
+            else None
+        ),
+        trials=int(keep.sum()),
+        sessions=0 if groups is None else len(np.unique(groups)),
+        beside_training=(
+            int(np.isin(groups, sessions[seen.any(axis=0)]).sum()) if groups is not None else 0
+        ),
+        new_labels=_describe_new(labels[~is_known], predicted[:, ~is_known]),
+        left_out=tuple(dict.fromkeys(chain(*(left_out for _, left_out in tables)))),
+    )
+
+
+def _check_question(
+    models: Sequence[TactileModel], paths: Sequence[Path], task: str | None
+) -> None:
+    """Raise TactileError when the models and ``--task`` are not about the same trials."""
+    for model, path in zip(models, paths, strict=True):
+        if task not in (None, model.task):
+            raise TactileError(f'{path} is a model for {model.task} trials; --task is {task}')
+    about = [', '.join(filter(None, (model.task, model.contact))) for model in models]
+    if models[0].task != models[-1].task or not contacts_agree(
+        models[0].contact, models[-1].contact
+    ):
+        raise TactileError(
+            f'the models are for different trials, {paths[0]} for {about[0]} and {paths[-1]} for '
+            f'{about[-1]}: evaluate each of them by itself'
+        )
+
+
+def _read_table(
+    recording: Recording, reading: Reading, model: TactileModel, path: Path
+) -> tuple[FeatureTable, tuple[str, ...]]:
+    """Return the features that a model takes, and why trials give none."""
+    spec = model.spec
+    rate_hz = reading.resample_hz or recording.rate_hz
+    if rate_hz is not None and not is_same_rate(rate_hz, spec.rate_hz):
+        remedy = (
+            '' if recording.is_own else f', or resample the trials: --resample-hz {spec.rate_hz:g}'
+        )
+        raise TactileError(
+            f'{path} needs samples at {spec.rate_hz:g} Hz, {recording.name} has {rate_hz:g} Hz: '
+            f'train a model at this rate{remedy}'
+        )
+    reading = replace(reading, task=model.task)
+    if not recording.is_own:  # bags state the window and the channel themselves
+        reading = replace(
+            reading,
+            features=spec.feature_set,
+            channel=reading.channel or spec.channel or None,
+            window_s=spec.sample_count / spec.rate_hz if spec.is_early else None,
+        )
+    found = features_of(recording, reading).tables(spec.config_values())
+    for table in found.tables.values():
+        model.check_fits(table.spec)
+    return _join(list(found.tables.values())), found.left_out
+
+
+def _join(tables: list[FeatureTable]) -> FeatureTable:
+    """Return the trials of all contacts as one table."""
+    first, *others = tables
+    if not others:
+        return first
+    names = set(first.columns).intersection(*(other.columns for other in others))
+    return FeatureTable(
+        np.concatenate([table.values for table in tables]),
+        np.concatenate([table.labels for table in tables]),
+        first.spec,
+        {name: np.concatenate([table.columns[name] for table in tables]) for name in names},
+    )
+
+
+def _of_contact(table: FeatureTable, models: Sequence[TactileModel]) -> FeatureTable:
+    """Return the trials of the contact that the models are for."""
+    contacts = _column(table, 'contact', '')
+    keep = [
+        all(contacts_agree(model.contact, contact) for model in models)
+        for contact in contacts.astype(str).tolist()
+    ]
+    if not any(keep):
+        (wanted,) = {model.contact for model in models} - {''}
+        raise TactileError(f'there are no labelled {table.task} trials of {wanted}')
+    return table.take(np.array(keep))
+
+
+def _list_rows(
+    model: TactileModel, table: FeatureTable, columns: Sequence[str]
+) -> dict[tuple[str, ...], _Row]:
+    """Return the trials by bag, namespace, name, and how often this name occurred before."""
+    seen = np.isin(table.digest_trials(), model.manifest.trial_digests)
+    parts = [table.column(name) for name in columns] or [_column(table, SESSION, '')]
+    sessions = ['/'.join(map(str, each)) for each in zip(*parts, strict=True)]
+    simulated = _column(table, 'simulated', False).astype(bool)
+    predicted = model.predict(table.values).tolist()
+    sources = [_column(table, name, '').astype(str) for name in ('bag', 'namespace', 'trial_id')]
+    times: Counter[tuple[str, ...]] = Counter()
+    rows = {}
+    for i, source in enumerate(zip(*sources, strict=True)):
+        rows[(*source, str(times[source]))] = _Row(
+            str(table.labels[i]), sessions[i], bool(simulated[i]), predicted[i], bool(seen[i])
+        )
+        times[source] += 1
+    return rows
+
+
+def _column(table: FeatureTable, name: str, absent: Any) -> Any:
+    """Return a column, filled with ``absent`` if the table lacks it."""
+    return np.asarray(table.columns.get(name, np.full(len(table), absent)))
+
+
+def _predict(row: _Row | None) -> str:
+    return NO_ANSWER if row is None else row.prediction
+
+
+def _explain_nothing_left(
+    recording: Recording,
+    models: Sequence[TactileModel],
+    paths: Sequence[Path],
+    labels: Names,
+    seen: Any,
+    is_known: Any,
+) -> str:
+    """Return why no trial counts."""
+    if not is_known.any():
+        shared = set(models[0].labels).intersection(*(model.labels for model in models))
+        return (
+            f'no trial of {recording.name} has a label that the model knows: the trials have '
+            f'{", ".join(np.unique(labels))}; labels of {" and ".join(map(str, paths))}: '
+            f'{", ".join(sorted(shared)) or "none in common"}'
+        )
+    counts = (
+        f'{path} on {each.sum()} of {len(labels)}' for path, each in zip(paths, seen, strict=True)
+    )
+    return (
+        f'no trial of {recording.name} is left: the models were trained on these trials '
+        f'({", ".join(counts)}); give recordings that were not used in training'
+    )
+
+
+def _describe_new(labels: Names, predicted: Any) -> NewLabels | None:
+    if not len(labels):
+        return None
+    rates = tuple((predicted == UNKNOWN).mean(axis=1).tolist())
+    return NewLabels(len(labels), tuple(np.unique(labels).tolist()), rates)

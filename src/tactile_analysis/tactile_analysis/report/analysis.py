@@ -1,0 +1,270 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""All analyses of the report on one set of trials, as parts of one list of work."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from typing import Any, TYPE_CHECKING, TypeVar
+
+from tactile_analysis.report.answers import Answers, AnswersPlan
+from tactile_analysis.report.recordings import RecordingSet
+from tactile_classifier.datasets.conditions import find_mountings, find_strata
+from tactile_classifier.datasets.dataset import FeatureTable, plain_name
+from tactile_classifier.datasets.splits import (
+    choose_repetitions,
+    grouped_split,
+    Split,
+    stratified_split,
+)
+from tactile_classifier.errors import EvaluationError
+from tactile_classifier.evaluation.cross_validation import AccuracyPlan, Evaluation, Score
+from tactile_classifier.evaluation.permutation import PermutationBaseline, PermutationPlan
+from tactile_classifier.evaluation.plans import Plan, run_plans
+from tactile_classifier.evaluation.significance import rank_sum_p_values, RankSum
+from tactile_features.records import PROTOCOL_STIFFNESS
+
+if TYPE_CHECKING:
+    from tactile_analysis.datasets.automatic_features import Chosen
+    from tactile_classifier.evaluation.feature_selection import SelectionResult
+
+_Result = TypeVar('_Result')
+
+
+@dataclass(frozen=True)
+class SetResult:
+    """Results of the analyses of one set of trials.
+
+    Attributes
+    ----------
+    evaluations : tuple of Evaluation
+        Random folds first, then one for each grouped split, then one for each stated split.
+    not_done : tuple of str
+        One sentence for each analysis that the trials do not allow.
+    answers : Answers or None
+        None where they were not requested.
+    stated : Evaluation or None
+        The chosen classifier on the stated trials to test on, if there are any.
+    permuted : PermutationBaseline or None
+        Accuracy of the chosen classifier on permuted labels; None where it was not requested.
+    """
+
+    recordings: RecordingSet
+    evaluations: tuple[Evaluation, ...]
+    selections: tuple[SelectionResult, ...]
+    significance: RankSum
+    not_done: tuple[str, ...]
+    answers: Answers | None = None
+    stated: Evaluation | None = None
+    permuted: PermutationBaseline | None = None
+
+    @property
+    def headline(self) -> Score:
+        """The score of the model that `tactile train` would write, by trials that did not choose.
+
+        It is the nested one of the choice, or on the stated trials to test on.
+        """
+        if self.stated is not None:
+            return self.stated.scores[0]
+        assert self.recordings.choice is not None
+        return self.recordings.choice.choice.nested
+
+    @property
+    def end_to_end(self) -> float:
+        """The accuracy of the headline with refused trials counted as wrong [1]."""
+        trials = int(self.headline.confusion.sum())
+        return self.headline.mean * trials / (trials + self.recordings.refused)
+
+    @property
+    def name(self) -> str:
+        """The contact, or else the title of the recordings."""
+        return self.recordings.contact or self.recordings.title
+
+    @property
+    def of_holds(self) -> bool:
+        """Whether these are stiffness trials."""
+        return self.recordings.table.task == PROTOCOL_STIFFNESS
+
+    @property
+    def plain(self) -> Evaluation:
+        """The evaluation by random folds; the first other one where these cannot be made."""
+        return self.evaluations[0]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result as what JSON can hold."""
+        recordings, spec = self.recordings, self.recordings.table.spec
+        return {
+            'title': recordings.title,
+            'task': recordings.table.task,
+            'contact': recordings.contact,
+            'simulated': recordings.simulated,
+            'trials': len(recordings.table),
+            'feature_set': spec.feature_set,
+            'feature_parameters': dict(spec.parameters),
+            'features': list(spec.names),
+            'feature_choice': recordings.choice and recordings.choice.choice.to_dict(),
+            'headline': self.headline.to_dict() if recordings.choice else None,
+            'refused': recordings.refused,
+            'end_to_end': self.end_to_end if recordings.choice else None,
+            'permuted': self.permuted and self.permuted.to_dict(),
+            'evaluations': [evaluation.to_dict() for evaluation in self.evaluations],
+            'feature_selection': [selection.to_dict() for selection in self.selections],
+            'rank_sum': {
+                'labels': list(self.significance.labels),
+                'strata': self.significance.strata,
+                'counts': list(self.significance.counts),
+                'least_p': self.significance.least_p,
+                'mean_p': self.significance.mean_p.tolist(),
+                'separation': self.significance.separation.tolist(),
+                'p': self.significance.p.tolist() if self.of_holds else None,
+                'auc': self.significance.auc.tolist() if self.of_holds else None,
+            },
+            'answers': self.answers and self.answers.to_dict(),
+            'not_done': list(self.not_done),
+            'prepared': list(recordings.steps),
+            'skipped': [asdict(each) for each in recordings.skipped],
+        }
+
+
+Plans = dict[str, list[Plan[Any]]]
+"""By the field of `SetResult` that comes of them."""
+
+
+def _plan_set(
+    recordings: RecordingSet,
+    folds: int,
+    repetitions: int | None,
+    random_state: int,
+    *,
+    details: bool,
+) -> tuple[Plans, list[str]]:
+    """Return the work on one set, and what is left out of it."""
+    table = recordings.table
+    repetitions, saving = choose_repetitions(table, repetitions)
+    not_done = [*([saving] if saving else []), *recordings.not_done]
+    splits, impossible = _divide(recordings, folds, repetitions, random_state)
+    not_done += impossible
+    evaluated = (*splits, *recordings.splits)
+    if not evaluated:
+        raise EvaluationError(f'{recordings.title}: {"; ".join(impossible)}')
+    plans: Plans = defaultdict(list)
+    plans['evaluations'] = [AccuracyPlan(table, split) for split in evaluated]
+    if recordings.choice is not None and recordings.choice.splits:
+        _, classifier, scaling = recordings.choice.choice.chosen
+        (split,) = recordings.choice.splits
+        plans['stated'] = [AccuracyPlan(recordings.choice.table, split, [classifier], [scaling])]
+    if details and recordings.choice is not None:
+        plans['permuted'] = _plan_permutation(recordings.choice, folds, random_state)
+    if details and saving:
+        not_done.append('feature selection: left out of a large table without --repetitions')
+    elif details:
+        plans['selections'] = _plan_selection(table, splits, random_state, not_done)
+    if recordings.answers:
+        hold_out = next(iter(recordings.hold_out), ())
+        plans['answers'] = [AnswersPlan(table, hold_out)]
+    return plans, not_done
+
+
+def _divide(
+    recordings: RecordingSet, folds: int, repetitions: int, random_state: int
+) -> tuple[list[Split], list[str]]:
+    """Return random folds and grouped splits, and a sentence for each that cannot be done."""
+    table, impossible = recordings.table, list[str]()
+    stratified = partial(stratified_split, table, folds, repetitions, random_state)
+    splits = _try('random folds', stratified, impossible)
+    for columns in recordings.hold_out:
+        name = f'one {" and ".join(map(plain_name, columns))} held out'
+        splits += _try(name, partial(grouped_split, table, columns), impossible)
+    return splits, impossible
+
+
+def _plan_permutation(chosen: Chosen, folds: int, random_state: int) -> list[Plan[Any]]:
+    """Return the baseline under the split that tests the choice."""
+    table, (_, classifier, scaling) = chosen.table, chosen.choice.chosen
+    if chosen.splits:
+        (split,) = chosen.splits
+    elif chosen.columns:
+        split = grouped_split(table, chosen.columns)
+    else:
+        split = stratified_split(table, folds, 1, random_state)
+    return [PermutationPlan(table, split, classifier, scaling, random_state)]
+
+
+def _plan_selection(
+    table: FeatureTable, splits: Sequence[Split], random_state: int, not_done: list[str]
+) -> list[Plan[Any]]:
+    from tactile_classifier.evaluation.feature_selection import SelectionPlan
+
+    if table.values.shape[1] < 2:
+        not_done.append('feature selection: there is one feature only')
+        return []
+    plans: list[Plan[Any]] = []
+    for split in splits:
+        plan = partial(SelectionPlan, table, split, random_state=random_state)
+        plans += _try(f'feature selection, {split.name}', plan, not_done)
+    return plans
+
+
+def _try(name: str, work: Callable[[], _Result], not_done: list[str]) -> list[_Result]:
+    """Return the result; none, and a sentence more, where the trials do not allow it."""
+    try:
+        return [work()]
+    except EvaluationError as error:
+        not_done.append(f'{name}: {error}')
+        return []
+
+
+def _finish_set(
+    recordings: RecordingSet, found: dict[str, list[Any]], not_done: Sequence[str]
+) -> SetResult:
+    answers = next(iter(found.get('answers', ())), None)
+    table = recordings.table
+    return SetResult(
+        recordings,
+        tuple(found['evaluations']),
+        tuple(result for results in found.get('selections', ()) for result in results),
+        rank_sum_p_values(table.values, table.labels, find_strata(table), find_mountings(table)),
+        (*not_done, *(answers.not_done if answers else ())),
+        answers,
+        stated=next(iter(found.get('stated', ())), None),
+        permuted=next(iter(found.get('permuted', ())), None),
+    )
+
+
+def analyse(
+    sets: Sequence[RecordingSet],
+    *,
+    folds: int,
+    repetitions: int | None,
+    random_state: int,
+    details: bool = True,
+    jobs: int | None = -1,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> list[SetResult]:
+    """Evaluate all sets under plain folds and their grouped splits.
+
+    Sets with extras also get what a model says besides a label, under the first grouped split.
+    Without ``details`` accuracies only: no feature selection.
+
+    Splits that the trials do not allow are left out, and told in ``not_done``.
+
+    Raises
+    ------
+    EvaluationError
+        When the trials of a set allow no split.
+    """
+    planned = [_plan_set(each, folds, repetitions, random_state, details=details) for each in sets]
+    work = [plan for plans, _ in planned for some in plans.values() for plan in some]
+    results = iter(run_plans(work, jobs, progress))
+    return [
+        _finish_set(
+            each,
+            {name: [next(results) for _ in some] for name, some in plans.items()},
+            not_done,
+        )
+        for each, (plans, not_done) in zip(sets, planned, strict=True)
+    ]

@@ -1,0 +1,109 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The report as one HTML file that needs no other; its order and its prose are the templates'."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from tactile_analysis.report import drawings
+from tactile_analysis.report.analysis import SetResult
+from tactile_analysis.report.significance import (
+    find_components,
+    format_alike_pairs,
+    format_least_p,
+)
+from tactile_analysis.report.summary import (
+    find_versions,
+    format_accuracy,
+    format_classifier,
+    format_first_sentence,
+    format_model,
+    Source,
+)
+from tactile_analysis.wording import format_coverage, format_interval, format_warnings
+from tactile_classifier.evaluation.open_set import OpenSetEvaluation
+from tactile_classifier.model_file.manifest import format_features
+from tactile_classifier.records import CLASSIFIER_TITLES, short_scaling
+from tactile_ros.errors import named_errors
+
+TITLE = 'Touch through the tendon: evaluation'
+FILE_NAME = 'report.html'
+
+
+def report_path(path: Path) -> Path:
+    """Return the file that a report goes to: itself, or one of a folder, which is made."""
+    file = path if path.suffix.lower() in ('.html', '.htm') else path / FILE_NAME
+    with named_errors('write the report', file):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        existed = file.exists()
+        file.open('a').close()  # before the work, not after it
+        if not existed:
+            file.unlink()
+    return file
+
+
+def build_page(
+    results: Sequence[SetResult], sources: Sequence[Source], settings: Mapping[str, str]
+) -> str:
+    """Return the report as HTML. It states the settings, and the versions of libraries.
+
+    The templates escape all text. They call the functions of this package that make texts and
+    figures of results.
+    """
+    environment = Environment(
+        loader=PackageLoader('tactile_analysis.report'),
+        autoescape=True,
+        extensions=['jinja2.ext.do'],
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    filters: dict[str, Callable[..., str]] = {
+        'percent': lambda share: f'{100 * share:.1f}',
+        'interval': format_interval,
+        'classifier': CLASSIFIER_TITLES.__getitem__,
+        'scaling': short_scaling,
+    }
+    environment.filters |= filters
+    environment.globals |= {each.__name__: each for each in _FUNCTIONS}
+    return environment.get_template('report.html').render(
+        title=TITLE,
+        simulated=any(result.recordings.simulated for result in results),
+        results=results,
+        sources=sources,
+        settings=settings,
+        versions=find_versions(),
+        contents=[],
+    )
+
+
+def format_split(result: SetResult, each: OpenSetEvaluation) -> str:
+    """Return task, model and split of an evaluation of answers."""
+    return f'{result.recordings.table.task}: {format_classifier(each)}, {each.split}'
+
+
+_FUNCTIONS: Sequence[Callable[..., Any]] = (
+    drawings.draw_accuracies,
+    drawings.draw_answers,
+    drawings.draw_confusion,
+    drawings.draw_open_set,
+    drawings.draw_signals,
+    drawings.draw_significance,
+    drawings.draw_split_accuracies,
+    find_components,
+    format_accuracy,
+    format_alike_pairs,
+    format_coverage,
+    format_features,
+    format_first_sentence,
+    format_least_p,
+    format_model,
+    format_split,
+    format_warnings,
+)

@@ -1,0 +1,107 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Results of evaluation and training in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from tactile_classifier.evaluation.cross_validation import Evaluation, Score
+from tactile_classifier.evaluation.intervals import COVERAGE_WITH_TRAINING, Interval
+from tactile_classifier.records import CLASSIFIER_TITLES, PROBABILITY, short_scaling
+
+if TYPE_CHECKING:
+    from tactile_classifier.model_file.manifest import Manifest
+    from tactile_classifier.training.feature_choice import Candidate, FeatureChoice
+
+
+def format_interval(interval: Interval) -> str:
+    """Return an interval of accuracies in %, or why there is none."""
+    if interval.reason:
+        return f'none: {interval.reason}'
+    return f'{100 * interval.low:.1f} to {100 * interval.high:.1f}'
+
+
+def name_candidate(candidate: Candidate) -> str:
+    """Return a set of features with its classifier and scaling, for people."""
+    title = CLASSIFIER_TITLES[candidate.classifier]
+    return f'{candidate.feature_set} with {title}, {short_scaling(candidate.scaling)}'
+
+
+def format_span(interval: Interval) -> str:
+    """Return an interval of accuracies in words, or why there is none."""
+    if interval.reason:
+        return f'no interval: {interval.reason}'
+    return f'95 % interval {format_interval(interval)} %'
+
+
+def format_nested(choice: FeatureChoice) -> str:
+    """Return the accuracy of a choice of features that is made inside the folds."""
+    nested = choice.nested
+    return (
+        f'accuracy {100 * nested.mean:.1f} % with set and classifier chosen inside the folds '
+        f'({nested.split}; {format_span(nested.interval)}); '
+        f'chance {100 * choice.evaluation.chance:.1f} %'
+    )
+
+
+def format_mean(score: Score) -> str:
+    """Return a mean accuracy in %, with its spread where there is one."""
+    mean = f'{100 * score.mean:.1f}'
+    return f'{mean} ± {100 * score.spread:.1f}' if score.fold_accuracies.size > 1 else mean
+
+
+def format_coverage(evaluation: Evaluation) -> str:
+    """Return the measured coverage of intervals over held-out groups, or nothing."""
+    if evaluation.scores[0].spread_of != 'groups':
+        return ''
+    least, most = COVERAGE_WITH_TRAINING
+    return f', measured coverage {100 * least:.0f} to {100 * most:.0f} %'
+
+
+def accuracy_caption(evaluation: Evaluation, *, intervals: bool = False) -> str:
+    """Return what the numbers of `accuracy_table` are."""
+    first = evaluation.scores[0]
+    parts = [
+        f'accuracy in %: {evaluation.split}, {evaluation.trials} trials',
+        f'chance {100 * evaluation.chance:.1f}',
+    ]
+    if first.fold_accuracies.size > 1:
+        parts.insert(1, f'± standard deviation over {first.spread_of}')
+    if intervals and any(not score.interval.reason for score in evaluation.scores):
+        parts.insert(-1, f'in brackets the 95 % interval{format_coverage(evaluation)}')
+    return '; '.join(parts)
+
+
+def format_warnings(evaluations: Sequence[Evaluation]) -> list[str]:
+    """Return the warnings of some evaluations of one table, each once."""
+    found = [warning for evaluation in evaluations for warning in evaluation.warnings]
+    return [f'warning: {warning}' for warning in dict.fromkeys(found)]
+
+
+def describe_answers(manifest: Manifest) -> list[str]:
+    """Return what held-out trials say of probabilities and threshold."""
+    from tactile_classifier.model_file.manifest import (
+        describe_scope,
+        describe_thresholds,
+        format_scores,
+        warn_of_few_groups,
+    )
+
+    if 'reason' in manifest.calibration:
+        return [f'no probabilities and no "unknown": {manifest.calibration["reason"]}']
+    whole = manifest.confidence
+    sentences = [
+        f'probabilities: expected calibration error {100 * whole.calibration_error_before:.1f} % '
+        f'before, {100 * whole.calibration_error_after:.1f} % after; by '
+        f'{manifest.calibration["split"]}'
+    ]
+    if manifest.score_kind != PROBABILITY:
+        sentences.append(f'scores: {format_scores(manifest)}')
+    sentences += [f'{name}: {fact}' for name, fact in describe_thresholds(manifest).items()]
+    sentences.append(describe_scope(manifest))
+    if manifest.score_kind == PROBABILITY:
+        sentences += warn_of_few_groups(manifest)
+    return sentences

@@ -1,0 +1,122 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Results of evaluation and training as tables for a terminal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tactile_analysis.wording import format_interval, format_mean
+from tactile_classifier.evaluation.cross_validation import Evaluation, Score
+from tactile_classifier.records import CLASSIFIER_TITLES, SCALING_TITLES, short_scaling
+from tactile_lab.console import Table
+
+if TYPE_CHECKING:
+    from tactile_analysis.datasets.model_accuracy import ModelEvaluation
+    from tactile_classifier.evaluation.model_accuracy import AccuracyDifference
+    from tactile_classifier.training.feature_choice import FeatureChoice
+
+
+def choice_table(choice: FeatureChoice, title: str) -> Table:
+    """Return the accuracies [%] of all candidates under the split that chose, with their spread.
+
+    The last row is the accuracy of the choice itself, made inside the folds.
+    """
+    table = Table('features', 'classifier', 'scaling', 'accuracy', title=title, right_from=3)
+    for each in choice.ranking:
+        names = each.candidate.feature_set, CLASSIFIER_TITLES[each.candidate.classifier]
+        scaling = short_scaling(each.candidate.scaling)
+        table.add_row(*names, scaling, format_mean(each.score))
+    table.add_row('chosen inside the folds', '', '', format_mean(choice.nested))
+    return table
+
+
+def recall_table(score: Score) -> Table:
+    """Return the recall [%] of each label, with the number of its tests."""
+    table = Table('label', 'tests', 'recall', title='recall by label in %', right_from=1)
+    counts = score.confusion.sum(axis=1)
+    for label, count, share in zip(score.labels, counts, score.recall, strict=True):
+        table.add_row(label, str(count), f'{100 * share:.1f}' if count else '')
+    return table
+
+
+def accuracy_table(evaluation: Evaluation, title: str, *, intervals: bool = False) -> Table:
+    """Return accuracies [%] by classifier and scaling, with their spread, and intervals."""
+    scalings = list(dict.fromkeys(score.scaling for score in evaluation.scores))
+    headings = (short_scaling(s) if intervals else SCALING_TITLES[s] for s in scalings)
+    table = Table('classifier', *headings, title=title, right_from=1)
+    for classifier in dict.fromkeys(score.classifier for score in evaluation.scores):
+        cells = []
+        of_it = [score for score in evaluation.scores if score.classifier == classifier]
+        found = {score.scaling: score for score in of_it}
+        for scaling in scalings:
+            if scaling not in found:
+                cells.append('')
+                continue
+            score = found[scaling]
+            cell = format_mean(score)
+            if intervals and not score.interval.reason:
+                low, high = score.interval.low, score.interval.high
+                cell += f'  ({100 * low:.0f} to {100 * high:.0f})'
+            cells.append(cell)
+        table.add_row(CLASSIFIER_TITLES[classifier], *cells)
+    return table
+
+
+def format_evaluation(found: ModelEvaluation) -> list[str | Table]:
+    """Return the accuracy of the models as a table and sentences."""
+    sides = 'AB'[: len(found.models)]
+    table = Table('', *sides, title=found.title, right_from=1)
+    scores = found.scores
+    table.add_row('features', *(model['feature_set'] for model in found.models))
+    table.add_row('accuracy', *(f'{100 * score.accuracy:.1f} %' for score in scores))
+    table.add_row('95 % interval', *(format_interval(score.interval) for score in scores))
+    table.add_row(
+        'accuracy where it gives a label',
+        *(
+            'no labels' if s.answered_accuracy is None else f'{100 * s.answered_accuracy:.1f} %'
+            for s in scores
+        ),
+    )
+    table.add_row('unknown', *(f'{100 * score.unknown_rate:.1f} %' for score in scores))
+    table.add_row('no answer', *(f'{100 * score.no_answer_rate:.1f} %' for score in scores))
+    table.add_row(
+        'left out: trained on', *(str(model['training_trials']) for model in found.models)
+    )
+    over = f'{found.trials} trials' + (f' of {found.sessions} sessions' if found.sessions else '')
+    lines = [
+        *(f'{side}: {m["path"]}' for side, m in zip(sides, found.models, strict=True)),
+        f'{over}; interval: {scores[0].interval.method or scores[0].interval.reason}',
+    ]
+    if found.difference:
+        lines.append(_format_difference(found.difference))
+    if found.new_labels:
+        new = found.new_labels
+        rates = ', '.join(
+            f'{side} {100 * rate:.0f} %'
+            for side, rate in zip(sides, new.unknown_rates, strict=True)
+        )
+        lines.append(
+            f'not counted: {new.trials} trials with other labels ({", ".join(new.labels)}); '
+            f'unknown: {rates}'
+        )
+    if found.left_out:
+        lines.append(
+            f'without features: {len(found.left_out)} trials; the first: {found.left_out[0]}'
+        )
+    lines += (f'warning: {warning}' for warning in found.warnings)
+    return [table, *(f'  {line}' for line in lines)]
+
+
+def _format_difference(found: AccuracyDifference) -> str:
+    interval = found.interval
+    if interval.reason:
+        span = f'no interval: {interval.reason}'
+    else:
+        low, high = 100 * interval.low, 100 * interval.high
+        span = f'95 % interval {low:+.1f} to {high:+.1f}, {interval.method}'
+    return (
+        f'B - A: {100 * found.difference:+.1f} points ({span}); only A correct: {found.only_a}, '
+        f'only B: {found.only_b}; exact McNemar p = {found.p_value:.2g}'
+    )
