@@ -23,7 +23,6 @@ the goal. A hanging server must be detected by the caller, because a goal may ta
 
 from __future__ import annotations
 
-from collections.abc import Callable
 import concurrent.futures
 from contextlib import suppress
 import math
@@ -39,7 +38,7 @@ from rclpy.task import Future
 
 from tactile_ros.errors import TactileError
 from tactile_ros.periodic import SLOW_CALLS
-from tactile_ros.rclpy_internals import GoalIdClient
+from tactile_ros.rclpy_internals import GoalIdClient, run_on_executor
 
 LOOK_S = 0.5
 """Period of the check for lost answers [s]."""
@@ -234,7 +233,7 @@ class GoalClient:
             else:
                 answer.add_done_callback(goal.on_answer)
 
-        _run_on_executor(self._node, start)
+        run_on_executor(self._node, start)
         return goal
 
     def send_unwatched(self, message: Any) -> None:
@@ -247,7 +246,7 @@ class GoalClient:
         """Check all goals on the executor's thread."""
         if self._goals:
             with suppress(RuntimeError):  # the process is ending
-                _run_on_executor(self._node, self._look)
+                run_on_executor(self._node, self._look)
 
     def reconnect(self) -> None:
         """Replace the client of rclpy by a new one."""
@@ -317,15 +316,8 @@ def call_until_answered(
             repetition.cancel()
         else:
             with suppress(RuntimeError):
-                _run_on_executor(node, ask)
+                run_on_executor(node, ask)
 
-    _run_on_executor(node, ask)
+    run_on_executor(node, ask)
     repetition = SLOW_CALLS.every(REPEAT_S, repeat)
     return answer
-
-
-def _run_on_executor(node: Node, call: Callable[[], None]) -> None:
-    executor = node.executor
-    if executor is None:
-        raise RuntimeError('the process is ending')
-    executor.create_task(call)

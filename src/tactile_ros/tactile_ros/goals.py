@@ -16,6 +16,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from tactile_ros.clock_watch import ClockWatch, LOOK_S, Standstill
+from tactile_ros.rclpy_internals import run_on_executor
 from tactile_ros.refusal import Refusal
 
 EXPIRE_S = 1.0
@@ -63,10 +64,7 @@ def send(node: Node, request: Callable[[], Future]) -> concurrent.futures.Future
         except Exception as error:
             answer.set_exception(error)
 
-    executor = node.executor
-    if executor is None:
-        raise RuntimeError('the process is ending')
-    executor.create_task(start)
+    run_on_executor(node, start)
     return answer
 
 

@@ -35,6 +35,7 @@ from tactile_ros.rclpy_internals import (
     destroy_state_machine,
     parameter_overrides,
     RCLError,
+    run_on_executor,
 )
 
 LOG_PERIOD_S = 10.0
@@ -393,12 +394,9 @@ class TactileNode(LifecycleNode):
             raise error
 
         try:
-            if self.executor is not None:
-                self.executor.create_task(fail)
-                return
-        except AttributeError:  # rclpy, of an executor that was shut down
-            pass
-        self.get_logger().fatal(f'a callback failed: {error!r}')
+            run_on_executor(self, fail)
+        except RuntimeError:
+            self.get_logger().fatal(f'a callback failed: {error!r}')
 
     def set_up(self, config: Any) -> None: ...
 

@@ -11,6 +11,7 @@ and needs 0.03 ms per call.
 from __future__ import annotations
 
 from collections.abc import Callable
+import sys
 import threading
 import time
 
@@ -53,7 +54,8 @@ class Periodic:
 class Ticker:
     """Makes periodic calls on one thread, by the monotonic clock.
 
-    A callback must not raise, because an exception would end the thread.
+    An exception of a callback ends its periodic calls and is passed to `threading.excepthook`,
+    which prints it. The other periodic calls continue.
 
     Parameters
     ----------
@@ -98,7 +100,13 @@ class Ticker:
                     self._changed.wait(call.due_s - now_s)
                     continue
                 call.schedule(now_s)
-            call.callback()
+            try:
+                call.callback()
+            except Exception:
+                call.cancel()
+                threading.excepthook(
+                    threading.ExceptHookArgs((*sys.exc_info(), threading.current_thread()))
+                )
             del call  # do not keep its objects alive until the next call
 
 

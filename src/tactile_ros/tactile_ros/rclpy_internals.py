@@ -104,6 +104,23 @@ def take_message(subscription: Subscription) -> tuple[Any, Any] | None:
     return taken
 
 
+def run_on_executor(node: Node, call: Callable[[], object]) -> None:
+    """Call a function on the thread of a node's executor.
+
+    Raises
+    ------
+    RuntimeError
+        If no executor spins the node, or its executor has been shut down.
+    """
+    executor = node.executor
+    if executor is None:
+        raise RuntimeError('no executor spins the node')
+    try:
+        executor.create_task(call)
+    except AttributeError as error:  # rclpy's guard condition is None after the shutdown
+        raise RuntimeError('the executor has been shut down') from error
+
+
 def parameter_overrides(node: Node) -> dict[str, Parameter]:
     """Return the parameter overrides of a node, to be changed before they are declared.
 

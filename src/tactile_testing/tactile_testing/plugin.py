@@ -25,6 +25,11 @@ if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
+def pytest_configure(config):
+    """Let a test fail if a thread ends with an exception."""
+    config.addinivalue_line('filterwarnings', 'error::pytest.PytestUnhandledThreadExceptionWarning')
+
+
 def pytest_collection_finish():
     """Keep garbage collections short, as `tactile_ros.process.short_collections` does.
 

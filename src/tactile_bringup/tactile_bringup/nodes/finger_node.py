@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 import sys
 import threading
 import time
@@ -22,6 +22,7 @@ from tactile_classifier.tactile_classifier_node import TactileClassifierNode
 from tactile_features.tactile_features_node import TactileFeaturesNode
 from tactile_ros.errors import TactileError
 from tactile_ros.node_program import prepare_process
+from tactile_ros.rclpy_internals import run_on_executor
 from tactile_ros.stages import StageNode
 from tendon_sensor_driver.tendon_sensor_node import TendonSensorNode
 
@@ -154,7 +155,8 @@ class PendingNodes:
         elif time.monotonic() > self._due_s:
             self._due_s = time.monotonic() + RETRY_S
             for node in self._late.values():
-                node.executor.create_task(node.bring_up)
+                with suppress(RuntimeError):  # the process is ending
+                    run_on_executor(node, node.bring_up)
 
     def _log(self) -> None:
         if self._late:

@@ -8,6 +8,7 @@ import threading
 
 from action_msgs.msg import GoalStatus
 import pytest
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
@@ -170,6 +171,22 @@ def test_closing_a_client_ends_its_waits(rig):
     client._node.executor.create_task(client.close)
     with pytest.raises(GoalLostError):
         goal.end.result(DEADLINE_S)
+
+
+def test_a_client_whose_executor_has_ended_looks_no_more_and_raises_nothing(context):
+    """An exception would end the thread of the periodic calls of all nodes of the process."""
+    node = Node('client', context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    client = GoalClient(node, MoveGuide, 'server/move')
+    client.send(MoveGuide.Goal())
+    executor.spin_once(timeout_sec=DEADLINE_S)
+    executor.shutdown()
+    client.look_soon()
+    with pytest.raises(RuntimeError, match='shut down'):
+        client.send(MoveGuide.Goal())
+    client.close()
+    node.destroy_node()
 
 
 @pytest.fixture

@@ -77,3 +77,19 @@ def test_missed_calls_are_left_out():
     wait_until(lambda: len(times) >= 2)
     periodic.cancel()
     assert times[1] > released_s
+
+
+def test_an_exception_ends_the_calls_of_its_callback_alone(monkeypatch):
+    ticker, others, failures = Ticker('ticker of a test'), threading.Semaphore(0), []
+    monkeypatch.setattr(threading, 'excepthook', failures.append)
+    other = ticker.every(0.001, others.release)
+    first = ticker.every(0.001, lambda: 1 / 0)
+    wait_until(lambda: failures)
+    for _ in range(5):
+        assert others.acquire(timeout=DEADLINE_S)
+    other.cancel()
+    wait_until(lambda: not threads('ticker of a test'))
+    assert not first.is_running
+    assert [(each.exc_type, each.thread.name) for each in failures] == [
+        (ZeroDivisionError, 'ticker of a test')
+    ]
