@@ -27,7 +27,8 @@ if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
 
 def pytest_configure(config):
     """Let a test fail if a thread ends with an exception."""
-    config.addinivalue_line('filterwarnings', 'error::pytest.PytestUnhandledThreadExceptionWarning')
+    failing = 'error::pytest.PytestUnhandledThreadExceptionWarning'
+    config.addinivalue_line('filterwarnings', failing)
 
 
 def pytest_collection_finish():
