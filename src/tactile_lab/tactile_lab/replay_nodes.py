@@ -12,7 +12,6 @@ import time
 from typing import Any
 
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from tactile_bags.bag_reader import TactileBag
@@ -30,6 +29,7 @@ from tactile_features.conversions import feature_window_from_msg
 from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.errors import TactileError
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
+from tactile_ros.rclpy_internals import Executor
 from tactile_ros.topics import (
     CLASSIFICATION_TOPIC,
     EVENT,
@@ -78,7 +78,7 @@ def replay_through_nodes(
         When a node cannot be started, or does not respond in time.
     """
     results = TactileResults()
-    executor = SingleThreadedExecutor(context=context)
+    executor = Executor(context=context)
     nodes: list[Any] = []
     player = Node('bag_player', context=context, namespace=namespace)
     try:
@@ -156,7 +156,7 @@ def _caught_up(features: Any, sent: Mapping[str, int]) -> bool:
 
 
 def _spin_until(
-    executor: SingleThreadedExecutor, condition: Callable[[], bool], otherwise: Callable[[], str]
+    executor: Executor, condition: Callable[[], bool], otherwise: Callable[[], str]
 ) -> None:
     deadline = time.monotonic() + DEADLINE_S
     while not condition():

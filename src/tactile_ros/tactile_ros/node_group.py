@@ -15,7 +15,7 @@ from typing import Any
 
 import rclpy
 from rclpy.context import Context
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 
@@ -30,7 +30,7 @@ from tactile_ros.process import (
     STDERR,
     uninterrupted,
 )
-from tactile_ros.rclpy_internals import RCLError
+from tactile_ros.rclpy_internals import Executor, RCLError
 
 REST_TIMEOUT_S = 3.0
 """Longest wait at the end of a process for running goals to end [s]."""
@@ -94,13 +94,13 @@ class NodeGroup:
         self._collections = ExitStack()
         self.ended = threading.Event()
         self.error: Exception | None = None
-        self._spinning: list[tuple[SingleThreadedExecutor, threading.Thread]] = []
+        self._spinning: list[tuple[Executor, threading.Thread]] = []
         together: dict[Any, list[Any]] = {}
         for node in self._nodes:
             key = type(node) if getattr(node, 'is_quiet', False) else node
             together.setdefault(key, []).append(node)
         for nodes in together.values():
-            executor = SingleThreadedExecutor(context=context)
+            executor = Executor(context=context)
             for node in nodes:
                 executor.add_node(node)
             name = f'executor of {nodes[0].get_name()}'
@@ -116,7 +116,7 @@ class NodeGroup:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _spin(self, executor: SingleThreadedExecutor) -> None:
+    def _spin(self, executor: Executor) -> None:
         try:
             while not self._ending.is_set():
                 _spin_once(executor)
@@ -185,7 +185,7 @@ class NodeGroup:
         self._collections.close()
 
 
-def _spin_once(executor: SingleThreadedExecutor) -> None:
+def _spin_once(executor: Executor) -> None:
     try:
         executor.spin_once(timeout_sec=SPIN_S)
     except RCLError as error:

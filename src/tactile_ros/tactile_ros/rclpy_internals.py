@@ -8,11 +8,14 @@ Check this module first if a new version of rclpy breaks something.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from rclpy.action import ActionClient
 from rclpy.action.client import ClientGoalHandle
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.exceptions import InvalidHandle
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
@@ -22,6 +25,24 @@ from rclpy.task import Future
 
 RCLError = rclpy_implementation.RCLError
 """Exception of the C layer, which `rclpy.exceptions` does not export."""
+
+
+RETRIES = 10
+"""An `Executor` collects what to wait for as often, if entities are destroyed meanwhile."""
+
+
+class Executor(SingleThreadedExecutor):  # type: ignore[misc]
+    """An executor on whose nodes other threads may destroy publishers and subscriptions.
+
+    rclpy lets an executor end if an entity with events is destroyed while it collects what to
+    wait for.
+    """
+
+    def wait_for_ready_callbacks(self, *arguments: Any, **options: Any) -> Any:
+        for _ in range(RETRIES):
+            with suppress(InvalidHandle):
+                return super().wait_for_ready_callbacks(*arguments, **options)
+        return super().wait_for_ready_callbacks(*arguments, **options)
 
 
 class NotOnExecutor(MutuallyExclusiveCallbackGroup):  # type: ignore[misc]

@@ -13,7 +13,6 @@ from diagnostic_msgs.msg import DiagnosticArray
 from dynamixel_sdk import port_handler
 import pytest
 from rclpy.action import ActionClient
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
@@ -21,6 +20,7 @@ from std_srvs.srv import Trigger
 from topic_peers import Peers
 
 from tactile_ros.goals import send
+from tactile_ros.rclpy_internals import Executor
 from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 10.0
@@ -31,7 +31,7 @@ class Bench:
 
     def __init__(self, context):
         self.context = context
-        self.executor = SingleThreadedExecutor(context=context)
+        self.executor = Executor(context=context)
         self.peer = Node('peer', context=context)
         self.executor.add_node(self.peer)
         self.node = None

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 from dataclasses import make_dataclass
+from functools import partial
 import gc
 from pathlib import Path
 import subprocess
@@ -12,6 +13,7 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 import pytest
 from rclpy.node import Node
+from std_msgs.msg import Int32
 
 from tactile_ros.goals import send
 from tactile_ros.lifecycle import TactileNode
@@ -109,6 +111,19 @@ def test_ctrl_c_while_nodes_are_taken_down_lets_all_of_them_end():
         cwd=Path(__file__).parent,
     )
     assert done.stdout == '[True, True]\n', done.stderr
+
+
+def test_entities_may_be_destroyed_while_the_executor_waits(context, request):
+    request.addfinalizer(partial(sys.setswitchinterval, sys.getswitchinterval()))
+    sys.setswitchinterval(1e-6)
+    node = Node('any', context=context)
+    with NodeGroup([node], context=context) as group:
+        for _ in range(300):
+            publisher = node.create_publisher(Int32, 'numbers', 1)
+            subscription = node.create_subscription(Int32, 'numbers', lambda _: None, 1)
+            node.destroy_subscription(subscription)
+            node.destroy_publisher(publisher)
+        assert not group.ended.is_set(), group.error
 
 
 def test_garbage_collections_skip_what_existed_when_the_nodes_started(context):
