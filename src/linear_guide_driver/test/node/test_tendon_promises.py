@@ -112,6 +112,8 @@ def test_slackening_ends_a_running_pull_instead_of_being_refused(bench, servo, p
     wait_until(lambda: servo.position > SLACK + 60)
     slow = pull(bench, 0.0, 0.001)
     assert bench.result(tightening)[0] == 'aborted'
+    rest = servo.position
+    wait_until(lambda: servo.position < rest)  # the slow one has begun
     assert bench.call('/tendon_actuator/release').success
     bench.aborts(slow, 'released')
     wait_until(lambda: is_slack(servo))
