@@ -11,9 +11,13 @@ and needs 0.03 ms per call.
 from __future__ import annotations
 
 from collections.abc import Callable
+import math
 import sys
 import threading
 import time
+
+ROUNDING = 1e-6
+"""Allowance for rounding, as a fraction of a period: without it, a call could come twice."""
 
 
 class Periodic:
@@ -21,9 +25,9 @@ class Periodic:
 
     def __init__(self, ticker: Ticker, period_s: float, callback: Callable[[], object]) -> None:
         self._ticker = ticker
-        self._period_s = period_s
+        self.period_s = period_s
         self.callback = callback
-        self.due_s = time.monotonic() + period_s
+        self.due_s = 0.0
 
     @property
     def is_running(self) -> bool:
@@ -36,19 +40,9 @@ class Periodic:
         self.callback = _do_nothing  # break a reference cycle
 
     def change_period(self, period_s: float) -> None:
-        """Change the period [s].
-
-        If called on another thread than the ticker's, it applies after the next call.
-        """
-        if period_s != self._period_s:
-            self._period_s = period_s
-            self.due_s = min(self.due_s, time.monotonic() + period_s)
-
-    def schedule(self, now_s: float) -> None:
-        """Set the time of the next call; missed calls are skipped."""
-        self.due_s += self._period_s
-        if self.due_s <= now_s:
-            self.due_s = now_s + self._period_s
+        """Change the period [s]; the next call is at most one new period away."""
+        if period_s != self.period_s:
+            self._ticker.change_period(self, period_s)
 
 
 class Ticker:
@@ -56,6 +50,12 @@ class Ticker:
 
     An exception of a callback ends its periodic calls and is passed to `threading.excepthook`,
     which prints it. The other periodic calls continue.
+    Missed calls are skipped.
+
+    All calls are due at multiples of their periods since the ticker was created. Periods with a
+    common multiple are thus due at the same time, and wake the thread once: a wake-up costs more
+    than most callbacks. The first call follows half a period to one and a half periods after
+    `every`.
 
     Parameters
     ----------
@@ -65,6 +65,7 @@ class Ticker:
 
     def __init__(self, name: str) -> None:
         self._name = name
+        self._began_s = time.monotonic()
         self._changed = threading.Condition()
         self._calls: list[Periodic] = []
         self._thread: threading.Thread | None = None
@@ -72,6 +73,7 @@ class Ticker:
     def every(self, period_s: float, callback: Callable[[], object]) -> Periodic:
         """Call ``callback`` every ``period_s`` [s] until the returned `Periodic` is cancelled."""
         call = Periodic(self, period_s, callback)
+        call.due_s = self._find_due(period_s, time.monotonic() + 0.5 * period_s)
         with self._changed:
             self._calls.append(call)
             if self._thread is None:
@@ -88,6 +90,18 @@ class Ticker:
                 self._calls.remove(call)
                 self._changed.notify()
 
+    def change_period(self, call: Periodic, period_s: float) -> None:
+        """Change the period [s] of a call; see `Periodic.change_period`."""
+        with self._changed:
+            call.period_s = period_s
+            call.due_s = min(call.due_s, self._find_due(period_s, time.monotonic()))
+            self._changed.notify()
+
+    def _find_due(self, period_s: float, after_s: float) -> float:
+        """Return the first multiple of a period [s] later than a time [s]."""
+        periods = math.floor((after_s - self._began_s) / period_s + ROUNDING) + 1
+        return self._began_s + periods * period_s
+
     def _run(self) -> None:
         while True:
             with self._changed:
@@ -99,7 +113,7 @@ class Ticker:
                 if call.due_s > now_s:
                     self._changed.wait(call.due_s - now_s)
                     continue
-                call.schedule(now_s)
+                call.due_s = self._find_due(call.period_s, max(call.due_s, now_s))
             try:
                 call.callback()
             except Exception:

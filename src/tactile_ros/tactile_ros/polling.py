@@ -197,10 +197,7 @@ class PollingNode(TactileNode):
         return subscription
 
     def poll_every(self, period_s: float) -> None:
-        """Change the period of polling [s].
-
-        If called on another thread than the polling thread, it applies after the next poll.
-        """
+        """Change the period of polling [s]; may be called on any thread."""
         self.poll_s = period_s
         if self._asking is not None:
             self._asking.change_period(period_s)

@@ -93,3 +93,24 @@ def test_an_exception_ends_the_calls_of_its_callback_alone(monkeypatch):
     assert [(each.exc_type, each.thread.name) for each in failures] == [
         (ZeroDivisionError, 'ticker of a test')
     ]
+
+
+def test_calls_whose_periods_have_a_common_multiple_are_due_together():
+    ticker, times = Ticker('ticker of a test'), {0.02: [], 0.04: [], 0.06: []}
+    calls = []
+    for period_s, came in times.items():
+        calls.append(ticker.every(period_s, lambda came=came: came.append(time.monotonic())))
+        time.sleep(0.003)  # they do not start together
+    dues_s = [call.due_s for call in calls]
+    wait_until(lambda: all(len(came) >= 3 for came in times.values()))
+    for call in calls:
+        call.cancel()
+    assert [round((due_s - dues_s[0]) / 0.02 % 1.0, 6) % 1.0 for due_s in dues_s] == [0.0] * 3
+
+
+def test_a_shorter_period_takes_effect_immediately_on_another_thread():
+    ticker, came = Ticker('ticker of a test'), threading.Event()
+    call = ticker.every(1000.0, came.set)
+    call.change_period(0.001)
+    assert came.wait(DEADLINE_S)
+    call.cancel()
