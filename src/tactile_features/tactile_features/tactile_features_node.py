@@ -38,6 +38,10 @@ STRAIN_TOPIC = 'tendon_sensor/strain'
 
 WATCH_PERIOD_S = 0.5
 
+TRIAL_POLL_S, IDLE_POLL_S = 0.01, 0.1
+"""Periods of polling the samples during a trial and between trials [s]. Windows are complete
+only during a trial; between trials, the samples fill the buffers."""
+
 HISTORY_S = 5.0
 """Latched events arrive within this time after the start [s]; later ones count as new."""
 
@@ -126,6 +130,10 @@ class FeaturesStage(Stage):
             self._detected.publish(event_to_msg(event))
         if windows:
             self._publish(windows)
+        self._choose_period()
+
+    def _choose_period(self) -> None:
+        self._node.poll_every(IDLE_POLL_S if self.extractor.is_idle else TRIAL_POLL_S)
 
     def _meet_sensor(self, sensor_hz: float, events: Sequence[tuple[TrialEvent, bool]]) -> None:
         """Follow the rate of the sensor [Hz], or say that it does not fit the models."""
@@ -171,6 +179,7 @@ class FeaturesStage(Stage):
         if self._early_events is not None:
             self._early_events.append((event, is_past))
         self._publish(self.extractor.add_event(event, is_past=is_past))
+        self._choose_period()
 
     def _watch(self) -> None:
         with self._node.lock:
@@ -223,7 +232,7 @@ class TactileFeaturesNode(StageNode):
         Called with each window while the node is active. Set it before the node is configured.
     """
 
-    poll_s = 0.01  # sufficient for windows of seconds, and fewer wake-ups cost less
+    poll_s = TRIAL_POLL_S  # sufficient for windows of seconds, and fewer wake-ups cost less
 
     def __init__(self, node_name: str = 'tactile_features', **node_options: Any) -> None:
         self.emit: Callable[[FeatureWindow], object] = ignore

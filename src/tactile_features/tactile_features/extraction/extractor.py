@@ -25,8 +25,10 @@ from tactile_features.phases import SignalPhases
 from tactile_features.records import (
     FeatureWindow,
     Outcome,
+    PHASE_ABORTED,
     PHASE_APPROACH,
     PHASE_CONTACT,
+    PHASE_DONE,
     PHASE_GLIDE,
     PHASE_HOLD,
     PHASES_STATED,
@@ -307,6 +309,16 @@ class TrialFeatureExtractor:
             for lane in self._lanes:
                 lane.begin(event, is_past=is_past)
         return self._take_early() + self._take_complete()
+
+    @property
+    def is_idle(self) -> bool:
+        """True between trials, while no window waits for samples.
+
+        Always False if phases are detected in the tension, because any sample may begin a trial.
+        """
+        event = self._event
+        is_between = event is None or event.phase in (PHASE_DONE, PHASE_ABORTED)
+        return is_between and self._signal is None and self._find_oldest() is None
 
     @property
     def waits_since_ns(self) -> int | None:

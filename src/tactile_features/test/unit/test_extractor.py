@@ -561,3 +561,19 @@ def test_the_timeout_is_told_by_a_clock_that_nobody_stops():
     assert waited_s() == pytest.approx(most_s - LONGEST_STEP_S, abs=0.3)
     feed(extractor, block(30, 1))  # a block that is not enough begins it anew
     assert waited_s() == pytest.approx(most_s, abs=0.3)
+
+
+def test_an_extractor_is_idle_between_trials_when_no_window_waits():
+    extractor = TrialFeatureExtractor(CONFIG)
+    assert extractor.is_idle
+    for phase, start_s in (('approach', 1.0), ('glide', 2.0), ('release', 3.5)):
+        extractor.add_event(event(start_s, phase))
+        assert not extractor.is_idle
+    extractor.add_event(event(3.6, 'done'))
+    assert not extractor.is_idle  # the window waits for its samples
+    assert len(extractor.add_block(block(0, 40))) == 1
+    assert extractor.is_idle
+
+
+def test_an_extractor_that_detects_phases_is_never_idle():
+    assert not TrialFeatureExtractor(FeatureConfig(phases='texture')).is_idle
