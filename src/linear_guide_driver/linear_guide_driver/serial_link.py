@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+import select
 import termios
 import threading
 
@@ -19,6 +20,7 @@ LINE_ERRORS = (OSError, termios.error, TypeError)
 lost tty raises termios.error, and closing during a read raises TypeError."""
 
 TICK_S = 0.02
+"""Longest time [s] between two ticks while something moves or is awaited."""
 
 
 class SerialLink:
@@ -33,7 +35,8 @@ class SerialLink:
     on_bytes : callable
         Called on the reader thread with the received bytes.
     on_tick : callable
-        Called on the reader thread after each read, at least every 20 ms.
+        Called on the reader thread after each read. Returns the longest time until the next call
+        [s].
     on_lost : callable
         Called once with the reason when the port is lost, on the thread that detects the loss:
         the reader thread, or the caller of `write` before it raises.
@@ -50,13 +53,11 @@ class SerialLink:
         baud: int,
         *,
         on_bytes: Callable[[bytes], None],
-        on_tick: Callable[[], None],
+        on_tick: Callable[[], float],
         on_lost: Callable[[str], None],
     ) -> None:
         try:
-            self._serial = serial.Serial(
-                port, baud, timeout=TICK_S, write_timeout=1.0, exclusive=True
-            )
+            self._serial = serial.Serial(port, baud, timeout=0, write_timeout=1.0, exclusive=True)
         except (*LINE_ERRORS, ValueError) as error:
             raise DeviceConnectionError(
                 f'cannot open {port}: {error}; check that the device is plugged in, that the '
@@ -93,16 +94,22 @@ class SerialLink:
             self._serial.close()
 
     def _read(self) -> None:
+        # A wait of our own: pyserial's wait has the timeout that was set when the port was opened.
+        waiting = select.poll()
+        wait_s = TICK_S
         try:
+            waiting.register(self._serial, select.POLLIN)
             while not self._closing.is_set():
+                data = b''
                 try:
-                    data = bytes(self._serial.read(self._serial.in_waiting or 1))
+                    if waiting.poll(wait_s * 1000):  # also if the port is lost: `read` then raises
+                        data = bytes(self._serial.read(self._serial.in_waiting or 1))
                 except LINE_ERRORS as error:
                     self._lose(f'the connection to {self._port} is lost: {error}')
                     return
                 if data:
                     self._on_bytes(data)
-                self._on_tick()
+                wait_s = self._on_tick()
         except DeviceConnectionError as error:  # a query could not be written
             self._lose(str(error))
         except Exception as error:  # without a reader, the port is unusable

@@ -43,6 +43,10 @@ PLANNER_BLOCKS = 15
 SILENCE_S = 1.0
 """Time [s] without answers to status queries after which the controller counts as lost."""
 
+REST_TICK_S = 0.04
+"""Longest time [s] between two cycles of the reader thread at rest. The heartbeat, which needs 30
+ms between two beats, has the same rate as in motion."""
+
 RESTING = ('Idle', 'Alarm', 'Sleep')
 """States in which nothing moves."""
 
@@ -69,7 +73,7 @@ class GrblConnection:
     on_fault : callable
         Called on the reader thread with the reason when the position is lost.
     on_cycle : callable
-        Called in each cycle of the reader thread.
+        Called in each cycle of the reader thread, at least every `REST_TICK_S`.
     """
 
     def __init__(
@@ -347,14 +351,15 @@ class GrblConnection:
         self._fault = self._fault or reason
         self._on_fault(reason)
 
-    def _poll(self) -> None:
+    def _poll(self) -> float:
+        """Query the status if a query is due; return the longest time until the next call [s]."""
         self._on_cycle()
         now_s = time.monotonic()
-        period_s = self._poll_period_s
+        period_s, tick_s = self._poll_period_s, TICK_S
         if now_s >= self._rests_at_s:
-            period_s = max(period_s, REST_REPORT_S)
+            period_s, tick_s = max(period_s, REST_REPORT_S), REST_TICK_S
         if self._is_quiet or now_s - self._polled_at_s < period_s:
-            return
+            return tick_s
         self._polled_at_s = now_s
         self._link.write(grbl.STATUS_QUERY)
         # A locked controller does not answer either, but then its fault is known already.
@@ -362,6 +367,7 @@ class GrblConnection:
             with self._changed:
                 self._fail(f'the controller has been silent for {SILENCE_S} s')
                 self._changed.notify_all()
+        return tick_s
 
     def _on_lost(self, reason: str) -> None:
         with self._changed:

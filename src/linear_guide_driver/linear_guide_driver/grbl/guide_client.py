@@ -174,7 +174,7 @@ class LinearGuideClient:
     on_trouble : callable
         Called on the reader thread with the reason when the position is lost.
     on_cycle : callable
-        Called in each cycle of the reader thread, at least every 20 ms.
+        Called in each cycle of the reader thread, at least every 20 ms, or 40 ms at rest.
 
     Attributes
     ----------

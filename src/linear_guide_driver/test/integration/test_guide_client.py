@@ -48,13 +48,20 @@ def test_a_guide_at_rest_is_asked_slowly_and_a_moving_one_at_full_rate(guide, mo
     there = guide._connection
     wait_until(lambda: time.monotonic() > there._rests_at_s)
     ticks, tick = [], there._link._on_tick
-    there._link._on_tick = lambda: ticks.append(tick())
+
+    def note_tick():
+        ticks.append(tick())
+        return ticks[-1]
+
+    there._link._on_tick = note_tick
     wait_until(lambda: len(ticks) > 5)
     at_rest = there._reports
-    wait_until(lambda: len(ticks) > 50)  # a second, or 20 reports at full rate
+    wait_until(lambda: len(ticks) > 30)  # a second, or 20 reports at full rate
     assert there._reports == at_rest
+    assert set(ticks) == {connection.REST_TICK_S}
     guide.move_to(0.031, 0.03)
     assert there._reports > at_rest + 5
+    assert connection.TICK_S in ticks
 
 
 def test_home_then_move_ends_at_rest_at_the_target(guide, grbl):
