@@ -207,9 +207,8 @@ class TrialRunnerNode(PollingNode):
         guide, tendon, strain = self._guide, self._tendon, self._strain
         if guide is None or tendon is None or strain is None:
             return ['The trial runner is not configured; configure its node.']
-        self.poll_now()
         parts = [
-            self._find_stop(),
+            self._find_stop(),  # first, because it handles the waiting messages
             self._find_rival(),
             *guide.find_missing(),
             *tendon.find_missing(),
