@@ -29,6 +29,9 @@ AFTER_S = EXPIRE_S + 0.5
 
 PULL = PullTendon.Goal(displacement_m=0.004, speed_m_s=0.02, contact='flexion')
 MOVE = MoveGuide.Goal(position_m=0.15, speed_m_s=0.02)
+SHORT_MOVE = MoveGuide.Goal(position_m=0.02, speed_m_s=0.1)
+"""Shows that a driver moves again."""
+
 PIECE_MM = 0.3
 """More than a piece of MOVE: 0.25 s in advance, divided among the controller's 15 blocks + 4."""
 
@@ -124,7 +127,7 @@ def test_a_frozen_guide_refuses_the_moves_that_were_sent_meanwhile(guide, grbl):
     for goal in goals:
         assert_ended_by_standstill(guide, goal)
     guide.succeed(HomeGuide.Goal())
-    guide.succeed(MOVE)
+    guide.succeed(SHORT_MOVE)
 
 
 def test_a_move_in_which_the_guides_driver_was_frozen_is_over(guide, grbl):
