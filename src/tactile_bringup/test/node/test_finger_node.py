@@ -48,6 +48,7 @@ def ear(context):
 def test_a_hand_runs_with_the_parameters_of_a_file_and_a_finger_without_its_device_comes_later(
     context, ear, tmp_path
 ):
+    """About ten seconds: two programs start, and a missing device is tried again after five."""
     node, spin = ear
     heard = {finger: [] for finger in FINGERS}
     for finger in FINGERS:

@@ -65,6 +65,7 @@ def test_a_bag_without_features_is_refused(stiffness_bag, trained):
 def test_trials_that_are_interrupted_say_what_they_recorded_and_replay_equal(
     rewrite, trained, parameter_file, tmp_path
 ):
+    """More than ten seconds: one trial and half of another run live, then the bag is replayed."""
     bag = tmp_path / 'bag'
     command = ['trials', 'stiffness', '--object', 'none', '--count', '2', '--simulated']
     command += [

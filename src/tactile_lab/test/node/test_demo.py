@@ -13,6 +13,7 @@ from tactile_lab.experiment import live_rig
 
 
 def test_short_demo_agrees_bit_for_bit_and_leaves_its_results(tmp_path, monkeypatch):
+    """More than ten seconds: the demo trains models, and its trials and its replay run live."""
     # Cross-validation is tested where evaluations are.
     monkeypatch.setattr(train, 'train_models', partial(train.train_models, repetitions=1, folds=2))
     quick = {'trial_runner': {'approach_speed_m_s': 0.1}}

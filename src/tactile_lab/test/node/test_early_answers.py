@@ -98,6 +98,7 @@ def find_delays_s(recording, digests):
 
 
 def test_the_model_of_half_a_second_answers_while_it_glides(models, tmp_path):
+    """Almost half a minute: three glides of full length, because their delays are measured."""
     bag = tmp_path / 'bag'
     trials = glide(bag, models, 3)
     for trial in trials:

@@ -61,6 +61,7 @@ def phases(folder, trial_id):
 def test_an_experiment_survives_ctrl_c_and_kill_and_its_trials_are_read(
     tmp_path, monkeypatch, parameter_file
 ):
+    """More than half a minute: four programs start, and five trials run live."""
     let_rigs_home_fast(monkeypatch.setattr)
     quick = ('--params', parameter_file(SHORT_HOLD))
     plan = tmp_path / 'soft.yaml'

@@ -189,6 +189,7 @@ class TestSharedRig:
     def test_phases_are_stamped_by_the_rigs_motion_however_late_a_server_accepts(
         self, shared, monkeypatch
     ):
+        """More than ten seconds: a whole texture trial, each of whose goals is accepted late."""
         rig, operator, watcher, nodes = shared
         rig.mount('texture', 'R1', 'flexion')
 
@@ -300,6 +301,7 @@ class TestSharedRig:
 def test_a_force_of_another_node_is_felt_and_the_end_of_the_nodes_brings_the_rig_to_rest(
     rig, context, trained
 ):
+    """More than ten seconds: one trial to its label, and another one up to its glide."""
     topic = '/hand/tendon_sensor/wrench:norm'
     models = ModelChoice.read(trained)
     with running_rig(rig, context, models, sensor_topic=topic) as (operator, watcher, _):
@@ -325,7 +327,10 @@ def test_a_force_of_another_node_is_felt_and_the_end_of_the_nodes_brings_the_rig
 
 
 def test_a_trial_needs_a_homing_however_slow_and_a_sensor(rig, context):
-    """A homing that takes longer than a trial waits for devices, as those of real guides do."""
+    """A homing that takes longer than a trial waits for devices, as those of real guides do.
+
+    More than ten seconds: the slow homing, and a trial up to its hold.
+    """
     timeout_s = 1.0
     home_at(rig, slow_mm_min=1000, fast_mm_min=1500)  # 100 mm at 25 mm/s
     with running_rig(rig, context, parameters={'server_timeout_s': timeout_s}) as parts:

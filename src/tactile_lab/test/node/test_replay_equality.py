@@ -305,6 +305,7 @@ def run_in_processes(case, context, expected, folder):
 
 @pytest.mark.parametrize('name', ['texture', 'stiffness'])
 def test_every_way_of_running_gives_the_same_messages(request, name, context, tmp_path):
+    """More than ten seconds: the trials arrive through each way of running the nodes."""
     case = request.getfixturevalue(name)
     expected = outputs_of_core(case)
     counts = Counter({topic: len(outputs) for topic, outputs in expected.items()})

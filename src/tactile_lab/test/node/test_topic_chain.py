@@ -126,6 +126,7 @@ def sensing(context, node, *options):
 def test_somebody_elses_wrenches_become_a_label_and_replay_equal(
     context, stiffness_bag, trained, tmp_path
 ):
+    """About ten seconds: a trial arrives in real time, and is replayed through the nodes."""
     hand = Hand(context, *read_trial(stiffness_bag))
     (label,) = {what.object_label for _, send, what in hand.waiting if send == hand.send_event}
     params, bag = tmp_path / 'params.yaml', tmp_path / 'bag'

@@ -116,6 +116,7 @@ def text_of(browser, selector):
 
 @needs_chromium
 def test_a_trial_is_seen_from_contact_to_label(rig, browser):
+    """More than ten seconds: a homing and a whole trial run live, as a user sees them."""
     _, _, watch = rig
     browser.open(watch.address)
     click(browser, 'home')
