@@ -32,7 +32,11 @@ from tactile_features.conversions import (
     specifications_from_msg,
     strain_block_from_msg,
 )
-from tactile_features.tactile_features_node import TactileFeaturesNode
+from tactile_features.tactile_features_node import (
+    IDLE_POLL_S,
+    TactileFeaturesNode,
+    TRIAL_POLL_S,
+)
 from tactile_msgs.msg import FeatureSpecifications, StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.qos import EVENTS, LATEST, RESULTS, STREAM
 from tactile_testing.waiting import read_stderr, wait_until
@@ -254,10 +258,12 @@ def test_trials_that_ended_before_it_was_configured_are_not_refused(make_bench):
     bench.events.publish(event(15.0, 'glide', 't2'))
     bench.bring_up()
     bench.spin_until(lambda: bench.node.extractor.event_count == 5)
+    bench.spin_until(lambda: bench.node.poll_s == TRIAL_POLL_S)
     bench.send_blocks(900, 100)
     bench.events.publish(event(16.2, 'done', 't2'))
     bench.spin_until(lambda: bench.windows)
     assert [w.trial_id for w in bench.windows] == ['t2']
+    bench.spin_until(lambda: bench.node.poll_s == IDLE_POLL_S)
 
 
 def test_diagnostics_tell_whether_samples_come_in_on_a_topic_of_the_asked_quality(make_bench):
