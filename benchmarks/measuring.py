@@ -7,9 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+import os
+from pathlib import Path
 import statistics
+import subprocess
 import time
 from typing import Any
+
+OTHER_CHECKOUT = 'TACTILE_OTHER_CHECKOUT'
+"""Environment variable: root of another checkout, which is measured in turns with this one."""
 
 
 @dataclass(frozen=True)
@@ -85,3 +91,38 @@ def _time_loops(work: Callable[[], object], loops: int) -> float:
     for _ in range(loops):
         work()
     return (time.perf_counter() - start_s) / loops
+
+
+def find_other_checkout() -> Path | None:
+    """Return the checkout that `OTHER_CHECKOUT` names, or None if the variable is not set."""
+    if OTHER_CHECKOUT not in os.environ:
+        return None
+    other = Path(os.environ[OTHER_CHECKOUT]).resolve()
+    if not (other / 'src/tactile_sim').is_dir():
+        raise SystemExit(f'{OTHER_CHECKOUT} is {other}; it must be the root of a checkout')
+    return other
+
+
+def start_in(checkout: Path, *command: str, **options: Any) -> subprocess.Popen[Any]:
+    """Start a program in the environment of a checkout, which is set up if necessary."""
+    # The other variables of this environment lead to the packages of this checkout.
+    kept = ('PATH', 'HOME', 'LANG', 'TMPDIR', 'CMAKE_C_COMPILER_LAUNCHER', 'XDG_CACHE_HOME')
+    environment = {name: os.environ[name] for name in kept if name in os.environ}
+    environment['TACTILE_DISTRO'] = os.environ['ROS_DISTRO']
+    environment |= options.pop('variables', {})
+    program = str(checkout / 'tactile')
+    return subprocess.Popen([program, 'run', *command], cwd=checkout, env=environment, **options)
+
+
+def read_processor_s(pid: int) -> float:
+    """Return the processor time of the present threads of a process [s]."""
+    threads = Path(f'/proc/{pid}/task').iterdir()
+    return sum(int((each / 'schedstat').read_text().split()[0]) for each in threads) / 1e9
+
+
+def read_memory_mb(pid: int) -> float:
+    """Return the memory of a process [MB]; pages that n processes share count as 1/n."""
+    for line in Path(f'/proc/{pid}/smaps_rollup').read_text().splitlines():
+        if line.startswith('Pss:'):
+            return int(line.split()[1]) / 1024
+    raise RuntimeError(f'/proc/{pid}/smaps_rollup has no line Pss')

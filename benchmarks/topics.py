@@ -38,6 +38,7 @@ TOPICS = (
     Topic('regression', 'kernels.features', 'slope, intercept, correlation of a stiffness window'),
     Topic('significance', 'kernels.significance', 'rank-sum tests of all pairs of classes'),
     Topic('inference', 'kernels.inference', 'one window through a model file'),
+    Topic('predictions', 'kernels.predictions', 'one window, beside another checkout', LONG),
     Topic('simulator', 'simulator.schemes', 'texture trials: speed and error by step'),
     Topic('rig-cpu', 'simulator.rig_cpu', 'processor time of the simulated rig', LONG),
     Topic('twin', 'simulator.twin', 'error beside the same scene in MuJoCo (needs mujoco)', LONG),
@@ -56,5 +57,6 @@ TOPICS = (
     Topic('thresholds', 'sessions.thresholds', 'unknown objects in new sessions', LONG),
     Topic('sensors', 'nodes.sensors', 'sensor nodes, 60 Hz to five times 7 kHz: CPU, loss'),
     Topic('hand', 'nodes.hand', 'five fingers, from a block to a classification', LONG),
+    Topic('rig-nodes', 'nodes.rig_nodes', 'processor time and memory of an idle rig', LONG),
     Topic('rest', 'nodes.rest', 'from a killed process or a cut cable to rest', LONG),
 )

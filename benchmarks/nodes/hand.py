@@ -30,7 +30,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import Header
 
-from benchmarks.measuring import Report, Row
+from benchmarks.measuring import read_processor_s, Report, Row
 from tactile_bringup.nodes.finger_node import connect_fingers
 from tactile_bringup.nodes.graph_runner import ros_context
 from tactile_classifier.datasets.dataset import FeatureTable
@@ -349,9 +349,9 @@ def _measure_command(domain: int, seconds: float) -> Row:
                     break
             threading.Thread(target=process.stdout.read, daemon=True).start()
             time.sleep(SETTLE_S)
-            before_s, start_s = cpu_s(process.pid), time.monotonic()
+            before_s, start_s = read_processor_s(process.pid), time.monotonic()
             time.sleep(seconds)
-            spent_s = cpu_s(process.pid) - before_s
+            spent_s = read_processor_s(process.pid) - before_s
             load = spent_s / (time.monotonic() - start_s)
             rss_mb, private_mb = memory_mb(process.pid)
         finally:
@@ -378,14 +378,6 @@ def _make_models(folder: Path) -> Path:
 def _tactile(*arguments: str) -> list[str]:
     """Return the command line of the ``tactile`` program."""
     return [str(Path(get_package_prefix('tactile_lab'), 'bin', 'tactile')), *arguments]
-
-
-def cpu_s(pid: int) -> float:
-    """Return the CPU time of a process's threads [s], to the microsecond."""
-    spent_ns = 0
-    for thread in Path(f'/proc/{pid}/task').iterdir():
-        spent_ns += int((thread / 'schedstat').read_text().split()[0])
-    return spent_ns / 1e9
 
 
 def memory_mb(pid: int) -> tuple[float, float]:

@@ -36,7 +36,8 @@ from domain_coordinator import domain_id
 import numpy as np
 from rclpy.node import Node
 
-from benchmarks.nodes.hand import Case, cpu_s, FINGERS, make_event, make_model, memory_mb, TRIALS
+from benchmarks.measuring import read_processor_s
+from benchmarks.nodes.hand import Case, FINGERS, make_event, make_model, memory_mb, TRIALS
 from tactile_bags.bag_reader import TactileBag
 from tactile_bringup.launch_config.graph import NodeDescription
 from tactile_bringup.nodes.graph_runner import ros_context, running_graph
@@ -205,7 +206,12 @@ def _feed(
         if now_s > next_look_s:
             rss_mb, private_mb = memory_mb(pid)
             series.append(
-                {'s': now_s, 'rss_mb': rss_mb, 'private_mb': private_mb, 'cpu_s': cpu_s(pid)}
+                {
+                    's': now_s,
+                    'rss_mb': rss_mb,
+                    'private_mb': private_mb,
+                    'cpu_s': read_processor_s(pid),
+                }
             )
             next_look_s += 10.0
         time.sleep(max(0.0, start_s + number / CASE.rate_hz - time.monotonic()))

@@ -17,13 +17,17 @@ import tempfile
 import time
 from typing import Any, NamedTuple
 
-from benchmarks.measuring import Ratio, Report, Row
+from benchmarks.measuring import (
+    find_other_checkout,
+    OTHER_CHECKOUT,
+    Ratio,
+    read_processor_s,
+    Report,
+    Row,
+)
 from linear_guide_driver.dynamixel import registers as known
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.devices.dynamixel import compute_crc, HEADER, READ, WRITE
-
-OTHER = 'TACTILE_OTHER_CHECKOUT'
-"""Environment variable: root of another checkout, whose rig is measured in turns with this one."""
 
 STATE_BLOCK = (known.BUS_WATCHDOG.address, 60)
 DEVICES = ('guide', 'tendon', 'sensor')
@@ -140,13 +144,7 @@ class Rigs:
 
     def cpu_s(self) -> float:
         """Processor time of all threads until now [s]."""
-        folder = Path('/proc', str(self.process.pid), 'task')
-        return (
-            sum(
-                int(task.joinpath('schedstat').read_text().split()[0]) for task in folder.iterdir()
-            )
-            / 1e9
-        )
+        return read_processor_s(self.process.pid)
 
     def close(self) -> None:
         """End the process by the end of its standard input."""
@@ -204,9 +202,7 @@ def measure_share(case: Case, checkout: Path | None, duration_s: float) -> float
 
 def run_rig_cpu(quick: bool) -> Report:
     """Measure every case, in turns with the other checkout where one is named."""
-    other = Path(os.environ[OTHER]).resolve() if OTHER in os.environ else None
-    if other is not None and not (other / 'src/tactile_sim').is_dir():
-        raise SystemExit(f'{OTHER} is {other}; it must be the root of a checkout')
+    other = find_other_checkout()
     rounds, duration_s = (2, 2.0) if quick else (4, 4.0)
     rows = []
     for name, case in CASES.items():
@@ -228,7 +224,9 @@ def run_rig_cpu(quick: bool) -> Report:
         rows.append(Row(name, ratio, more=more))
     return Report(
         'Processor time of the SIMULATED rig, polled as by its drivers',
-        f'the rig of the checkout that {OTHER} names, with numba, in turns' if other else '',
+        f'the rig of the checkout that {OTHER_CHECKOUT} names, with numba, in turns'
+        if other
+        else '',
         '',
         rows,
     )
