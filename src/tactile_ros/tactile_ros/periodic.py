@@ -49,8 +49,7 @@ class Ticker:
     """Makes periodic calls on one thread, by the monotonic clock.
 
     An exception of a callback ends its periodic calls and is passed to `threading.excepthook`,
-    which prints it. The other periodic calls continue.
-    Missed calls are skipped.
+    which prints it; the other periodic calls continue. Missed calls are skipped.
 
     All calls are due at multiples of their periods since the ticker was created. Periods with a
     common multiple are thus due at the same time, and wake the thread once: a wake-up costs more
