@@ -30,7 +30,7 @@ usage: ./tactile COMMAND [ARGUMENT ...]
   clean           remove everything that this command has set up
 
   simulate, import, train, classify, evaluate, features, export, replay, repair, show, trials,
-  experiment, rig, sense, hand, watch, devices, check, calibrate
+  experiment, rig, sense, hand, event, watch, devices, check, calibrate
                   the commands of `tactile`; ./tactile COMMAND --help explains each
 
   --version       the version of the packages

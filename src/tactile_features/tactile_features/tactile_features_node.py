@@ -28,7 +28,7 @@ from tactile_features.spec import FeatureSpecifications
 from tactile_msgs.msg import FeatureSpecifications as FeatureSpecificationsMsg
 from tactile_msgs.msg import StrainBlock, TactileFeatures
 from tactile_msgs.msg import TrialEvent as TrialEventMsg
-from tactile_ros.errors import plain_text
+from tactile_ros.errors import MessageError, plain_text
 from tactile_ros.health import Diagnostics, Health, OK, WARN
 from tactile_ros.qos import EVENTS, LATEST, RESULTS, STREAM
 from tactile_ros.stages import ignore, RecordPublisher, Stage, StageNode
@@ -174,6 +174,12 @@ class FeaturesStage(Stage):
 
     def _on_event(self, event: TrialEvent, published_ns: int) -> None:
         """Process an event. After a start, latched events of earlier trials arrive first."""
+        if event.stamp_ns == 0:
+            raise MessageError(
+                f'the event {event.phase} of trial {event.trial_id} has no stamp: set '
+                'header.stamp = node.get_clock().now().to_msg() when the phase begins, or publish '
+                'it by `tactile event`, or by `ros2 topic pub` with "header: auto"'
+            )
         is_first = time.monotonic() - self._begun_s < HISTORY_S
         is_past = is_first and published_ns < self._begun_ns
         if self._early_events is not None:

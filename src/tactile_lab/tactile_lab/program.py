@@ -52,6 +52,7 @@ COMMANDS = {
         'Run the nodes of one finger that another program moves, in this process until Ctrl-C.'
     ),
     'hand': 'Run the nodes of any number of fingers, in this process until Ctrl-C.',
+    'event': 'Publish one event of a trial from the shell: a phase begins now.',
     'watch': 'Show every finger live in a browser, until Ctrl-C.',
     'devices': 'List the connected devices and the parameters that fit them.',
     'check': 'Test each device and print the results; exit with 1 when there is a fault.',

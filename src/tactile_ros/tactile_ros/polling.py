@@ -62,7 +62,6 @@ class PolledSubscription:
         self._together = together
         self._take = take
         self._depth = int(profile.depth)
-        self._warned: set[str] = set()
         overriding = QoSOverridingOptions.with_default_policies() if overridable else None
         self._subscription = Node.create_subscription(
             node,
@@ -115,20 +114,6 @@ class PolledSubscription:
                 return
             self._take(message, info)
 
-    def warn_of_misfits(self) -> None:
-        """Log each publisher with an incompatible QoS, once."""
-        if self._subscription is None:
-            return
-        for info in self._node.get_publishers_info_by_topic(self.topic_name):
-            level, reason = qos_check_compatible(info.qos_profile, self.qos_profile)
-            publisher = f'{info.node_namespace.rstrip("/")}/{info.node_name}'
-            if level == QoSCompatibility.ERROR and publisher not in self._warned:
-                self._warned.add(publisher)
-                self._node.get_logger().warning(
-                    f'no messages are received from {publisher} on {self.topic_name}, because its '
-                    f'QoS is incompatible: {reason}'
-                )
-
     def close(self) -> None:
         """Unsubscribe; idempotent."""
         subscription, self._subscription = self._subscription, None
@@ -138,6 +123,51 @@ class PolledSubscription:
 
 
 def _ignore(message: Any, info: Any) -> None: ...
+
+
+class MisfitWarnings:
+    """Warns of publishers whose QoS does not fit the subscriptions of a node, once for each.
+
+    rclpy's own warning names neither the publisher nor a remedy.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._profiles: dict[int, tuple[str, QoSProfile]] = {}
+        self._warned: set[tuple[str, str]] = set()
+
+    def add(self, subscription: Any) -> None:
+        """Watch the topic of a subscription."""
+        self._profiles[id(subscription)] = (subscription.topic_name, subscription.qos_profile)
+
+    def discard(self, subscription: Any) -> None:
+        """Do not watch the topic of a subscription any longer; idempotent."""
+        self._profiles.pop(id(subscription), None)
+
+    def warn(self) -> None:
+        """Log each publisher with an incompatible QoS that was not logged before."""
+        for topic, profile in tuple(self._profiles.values()):  # other threads add and discard
+            for info in self._node.get_publishers_info_by_topic(topic):
+                level, reason = qos_check_compatible(info.qos_profile, profile)
+                reason = reason.removeprefix('ERROR: ').rstrip(';')
+                publisher = f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+                if level == QoSCompatibility.ERROR and (topic, publisher) not in self._warned:
+                    self._warned.add((topic, publisher))
+                    self._node.get_logger().warning(
+                        f'no messages are received from {publisher} on {topic}, because its '
+                        f'QoS is incompatible: {reason}; {format_remedy(profile)}'
+                    )
+
+
+def format_remedy(profile: QoSProfile) -> str:
+    """Return what a publisher must set so that subscriptions with this QoS receive it."""
+    policies = {'reliability': profile.reliability, 'durability': profile.durability}
+    stated = {name: policy.name.lower() for name, policy in policies.items()}
+    options = ' '.join(f'--qos-{name} {value}' for name, value in stated.items())
+    return (
+        f'publish with {" and ".join(" ".join(pair) for pair in stated.items())}, as '
+        f'`ros2 topic pub {options}` does'
+    )
 
 
 POLL_S = 0.005
@@ -168,8 +198,9 @@ class PollingNode(TactileNode):
         self.lock = threading.RLock()
         self._poller = Ticker(f'topics of {name}')
         self._polled: tuple[PolledSubscription, ...] = ()
-        self._polling: list[Periodic] = []
-        self._asking: Periodic | None = None  # the element of `_polling` that calls `poll_now`
+        self._asking: Periodic | None = None  # calls `poll_now`
+        self._misfits = MisfitWarnings(self)
+        self._warning: Periodic | None = None
         super().__init__(name, config_class, **node_options)
 
     def poll(
@@ -189,11 +220,9 @@ class PollingNode(TactileNode):
         subscription = PolledSubscription(self, message_type, topic, guarded, profile, **options)
         with self.lock:
             self._polled = (*self._polled, subscription)
-            if not self._polling:
-                self._polling = [self.call_every(MISFITS_S, self._warn_of_misfits)]
-                if self.poll_s is not None:
-                    self._asking = self._call_on(self._poller, self.poll_s, self.poll_now)
-                    self._polling.append(self._asking)
+            self._watch_publishers(subscription)
+            if self._asking is None and self.poll_s is not None:
+                self._asking = self._call_on(self._poller, self.poll_s, self.poll_now)
         return subscription
 
     def poll_every(self, period_s: float) -> None:
@@ -212,10 +241,11 @@ class PollingNode(TactileNode):
         """Close a subscription; idempotent."""
         with self.lock:
             self._polled = tuple(s for s in self._polled if s is not subscription)
+            self._misfits.discard(subscription)
             subscription.close()
-            if not self._polled:
-                while self._polling:
-                    self._polling.pop().cancel()
+            if not self._polled and self._asking is not None:
+                self._asking.cancel()
+                self._asking = None
 
     def unpoll_all(self) -> None:
         """Close all subscriptions."""
@@ -232,13 +262,20 @@ class PollingNode(TactileNode):
             with self.lock:
                 callback(*arguments)
 
-        return super().create_subscription(message_type, topic, locked, *args, **opts)
+        subscription = super().create_subscription(message_type, topic, locked, *args, **opts)
+        self._watch_publishers(subscription)
+        return subscription
+
+    def destroy_subscription(self, subscription: Any) -> bool:
+        self._misfits.discard(subscription)
+        return bool(super().destroy_subscription(subscription))
 
     def destroy_node(self) -> None:
         self.unpoll_all()
         super().destroy_node()
 
-    def _warn_of_misfits(self) -> None:
-        for subscription in self._polled:
-            with self.lock:
-                subscription.warn_of_misfits()
+    def _watch_publishers(self, subscription: Any) -> None:
+        self._misfits.add(subscription)
+        if self._warning is None:
+            # Without the lock: the graph is asked, which may take a while, and not the topics.
+            self._warning = self.call_every(MISFITS_S, self._misfits.warn)

@@ -368,6 +368,29 @@ def test_models_of_another_rate_than_the_sensor_are_told_once(
     assert capfd.readouterr().err.count(sentence) == 1
 
 
+def test_events_that_cannot_be_used_are_logged_with_what_to_write(make_bench, monkeypatch, capfd):
+    """As of a program that publishes with the default QoS, and forgets the stamp."""
+    monkeypatch.setattr('tactile_ros.polling.MISFITS_S', 0.05)
+    bench = make_bench()
+    bench.bring_up()
+    bench.peer.create_publisher(TrialEvent, 'trial_runner/events', 10)
+    unstamped = event(2.0, 'hold')
+    unstamped.header.stamp = Time()
+    bench.events.publish(unstamped)
+    log = []
+
+    def is_said(*words):
+        log.append(capfd.readouterr().err)
+        return all(word in ''.join(log) for word in words)
+
+    bench.spin_until(lambda: is_said('/finger/trial_runner/events', 'transient_local'))
+    bench.spin_until(lambda: is_said('hold', 't1', 'header.stamp', 'tactile event'))
+    assert bench.node.extractor.event_count == 0
+    # A stamped event is taken afterwards.
+    bench.events.publish(event(2.0, 'hold'))
+    bench.spin_until(lambda: bench.node.extractor.event_count == 1)
+
+
 def test_without_a_usable_model_it_is_not_configured_and_says_why(make_bench, tmp_path, capfd):
     assert not make_bench(models=str(tmp_path)).node.bring_up()
     assert f'there are no model files (*.npz) in {tmp_path}' in capfd.readouterr().err

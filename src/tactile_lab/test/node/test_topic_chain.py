@@ -13,15 +13,17 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.time import Time
-from tactile_command import program
+from tactile_command import ask_tactile, hear_tactile, program
 
 from tactile_analysis import Recording
 from tactile_bags import EVENT, STRAIN, TactileBag
 from tactile_bags.message_records import read_records
 from tactile_features.conversions import event_to_msg
+from tactile_features.tactile_features_node import TactileFeaturesNode
 from tactile_lab.commands.replay import replay_and_compare
 from tactile_lab.commands.show import describe_recording
 from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
+from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 from tactile_testing.waiting import wait_until
 
@@ -185,3 +187,48 @@ def test_a_simulated_finger_marks_all_that_comes_of_it(context, tmp_path):
         contents = describe_recording(recording)
     assert contents.facts['simulated'] == 'SIMULATED'
     assert [trial['simulated'] for trial in contents.trials] == [True]
+
+
+def test_events_from_the_shell_cut_a_window(context):
+    """`tactile event` is a node of its own for each event, as in a shell."""
+    features = TactileFeaturesNode(context=context, namespace='index')
+    hand = Node('hand', context=context, namespace='index')
+    strain = hand.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+    windows = []
+    topic = 'tactile_features/features'
+    hand.create_subscription(TactileFeatures, topic, windows.append, RESULTS)
+    trial = ('--trial', 'grasp-1', '--contact', 'flexion', '--object', 'sponge')
+    with NodeGroup([features, hand], context):
+        assert features.bring_up()
+        # Without the namespace, nothing would receive the event.
+        refused = hear_tactile('event', 'hold', *trial, '--wait-s', 2, code=2)
+        assert '--namespace /index' in refused
+        begun = ask_tactile('event', 'hold', *trial, '--namespace', 'index')
+        assert begun['received_by'] == ['/index/tactile_features']
+        wait_until(lambda: time.time_ns() > begun['stamp_ns'] + 4 * SECOND_NS)
+        ends = [
+            ask_tactile('event', phase, *trial, '--namespace', 'index')['stamp_ns']
+            for phase in ('release', 'done')
+        ]
+        wait_until(lambda: features.extractor.event_count == 3)
+        wait_until(strain.get_subscription_count)
+        period_ns = 16_666_667
+        count = (ends[-1] - begun['stamp_ns'] + 2 * SECOND_NS) // period_ns
+        samples = StrainBlock(
+            period_ns=period_ns, tension_n=[3.0 - 1e-3 * i for i in range(count)]
+        )
+        samples.header.stamp = Time(nanoseconds=begun['stamp_ns'] - SECOND_NS).to_msg()
+        strain.publish(samples)
+        wait_until(lambda: windows)
+    (window,) = windows
+    assert (window.trial_id, window.contact) == ('grasp-1', 'flexion')
+    assert window.outcome == TactileFeatures.OUTCOME_OK, window.reason
+    held_ns = Time.from_msg(window.window_start).nanoseconds - begun['stamp_ns']
+    assert 0 <= held_ns < 2 * SECOND_NS
+
+
+def test_an_event_states_a_known_phase():
+    from tactile_lab.commands.event import PHASES
+
+    known = {getattr(TrialEvent, n) for n in dir(TrialEvent) if n.startswith('PHASE_')}
+    assert set(PHASES) == known - {TrialEvent.PHASE_PULL}
