@@ -3,8 +3,9 @@
 
 """Lines and tables on a terminal or in a pipe, without breaks inside values.
 
-In a pipe, each row is one line of any length, so that `grep` finds names and paths in it. On a
-terminal, tables fold sentences between words and lists between values. Lines of text are not
+In a pipe, each row is one line of any length with all values, so that `grep` finds names and paths
+in it. On a terminal, tables fold sentences between words and lists between values. A table that is
+still too wide is drawn without its spare columns, which are named below it. Lines of text are not
 folded here: the terminal wraps them.
 """
 
@@ -45,11 +46,20 @@ class Table:
         Line of text above the table.
     right_from : int, optional
         Columns from this index on are right-aligned, for numbers.
+    spare : sequence of str
+        Columns that a terminal may lack when the table is too wide, the least important first.
     """
 
-    def __init__(self, *header: str, title: str = '', right_from: int | None = None) -> None:
+    def __init__(
+        self,
+        *header: str,
+        title: str = '',
+        right_from: int | None = None,
+        spare: Sequence[str] = (),
+    ) -> None:
         self.title = title
         self.header = header
+        self._spare = spare
         self._right_from = right_from
         self._rows: list[tuple[list[list[str]], str]] = []
 
@@ -74,27 +84,51 @@ class Table:
 
     def fit(self, width: int) -> rich.table.Table:
         """Return the table for rich, at most ``width`` wide unless a value needs more."""
-        header = [[plain_text(name)] for name in self.header]
-        rows = [row for row, _ in self._rows]
-        columns = list(zip(*([header] if header else []), *rows, strict=True))
-        borders = 3 * len(columns) + 1
+        columns, kept = self._columns(), self.choose_columns(width)
+        borders = _borders(len(kept))
         widths = _share(
-            [max(cell_len(part) for cell in column for part in [*cell, '']) for column in columns],
-            [max(cell_len(' '.join(cell)) for cell in column) for column in columns],
+            [_least_width(columns[i]) for i in kept],
+            [max(cell_len(' '.join(cell)) for cell in columns[i]) for i in kept],
             width - borders,
         )
-        drawn = rich.table.Table(show_header=bool(header), width=sum(widths) + borders)
-        for i, (each, at_most) in enumerate(zip(columns, widths, strict=True)):
-            name = Text(each[0][0]) if header else ''
+        drawn = rich.table.Table(show_header=bool(self.header), width=sum(widths) + borders)
+        for i, at_most in zip(kept, widths, strict=True):
+            name = Text(columns[i][0][0]) if self.header else ''
             justify: Any = 'right' if self._is_right(i) else 'left'
             drawn.add_column(name, width=at_most, no_wrap=True, justify=justify)
         for row, style in self._rows:
-            lines = (_fold(cell, at_most) for cell, at_most in zip(row, widths, strict=True))
+            lines = (_fold(row[i], at_most) for i, at_most in zip(kept, widths, strict=True))
             drawn.add_row(*map(Text, lines), style=style)
         return drawn
 
+    def choose_columns(self, width: int) -> list[int]:
+        """Return the indices of the columns that a terminal of this width shows."""
+        least = [_least_width(column) for column in self._columns()]
+        kept = list(range(len(least)))
+        for name in self._spare:
+            if _borders(len(kept)) + sum(least[i] for i in kept) <= width:
+                break
+            if name in self.header:
+                kept.remove(self.header.index(name))
+        return kept
+
+    def _columns(self) -> list[tuple[list[str], ...]]:
+        """Return the cells by column, with the header line if there is one."""
+        header = [[plain_text(name)] for name in self.header]
+        rows = [row for row, _ in self._rows]
+        return list(zip(*([header] if header else []), *rows, strict=True))
+
     def _is_right(self, column: int) -> bool:
         return self._right_from is not None and column >= self._right_from
+
+
+def _borders(columns: int) -> int:
+    return 3 * columns + 1
+
+
+def _least_width(column: Sequence[Sequence[str]]) -> int:
+    """Return the width of the longest part that is never broken."""
+    return max(cell_len(part) for cell in column for part in [*cell, ''])
 
 
 def _split(cell: Cell) -> list[str]:
@@ -149,6 +183,12 @@ class PlainConsole(Console):
             self.say(table.title, style='bold')
         if self.file.isatty():
             self.print(table.fit(self.width), soft_wrap=True)
+            kept = table.choose_columns(self.width)
+            if hidden := [name for i, name in enumerate(table.header) if i not in kept]:
+                self.say(
+                    f'for a wider terminal, or `| cat`: {", ".join(map(plain_text, hidden))}',
+                    style='dim',
+                )
         else:
             for line in table.plain_lines():
                 self.say(line)

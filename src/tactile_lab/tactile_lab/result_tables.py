@@ -23,7 +23,8 @@ def choice_table(choice: FeatureChoice, title: str) -> Table:
 
     The last row is the accuracy of the choice itself, made inside the folds.
     """
-    table = Table('features', 'classifier', 'scaling', 'accuracy', title=title, right_from=3)
+    columns = ('features', 'classifier', 'scaling', 'accuracy')
+    table = Table(*columns, title=title, right_from=3, spare=['scaling'])
     for each in choice.ranking:
         names = each.candidate.feature_set, CLASSIFIER_TITLES[each.candidate.classifier]
         scaling = short_scaling(each.candidate.scaling)

@@ -94,7 +94,7 @@ def _table(trials: 'tuple[ClassifiedTrial, ...]') -> Table:
         *(['model'] if len(models) > 1 else []),
         *(['reason'] if has_reasons else []),
     ]
-    table = Table(*names)
+    table = Table(*names, spare=['model', 'p-value'])
     for each in trials:
         answer = each.answer
         probability = answer.probabilities.get(answer.label)

@@ -98,7 +98,8 @@ def devices(
 
 
 def _as_table(found: Sequence['FoundDevice']) -> Table:
-    table = Table('port', 'device', 'what is there', 'parameters', 'other names')
+    columns = ('port', 'device', 'what is there', 'parameters', 'other names')
+    table = Table(*columns, spare=['other names'])
     for device in found:
         table.add_row(
             device.port,

@@ -16,7 +16,10 @@ from tactile_ros.errors import named_errors, TactileError
 
 if TYPE_CHECKING:
     from tactile_analysis import Recording
-    from tactile_bags import Trial
+    from tactile_bags import RecordedBag, Trial
+
+SPARE = ('simulated', 'mounting', 'ended', 'finger', 'contact', 'session', 'task', 'seconds')
+"""Columns of our own trials that a narrow terminal may lack, the least important first."""
 
 SHOWN = 20
 """Number of trials in the terminal's table; JSON has all."""
@@ -56,6 +59,9 @@ def show(
             'with one row per object, one colour per session, and excluded trials in grey.',
         ),
     ] = None,
+    topics: Annotated[
+        bool, typer.Option('--topics', help='List the topics of a bag, too.')
+    ] = False,
     as_json: options.JsonOption = False,
 ) -> None:
     """List the contents of a recording, a model file or an archive.
@@ -77,7 +83,7 @@ def show(
             contents = describe_recording(recording)
             if plot is not None:
                 drawn = _draw(plot, path, recording, trial)
-    _print(path, contents, output)
+    _print(path, contents, output, with_topics=topics)
     if plot is not None:
         output.say(f'{plot}: {drawn}')
     facts = {
@@ -112,8 +118,12 @@ def describe_recording(recording: 'Recording') -> Contents:
         return _describe_archive(recording)
     trials = [_describe_trial(number, each) for number, each in enumerate(recording.trials, 1)]
     sessions = {each.session_id for each in recording.trials}
+    tasks = sorted({each.task for each in recording.trials if each.task})
     facts: dict[str, Cell] = {
         'trials': str(len(trials)),
+        'task': tasks or 'not stated',
+        'rate': f'{recording.rate_hz:g} Hz' if recording.rate_hz else 'not known',
+        **_describe_duration(recording.bags),
         'objects': sorted({each.label for each in recording.trials}) or 'none',
         'sessions': str(len(sessions)),
         'simulated': 'SIMULATED' if any(t.simulated for t in recording.trials) else 'no',
@@ -129,9 +139,19 @@ def describe_recording(recording: 'Recording') -> Contents:
         if bag.recovered:
             facts['not closed'] = Prose(bag.recovered)
     if topics:
-        facts['topics'] = [f'{name} ({topic["messages"]})' for name, topic in topics.items()]
+        count = sum(topic['messages'] for topic in topics.values())
+        facts['topics'] = f'{len(topics)}, with {count} messages (--topics lists them)'
     kind = 'bag' if recording.is_own else recording.kind
     return Contents(kind, facts, trials, {'topics': topics, 'notes': recording.notes})
+
+
+def _describe_duration(bags: 'Sequence[RecordedBag]') -> dict[str, Cell]:
+    """Return the time from the first to the last message of bags; nothing without bags."""
+    duration_s = 0.0
+    for bag in bags:
+        if (first := next(iter(bag.messages()), None)) is not None:
+            duration_s += (bag.end_ns - first.received_at_ns) / 1e9
+    return {'duration': f'{duration_s:.1f} s'} if bags else {}
 
 
 def _describe_trial(number: int, trial: 'Trial') -> dict[str, Any]:
@@ -231,7 +251,7 @@ def _draw(plot: Path, path: Path, recording: 'Recording', trial: Optional[int]) 
     return f'trial {number}'
 
 
-def _print(path: Path, contents: Contents, output: Output) -> None:
+def _print(path: Path, contents: Contents, output: Output, *, with_topics: bool = False) -> None:
     if 'card' in contents.details:
         model_id, card = contents.details['model_id'], contents.details['card']
         output.say(f'{path}: {model_id}', card)
@@ -240,10 +260,19 @@ def _print(path: Path, contents: Contents, output: Output) -> None:
     for name, value in contents.facts.items():
         facts.add_row(name, value)
     output.say(facts)
+    if with_topics and (topics := contents.details.get('topics')):
+        table = Table('topic', 'messages', 'type', spare=['type'])
+        for name, topic in topics.items():
+            table.add_row(name, str(topic['messages']), topic['type'])
+        output.say(table)
     if not contents.trials:
         return
     shown, same = _split_columns(contents.trials)
-    table = Table(*shown)
+    # Of an archive, columns that it brings along are the least important, the last ones first.
+    own = ('trial', 'label', 'object', 'seconds', 'does not count', 'trial_id')
+    spare = [name for name in SPARE if name in shown]
+    spare = [*reversed([name for name in shown if name not in (*own, *SPARE)]), *spare]
+    table = Table(*shown, spare=spare)
     for entry in contents.trials[:SHOWN]:
         table.add_row(*(_format_cell(name, entry[name]) for name in shown))
     output.say(table)

@@ -63,6 +63,22 @@ def test_a_terminal_folds_sentences_and_lists_and_no_value():
     ]
 
 
+def test_a_narrow_terminal_lacks_spare_columns_and_a_pipe_has_all(capsys):
+    table = Table('trial', 'session', 'seconds', 'trial_id', spare=['session', 'seconds'])
+    table.add_row('1', 'monday-afternoon', '3.00', '20261128T120000-0001')
+    shown = {width: draw(table, width)[1] for width in (80, 55, 40, 10)}
+    for name, widths in (
+        ('trial_id', (80, 55, 40, 10)),
+        ('seconds', (80, 55)),
+        ('session', (80,)),
+    ):
+        assert [width for width in shown if name in shown[width]] == list(widths)
+    assert max(map(cell_len, draw(table, 55))) <= 55
+    (header, row) = table.plain_lines()
+    assert header.split() == ['trial', 'session', 'seconds', 'trial_id']
+    assert row.split() == ['1', 'monday-afternoon', '3.00', '20261128T120000-0001']
+
+
 @given(ROWS, st.integers(10, 120))
 def test_a_table_is_no_wider_than_the_terminal_unless_a_value_is(rows, width):
     table = Table('a', 'b', 'c')

@@ -33,7 +33,16 @@ def test_bag_lists_its_trials_and_draws_one(stiffness_bag, tmp_path):
     assert len({entry['object'] for entry in found['trials']}) == 5
     assert found['facts']['simulated'] == 'SIMULATED'
     assert all(entry['seconds'] > 1.0 for entry in found['trials'])
+    facts = list(found['facts'])
+    assert facts[:4] == ['trials', 'task', 'rate', 'duration']
+    assert [found['facts'][name] for name in facts[:3]] == ['15', 'stiffness', '60 Hz']
+    # From the first event to the last: the trials, and what is between them.
+    total_s = sum(entry['seconds'] for entry in found['trials'])
+    assert float(found['facts']['duration'].split()[0]) > total_s
     said = hear_tactile('show', stiffness_bag)
+    assert '/tendon_sensor/strain' not in said
+    listed = tactile('show', stiffness_bag, '--topics').stdout
+    assert re.search(r'^/tendon_sensor/strain +90 +tactile_msgs/msg/StrainBlock$', listed, re.M)
     assert all(entry['trial_id'] in said for entry in found['trials'])
     assert picture.read_text().startswith('<?xml')
     said = refusal(stiffness_bag, '--plot', picture, '--trial', 16)
