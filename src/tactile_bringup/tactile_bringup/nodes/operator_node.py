@@ -127,11 +127,14 @@ class OperatorNode(Node):  # type: ignore[misc]
     def _on_stop_state(self, message: StopStateMsg) -> None:
         self._stop_state = stop_state_from_msg(message)  # a restarted rig counts from 0 again
 
-    def publish_progress(self, number: int, count: int, request: TrialRequest) -> None:
-        """Publish the number of the present trial on ``/diagnostics``."""
+    def publish_progress(
+        self, number: int, count: int, request: TrialRequest, following: str = ''
+    ) -> None:
+        """Publish the number of the present trial, and what follows it, on ``/diagnostics``."""
+        then = f'; next: {following}' if following else ''
         self._progress = Health(
             OK,
-            f'trial {number} of {count}',
+            f'trial {number} of {count}{then}',
             {'trial': number, 'trials': count, 'trial_id': request.trial_id},
         )
         if self._diagnostics is None:
@@ -193,7 +196,7 @@ class OperatorNode(Node):  # type: ignore[misc]
     def _call(self, client: GoalClient, what: str, message: Any, timeout_s: float) -> Any:
         is_there = not self._stopped.is_set() and client.wait_for_server(ANSWER_TIMEOUT_S)
         if self._stopped.is_set():
-            raise StoppedError(f'{what}: stopped from a live page')
+            raise StoppedError(f'{what}: Stop was pressed on a live page')
         if refusal := self._stop_state.refusal:
             raise StoppedError(f'{what}: {refusal}')
         if not is_there:
@@ -214,7 +217,17 @@ class OperatorNode(Node):  # type: ignore[misc]
             return reply.result
         is_stop = reply.status == GoalStatus.STATUS_CANCELED or self._stopped.is_set()
         is_stop = is_stop or self._stop_state.is_stopped
-        raise (StoppedError if is_stop else TactileError)(f'{what}: {reply.result.message}')
+        if is_stop:
+            raise StoppedError(f'{what}: {self._describe_stop()}; {reply.result.message}')
+        raise TactileError(f'{what}: {reply.result.message}')
+
+    def _describe_stop(self) -> str:
+        """Return who stopped the running goal."""
+        if self._stop_state.is_stopped:
+            return f'the rig was stopped: {self._stop_state.reason}'
+        if self._stopped.is_set():
+            return 'Stop was pressed on a live page'
+        return 'another program cancelled it'
 
     def _wait_for_end(self, goal: SentGoal, what: str, timeout_s: float) -> Any:
         """Return the answer at the end of a goal; cancel the goal after a timeout [s]."""

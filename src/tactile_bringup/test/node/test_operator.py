@@ -118,7 +118,8 @@ def test_a_stop_cancels_the_trial_that_runs(operated):
     wait_until(lambda: bench.guide.goals)
     assert ask_to_stop(operator).success
     thread.join(DEADLINE_S)
-    assert ends
+    (end,) = ends
+    assert 'live page' in str(end.value)
 
 
 def test_a_session_ends_when_the_rig_is_stopped_and_moves_nothing_until_it_is_reset(operated):
@@ -136,7 +137,8 @@ def test_a_session_ends_when_the_rig_is_stopped_and_moves_nothing_until_it_is_re
     wait_until(lambda: bench.guide.goals)
     assert ask_to_stop(operator, 'trial_runner/stop').success
     thread.join(DEADLINE_S)
-    assert ends
+    (end,) = ends
+    assert 'rig was stopped' in str(end.value)
     request = TrialRequest('stiffness', 'flexion', trial_id='second', hold_s=0.5)
     with pytest.raises(StoppedError, match='/trial_runner'):
         operator.run_trial(request)

@@ -3,10 +3,11 @@
 
 """`tactile experiment`: run a plan of trials, with prompts, a journal and resume."""
 
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from functools import partial
 from itertools import product
 from pathlib import Path
+import shlex
 from typing import Annotated, Any, Optional, TYPE_CHECKING
 
 import typer
@@ -23,6 +24,13 @@ if TYPE_CHECKING:
     from tactile_lab.experiment.folder import ExperimentFolder
     from tactile_lab.experiment.loop import TrialOrder
     from tactile_lab.experiment.plan import ExperimentPlan, PlannedTrial
+
+
+LEAST_TO_TRAIN = 3
+"""Trials of a contact that must be left when some are held out: three neighbours need three."""
+
+LEAST_FOR_UNKNOWN = 19
+"""Trials of a contact from which on 5 % of false rejections can be kept."""
 
 
 class RunByDefault(WholeNames, TyperGroup):
@@ -143,8 +151,26 @@ def run(
             ended, is_error = str(error), True
             raise
         finally:
-            _summarise(home, output, ended, is_error)
+            again = _restate(given, models=models, yes=yes, watch=watch, seed=seed)
+            _summarise(home, output, ended, is_error, again)
     raise typer.Exit(1 if operator.has_given_up else 0)
+
+
+def _restate(
+    given: options.RigOptions, *, models: Optional[Path], yes: bool, watch: bool, seed: int
+) -> str:
+    """Return the options that continue on the same rig, as for a shell.
+
+    Not among them are those that hold for one call: ``--append`` and ``--accept-setup``.
+    """
+    stated = {each.name: getattr(given, each.name) for each in fields(given)}
+    stated |= {'models': models, 'yes': yes, 'watch': watch, 'seed': '' if seed == 1 else seed}
+    words: list[str] = []
+    for name, value in stated.items():
+        if value:
+            words.append(f'--{name.replace("_", "-")}')
+            words += [] if value is True else [str(value)]
+    return shlex.join(words)
 
 
 def _make_request(plan: 'ExperimentPlan', order: 'TrialOrder') -> 'TrialRequest':
@@ -230,8 +256,28 @@ def new(
     )
     if unknown:
         output.say(f'{", ".join(unknown)}: only for your rig; the simulated rig has no such label')
-    output.say(f'Run it: tactile experiment {path}')
+    output.say(_describe_training(plan), f'Run it: tactile experiment {shlex.quote(str(path))}')
     output.result({'path': str(path), 'trials': plan.trial_count, 'plan': asdict(plan)})
+
+
+def _describe_training(plan: 'ExperimentPlan') -> str:
+    """Return how many trials training needs, and whether the plan has them."""
+    per_session = len(plan.objects) * plan.mountings * plan.trials
+    in_contact = per_session * plan.sessions
+    # A session or a trial is held out, and three neighbours need three trials besides.
+    least = LEAST_TO_TRAIN + (per_session if plan.sessions > 1 else 1)
+    text = (
+        f'To train: {in_contact} trials in each contact; at least {least} of 2 objects or more '
+        f'are needed, and {LEAST_FOR_UNKNOWN} for a model that also answers unknown'
+    )
+    lacks = []
+    if len(plan.objects) < 2:
+        lacks.append('add an object')
+    if in_contact < least:
+        lacks.append('too few trials, raise --trials, --mountings or --sessions')
+    if plan.sessions < 2:
+        lacks.append('with one session, the accuracy in a new session stays unknown')
+    return '; '.join([text, *lacks])
 
 
 def _check_labels(plan: 'ExperimentPlan') -> list[str]:
@@ -259,7 +305,8 @@ def status(folder: FolderArgument, as_json: options.JsonOption = False) -> None:
     home, output = _find_folder(folder), Output(as_json)
     progress = home.read_progress()
     planned = {trial.key: trial for trial in progress.order}
-    table = Table('trial', 'object', 'contact', 'session', 'verdict')
+    columns = ('trial', 'object', 'contact', 'session', 'verdict')
+    table = Table(*columns, spare=['session', 'contact'])  # the id of a trial has its session
     for attempt in progress.attempts.values():
         trial = planned[attempt.key]
         verdict = 'excluded' if attempt.excluded else attempt.verdict or 'not known'
@@ -346,9 +393,16 @@ def _correct(
 
 
 def _summarise(
-    folder: 'ExperimentFolder', output: Output, ended: str = '', is_error: bool = False
+    folder: 'ExperimentFolder',
+    output: Output,
+    ended: str = '',
+    is_error: bool = False,
+    again: str = '',
 ) -> None:
-    """Print the recorded trials, why the command ended (except errors), and the next step."""
+    """Print the recorded trials, why the command ended (except errors), and the next step.
+
+    ``again`` are the options to continue with.
+    """
     progress = folder.read_progress()
     found = progress.to_dict()
     parts = [f'{found["done"]} of {found["planned"]} trials recorded']
@@ -372,9 +426,12 @@ def _summarise(
     if ended and not is_error and found['sessions_left']:
         output.say(f'Ended: {ended}')
     if found['sessions_left']:
-        output.say(f'Continue: tactile experiment {folder.path}')
+        command = f'tactile experiment {shlex.quote(str(folder.path))} {again}'
+        output.say(f'Continue: {command.rstrip()}')
     else:
-        output.say(f'Complete. Train on it: tactile train {folder.path} -o models')
+        output.say(
+            f'Complete. Train on it: tactile train {shlex.quote(str(folder.path))} -o models'
+        )
     trials = [asdict(attempt) for attempt in progress.attempts.values()]
     bags = [str(path) for path in folder.list_bags()]
     stated = {'folder': str(folder.path), 'bags': bags, 'ended': ended, **found}

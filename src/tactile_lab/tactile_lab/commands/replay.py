@@ -24,6 +24,10 @@ LINGER_S = 3.0
 """Time that the page stays open after a recording has been played [s]."""
 
 
+class NoFeaturesError(TactileError):
+    """A recording has no features to compare with."""
+
+
 @dataclass(frozen=True)
 class ReplayReport:
     """Comparisons of one finger's recording with its replays, by what was compared.
@@ -55,7 +59,10 @@ class ReplayReport:
 
 
 def replay(
-    bag: Annotated[Path, typer.Argument(exists=True, help='The recording.')],
+    bag: Annotated[
+        Path,
+        typer.Argument(exists=True, help='The recording: a bag, or the folder of an experiment.'),
+    ],
     models: Annotated[
         Optional[Path],
         typer.Option(
@@ -79,14 +86,38 @@ def replay(
     order. With ``--watch`` it first plays the recording in real time on a live page.
     """
     output = Output(as_json)
-    if watch:
-        play_and_watch(bag, models, output)
-    reports = replay_and_compare(bag, models, through_nodes=nodes, times=times)
-    for report in reports:
-        print_report(report, output)
-    equal = all(report.is_equal for report in reports)
-    output.result({'bag': str(bag), 'equal': equal, 'fingers': [r.to_dict() for r in reports]})
+    bags = _list_bags(bag)
+    equal = True
+    fingers: list[dict[str, Any]] = []
+    for path in bags:
+        if len(bags) > 1:
+            output.say(f'{path}:')
+        if watch:
+            play_and_watch(path, models, output)
+        try:
+            reports = replay_and_compare(path, models, through_nodes=nodes, times=times)
+        except NoFeaturesError as error:
+            if path == bags[-1] and not fingers:
+                raise
+            output.say(str(error))
+            continue
+        for report in reports:
+            print_report(report, output)
+            fingers.append({'bag': str(path), **report.to_dict()})
+        equal = equal and all(report.is_equal for report in reports)
+    output.result({'bag': str(bag), 'equal': equal, 'fingers': fingers})
     raise typer.Exit(0 if equal else 1)
+
+
+def _list_bags(path: Path) -> list[Path]:
+    """Return the bags with trials of an experiment's folder, or the bag."""
+    from tactile_analysis.recording import Recording
+    from tactile_bags.experiment_journal import is_experiment
+
+    if not is_experiment(path):
+        return [path]
+    with Recording.load(path) as recording:  # without runs that ended before their first trial
+        return [bag.path for bag in recording.bags]
 
 
 def play_and_watch(path: Path, models: Optional[Path], output: Output) -> None:
@@ -254,7 +285,7 @@ def _replay_finger(
 def _check_has_features(bag: 'RecordedBag', recorded: 'TactileResults') -> None:
     if recorded.windows:
         return
-    raise TactileError(
+    raise NoFeaturesError(
         f'{bag.path} contains no features, so a replay has nothing to compare with. '
         'No trial ended during the recording, or it was made without nodes '
         '(tactile simulate). tactile train and tactile evaluate can use it anyway'

@@ -188,6 +188,8 @@ def train(
             with open_features(
                 recordings, reading, SourceOptions(**vars(statements)), folds=folds
             ) as source:
+                if not trained:
+                    _refuse_existing(source, folder, lengths, force=force)
                 write = functools.partial(
                     train_models,
                     source,
@@ -235,6 +237,19 @@ def train(
     output.result({'models': [model.to_dict() for model in trained]})
 
 
+def _refuse_existing(
+    source: 'RecordingFeatures', folder: Path, lengths: Sequence[Optional[float]], *, force: bool
+) -> None:
+    """Refuse to replace model files, before features are computed and candidates compared."""
+    wanted, keys = source.reading.task, [(source.reading.task or '', '')]
+    if source.recording.is_own:
+        trials = [each for each in source.recording.trials if each.label and not each.why_not]
+        found = dict.fromkeys((each.task, each.contact) for each in trials)
+        keys = [key for key in found if wanted in (None, key[0])]
+    paths = [model_path(folder, key, window_s) for window_s in lengths for key in keys]
+    refuse_to_replace(paths, force=force)
+
+
 def _check_sets(features: str) -> None:
     from tactile_analysis.datasets.automatic_features import AUTO
     from tactile_analysis.datasets.reading import list_sets
@@ -269,7 +284,9 @@ def say_lengths(trained: Sequence[TrainedModel], picture: Path, output: Output) 
     from tactile_lab.console import Table
 
     columns = ('model', 'window [s]', 'accuracy [%]', 'trials', 'tested by')
-    table = Table(*columns, title='accuracy by length', right_from=1)
+    table = Table(
+        *columns, title='accuracy by length', right_from=1, spare=['tested by', 'trials']
+    )
     curves: dict[str, list[tuple[float, float]]] = {}
     for model in trained:
         spec = model.table.spec

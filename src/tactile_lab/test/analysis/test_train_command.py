@@ -10,7 +10,7 @@ import pytest
 from tactile_command import ask_tactile, hear_tactile
 
 from tactile_analysis.datasets import bag_features
-from tactile_analysis.datasets.feature_tables import open_features
+from tactile_analysis.datasets.feature_tables import open_features, RecordingFeatures
 from tactile_analysis.datasets.reading import Reading
 from tactile_analysis.wording import describe_answers
 from tactile_bags import TactileBag
@@ -75,6 +75,18 @@ def test_each_length_has_a_model_file_and_none_is_replaced_unasked(texture_bag, 
     before = [path.read_bytes() for path in sorted(tmp_path.glob('*.npz'))]
     assert 'would be replaced' in hear_tactile(*command, *quick, code=2)
     assert [path.read_bytes() for path in sorted(tmp_path.glob('*.npz'))] == before
+
+
+def test_a_model_that_exists_is_refused_before_features_are_computed(
+    texture_bag, tmp_path, monkeypatch
+):
+    (tmp_path / 'texture_flexion_1s.npz').touch()
+    computed = []
+    monkeypatch.setattr(RecordingFeatures, 'tables', lambda *_: computed.append(True))
+    said = hear_tactile('train', texture_bag, '-o', tmp_path, '--window', 'full,1', code=2)
+    assert str(tmp_path / 'texture_flexion_1s.npz') in said
+    assert '--force' in said
+    assert not computed
 
 
 def test_accuracy_by_length_is_that_of_the_held_out_sessions(texture_bag, tmp_path):

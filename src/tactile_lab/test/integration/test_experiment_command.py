@@ -8,6 +8,10 @@ import io
 import pytest
 from tactile_command import ask_tactile, hear_tactile, tactile
 
+from tactile_classifier.confidence.held_out_novelty import trials_needed
+from tactile_classifier.errors import TooFewTrialsError
+from tactile_classifier.estimators.classifiers import NearestNeighbours
+from tactile_lab.commands.experiment import LEAST_FOR_UNKNOWN, LEAST_TO_TRAIN
 from tactile_lab.experiment.folder import ExperimentFolder
 from tactile_lab.experiment.loop import Terminal
 from tactile_lab.experiment.plan import ExperimentPlan
@@ -76,6 +80,29 @@ def test_a_rig_that_lacks_an_object_is_refused_before_there_is_a_folder(tmp_path
         'experiment', plan, '--simulated', '--yes', code=2
     )
     assert not plan.with_suffix('').exists()
+
+
+@pytest.mark.parametrize(
+    ('sizes', 'words'),
+    [
+        ('--sessions 2 --mountings 2 --trials 5', ['40 trials', 'at least 23']),
+        ('--sessions 2 --mountings 1 --trials 1', ['4 trials', 'at least 5', 'too few']),
+        ('--sessions 1 --mountings 1 --trials 2', ['4 trials', 'at least 4', 'one session']),
+    ],
+)
+def test_a_new_plan_says_how_many_trials_training_needs(tmp_path, sizes, words):
+    plan = tmp_path / 'new.yaml'
+    contacts = ('--contacts', 'flexion,abduction')
+    said = hear_tactile('experiment', 'new', plan, '--objects', 'R1,R2', *contacts, *sizes.split())
+    for word in (*words, '19 for a model that also answers unknown'):
+        assert word in said
+    assert ('too few' in said) == ('too few' in words)
+
+
+def test_the_numbers_of_trials_are_those_of_training():
+    assert trials_needed(0.05) == LEAST_FOR_UNKNOWN
+    with pytest.raises(TooFewTrialsError):
+        NearestNeighbours(LEAST_TO_TRAIN).fit([[0.0]] * (LEAST_TO_TRAIN - 1), ['a', 'b'])
 
 
 def test_corrections_are_written_and_listed(folder):

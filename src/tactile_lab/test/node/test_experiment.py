@@ -74,6 +74,8 @@ def test_an_experiment_survives_ctrl_c_and_kill_and_its_trials_are_read(
     out, errors, code = run_until_done(folder, quick, 0, signal.SIGINT)
     assert code == 130, errors
     assert '0 of 2 trials recorded; interrupted: 1' in out
+    params = quick[1]
+    assert f'Continue: tactile experiment {folder.path} --simulated --params {params} --yes' in out
     out, _, code = run_until_done(folder, quick, 1, signal.SIGKILL)
     assert code == -signal.SIGKILL
     assert 'trial 1 of 2, ' in out
@@ -99,7 +101,10 @@ def test_an_experiment_survives_ctrl_c_and_kill_and_its_trials_are_read(
     )
     mounted = {(event.mounting_id, event.object_label) for event in events}
     assert len(mounted) == len({mounting for mounting, _ in mounted}) == 5
-    hear_tactile('replay', folder.list_bags()[0], '--no-nodes')
+    replayed = ask_tactile('replay', folder.path, '--no-nodes')
+    assert {finger['bag'] for finger in replayed['fingers']} <= set(found['bags'])
+    assert len(replayed['fingers']) > 1
+    assert replayed['equal']
 
     (table,) = read_tables(folder.list_bags()).tables.values()
     assert set(table.column('trial_id')) == set(kept)
