@@ -20,7 +20,7 @@ from tendon_sensor_driver.tare import TareValue
 LEVEL_OK, LEVEL_WARN, LEVEL_ERROR = 0, 1, 2
 """The levels of ``diagnostic_msgs/DiagnosticStatus``."""
 
-_TIMES = {'line': 'device time', 'net_ft': 'sample counter', 'topic': 'stamps'}
+_TIMES = {'line': 'device time', 'net_ft': 'sample counter'}
 
 
 def to_strain_msg(block: StrainBlock, frame_id: str) -> Any:
@@ -123,9 +123,10 @@ def assess_health(
     if health.status & StrainStatus.SATURATED:
         return LEVEL_ERROR, 'saturated: the tension is out of range; slacken the tendon'
     if health.status & StrainStatus.STUCK:
+        what = 'publisher' if config.sensor == 'topic' else 'load cell and its amplifier'
         return LEVEL_WARN, (
-            f'stuck: the same value for more than {config.stuck_s:g} s; check the load cell and '
-            'its amplifier, or set stuck_s to 0 for a sensor of coarse resolution'
+            f'stuck: the same value for more than {config.stuck_s:g} s; check the {what}, or set '
+            'stuck_s to 0 for a sensor of coarse resolution'
         )
     if health.restarts > before.restarts:
         return LEVEL_WARN, f'{format_restart(config)}; tare again'
@@ -142,14 +143,26 @@ def assess_health(
             + (f': {health.last_reason}' if health.last_reason else '')
         )
     lost = health.lost_samples - before.lost_samples
+    irregular = health.irregular_stamps - before.irregular_stamps
     dropped = sum(
         getattr(health, name) - getattr(before, name)
         for name in ('duplicates', 'late_samples', 'outliers')
     )
     if lost or dropped:
-        parts = [f'{lost} missing, judged by their {_TIMES[config.sensor]}'] * bool(lost)
+        if config.sensor != 'topic':
+            missing = f'{lost} missing, judged by their {_TIMES[config.sensor]}'
+        elif irregular:
+            missing = f'irregular stamps: {irregular}, whose samples are late or missing'
+        else:
+            missing = f'{lost} missing: messages were lost, or the publisher paused'
+        parts = [missing] * bool(lost)
         parts += [f'{dropped} dropped: duplicate, late or implausible time'] * bool(dropped)
         return LEVEL_WARN, f'samples during the last second: {"; ".join(parts)}'
+    if irregular:
+        return LEVEL_OK, (
+            f'samples arrive; irregular stamps during the last second: {irregular}, no message is '
+            'missing. Let the publisher stamp the time of the measurement, not of sending'
+        )
     return LEVEL_OK, 'samples arrive'
 
 

@@ -289,6 +289,7 @@ class SensorHealth:
     readings: int = 0  # received samples
     rejected_lines: int = 0  # lines, messages or datagrams without a valid sample
     lost_samples: int = 0  # samples missing according to device time, counter or stamp
+    irregular_stamps: int = 0  # steps of a topic's stamps of which no lost message is known
     duplicates: int = 0  # samples that were received twice
     late_samples: int = 0  # samples that were received after a newer one
     outliers: int = 0  # samples dropped because of an implausible device time

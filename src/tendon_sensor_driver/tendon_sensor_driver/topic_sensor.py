@@ -224,6 +224,7 @@ class TopicClient(SensorClient):
             rejected_lines=self._rejected,
             device_status='' if stream.is_value_finite else 'the value is not a finite number',
             rate_hz=stream.meter.rate_hz,
+            irregular_stamps=0 if stream.clock is None else stream.clock.irregular_stamps,
             last_rejected=self._last_rejected,
             advice=self._find_problem() or '',
             **error,

@@ -125,6 +125,8 @@ _MEMORY = 64  # number of samples to which the grid is fitted
 _LARGEST_DETUNING = 0.05  # largest deviation of the period, as a fraction of the nominal one
 _MOST_MISSING = 1.1  # largest ratio of all samples, including missing ones, to received samples
 
+_LONGEST_IRREGULAR = 3  # largest step of the stamps that can be a late stamp, in periods
+
 MEASURE_NS = 2 * _SECOND_NS
 """Time over which a rate is measured [ns]."""
 
@@ -177,6 +179,13 @@ class StampClock(SampleClock):
     Missing samples are counted on a `StampGrid`. ``device_ns`` of an `Instant` is the position
     on this grid in nominal periods.
 
+    A publisher that stamps its messages when it sends them has gaps in the stamps on a busy
+    computer, although no message is missing. If the middleware's sequence numbers are
+    consecutive, a step of up to three periods is therefore an irregular stamp, and no sample is
+    missing. The window of a feature set is still refused if it is too long in total. A longer
+    step is a pause of the publisher, whose samples are missing. Without sequence numbers, such a
+    step is an irregular stamp, too, but its samples count as missing, because they may be.
+
     Three kinds of samples are dropped. A duplicate has the same stamp as the sample before. A
     late sample has a stamp up to 0.25 s earlier. An outlier has an even earlier stamp, or one
     that jumps forward by more than 0.1 s relative to the arrivals and lies more than 0.1 s below
@@ -190,13 +199,15 @@ class StampClock(SampleClock):
     ----------
     steps : int
         Number of times that the publisher's clock was set.
+    irregular_stamps : int
+        Number of steps of the stamps across which no message is known to be missing.
     number : int or None
         Sequence number of the message that is placed next.
     """
 
     def __init__(self, period_ns: int) -> None:
         super().__init__(period_ns)
-        self.steps = 0
+        self.steps = self.irregular_stamps = 0
         self.number: int | None = None
         self._delays_ns: list[int] = []  # shortest delay in each of the last two spans of 5 s
         self._span_ns = 0  # time of arrival at which the newer span began
@@ -204,6 +215,7 @@ class StampClock(SampleClock):
         self._last: Instant | None = None
         self._has_stamps = False
         self._last_number: int | None = None
+        self._closed = 0  # periods that irregular stamps have skipped
         self._index = 0
         self._grid = StampGrid(period_ns, 0)
 
@@ -226,8 +238,10 @@ class StampClock(SampleClock):
 
     def place(self, ticks: int | None, received_at_ns: int) -> Instant | None:
         # ``ticks`` is the stamp of the header [ns].
+        before, self._last_number = self._last_number, self.number
         if ticks is None:
-            return self._place_by_arrival(received_at_ns)
+            return self._place_by_arrival(received_at_ns, before)
+        is_next = before is not None and self.number == before + 1
         if self._last is None:
             return self._begin(ticks, received_at_ns, is_step=False)
         if not self._has_stamps:
@@ -235,18 +249,19 @@ class StampClock(SampleClock):
         elapsed_ns = ticks - self._last.stamp_ns
         if -_LATE_NS < elapsed_ns <= 0:
             self._drop_old(-elapsed_ns)
+            if elapsed_ns and self._closed:  # the step before was no late stamp, but this sample
+                self._closed -= 1
+                self._index += 1
             return None
         if elapsed_ns > 0 and not self._leaps(ticks, elapsed_ns, received_at_ns):
-            return self._continue(ticks, received_at_ns)
+            return self._continue(ticks, received_at_ns, is_next=is_next)
         if self._continues_outlier(ticks, received_at_ns, _STEP_NS):
             self.steps += 1
             return self._begin(ticks, received_at_ns, is_step=True)
         return None
 
-    def _place_by_arrival(self, received_at_ns: int) -> Instant:
-        is_step = self._has_stamps
-        number, before = self.number, self._last_number
-        self._last_number = number
+    def _place_by_arrival(self, received_at_ns: int, before: int | None) -> Instant:
+        is_step, number = self._has_stamps, self.number
         self._has_stamps = False
         if number is not None and before is not None and not is_step:
             # The numbers of two publishers interleave; a decrease is not a gap.
@@ -275,9 +290,15 @@ class StampClock(SampleClock):
         self._grid = StampGrid(self.period_ns, ticks)
         return self._stamp(ticks, is_step=is_step)
 
-    def _continue(self, ticks: int, received_at_ns: int) -> Instant:
+    def _continue(self, ticks: int, received_at_ns: int, *, is_next: bool) -> Instant:
         self._note_delay(ticks, received_at_ns)
-        self._index += self._grid.advance(ticks)
+        steps = self._grid.advance(ticks)
+        if 1 < steps <= _LONGEST_IRREGULAR and (is_next or self.number is None):
+            self.irregular_stamps += 1
+            if is_next:
+                self._closed += steps - 1
+                steps = 1
+        self._index += steps
         return self._stamp(ticks, is_step=False)
 
     def _stamp(self, ticks: int, *, is_step: bool) -> Instant:

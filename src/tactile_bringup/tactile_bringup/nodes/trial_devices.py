@@ -374,7 +374,7 @@ class StrainWatch:
             return None
         return Refusal(
             f'No valid sample has arrived on tendon_sensor/strain for {self._timeout_s:g} s',
-            'start the sensor node, and check its cable and its diagnostics',
+            'start the sensor node, and look at its diagnostics',
         )
 
     def _on_block(self, block: StrainBlock, _: Any) -> None:

@@ -46,6 +46,18 @@ _STATUS_REMEDIES = {
 }
 
 
+_TOPIC_REMEDIES = {
+    StrainStatus.SATURATED: (
+        'the force is at or beyond saturation_n',
+        "unload the tendon, or set saturation_n to the sensor's range",
+    ),
+    StrainStatus.STUCK: (
+        'the value does not change',
+        'look at the publisher and its device; a coarse sensor needs stuck_s = 0',
+    ),
+}
+
+
 def make_config(node: str, stated: Mapping[str, Any]) -> Any:
     """Return the configuration of a device's node; parameters that every node has are ignored.
 
@@ -87,6 +99,7 @@ def check_sensor(
     facts, problems = judge_blocks(blocks, config)
     if config.sensor == 'topic':
         problems = _judge_topic(health, problems, seconds, is_heard=bool(blocks))
+        facts['irregular stamps'] = health.irregular_stamps
         return CheckReport('sensor', link, facts, tuple(problems))
     if identity:
         facts = {'identity': identity, **facts}
@@ -164,7 +177,8 @@ def judge_blocks(
     }
     if status & StrainStatus.SIMULATED:
         facts['simulated'] = 'SIMULATED: no number is a measurement'
-    problems = [Problem(*text) for bit, text in _STATUS_REMEDIES.items() if status & bit]
+    remedies = _TOPIC_REMEDIES if config.sensor == 'topic' else _STATUS_REMEDIES
+    problems = [Problem(*text) for bit, text in remedies.items() if status & bit]
     problems += _list_problems(
         (
             tension_n.size > 1 and not tension_n.any(),
@@ -176,11 +190,7 @@ def judge_blocks(
             f'the rate is {rate_hz:.2f} Hz, but rate_hz is {config.rate_hz:g}',
             f'set rate_hz to {rate_hz:.4g}, or set the sensor to {config.rate_hz:g} Hz',
         ),
-        (
-            lost,
-            f'{lost} of {tension_n.size + lost} samples were lost',
-            'check the cable, raise the baud rate, or end other programs on this computer',
-        ),
+        _describe_losses(lost, tension_n.size, config),
         (
             error_s > MOST_STAMP_ERROR_S,
             f'the stamps may be wrong by {error_s * 1e3:.1f} ms',
@@ -188,6 +198,23 @@ def judge_blocks(
         ),
     )
     return facts, problems
+
+
+def _describe_losses(lost: int, count: int, config: TendonSensorConfig) -> tuple[int, str, str]:
+    """Return the number of missing samples, the problem and the remedy."""
+    if config.sensor == 'topic':
+        return (
+            lost,
+            f'{lost} of {count + lost} samples are missing: messages were lost, or stamps are '
+            'irregular or paused',
+            'let the publisher be reliable and stamp the time of each measurement; end other '
+            'programs on its computer',
+        )
+    return (
+        lost,
+        f'{lost} of {count + lost} samples were lost',
+        'check the cable, raise the baud rate, or end other programs on this computer',
+    )
 
 
 def _compute_noise_n(time_s: Any, tension_n: Any) -> float:

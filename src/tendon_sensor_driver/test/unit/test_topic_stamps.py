@@ -128,6 +128,44 @@ def test_the_bound_on_the_error_is_that_of_the_last_ten_seconds():
     assert instant.stamp_error_s == 0.002
 
 
+def stamp_late(count, late_at):
+    """Return stamps of messages that are sent up to two periods late now and then."""
+    late_ns = {i: round(1.6 * PERIOD_NS) for i in late_at}
+    late_ns |= {i + 1: round(0.7 * PERIOD_NS) for i in late_at}
+    return [START_NS + i * PERIOD_NS + late_ns.get(i, 0) for i in range(count)]
+
+
+@pytest.mark.parametrize('has_numbers', [True, False])
+def test_a_publisher_that_stamps_late_has_irregular_stamps_and_loses_nothing(has_numbers):
+    late_at = range(100, 2000, 150)
+    clock = StampClock(PERIOD_NS)
+    instants = []
+    for number, stamp_ns in enumerate(stamp_late(2000, late_at)):
+        clock.number = number if has_numbers else None
+        instants.append(clock.place(stamp_ns, stamp_ns + 300_000))
+    assert None not in instants
+    assert clock.irregular_stamps >= len(late_at)
+    # Without numbers it cannot be known that none is missing.
+    assert (sum(count_lost(instants)) == 0) == has_numbers
+
+
+def test_numbers_tell_lost_messages_and_pauses_from_irregular_stamps():
+    clock = StampClock(PERIOD_NS)
+    instants = []
+    # Number 50 is lost on the way; the publisher pauses for 5 periods after number 80.
+    for number in (*range(50), *range(51, 100)):
+        clock.number = number
+        stamp_ns = START_NS + (number + 5 * (number > 80)) * PERIOD_NS
+        instants.append(clock.place(stamp_ns, stamp_ns + 300_000))
+    lost = count_lost(instants)
+    assert (lost[49], lost[79], sum(lost)) == (1, 5, 6)
+    assert clock.irregular_stamps == 0
+    clock.note_reconnection()  # another publisher has its own numbers
+    clock.number = 100
+    instants.append(clock.place(stamp_ns + 2 * PERIOD_NS, stamp_ns + 2 * PERIOD_NS + 300_000))
+    assert count_lost(instants)[-1] == 1
+
+
 def test_without_stamps_arrivals_are_the_time_and_numbers_tell_the_gaps():
     clock = StampClock(PERIOD_NS)
     instants = []

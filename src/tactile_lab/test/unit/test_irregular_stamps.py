@@ -1,0 +1,56 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A publisher that stamps messages when it sends them: from its topic to features and audit."""
+
+import pytest
+
+from tactile_bags.audit import FingerAuditor
+from tactile_features import FeatureConfig, Outcome, TrialFeatureExtractor
+from tactile_features.records import TrialEvent
+from tendon_sensor_driver.records import TendonSensorConfig
+from tendon_sensor_driver.topic_stream import TopicReading, TopicStream
+
+START_NS = 1_795_378_589_000_000_000
+PERIOD_NS = 1_000_000_000 / 60
+
+
+def run_trial(stamps_ns):
+    """Return the window and the audit of a hold from 1 s to 6 s; no message is lost."""
+    stream = TopicStream(TendonSensorConfig(sensor='topic', topic='/force', rate_hz=60.0))
+    extractor, auditor = TrialFeatureExtractor(FeatureConfig()), FingerAuditor('', 60.0)
+    windows, audits = [], []
+    for phase, second in (('hold', 1), ('release', 6), ('done', 7)):
+        stamp_ns = START_NS + second * 1_000_000_000
+        event = TrialEvent(stamp_ns, 't1', '', 'stiffness', 'flexion', 'pla', phase)
+        windows += extractor.add_event(event)
+        audits += auditor.add_event(event)
+    for number, stamp_ns in enumerate(stamps_ns):
+        reading = TopicReading(stamp_ns, 3.0 - 0.001 * number)
+        for block in stream.add(reading, stamp_ns + 1_000_000, number):
+            windows += extractor.add_block(block)
+            audits += auditor.add_block(block)
+    (window,), (audit,) = windows, audits
+    return window, audit, stream.clock.irregular_stamps
+
+
+@pytest.mark.parametrize('every', [20, 60])
+def test_late_stamps_refuse_no_trial(every):
+    late = {0: 1.6, 1: 0.7}  # in periods
+    stamps_ns = [
+        START_NS + round((i + late.get(i % every, 0.0) * (i > 60)) * PERIOD_NS) for i in range(600)
+    ]
+    window, audit, irregular = run_trial(stamps_ns)
+    assert irregular >= 500 // every
+    assert (window.outcome, window.interpolated_count) == (Outcome.OK, 0), window.reason
+    assert audit.passed, audit.findings
+    assert audit.lost_count == 0
+
+
+def test_a_pause_of_the_publisher_refuses_its_trial():
+    stamps_ns = [START_NS + round((i + 5 * (i > 200)) * PERIOD_NS) for i in range(600)]
+    window, audit, irregular = run_trial(stamps_ns)
+    assert irregular == 0
+    assert window.outcome == Outcome.GAP
+    assert 'samples are missing' in window.reason
+    assert not audit.passed
