@@ -27,12 +27,14 @@ MARK_COLOUR = '#c0392b'
 UNKNOWN_UNITS = ('', 'raw')
 """Units of a recording without a stated unit."""
 
-_PHASE_COLOURS = {
+PHASE_COLOURS: dict[str | None, str] = {
+    None: '#909090',
     'contact': '#4a90d9',
     'glide': '#5aae61',
     'hold': '#5aae61',
     'release': '#e08214',
 }
+"""Colours of the phases, which the live page uses, too; None: all others, without contact."""
 
 
 def plot_strain(
@@ -216,7 +218,9 @@ def label_axis(quantity: str, unit: str) -> str:
 def shade_phases(axes: Axes, phases: Sequence[tuple[str, float, float]]) -> None:
     """Colour each phase, with grey for phases without contact, and label long ones."""
     for name, start, end in phases:
-        axes.axvspan(start, end, color=_PHASE_COLOURS.get(name, '#909090'), alpha=0.18, lw=0)
+        axes.axvspan(
+            start, end, color=PHASE_COLOURS.get(name, PHASE_COLOURS[None]), alpha=0.18, lw=0
+        )
         if end - start > 0.06 * (phases[-1][2] - phases[0][1]):
             axes.text(
                 (start + end) / 2,

@@ -432,7 +432,7 @@ class LiveTrialBackend:
             )
         rig.observer.restart(is_on=True)
         try:
-            rig.operator.publish_progress(order.number, order.count, request)
+            rig.operator.publish_progress(order.number, order.count, request, order.following)
             trial = rig.run(request)
             window, tension_n = rig.observer.end(order.trial_id)
         except StoppedError as error:  # stopped by a person, so it is not repeated automatically

@@ -145,7 +145,7 @@ MOST_FAILURES = 3
 class TrialOrder:
     """A planned trial to be run, with the ids of this attempt.
 
-    It is trial ``number`` of ``count``.
+    It is trial ``number`` of ``count``. ``following`` says in words what comes after it.
     """
 
     planned: PlannedTrial
@@ -155,6 +155,7 @@ class TrialOrder:
     number_in_mounting: int
     number: int = 0
     count: int = 0
+    following: str = ''
 
 
 @dataclass(frozen=True)
@@ -388,6 +389,7 @@ class TrialLoop:
                 count,
                 self.progress.done_count + 1,
                 len(self.progress.order),
+                _describe_next(trial, left[1] if len(left) > 1 else None),
             )
             if not self._run_trial(order, run_trial):
                 return False
@@ -455,6 +457,14 @@ class TrialLoop:
         if choice == KEEP and verdict == OUTLIER:
             self.note(KEPT, trial_id=order.trial_id)
         return choice != STOP
+
+
+def _describe_next(trial: PlannedTrial, following: PlannedTrial | None) -> str:
+    """Return what comes after a trial in its session."""
+    if following is None:
+        return 'end of the session'
+    what = f'{following.object_label}, {following.contact}'
+    return f'{what}, to be mounted' if following.mounting != trial.mounting else what
 
 
 def format_seconds(seconds: float) -> str:

@@ -25,6 +25,7 @@ from tactile_features.records import (
     PHASE_GLIDE,
     PHASE_HOLD,
     PHASE_PULL,
+    PROTOCOL_STIFFNESS,
     SET_TEXTURE_SPECTRUM,
     TrialEvent,
 )
@@ -123,7 +124,7 @@ SIGNAL_FAULTS = (
     (StrainStatus.SATURATED, 'The sensor is saturated: the tension is beyond its range.'),
     (
         StrainStatus.STUCK,
-        'The tension has not changed for too long: check the sensor and its cable.',
+        'The tension has not changed for too long: look at the sensor.',
     ),
     (StrainStatus.DEVICE_ERROR, 'The sensor reports an internal error.'),
     (
@@ -168,6 +169,8 @@ class Finger:
         self._answers: dict[str, tuple[ClassificationResult, str]] = {}  # by model
         self._models: tuple[ModelInfo, ...] = ()
         self._windows: dict[str, FeatureWindow] = {}  # of the current trial, by specification
+        # The last hold that has ended: its start, end and window, and its description.
+        self._held: tuple[tuple[Any, ...], dict[str, Any]] | None = None
 
     # -- input ---------------------------------------------------------------------
 
@@ -225,6 +228,7 @@ class Finger:
     def take_models(self, models: Sequence[ModelInfo]) -> None:
         """Set the models of the classifier."""
         self._models = tuple(models)
+        self.version += 1
 
     def names_model(self, answer: ClassificationResult) -> bool:
         """Return True if several models answer the same question, so that names are needed."""
@@ -278,6 +282,7 @@ class Finger:
                 'protocol': event.protocol,
                 'contact': event.contact,
                 'object': event.object_label,
+                'session': event.session_id,
                 'phase': event.phase,
                 'message': event.message,
                 'detected': event.detected,
@@ -286,6 +291,7 @@ class Finger:
             'spans': self._describe_spans(),
             'answers': [describe_answer(*answer) for answer in self._answers.values()],
             'window': self._describe_window(),
+            'has_models': bool(self._models or self._answers),
         }
 
     def _seconds(self, stamp_ns: int) -> float:
@@ -315,6 +321,67 @@ class Finger:
             'from': self._seconds(window.window_start_ns),
             'to': self._seconds(window.window_end_ns),
         }
+
+    def detail(self) -> dict[str, Any]:
+        """Return what the second plot shows: ``hold`` for a stiffness trial, or ``spectrum``."""
+        measured = [event for event in self._spans if event.phase in MEASURED]
+        if measured:
+            is_hold = measured[-1].phase == PHASE_HOLD
+        elif self._spans:
+            is_hold = self._spans[-1].protocol == PROTOCOL_STIFFNESS
+        else:
+            is_hold = {model.task for model in self._models} == {PROTOCOL_STIFFNESS}
+        return {'hold': self.hold()} if is_hold else {'spectrum': self.spectrum()}
+
+    def hold(self) -> dict[str, Any] | None:
+        """Return the tension of the last hold with its least-squares line; None if there is none.
+
+        The line is fitted to the window of the trial if there is one, otherwise to the hold so
+        far. Times count from the start of the hold [s]. A hold that has ended is kept, because its
+        points are not.
+        """
+        spans = list(self._spans)
+        holds = [i for i, event in enumerate(spans) if event.phase == PHASE_HOLD]
+        if not holds:
+            return None
+        begin = spans[holds[-1]]
+        end_ns = spans[holds[-1] + 1].stamp_ns if holds[-1] + 1 < len(spans) else None
+        ours = [w for w in self._windows.values() if w.trial_id == begin.trial_id]
+        window = ours[-1] if ours and ours[-1].sample_count else None
+        key = (begin.stamp_ns, end_ns, window and window.window_end_ns)
+        known, found = self._held or ((), {})
+        # Windows are discarded when the next trial begins.
+        if known == key or (window is None and known[:2] == key[:2]):
+            return found
+        points = [
+            ((p.stamp_ns - begin.stamp_ns) * 1e-9, p.tension_n)
+            for p in self._points
+            if p.stamp_ns >= begin.stamp_ns
+            and (end_ns is None or p.stamp_ns <= end_ns)
+            and p.tension_n is not None
+        ]
+        if len(points) < FEWEST_SAMPLES:
+            return None
+        time_s, tension_n = np.array(points).T
+        part = 'hold so far' if end_ns is None else f'hold of {time_s[-1]:.1f} s'
+        is_fitted = np.ones(len(points), dtype=np.bool_)
+        if window is not None:
+            part = f'window of {window.window_s:.1f} s'
+            from_s = (window.window_start_ns - begin.stamp_ns) * 1e-9
+            inside = (time_s >= from_s) & (time_s <= from_s + window.window_s)
+            is_fitted = inside if inside.sum() >= FEWEST_SAMPLES else is_fitted
+        slope, intercept = np.polyfit(time_s[is_fitted], tension_n[is_fitted], 1).tolist()
+        ends_s = time_s[is_fitted][[0, -1]].tolist()
+        found = {
+            'x': [round(t, 3) for t in time_s.tolist()],
+            'y': [rounded(value) for value in tension_n.tolist()],
+            'line': [[round(t, 3), rounded(intercept + slope * t)] for t in ends_s],
+            'slope_n_s': float(f'{slope:.3g}'),
+            'part': part,
+        }
+        if end_ns is not None:
+            self._held = key, found
+        return found
 
     def spectrum(self) -> dict[str, Any] | None:
         """Return amplitudes [N] with their source; None if there are too few samples.

@@ -246,7 +246,7 @@ class Frames:
                 live[finger.name] = {'epoch': finger.epoch, 'x': times_s, 'y': tensions_n}
                 if now_s - self._spectra_s.get(finger.name, -1.0) >= SPECTRUM_PERIOD_S:
                     self._spectra_s[finger.name] = now_s
-                    live[finger.name]['spectrum'] = finger.spectrum()
+                    live[finger.name] |= finger.detail()
             if live:
                 frame['live'] = live
             return frame or None

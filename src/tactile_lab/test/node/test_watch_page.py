@@ -11,6 +11,7 @@ import threading
 
 from chromium import Chromium, find_chromium
 from domain_coordinator import domain_id
+import numpy as np
 import pytest
 from tactile_command import program
 
@@ -18,13 +19,16 @@ from tactile_bringup.launch_config.graph import ModelChoice, Ports, rig_graph
 from tactile_bringup.nodes.graph_runner import ros_context, running_graph
 from tactile_bringup.nodes.operator_node import OperatorNode, StoppedError
 from tactile_bringup.trial_protocols import TrialRequest
+from tactile_features.records import TrialEvent
 from tactile_lab.experiment.live_rig import LiveRig
 from tactile_lab.watch.access import WatchOptions
+from tactile_lab.watch.finger import Finger
 from tactile_lab.watch.server import WatchServer
 from tactile_lab.watch.state import WatchState
 from tactile_lab.watch.watching import watching
 from tactile_ros.errors import TactileError
 from tactile_ros.node_group import NodeGroup
+from tactile_ros.strain import StrainBlock
 from tactile_sim.rig_process import SimulatedRig
 from tactile_testing.simulated_rigs import (
     GUARD,
@@ -153,8 +157,11 @@ def test_a_trial_is_seen_from_contact_to_label(rig, browser):
         '[...document.querySelectorAll("[role=img]")].map(e => e.getAttribute("aria-label"))'
     )
     assert re.match(r'Tension of the last 10 seconds: now \S+ N, from .* N; done', names[0])
-    assert re.match(r'Amplitude over frequency, .*: largest \S+ mN at \S+ Hz', names[1])
-    assert set(names[2:]) <= {'ok', 'warning', 'error', 'stale'}
+    # A stiffness trial has its hold with the fitted line instead of a spectrum.
+    assert re.match(r'Tension in the hold with its line: .*, line of \S+ N/s', names[2])
+    assert browser.evaluate('document.querySelector(".spectrum-plot").hidden')
+    assert 'object none' in text_of(browser, '.about')
+    assert set(names[3:]) <= {'ok', 'warning', 'error', 'stale'}
     assert len(names) > 4
     browser.set_scheme('light')
     browser.resize(1280, 900)
@@ -335,6 +342,8 @@ def test_stop_can_be_pressed_while_a_trial_is_being_chosen(browser):
     is_open = 'document.getElementById("ask").open'
     with WatchServer(state, controls) as server:
         browser.open(server.address)
+        browser.wait_for('document.querySelector(".answer")')
+        assert browser.evaluate('document.querySelector(".answer").hidden')  # there is no model
         for number, (width, height) in enumerate(((1280, 900), (390, 844), (844, 390)), 1):
             browser.resize(width, height)
             click(browser, 'trial')
@@ -352,7 +361,49 @@ def test_stop_can_be_pressed_while_a_trial_is_being_chosen(browser):
         browser.wait_for('visualViewport.scale > 1.9')
         browser.wait_for(STOP_IS_SEEN)
         browser.call('Emulation.setPageScaleFactor', pageScaleFactor=1)
+    # The program has ended after its confirmed stop: one sentence says both.
+    browser.wait_for('document.body.classList.contains("off")')
+    assert browser.evaluate(
+        'document.getElementById("cut").hidden !== document.getElementById("outcome").hidden'
+    )
+    assert 'switch of the rig' in browser.evaluate('document.getElementById("bar").innerText')
     browser.resize(1280, 900)
+
+
+@needs_chromium
+def test_a_stiffness_finger_shows_its_hold_and_its_object_without_models(browser):
+    state, period_ns = WatchState(), 16_666_667
+    time_s = np.arange(420) * period_ns * 1e-9
+    tension_n = np.where(time_s < 2.0, 1.5 * time_s, 3.0 - 0.2 * (time_s - 2.0))
+    state.update('index', Finger.take_block, StrainBlock(10**18, 0, period_ns, tension_n))
+    for second, phase in ((0, 'contact'), (2, 'hold')):
+        stamp_ns = 10**18 + second * 10**9
+        event = TrialEvent(stamp_ns, 't1', 'monday', 'stiffness', 'flexion', 'sponge', phase)
+        state.update('index', Finger.take_event, event)
+    with WatchServer(state, StoppableRig()) as server:
+        browser.open(server.address)
+        browser.wait_for('document.querySelector(".hold-plot")')
+        browser.wait_for('!document.querySelector(".hold-plot").hidden')
+        assert browser.evaluate('document.querySelector(".spectrum-plot").hidden')
+        assert browser.evaluate('document.querySelector(".answer").hidden')
+        label = 'document.querySelector(".hold-plot").getAttribute("aria-label")'
+        browser.wait_for(f'({label} || "").includes("line of -0.2 N/s")')
+        about = text_of(browser, '.about')
+        for name in ('object sponge', 'session monday', 'trial t1'):
+            assert name in about
+        # Once: Chromium warns of repeated readings.
+        assert browser.evaluate(COLOURS.replace('.tension-plot', '.hold-plot')) > 20
+        for width in (1280, 390):
+            browser.resize(width, 844)
+            assert browser.evaluate(NO_OVERFLOW)
+        browser.resize(1280, 900)
+        # A glide has a spectrum again.
+        glide = TrialEvent(10**18 + 7 * 10**9, 't2', '', 'texture', 'flexion', '', 'glide')
+        state.update('index', Finger.take_event, glide)
+        after = StrainBlock(10**18 + 420 * period_ns, 420, period_ns, np.ones(60))
+        state.update('index', Finger.take_block, after)
+        browser.wait_for('document.querySelector(".hold-plot").hidden')
+    assert browser.console == []
 
 
 @needs_chromium

@@ -4,6 +4,7 @@
 """Experiments with any interruptions: no trial is lost, and none counts twice."""
 
 from contextlib import contextmanager, suppress
+from itertools import pairwise
 import os
 
 from hypothesis import given, settings
@@ -30,6 +31,7 @@ class World:
     def __init__(self, cuts=(), outcomes=()):
         self.cuts, self.outcomes = iter(cuts), iter(outcomes)
         self.recorded = []
+        self.following = []
         self.mounted = None
         self.setup = {'tendon_sensor.scale': '1.0'}
 
@@ -58,6 +60,7 @@ class Bench:
 
     def run(self, order):
         assert self.world.mounted == order.planned.object_label
+        self.world.following.append(order.following)
         self.world.may_cut()
         outcome = next(self.world.outcomes, 'good')
         if outcome == 'failed':
@@ -215,6 +218,19 @@ def test_failed_and_outlying_trials_are_offered_again_at_once(folder):
     assert person.said[-1].endswith('; 0 s left')
     found = progress.to_dict()
     assert (found['done'], found['failed'], found['attempts']) == (5, 2, 8)
+
+
+def test_each_trial_says_what_comes_after_it(folder):
+    plan = ExperimentPlan('x', 'stiffness', ('pla', 'sponge'), sessions=1, mountings=1, trials=2)
+    world = World()
+    run(folder, world, plan=plan)
+    order = folder.read_order()
+    expected = [
+        f'{after.object_label}, flexion{", to be mounted" * (after.mounting != before.mounting)}'
+        for before, after in pairwise(order)
+    ]
+    assert world.following == [*expected, 'end of the session']
+    assert sum('to be mounted' in each for each in expected) == 1
 
 
 def test_an_operator_may_stop_and_what_is_put_there_again_has_a_mounting_of_its_own(folder):

@@ -3,17 +3,22 @@
 
 """The live page's state, from records alone."""
 
+import dataclasses
 import json
+from pathlib import Path
+import re
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
 
+from tactile_analysis.plots import PHASE_COLOURS
 from tactile_classifier.records import ClassificationResult, ModelInfo
 from tactile_classifier.records import Outcome as Answered
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_features.records import FeatureWindow, Outcome, TrialEvent
+from tactile_lab import watch
 from tactile_lab.watch.finger import Finger
 from tactile_lab.watch.state import Frames, MOST_FINGERS, SPECTRUM_PERIOD_S, WatchState
 from tactile_ros.strain import StrainBlock, StrainStatus
@@ -205,6 +210,63 @@ def test_the_spectrum_is_that_of_the_last_seconds_then_of_the_phase_then_of_the_
     assert finger.spectrum() == spectrum  # each specification keeps its window
     finger.take_event(event(700, 'approach', trial='t2'))
     assert finger.spectrum()['part'] == 'last 3 s'
+
+
+def test_a_stiffness_finger_shows_its_hold_with_the_fitted_line(state, clock):
+    assert 'spectrum' in Finger('').detail()
+    time_s = np.arange(600) * PERIOD_NS * 1e-9
+    # The hold begins after 2 s; the tension relaxes by 0.2 N/s.
+    take_blocks(state, block(0, np.where(time_s < 2.0, 1.0, 3.0 - 0.2 * (time_s - 2.0))))
+    (finger,) = state.fingers
+    finger.take_event(dataclasses.replace(event(60, 'contact'), protocol='stiffness'))
+    assert finger.detail() == {'hold': None}
+    finger.take_event(dataclasses.replace(event(120, 'hold'), protocol='stiffness'))
+    hold = finger.detail()['hold']
+    assert hold['part'] == 'hold so far'
+    assert hold['slope_n_s'] == pytest.approx(-0.2, abs=0.001)
+    assert hold['line'][0] == pytest.approx([0.0, 3.0], abs=0.02)
+    finger.take_event(dataclasses.replace(event(420, 'release'), protocol='stiffness'))
+    start_ns = event(180, 'hold').stamp_ns
+    finger.take_window(
+        dataclasses.replace(
+            window([1.0, 2.0, 3.0], 'stiffness_regression'),
+            window_start_ns=start_ns,
+            window_end_ns=start_ns + 3 * 10**9,
+        )
+    )
+    hold = finger.detail()['hold']
+    assert hold['part'] == 'window of 3.0 s'
+    assert [t for t, _ in hold['line']] == pytest.approx([1.0, 4.0], abs=0.02)
+    assert hold['x'][-1] == pytest.approx(5.0, abs=0.02)
+    json.dumps(hold, allow_nan=False)
+    take_blocks(state, block(600, np.ones(3000)))
+    finger.take_event(event(3590, 'approach', trial='t2'))
+    assert finger.hold() == hold, 'a hold that has ended is kept'
+    clock.now_s += 2 * SPECTRUM_PERIOD_S
+    assert 'hold' in Frames(state).next()['live']['']
+    finger.take_event(event(3595, 'glide', trial='t2'))
+    assert 'spectrum' in finger.detail()
+
+
+def test_a_finger_names_its_object_and_session_and_whether_there_are_models(state):
+    take_blocks(state, block(0))
+    take_events(state, event(1, 'contact'))
+    (finger,) = state.describe()['fingers']
+    assert (finger['trial']['object'], finger['trial']['session']) == ('R1', 's')
+    assert not finger['has_models']
+    state.take_answer('', answer())
+    (finger,) = state.describe()['fingers']
+    assert finger['has_models']
+
+
+def test_phases_have_the_colours_of_show():
+    css = Path(watch.__file__).with_name('page').joinpath('page.css').read_text()
+    shown = dict(re.findall(r'--(approach|contact|glide|hold|release|return): (#\w{6})2e;', css))
+    grey = PHASE_COLOURS[None]
+    assert shown == {
+        name: PHASE_COLOURS.get(name, grey)
+        for name in ('approach', 'contact', 'glide', 'hold', 'release', 'return')
+    }
 
 
 def test_a_spectrum_needs_16_samples_since_the_last_gap():

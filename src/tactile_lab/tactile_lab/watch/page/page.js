@@ -42,6 +42,7 @@
       $('fingers').append(this.root);
       this.tension = new TensionPlot(this.find('.tension-plot'));
       this.spectrum = new SpectrumPlot(this.find('.spectrum-plot'));
+      this.hold = new HoldPlot(this.find('.hold-plot'));
       this.epoch = null;
       this.heard = null;
     }
@@ -51,7 +52,8 @@
       this.epoch = live.epoch;
       this.tension.add(live.x, live.y);
       this.heard = performance.now();
-      if (live.spectrum !== undefined) this.newSpectrum = live.spectrum;
+      if (live.spectrum !== undefined) this.newDetail = { plot: this.spectrum, data: live.spectrum };
+      if (live.hold !== undefined) this.newDetail = { plot: this.hold, data: live.hold };
     }
 
     takeState(finger) {
@@ -64,6 +66,13 @@
       set(this.find('.rate'), finger.rate_hz ? `${finger.rate_hz} Hz` : '');
       this.tension.spans = finger.spans;
       this.tension.window = finger.window;
+      const about = trial ? [trial.object && `object ${trial.object}`, trial.session && `session ${trial.session}`,
+        trial.contact, `trial ${trial.id}`] : [];
+      this.find('.about').hidden = !about.length;
+      set(this.find('.about'), about.filter(Boolean).join(' \u00b7 '));
+      // Without models there is no answer to wait for.
+      this.find('.answer').hidden = !finger.has_models;
+      this.find('.panels').classList.toggle('single', !finger.has_models);
       this.showAnswer(finger, trial);
     }
 
@@ -117,10 +126,17 @@
 
     draw() {
       this.tension.draw();
-      if (this.newSpectrum !== undefined) {
-        this.spectrum.draw(this.newSpectrum);
-        set(this.find('.part'), this.newSpectrum ? this.newSpectrum.part : 'too few samples yet');
-        this.newSpectrum = undefined;
+      if (this.newDetail) {
+        const { plot, data } = this.newDetail;
+        const isHold = plot === this.hold;
+        this.find('.spectrum-plot').hidden = isHold;
+        this.find('.hold-plot').hidden = !isHold;
+        plot.draw(data);
+        set(this.find('.quantity'), isHold ? 'Tension [N] over time in the hold [s]' : 'Amplitude [mN] over frequency [Hz]');
+        const empty = isHold ? 'no hold yet' : 'too few samples yet';
+        const line = isHold && data ? `, line of ${data.slope_n_s} N/s` : '';
+        set(this.find('.part'), data ? data.part + line : empty);
+        this.newDetail = null;
       }
       const last = this.tension.last;
       set(this.find('.tension'), last === null ? '\u2013' : last.toFixed(2).replace(/^-(0\.0*)$/, '$1'));
@@ -145,6 +161,7 @@
       const words = range === null ? 'no samples'
         : `now ${this.find('.tension').textContent} N, from ${range[0].toFixed(2)} to ${range[1].toFixed(2)} N`;
       name(this.find('.tension-plot'), `Tension of the last 10 seconds: ${words}; ${trial ? trial.phase : 'no trial'}`);
+      name(this.find('.hold-plot'), `Tension in the hold with its line: ${this.find('.part').textContent}`);
       const peak = this.spectrum.peak;
       name(this.find('.spectrum-plot'), `Amplitude over frequency, ${this.find('.part').textContent}: `
         + (peak ? `largest ${peak.value.toFixed(1)} mN at ${peak.hz.toFixed(1)} Hz` : 'nothing yet'));
@@ -272,8 +289,13 @@
     const element = $('outcome');
     const age = stopped ? performance.now() - stopped.at : Infinity;
     element.hidden = !stopped || (stopped.level === 'ok' && age > CONFIRMED_MS);
+    // A confirmed stop often ends the program that serves this page: one sentence instead of two.
+    const isOff = document.body.classList.contains('off');
+    const ended = isOff && !element.hidden && stopped.level === 'ok';
+    $('cut').hidden = !isOff || ended;
     if (element.hidden) return;
     let { level, text } = stopped;
+    if (ended) text += ' The page has lost its connection since: for another stop use the switch of the rig.';
     if (!stopped.sent) {
       [level, text] = ['error', 'Stop was not sent: this page is not connected. Use the switch of the rig.'];
     } else if (!level && age <= SILENT_MS) {
@@ -320,11 +342,11 @@
     const link = $('link');
     link.className = `link ${isOn ? 'on' : 'off'}`;
     set(link.querySelector('span'), isOn ? 'connected' : 'not connected');
-    $('cut').hidden = isOn;
     document.body.classList.toggle('off', !isOn);
     $('stop').classList.toggle('off', !isOn);
     for (const button of document.querySelectorAll('.moves button, #release, #go')) button.disabled = !isOn;
     enableReset();
+    showOutcome();
   }
 
   function connect() {
@@ -383,7 +405,7 @@
     }
   }, 250);
   matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => {
-    for (const finger of fingers.values()) { finger.tension.build(); finger.spectrum.build(); }
+    for (const finger of fingers.values()) { finger.tension.build(); finger.spectrum.build(); finger.hold.build(); }
   });
   addEventListener('hashchange', () => location.reload());  // another token
   visualViewport.addEventListener('resize', keepBarInSight);

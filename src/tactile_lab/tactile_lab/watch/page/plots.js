@@ -168,3 +168,38 @@ class SpectrumPlot {
     this.plot.setData([values.map((_, k) => k * spectrum.step_hz), values]);
   }
 }
+
+/* The tension of a hold, and the least-squares line of its window. */
+class HoldPlot {
+  constructor(element) {
+    this.element = element;
+    this.hold = null;
+    this.build();
+  }
+
+  build() {
+    if (this.plot) { this.observer.disconnect(); this.plot.destroy(); }
+    this.plot = new uPlot(options(this.element, {
+      scales: {
+        x: { time: false, range: (u, low, high) => [0, high || 3] },
+        y: { range: (u, low, high) => tensionRange(low, high) },
+      },
+      axes: [axis({ space: 60, size: 28 }), axis({ size: 48, space: 28 })],
+      series: [
+        {},
+        { stroke: colour('--trace'), width: 1.5, points: { show: false } },
+        { stroke: colour('--spectrum'), width: 2, dash: [6, 4], points: { show: false }, spanGaps: true },
+      ],
+    }), [[], [], []], this.element);
+    this.observer = follow(this.element, this.plot);
+    this.draw(this.hold);
+  }
+
+  draw(hold) {
+    this.hold = hold;
+    if (!hold) { this.plot.setData([[], [], []]); return; }
+    const [[from, first], [to, last]] = hold.line;
+    const line = hold.x.map((t) => (t < from || t > to ? null : first + (last - first) * (t - from) / ((to - from) || 1)));
+    this.plot.setData([hold.x, hold.y, line]);
+  }
+}
