@@ -264,16 +264,17 @@ def _describe_training(plan: 'ExperimentPlan') -> str:
     """Return how many trials training needs, and whether the plan has them."""
     per_session = len(plan.objects) * plan.mountings * plan.trials
     in_contact = per_session * plan.sessions
-    # A session or a trial is held out, and three neighbours need three trials besides.
-    least = LEAST_TO_TRAIN + (per_session if plan.sessions > 1 else 1)
+    held_out, what = (per_session, 'session') if plan.sessions > 1 else (1, 'trial')
+    left = in_contact - held_out
     text = (
-        f'To train: {in_contact} trials in each contact; at least {least} of 2 objects or more '
-        f'are needed, and {LEAST_FOR_UNKNOWN} for a model that also answers unknown'
+        f'To train: {in_contact} trials in each contact, {left} when a {what} is held out. At '
+        f'least {LEAST_TO_TRAIN} of these and 2 objects are needed, and {LEAST_FOR_UNKNOWN} '
+        'trials in all for a model that also answers unknown'
     )
     lacks = []
     if len(plan.objects) < 2:
         lacks.append('add an object')
-    if in_contact < least:
+    if left < LEAST_TO_TRAIN:
         lacks.append('too few trials, raise --trials, --mountings or --sessions')
     if plan.sessions < 2:
         lacks.append('with one session, the accuracy in a new session stays unknown')

@@ -85,16 +85,16 @@ def test_a_rig_that_lacks_an_object_is_refused_before_there_is_a_folder(tmp_path
 @pytest.mark.parametrize(
     ('sizes', 'words'),
     [
-        ('--sessions 2 --mountings 2 --trials 5', ['40 trials', 'at least 23']),
-        ('--sessions 2 --mountings 1 --trials 1', ['4 trials', 'at least 5', 'too few']),
-        ('--sessions 1 --mountings 1 --trials 2', ['4 trials', 'at least 4', 'one session']),
+        ('--sessions 2 --mountings 2 --trials 5', ['40 trials', '20 when a session']),
+        ('--sessions 2 --mountings 1 --trials 1', ['4 trials', '2 when a session', 'too few']),
+        ('--sessions 1 --mountings 1 --trials 2', ['4 trials', '3 when a trial', 'one session']),
     ],
 )
 def test_a_new_plan_says_how_many_trials_training_needs(tmp_path, sizes, words):
     plan = tmp_path / 'new.yaml'
     contacts = ('--contacts', 'flexion,abduction')
     said = hear_tactile('experiment', 'new', plan, '--objects', 'R1,R2', *contacts, *sizes.split())
-    for word in (*words, '19 for a model that also answers unknown'):
+    for word in (*words, 'At least 3', '19 trials in all'):
         assert word in said
     assert ('too few' in said) == ('too few' in words)
 
