@@ -11,7 +11,6 @@ from typing import Any
 
 from constants import build_tables, replace_tables
 from interfaces import build_page
-import layout
 import matplotlib as mpl
 import numpy as np
 from numpy.typing import NDArray
@@ -53,12 +52,6 @@ def main() -> None:
     )
     interfaces = build_page(IMAGES.parents[1] / 'src' / 'tactile_msgs')
     (IMAGES.parent / 'interfaces.md').write_text(interfaces, 'utf-8')
-    source, page = IMAGES.parents[1] / 'src', IMAGES.parent / 'layout.md'
-    text = layout.replace_tables(page.read_text(encoding='utf-8'), layout.build_tables(source))
-    page.write_text(text, 'utf-8')
-    figure, axes = plt.subplots(figsize=(8, 7))
-    layout.draw_layout(source, axes)
-    figure.savefig(IMAGES / 'layout.png', dpi=110, bbox_inches='tight')
     draw_finger(IMAGES / 'simulated_finger.png')
     draw_glide(IMAGES / 'simulated_glide.png')
     plan = SimulationPlan('texture', 'flexion', 1, 1)

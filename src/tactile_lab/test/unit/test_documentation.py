@@ -68,16 +68,6 @@ def test_constants_and_interfaces_are_those_of_the_code(monkeypatch):
     assert page == (DOCS / 'interfaces.md').read_text(), renewal
 
 
-def test_the_layout_is_that_of_the_code(monkeypatch):
-    monkeypatch.syspath_prepend(str(DOCS))
-    layout = importlib.import_module('layout')
-    page, source = (DOCS / 'layout.md').read_text(), ROOT / 'src'
-    assert not layout.find_missing(page, source), 'a walk names what is not there'
-    assert layout.replace_tables(page, layout.build_tables(source)) == page, (
-        'renew it: ./tactile run python docs/generate.py'
-    )
-
-
 def test_the_promises_of_motion_name_tests_that_exist():
     table = (DOCS / 'motion.md').read_text().split('## Promises and their tests')[1]
     table = table.split('\n## ')[0]
