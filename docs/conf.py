@@ -20,7 +20,8 @@ manifest = (ROOT / 'src' / 'tactile_bringup' / 'package.xml').read_text()
 release = version = re.search(r'<version>(.*?)</version>', manifest).group(1)
 
 root_doc = 'docs/index'
-include_patterns = ['*.md', 'docs/*.md', 'docs/*.rst', 'docs/decisions/*.md', 'docs/examples/*.md']
+folders = ('decisions', 'examples', 'tutorials')
+include_patterns = ['*.md', 'docs/*.md', 'docs/*.rst', *(f'docs/{name}/*.md' for name in folders)]
 exclude_patterns = ['.*', '**/.*', 'src', 'build', 'install', 'log']
 extensions = [
     'myst_parser',
