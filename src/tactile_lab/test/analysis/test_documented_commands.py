@@ -1,0 +1,137 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Every command of README.md and docs/ runs as it is written, in order, in a folder per page.
+
+Pages with commands that run until Ctrl-C are in test/node.
+"""
+
+import re
+import shlex
+
+from page_commands import NOT_RUN, PAGES, read_page, ROOT, Terminal, UNTIL_CTRL_C
+import pytest
+from tactile_command import ask_tactile
+
+from tactile_bags import EVENT
+from tactile_lab import program
+from tactile_lab.experiment.folder import ExperimentFolder
+from tactile_lab.experiment.journal import BEGAN, ENDED, GOOD, Journal, note
+from tactile_lab.experiment.plan import read_plan
+
+if not (ROOT / 'docs').is_dir():
+    pytest.skip('the packages are not in their own repository', allow_module_level=True)
+
+OF_THE_WORKSPACE = {'build', 'clean', 'docs', 'run', 'shell', 'test'}
+
+COMMANDS = {page: read_page(page)[0] for page in PAGES}
+
+
+def is_run_here(page):
+    run = [command for command in COMMANDS[page] if command.is_run]
+    return run and not any(UNTIL_CTRL_C.match(command.text) for command in run)
+
+
+@pytest.mark.parametrize(
+    'page', filter(is_run_here, PAGES), ids=lambda page: str(page.relative_to(ROOT))
+)
+def test_commands_run_as_written(page, tmp_path, rewrite):
+    terminal = Terminal(tmp_path)
+    for name, text in read_page(page)[1].items():
+        (terminal.folder / name).parent.mkdir(exist_ok=True)
+        (terminal.folder / name).write_text(text)
+    for command in COMMANDS[page]:
+        if command.is_run:
+            terminal.run(command)
+        elif plan := re.match(r'tactile experiment (\w+)\.yaml --simulated --yes', command.text):
+            record_experiment(terminal.folder / plan[1], rewrite)
+
+
+def record_experiment(path, rewrite):
+    """Fill the folder of an experiment with simulated trials, which takes no real time."""
+    if path.exists():
+        return
+    plan = read_plan(path.with_suffix('.yaml'))
+    folder = ExperimentFolder(path)
+    folder.set_up(plan)
+    order = folder.read_order()
+    options = ('--trials', plan.mountings * plan.trials, '--sessions', plan.sessions)
+    scratch = path.with_name('simulated')
+    ask_tactile('simulate', plan.protocol, '--contact', plan.contacts[0], *options, '-o', scratch)
+    (bag,) = scratch.iterdir()
+    left, planned = list(order), {}
+
+    def plan_trial(type_name, message):
+        """Turn a simulated trial into the next planned trial of its object, if there is one."""
+        if type_name != EVENT:
+            return message
+        if message.trial_id not in planned:
+            fitting = [trial for trial in left if trial.object_label == message.object_label]
+            planned[message.trial_id] = next(iter(fitting), None)
+            left[:] = [trial for trial in left if trial not in fitting[:1]]
+        trial = planned[message.trial_id]
+        if trial is None:
+            return None
+        message.trial_id, message.session_id = trial.key, trial.session_id
+        message.mounting_id = name_mounting(trial)
+        return message
+
+    rewrite(bag, folder.bags / f'{plan.session_ids[0]}-01', plan_trial)
+    with Journal(folder.journal) as journal:
+        for trial in order:
+            mounting_id = name_mounting(trial)
+            note(journal, BEGAN, key=trial.key, trial_id=trial.key, mounting_id=mounting_id)
+            ended = {'verdict': GOOD, 'sentence': '', 'statistics': {}, 'seconds': 1.0}
+            note(journal, ENDED, trial_id=trial.key, **ended)
+
+
+def name_mounting(trial):
+    return f'{trial.session_id}-m{trial.mounting:02d}'
+
+
+def test_commands_that_are_not_run_are_still_on_the_pages():
+    texts = [command.text for commands in COMMANDS.values() for command in commands]
+    gone = [row for row in NOT_RUN if not any(re.match(row, text) for text in texts)]
+    assert not gone, 'take them out of NOT_RUN'
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_commands_are_in_console_blocks_and_their_options_exist(page):
+    text = page.read_text('utf-8')
+    assert not re.search(r'^ *```(sh|bash|shell)\b', text, re.MULTILINE), 'write ```console'
+    outside = re.sub(r'```.*?```', '', text, flags=re.DOTALL)
+    inline = re.findall(r'`(?:\./)?(tactile [a-z][^`]*)`', outside)
+    for words in [*inline, *(c.text for c in COMMANDS[page] if c.text.startswith('tactile '))]:
+        check_options(shlex.split(words.replace('\n', ' '), comments=True)[1:])
+
+
+def check_options(words):
+    """Check that a command exists, and each of its options."""
+    if words[0] in OF_THE_WORKSPACE or words[0].startswith('-'):
+        return
+    assert words[0] in program.COMMANDS, words
+    command = program.load_command(words[0])
+    if subcommands := getattr(command, 'commands', None):
+        command = subcommands[words[1] if words[1:] and words[1] in subcommands else 'run']
+    known = {name for item in command.params for name in (*item.opts, *item.secondary_opts)}
+    given = {word for word in words if word.startswith('--')}
+    assert given <= {*known, '--help'}, f'{words}: no {given - known}'
+
+
+def test_launch_arguments_exist():
+    page = (ROOT / 'docs' / 'parameters.md').read_text('utf-8')  # its tables equal the code
+    page = page.split('## Arguments of the launch files')[1]
+    known = {}
+    for files, table in re.findall(r'^(\*\*`[^\n]*)\n\n(.*?)\n\n', page, re.MULTILINE | re.DOTALL):
+        for name in re.findall(r'`(\w+)\.launch\.py`', files):
+            known[name] = set(re.findall(r'^\| `(\w+)` \|', table, re.MULTILINE))
+    checked = 0
+    for page in PAGES:
+        text = page.read_text('utf-8').replace('\\\n', ' ')
+        for name, arguments in re.findall(
+            r'ros2 launch tactile_bringup (\w+)\.launch\.py(.*)', text
+        ):
+            given = set(re.findall(r'(\w+):=', arguments.partition('`')[0]))
+            assert given <= known[name], f'{page.name}: {name} has no {given - known[name]}'
+            checked += 1
+    assert checked > 10
