@@ -37,7 +37,7 @@ NOT_RUN = {
     r'\./tactile (test|run|shell)|python -m venv|venv/bin/': (
         'minutes, downloads, or an interactive shell: tools/wheel.py'
     ),
-    r'ros2 |rosdep |colcon |touch |layouts=|sed |plotjuggler |rviz2 ': (
+    r'ros2 |rosdep |colcon |cd src/tactile/src |layouts=|sed |plotjuggler |rviz2 ': (
         'ROS 2 from apt: the launch tests start the launch files'
     ),
     r'sudo |journalctl ': 'changes the computer',
