@@ -41,6 +41,9 @@ BOUNDS = ((1e-3, 1e3), (0.0, 50.0))
 
 PRECISE = {'ftol': 1e-14, 'gtol': 1e-8}
 
+RANDOM = 'stratified'
+"""First word of the name of random folds over single trials."""
+
 BINS = 10
 """Bins of the expected calibration error."""
 
@@ -101,7 +104,7 @@ def make_group_folds(table: FeatureTable, columns: Sequence[str] = ('session_id'
     folds_of_trials = divide_stratified(table.labels, table.copies, count, RANDOM_STATE)
     for i, (_, held_out) in enumerate(folds_of_trials):
         fold[held_out] = i
-    return GroupFolds(f'stratified {count}-fold over trials', fold, None)
+    return GroupFolds(f'{RANDOM} {count}-fold over trials', fold, None)
 
 
 def _hold_groups_out(
@@ -293,11 +296,18 @@ def compute_calibration_error(probabilities: Matrix, true: Indices) -> float:
     equal width of that probability, as a mean over the trials (Naeini et al. 2015). Probabilities
     have shape (trials, labels); ``true`` are positions, shape (trials,).
     """
-    answer = probabilities.argmax(axis=1)
-    stated = probabilities[np.arange(len(true)), answer]
-    bins = np.minimum((stated * BINS).astype(int), BINS - 1)
-    surplus = np.bincount(bins, stated - (answer == true), BINS)
-    return float(np.abs(surplus).sum() / len(true))
+    return binned_error(probabilities.max(axis=1), probabilities.argmax(axis=1) == true)
+
+
+def binned_error(stated: Matrix, is_right: npt.NDArray[np.bool_]) -> float:
+    """Return the expected calibration error of stated probabilities, both of shape (trials,)."""
+    surplus = np.bincount(find_bins(stated), stated - is_right, BINS)
+    return float(np.abs(surplus).sum() / len(stated))
+
+
+def find_bins(stated: Matrix) -> Indices:
+    """Return the bin of each probability, from 0 to `BINS` - 1."""
+    return np.minimum((stated * BINS).astype(np.intp), BINS - 1)
 
 
 def compute_uncalibrated(scores: Matrix, score_kind: str) -> Matrix:

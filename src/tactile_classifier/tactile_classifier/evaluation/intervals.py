@@ -61,12 +61,12 @@ class Interval(Result):
 def accuracy_interval(
     parts: npt.ArrayLike, parts_are: str, weights: npt.ArrayLike | None = None
 ) -> Interval:
-    """Return the interval of a mean accuracy, from those of trials, cells or groups [1].
+    """Return the interval of a mean accuracy, from the accuracies of trials, cells or groups [1].
 
     The score interval of Wilson with the effective number of trials that the spread between the
     parts implies, and the quantile of Student's t with one degree of freedom less than there are
-    parts (the modified Wilson interval of Dean and Pagano 2015 for clustered samples). It covers
-    the chance in which parts were tested, and not that of the training: see
+    parts (the modified Wilson interval of Dean and Pagano 2015 for clustered samples). It accounts
+    for the choice of tested parts, but not for the variation of the training: see
     `COVERAGE_WITH_TRAINING`.
 
     Parts that are all right, or all wrong, have no spread: their interval is the exact binomial
@@ -80,22 +80,27 @@ def accuracy_interval(
     count, mean = len(values), float(share @ values)
     if np.ptp(values) == 0.0:
         if values[0] in (0.0, 1.0):
-            # All or none correct: exact Clopper-Pearson bound, two-sided. Unequal parts count as
-            # so many equal ones (Kish's effective size).
+            # All or none correct: exact Clopper-Pearson bound, two-sided. Unequal parts are
+            # replaced by their effective number (Kish).
             limit = ((1 - LEVEL) / 2) ** float(share @ share)
             low, high = (limit, 1.0) if values[0] == 1.0 else (0.0, 1.0 - limit)
             return Interval(low, high, f'exact binomial over {count} {parts_are}')
         return Interval(0.0, 0.0, '', f'all {count} {parts_are} have the same accuracy')
     variance, freedom = _spread(values, share)
-    quantile = _quantile(freedom)
-    # So many independent trials would have this variance of the mean.
+    return wilson_interval(mean, variance, freedom, f'Wilson with t over {count} {parts_are}')
+
+
+def wilson_interval(mean: float, variance: float, freedom: float, method: str) -> Interval:
+    """Return the score interval of a mean between 0 and 1 whose estimated variance is known.
+
+    ``freedom`` are the degrees of freedom of the variance, which is above zero.
+    """
+    # Number of independent trials that would give this variance of the mean.
     effective = mean * (1.0 - mean) / variance
-    ratio = quantile**2 / effective
+    ratio = _quantile(freedom) ** 2 / effective
     middle = (mean + 0.5 * ratio) / (1.0 + ratio)
     half = math.sqrt(ratio * mean * (1.0 - mean) + 0.25 * ratio**2) / (1.0 + ratio)
-    return Interval(
-        max(0.0, middle - half), min(1.0, middle + half), f'Wilson with t over {count} {parts_are}'
-    )
+    return Interval(max(0.0, middle - half), min(1.0, middle + half), method)
 
 
 def difference_interval(
@@ -146,7 +151,7 @@ def _spread(
 
     Without bias, and with Satterthwaite's degrees of freedom, for parts of equal variance (Bell
     and McCaffrey 2002); with equal shares these are Student's. A part with a large share pulls the
-    mean towards itself, so its residual alone would say too little.
+    mean towards itself, so that its residual is too small.
     """
     residuals = values - share @ values
     squares = float(share @ share)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rejection of unknown objects: each label left out of training in turn."""
+"""Rejection of unknown objects: each label is left out of the training once."""
 
 from __future__ import annotations
 
@@ -18,13 +18,14 @@ from tactile_classifier.confidence.fit_calibration import (
     compute_uncalibrated,
     fit_novelty,
     make_group_folds,
+    RANDOM,
     score_held_out,
 )
-from tactile_classifier.confidence.fit_novelty import compute_auroc
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError, EvaluationError
 from tactile_classifier.estimators.classifiers import default_scaling, on_one_thread, SCORE_KINDS
-from tactile_classifier.evaluation.intervals import Result
+from tactile_classifier.evaluation.auroc import auroc_interval, rank_novelty, Ranking
+from tactile_classifier.evaluation.intervals import Interval, Result
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,11 +33,13 @@ class UnknownLabel(Result):
     """Answers on the trials of one label that was left out of training.
 
     ``auroc`` is the probability that a trial of it is more novel than one of a known label, mean
-    over the folds; ``miss_rate`` the share of its trials that are named as something known [1].
+    over the folds, and ``interval`` its interval (see `auroc_interval`). ``miss_rate`` is the
+    share of its trials that get the name of a known label [1].
     """
 
     label: str
     auroc: float
+    interval: Interval
     miss_rate: float
     trials: int
 
@@ -45,12 +48,25 @@ class UnknownLabel(Result):
 class OpenSetEvaluation(Result):
     """Rejection of unknown labels and calibration of scores, under one split.
 
-    ``split`` and ``calibration_split`` say how trials were held out for testing, and among the
-    others for calibration. The false alarm rates are the shares of held-out trials of known labels
-    that were rejected: as asked for, as it was, and of each fold [1]. ``accuracy`` is the share of
-    right answers among those not rejected; ``auroc`` and ``miss_rate`` are means over ``unknown``
-    [1]. The calibration errors are expected ones on held-out trials, before and after calibration
-    [1].
+    Attributes
+    ----------
+    split, calibration_split : str
+        How trials were held out for testing, and among the others for calibration, in words.
+    false_alarm_rate : float
+        Stated share of trials of known labels that may be rejected [1].
+    realised_false_alarm_rate : float
+        Share of held-out trials of known labels that were rejected [1].
+    group_false_alarm_rates : tuple of float
+        The same share for each fold [1].
+    accuracy : float
+        Share of right answers among the trials that were not rejected [1].
+    auroc : float
+        Mean over labels and folds [1]; ``auroc_interval`` is its interval.
+    miss_rate : float
+        Mean over ``unknown`` [1].
+    unknown : tuple of UnknownLabel
+    calibration_error_before, calibration_error_after : float
+        Expected calibration error on held-out trials, before and after calibration [1].
     """
 
     classifier: str
@@ -63,6 +79,7 @@ class OpenSetEvaluation(Result):
     group_false_alarm_rates: tuple[float, ...]
     accuracy: float
     auroc: float
+    auroc_interval: Interval
     miss_rate: float
     unknown: tuple[UnknownLabel, ...]
     calibration_error_before: float
@@ -79,10 +96,10 @@ def evaluate_open_set(
     false_alarm_rate: float = 0.05,
     strict: bool = False,
 ) -> OpenSetEvaluation:
-    """Hold out folds in turn, and each label from the training.
+    """Test each fold with models of the other folds, and each label as an unknown one.
 
-    What is fitted and calibrated sees none of the trials that it is tested on: threshold and
-    probabilities come from the other folds, divided once more.
+    Tested trials are used neither for fitting nor for calibration: threshold and probabilities
+    come from folds inside the training trials.
 
     Parameters
     ----------
@@ -126,7 +143,10 @@ def evaluate_open_set(
     rejected, right, before, after, true, unknown, splits = zip(*folds, strict=True)
     all_true, all_right = np.concatenate(true), np.concatenate(right)
     kept = ~np.concatenate(rejected)
-    found = tuple(_pool_unknown(str(label), unknown, outer.split) for label in labels)
+    # Folds of repeats hold out near copies together, so that their trials are not independent.
+    groups_are = '' if outer.split.startswith(RANDOM) else 'held-out folds'
+    found = tuple(_pool_unknown(str(label), unknown, outer.split, groups_are) for label in labels)
+    rankings = [[each.ranking for each in fold.values()] for fold in unknown]
     return OpenSetEvaluation(
         classifier=classifier,
         scaling=scaling,
@@ -137,7 +157,8 @@ def evaluate_open_set(
         realised_false_alarm_rate=float(1.0 - kept.mean()),
         group_false_alarm_rates=tuple(float(each.mean()) for each in rejected),
         accuracy=float(all_right[kept].mean()) if kept.any() else 0.0,
-        auroc=float(np.mean([label.auroc for label in found])),
+        auroc=float(np.mean([ranking.auroc for fold in rankings for ranking in fold])),
+        auroc_interval=auroc_interval(rankings, groups_are),
         miss_rate=float(np.mean([label.miss_rate for label in found])),
         unknown=found,
         calibration_error_before=compute_calibration_error(np.concatenate(before), all_true),
@@ -153,8 +174,15 @@ class _Part(NamedTuple):
     before: npt.NDArray[np.float64]
     after: npt.NDArray[np.float64]
     true: npt.NDArray[np.intp]
-    unknown: dict[str, tuple[float, npt.NDArray[np.bool_]]]
+    unknown: dict[str, _LeftOut]
     calibration_split: str
+
+
+class _LeftOut(NamedTuple):
+    """One label that a fold's training lacks: its ranking, and which of its trials are missed."""
+
+    ranking: Ranking
+    is_missed: npt.NDArray[np.bool_]
 
 
 def _evaluate_fold(
@@ -180,7 +208,8 @@ def _evaluate_fold(
         if is_new.all():
             continue
         novelty = measure.compute(test.values)
-        unknown[str(label)] = compute_auroc(is_new, novelty), novelty[is_new] <= threshold
+        ranking = rank_novelty(str(label), is_new, novelty)
+        unknown[str(label)] = _LeftOut(ranking, novelty[is_new] <= threshold)
     return _Part(
         rejected=calibrated.novelty.compute(test.values) > calibrated.novelty_threshold,
         right=scores.argmax(axis=1) == true,
@@ -193,7 +222,7 @@ def _evaluate_fold(
 
 
 def _pool_unknown(
-    label: str, folds: Sequence[dict[str, tuple[float, npt.NDArray[np.bool_]]]], split: str
+    label: str, folds: Sequence[dict[str, _LeftOut]], split: str, groups_are: str
 ) -> UnknownLabel:
     found = [fold[label] for fold in folds if label in fold]
     if not found:
@@ -202,6 +231,11 @@ def _pool_unknown(
             f'another one ({split}), so no known label remains to compare with; record several '
             'labels in each session, or hold out by another column'
         )
-    missed = np.concatenate([missed for _, missed in found])
-    auroc = float(np.mean([auroc for auroc, _ in found]))
-    return UnknownLabel(label, auroc, float(missed.mean()), len(missed))
+    missed = np.concatenate([each.is_missed for each in found])
+    return UnknownLabel(
+        label,
+        float(np.mean([each.ranking.auroc for each in found])),
+        auroc_interval([[each.ranking] for each in found], groups_are),
+        float(missed.mean()),
+        len(missed),
+    )
