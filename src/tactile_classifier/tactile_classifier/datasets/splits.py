@@ -25,7 +25,8 @@ REPETITIONS = 10
 
 _INNER_FOLDS = 3
 
-_LEAST_TO_TRAIN = 3  # for three neighbours
+LEAST_TO_TRAIN = 3
+"""Smallest number of training trials, which three nearest neighbours need."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -179,7 +180,7 @@ def stratified_split(
         )
     why = f' ("{rarest}" has {fewest} trials)' if fewest < folds else ''
     folds = min(folds, fewest)
-    if len(table) - -(-len(table) // folds) < _LEAST_TO_TRAIN:
+    if len(table) - -(-len(table) // folds) < LEAST_TO_TRAIN:
         each = tuple(LeaveOneGroupOut().split(table.values, groups=table.copies))
         return _checked(Split(f'leave-one-out{why}', (each,), copies=table.copies))
     repeats = tuple(
@@ -296,7 +297,7 @@ def _checked(split: Split) -> Split:
 
 def _check_training_size(folds: Sequence[Fold]) -> None:
     smallest = min(len(train) for train, _ in folds)
-    if smallest < _LEAST_TO_TRAIN:
+    if smallest < LEAST_TO_TRAIN:
         raise EvaluationError(
             f'{smallest} trials would be left to train on; three neighbours need three'
         )

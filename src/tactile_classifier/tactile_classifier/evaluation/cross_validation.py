@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Cross-validated accuracy: repeated stratified folds, or groups held out in turn."""
+"""Cross-validated accuracy: repeated stratified folds, or each group held out once."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Score(Result):
     spread : float
         Standard deviation of what ``spread_of`` says [1].
     spread_of : str
-        ``repetitions`` (of their mean accuracies) or ``groups`` (held out in turn).
+        ``repetitions`` (of their mean accuracies) or ``groups`` (each held out once).
     interval : Interval
         Of the mean, over groups where they are held out; otherwise over cells of near copies
         where there are any, and over trials where not.
@@ -96,14 +96,14 @@ class Score(Result):
 
 @dataclasses.dataclass(frozen=True)
 class Evaluation(Result):
-    """The scores of several classifiers and scalings under one split.
+    """Scores of several classifiers and scalings under one split.
 
     Attributes
     ----------
     chance : float
         Accuracy of always naming the commonest label [1].
     warnings : tuple of str
-        What the columns of the table say against these numbers, one sentence each.
+        Objections to these numbers by the columns of the table, one sentence each.
     """
 
     split: str
@@ -229,7 +229,7 @@ def split_interval(split: Split, cells: Cells | None, right: npt.NDArray[np.floa
 def split_parts(
     split: Split, cells: Cells | None, right: npt.NDArray[np.float64]
 ) -> tuple[npt.NDArray[np.float64], str, npt.NDArray[np.intp] | None]:
-    """Return the independent parts of a mean accuracy, what they are, and their trials.
+    """Return the independent parts of a mean accuracy, their name, and their trials.
 
     The parts are held-out groups, cells of near copies (`find_tested_cells`), or else trials; the
     trials of each part are its weight, None: equal weights. ``right`` is how often each trial of
@@ -257,15 +257,15 @@ def evaluate(
 ) -> Evaluation:
     """Cross-validate classifiers on a table of features.
 
-    The same arguments give the same result, whatever ``jobs``.
+    The result does not depend on ``jobs``.
 
     Parameters
     ----------
     table : FeatureTable
     classifiers, scalings : sequence of str
-        All their combinations are evaluated, unless others are named those of `list_pairs`.
+        All combinations are evaluated. Default: the combinations of `list_pairs`.
     folds, repetitions : int
-        Stratified folds, and how often the trials are divided anew.
+        Number of stratified folds, and how often the trials are divided.
     hold_out : sequence of str
         Columns. When given, each group of trials that agree in all of them is held
         out once, and ``folds`` and ``repetitions`` do not apply.
@@ -329,3 +329,20 @@ def predict_folds(
         estimator.fit(known, codes[train])
         answers.append(names[estimator.predict(asked)])
     return answers
+
+
+def prepare_folds(
+    classifier: str, scaling: str, table: FeatureTable
+) -> Callable[[npt.NDArray[np.str_], Sequence[Fold]], Answers]:
+    """Return a function of labels and folds that predicts the test trials of each fold.
+
+    For many folds of the same trials: random convolutions are fitted once to all trials, because
+    they do not depend on the labels.
+    """
+    if classifier != ROCKET:
+        return lambda labels, folds: predict_folds(
+            classifier, scaling, table.values, labels, folds, table.channels
+        )
+    estimator = build_estimator(classifier, scaling, table.channels)
+    estimator.fit(table.values, table.labels)
+    return lambda labels, folds: list(estimator[-1].predict_folds(table.values, labels, folds))

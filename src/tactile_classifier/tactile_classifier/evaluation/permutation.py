@@ -13,11 +13,10 @@ import numpy.typing as npt
 
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import Split
-from tactile_classifier.estimators.classifiers import build_estimator, RANDOM_STATE
-from tactile_classifier.evaluation.cross_validation import predict_folds
+from tactile_classifier.estimators.classifiers import RANDOM_STATE
+from tactile_classifier.evaluation.cross_validation import prepare_folds
 from tactile_classifier.evaluation.intervals import Result
 from tactile_classifier.evaluation.plans import Task
-from tactile_classifier.records import ROCKET
 
 PERMUTATIONS = 20
 
@@ -44,7 +43,7 @@ class PermutationPlan:
     """The baseline of one classifier under the first repetition of a split; a `Plan`.
 
     Labels are permuted within the held-out groups, so that each group keeps its number of trials
-    of each label (as in scikit-learn's ``permutation_test_score``).
+    of each label (as in scikit-learn's ``permutation_test_score``), or see `permute_labels`.
     """
 
     def __init__(
@@ -81,28 +80,35 @@ class PermutationPlan:
 def _permute(
     pair: tuple[str, str], table: FeatureTable, split: Split, random_state: int
 ) -> npt.NDArray[np.float64]:
-    """Return the accuracy on the true labels, then those on permuted ones.
-
-    Random convolutions are fitted once to all trials: they do not depend on the labels.
-    """
+    """Return the accuracy on the true labels, then the accuracies on permuted ones."""
     rng = np.random.default_rng(random_state)
     (folds,) = split.repeats
     groups = np.zeros(len(table), dtype=np.intp) if split.groups is None else split.groups
-    estimator = build_estimator(*pair, table.channels)
-    if pair[0] == ROCKET:
-        estimator.fit(table.values, table.labels)
+    predict = prepare_folds(*pair, table)
     accuracies = []
     for i in range(1 + PERMUTATIONS):
-        labels = table.labels.copy()
-        for group in np.unique(groups) if i else ():
-            rows = np.flatnonzero(groups == group)
-            labels[rows] = labels[rng.permutation(rows)]
-        if pair[0] == ROCKET:
-            answers = estimator[-1].predict_folds(table.values, labels, folds)
-        else:
-            answers = predict_folds(*pair, table.values, labels, folds, table.channels)
+        labels = permute_labels(table.labels, groups, rng) if i else table.labels
+        answers = predict(labels, folds)
         right = [
             np.mean(said == labels[test]) for (_, test), said in zip(folds, answers, strict=True)
         ]
         accuracies.append(np.mean(right))
     return np.array(accuracies)
+
+
+def permute_labels(
+    labels: npt.NDArray[np.str_], groups: npt.NDArray[np.intp], rng: np.random.Generator
+) -> npt.NDArray[np.str_]:
+    """Return the labels, permuted within the groups.
+
+    Groups of one label each, such as specimens, have nothing to permute: their labels are permuted
+    among the groups.
+    """
+    first = np.unique(groups, return_index=True)[1]
+    if len(first) > 1 and (labels[first][groups] == labels).all():
+        return np.asarray(rng.permutation(labels[first])[groups])
+    permuted = labels.copy()
+    for group in range(len(first)):
+        rows = np.flatnonzero(groups == group)
+        permuted[rows] = labels[rng.permutation(rows)]
+    return permuted

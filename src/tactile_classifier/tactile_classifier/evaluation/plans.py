@@ -21,7 +21,7 @@ Task = tuple[Callable[..., Any], tuple[Any, ...]]
 """A function and its arguments."""
 
 INTERRUPTED_S = 10.0
-"""Longest wait for the parts that are under way at an interrupt."""
+"""Longest wait for running parts after an interrupt [s]."""
 
 
 class Plan(Protocol[Result]):
@@ -31,7 +31,7 @@ class Plan(Protocol[Result]):
         """Return the parts; none depends on another."""
 
     def finish(self, answers: Sequence[Any]) -> Result:
-        """Make the result of the answers, which are in the order of the tasks."""
+        """Return the result; the answers are in the order of the tasks."""
 
 
 @on_one_thread
@@ -42,10 +42,9 @@ def run_plans(
 ) -> list[Any]:
     """Run the parts of all plans and return the plans' results, in their order.
 
-    Threads are asked for: most of the time is spent in compiled code, and processes would spend
-    seconds on importing it; `joblib.parallel_config` may say otherwise. Linear algebra keeps to
-    one thread meanwhile: its threads beside those of the pool wait for each other most of the
-    time.
+    joblib uses threads unless `joblib.parallel_config` says otherwise: most of the time is spent
+    in compiled code, and processes would need seconds to import it. Linear algebra uses one thread
+    meanwhile, because its threads would compete with the pool.
 
     ``jobs`` is as joblib takes it: -1 is all cores. ``progress(done, total)`` is called after each
     part.
@@ -79,11 +78,11 @@ def _run(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
 def _end_pool(coming: Generator[Any, None, None], before: set[threading.Thread]) -> None:
     """End joblib's generator, and wait for the threads that were not there before.
 
-    When Python ends, it ends its daemon threads by force; one that is in C++ code then aborts
-    the process.
+    Python kills daemon threads when it exits; a thread that is in C++ code then aborts the
+    process.
     """
     with warnings.catch_warnings():
-        warnings.simplefilter('ignore')  # joblib tells that parts were cancelled
+        warnings.simplefilter('ignore')  # joblib warns of cancelled parts
         coming.close()
     until_s = time.monotonic() + INTERRUPTED_S
     for thread in set(threading.enumerate()) - before:

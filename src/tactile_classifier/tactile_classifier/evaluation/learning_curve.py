@@ -1,0 +1,217 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Learning curve: accuracy against the number of training sessions, or other groups."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import dataclasses
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_classifier.datasets.dataset import FeatureTable, plain_name
+from tactile_classifier.datasets.splits import Fold, grouped_split, LEAST_TO_TRAIN
+from tactile_classifier.errors import EvaluationError
+from tactile_classifier.estimators.classifiers import RANDOM_STATE
+from tactile_classifier.evaluation.cross_validation import Answers, prepare_folds
+from tactile_classifier.evaluation.intervals import (
+    accuracy_interval,
+    difference_interval,
+    Interval,
+    Result,
+)
+from tactile_classifier.evaluation.plans import Task
+
+MOST_POINTS = 6
+"""Largest number of points of a curve."""
+
+MOST_FITS = 150
+"""Largest number of trained models, except that each test group and point has at least one."""
+
+MOST_DRAWS = 10
+"""Largest number of random choices of training groups for each test group and point."""
+
+SMALL_GAIN = 0.02
+"""Smallest increase of accuracy that justifies more recordings [1]."""
+
+
+@dataclasses.dataclass(frozen=True)
+class LearningPoint(Result):
+    """Accuracy on held-out groups, trained on ``groups`` groups of each label.
+
+    ``trials`` is the mean number of training trials, ``mean`` the mean accuracy over the held-out
+    groups [1].
+    """
+
+    groups: int
+    trials: float
+    mean: float
+    interval: Interval
+
+
+@dataclasses.dataclass(frozen=True)
+class LearningCurve(Result):
+    """Accuracy of one classifier against the number of training groups.
+
+    Attributes
+    ----------
+    group : str
+        Name of the groups, such as ``session``.
+    points : tuple of LearningPoint
+        By increasing number of groups; the last one has all groups but the tested one.
+    half : int
+        Number of groups of an earlier point, at most half of the groups of the last one.
+    gain : float
+        Accuracy of the last point minus accuracy of the point with ``half`` groups [1].
+    gain_interval : Interval
+        Paired 95 % interval of the gain over the tested groups.
+    """
+
+    classifier: str
+    scaling: str
+    split: str
+    group: str
+    points: tuple[LearningPoint, ...]
+    half: int
+    gain: float
+    gain_interval: Interval
+
+    @property
+    def needs_more(self) -> bool | None:
+        """Whether more groups will increase the accuracy; None if it is unknown."""
+        if self.gain_interval.reason:
+            return None if self.gain else False
+        if self.gain_interval.low > 0.0:
+            return True
+        return False if self.gain_interval.high < SMALL_GAIN else None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields and the answer as what JSON can hold."""
+        return {**super().to_dict(), 'needs_more': self.needs_more}
+
+
+class LearningCurvePlan:
+    """The learning curve of one classifier; a `Plan` of a `LearningCurve`.
+
+    Each group is tested once. The groups to train on are drawn at random from the others: of
+    each label, the first n groups in random order that contain it. Where each group contains all
+    labels, these are the same n groups for all labels.
+
+    Parameters
+    ----------
+    columns : sequence of str
+        Trials that agree in these are a group.
+
+    Raises
+    ------
+    EvaluationError
+        When there are fewer than three groups of some label, or groups cannot be held out.
+    """
+
+    def __init__(
+        self,
+        table: FeatureTable,
+        columns: Sequence[str],
+        classifier: str,
+        scaling: str,
+        random_state: int = RANDOM_STATE,
+    ) -> None:
+        self._table = table
+        self._pair = classifier, scaling
+        self._group = ' and '.join(map(plain_name, columns))
+        split = grouped_split(table, columns)
+        assert split.groups is not None
+        self._split_name = split.name
+        self._tests = [test for _, test in split.repeats[0]]
+        self._folds = _draw(table.labels, split.groups, self._tests, self._group, random_state)
+
+    def tasks(self) -> list[Task]:
+        """Return one task."""
+        folds = [fold for points in self._folds.values() for draws in points for fold in draws]
+        return [(_predict, (self._pair, self._table, folds))]
+
+    def finish(self, answers: Sequence[Answers]) -> LearningCurve:
+        """Return the curve."""
+        (said,) = answers
+        coming = iter(said)
+        labels = self._table.labels
+        shares, points = {}, []
+        for count, by_group in self._folds.items():
+            share = np.array(
+                [
+                    np.mean([np.mean(next(coming) == labels[test]) for _, test in draws])
+                    for draws in by_group
+                ]
+            )
+            trials = np.mean([len(train) for draws in by_group for train, _ in draws])
+            interval = accuracy_interval(share, 'groups')
+            points.append(LearningPoint(count, float(trials), float(share.mean()), interval))
+            shares[count] = share
+        counts = list(shares)
+        half = max((n for n in counts if 2 * n <= counts[-1]), default=counts[0])
+        gains = shares[counts[-1]] - shares[half]
+        return LearningCurve(
+            *self._pair,
+            self._split_name,
+            self._group,
+            tuple(points),
+            half,
+            float(gains.mean()),
+            difference_interval(gains, 'groups'),
+        )
+
+
+def _draw(
+    labels: npt.NDArray[np.str_],
+    groups: npt.NDArray[np.intp],
+    tests: Sequence[npt.NDArray[np.intp]],
+    name: str,
+    random_state: int,
+) -> dict[int, list[list[Fold]]]:
+    """Return folds by the number of training groups: for each tested group, one per draw."""
+    names, codes = np.unique(labels, return_inverse=True)
+    contains = np.zeros((groups.max() + 1, len(names)), dtype=bool)
+    contains[groups, codes] = True
+    groups_of = contains.sum(axis=0)
+    most = int(groups_of.min()) - 1
+    if most < 2:
+        raise EvaluationError(
+            f'label "{names[groups_of.argmin()]}" has trials in {groups_of.min()} groups '
+            f'({name}); three are needed, one to test and two to train on'
+        )
+    counts = range(1, most + 1)
+    if most > MOST_POINTS:
+        counts = sorted({round(n) for n in np.geomspace(1, most, MOST_POINTS)})
+    draws = max(1, min(MOST_DRAWS, MOST_FITS // (len(tests) * len(counts))))
+    rng = np.random.default_rng(random_state)
+    folds: dict[int, list[list[Fold]]] = {count: [] for count in counts}
+    for test in tests:
+        # The same order for all counts, so that larger choices contain the smaller ones.
+        orders = [rng.permutation(len(contains)) for _ in range(draws)]
+        for count, by_group in folds.items():
+            found = {}
+            for order in orders:
+                order = order[order != groups[test[0]]]
+                is_chosen = np.zeros_like(contains)
+                for code in range(len(names)):
+                    is_chosen[order[contains[order, code]][:count], code] = True
+                train = np.flatnonzero(is_chosen[groups, codes])
+                found[train.tobytes()] = (train, test)
+            by_group.append(list(found.values()))
+    possible = {
+        count: by_group
+        for count, by_group in folds.items()
+        if min(len(train) for draws in by_group for train, _ in draws) >= LEAST_TO_TRAIN
+    }
+    if len(possible) < 2:
+        raise EvaluationError(
+            f'one group ({name}) has fewer than {LEAST_TO_TRAIN} trials to train on'
+        )
+    return possible
+
+
+def _predict(pair: tuple[str, str], table: FeatureTable, folds: Sequence[Fold]) -> Answers:
+    return prepare_folds(*pair, table)(table.labels, folds)
