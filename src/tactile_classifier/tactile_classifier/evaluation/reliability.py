@@ -1,0 +1,154 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Reliability of held-out probabilities: stated probability against share of right answers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_classifier.confidence.fit_calibration import (
+    binned_error,
+    BINS,
+    find_bins,
+    hold_out_probabilities,
+    hold_out_scores,
+    make_group_folds,
+)
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.errors import ClassifierError
+from tactile_classifier.estimators.classifiers import RANDOM_STATE
+from tactile_classifier.evaluation.intervals import accuracy_interval, Interval, Result
+from tactile_classifier.evaluation.plans import Task
+
+DRAWS = 200
+"""Random draws for the calibration error of perfect probabilities."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ReliabilityBin(Result):
+    """Answers whose probability lies in one bin.
+
+    ``stated`` is their mean probability, ``right`` the share of right answers and ``interval`` its
+    interval, which counts trials as independent [1].
+    """
+
+    trials: int
+    stated: float
+    right: float
+    interval: Interval
+
+
+@dataclasses.dataclass(frozen=True)
+class Reliability(Result):
+    """Calibration of the probabilities of the answers on held-out trials.
+
+    Attributes
+    ----------
+    split : str
+        How the trials were held out, in words.
+    trials : int
+        Number of held-out trials.
+    error : float
+        Expected calibration error over ten bins of equal width [1].
+    chance_error : float
+        Mean of this error for the same number of trials and perfectly calibrated probabilities
+        [1].
+    bins : tuple of ReliabilityBin
+        The bins that contain answers, by increasing probability.
+    """
+
+    classifier: str
+    scaling: str
+    split: str
+    trials: int
+    error: float
+    chance_error: float
+    bins: tuple[ReliabilityBin, ...]
+
+
+def measure_reliability(
+    stated: npt.NDArray[np.float64],
+    is_right: npt.NDArray[np.bool_],
+    classifier: str = '',
+    scaling: str = '',
+    split: str = '',
+) -> Reliability:
+    """Return the reliability of the probabilities of some answers.
+
+    Parameters
+    ----------
+    stated : ndarray of shape (trials,)
+        Probability of each answer [1].
+    is_right : ndarray of bool, shape (trials,)
+    classifier, scaling, split : str
+        See `Reliability`.
+    """
+    rng = np.random.default_rng(RANDOM_STATE)
+    drawn = rng.random((DRAWS, len(stated))) < stated
+    bins = find_bins(stated)
+    return Reliability(
+        classifier,
+        scaling,
+        split,
+        len(stated),
+        binned_error(stated, is_right),
+        float(np.mean([binned_error(stated, each) for each in drawn])),
+        tuple(
+            ReliabilityBin(
+                int(inside.sum()),
+                float(stated[inside].mean()),
+                float(is_right[inside].mean()),
+                accuracy_interval(is_right[inside], 'trials'),
+            )
+            for inside in (bins == i for i in range(BINS))
+            if inside.any()
+        ),
+    )
+
+
+class ReliabilityPlan:
+    """The reliability of one classifier on held-out folds; a `Plan`.
+
+    Scores come from models of the other folds, and their map to probabilities from the held-out
+    scores of the other folds, as on a model card. Its result is a `Reliability`, or a sentence
+    where the trials do not allow it.
+
+    Parameters
+    ----------
+    columns : sequence of str
+        Trials that agree in these are held out together; see `make_group_folds`.
+    """
+
+    def __init__(
+        self, table: FeatureTable, columns: Sequence[str], classifier: str, scaling: str
+    ) -> None:
+        self._arguments = table, tuple(columns), classifier, scaling
+
+    def tasks(self) -> list[Task]:
+        """Return one task."""
+        return [(_measure, self._arguments)]
+
+    def finish(self, answers: Sequence[Reliability | str]) -> Reliability | str:
+        """Return its result."""
+        (found,) = answers
+        return found
+
+
+def _measure(
+    table: FeatureTable, columns: Sequence[str], classifier: str, scaling: str
+) -> Reliability | str:
+    try:
+        folds = make_group_folds(table, columns)
+        scores, true = hold_out_scores(table, classifier, scaling, folds.fold)
+    except (ClassifierError, ValueError) as error:
+        return str(error)
+    probabilities = hold_out_probabilities(scores, true, folds.fold)
+    is_right = probabilities.argmax(axis=1) == true
+    return measure_reliability(
+        probabilities.max(axis=1), is_right, classifier, scaling, folds.split
+    )
