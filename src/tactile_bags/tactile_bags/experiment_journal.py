@@ -22,10 +22,15 @@ PLAN, ORDER, JOURNAL, BAGS = 'plan.yaml', 'order.csv', 'journal.jsonl', 'bags'
 
 @dataclass(frozen=True)
 class Correction:
-    """The reason why a trial is excluded, and its corrected label; either may be empty."""
+    """Statements of the journal about a trial; each may be empty.
+
+    ``why_not`` is the reason why it is excluded, ``label`` its corrected label, and ``specimen``
+    the name of the plate or object under the finger.
+    """
 
     why_not: str = ''
     label: str = ''
+    specimen: str = ''
 
 
 def is_experiment(path: Path) -> bool:
@@ -89,10 +94,15 @@ def _add_up(entries: Iterable[Mapping[str, Any]]) -> dict[str, Correction]:
     kept: set[str] = set()
     excluded: dict[str, str] = {}
     labels: dict[str, str] = {}
+    specimen_on: dict[str, str] = {}
+    specimens: dict[str, str] = {}
     for entry in entries:
         kind, trial_id = entry['kind'], str(entry.get('trial_id', ''))
-        if kind == 'began':
+        if kind == 'mounted':
+            specimen_on[str(entry['mounting_id'])] = str(entry.get('specimen', ''))
+        elif kind == 'began':
             verdicts[trial_id] = ''
+            specimens[trial_id] = specimen_on.get(str(entry.get('mounting_id', '')), '')
         elif kind == 'ended':
             verdicts[trial_id] = str(entry['verdict'])
             if entry['verdict'] == 'good':
@@ -105,6 +115,8 @@ def _add_up(entries: Iterable[Mapping[str, Any]]) -> dict[str, Correction]:
             excluded.pop(trial_id, None)
         elif kind == 'relabelled':
             labels[trial_id] = str(entry['label'])
+            if specimens.get(trial_id):  # it was another plate or object, which is not stated
+                specimens[trial_id] = labels[trial_id]
     found = {}
     for trial_id, verdict in verdicts.items():
         why_not = ''
@@ -112,5 +124,7 @@ def _add_up(entries: Iterable[Mapping[str, Any]]) -> dict[str, Correction]:
             why_not = f'excluded: {excluded[trial_id]}'
         elif trial_id not in kept:
             why_not = f'repeated ({verdict or "interrupted"})'
-        found[trial_id] = Correction(why_not, labels.get(trial_id, ''))
+        found[trial_id] = Correction(
+            why_not, labels.get(trial_id, ''), specimens.get(trial_id, '')
+        )
     return found

@@ -180,6 +180,8 @@ class RecordedBag(TactileBag):
             'bag': self.path.resolve().name,
             'namespace': namespace,
         }
+        if specimen := self.corrections.get(first.trial_id, Correction()).specimen:
+            known['specimen'] = specimen
         return Trial(
             name=first.trial_id,
             source=str(self.path),

@@ -24,6 +24,7 @@ from tactile_analysis.datasets.feature_tables import (
 from tactile_analysis.datasets.reading import Reading
 from tactile_analysis.recording import Recording
 from tactile_bags.errors import BagError
+from tactile_bags.experiment_journal import Correction
 from tactile_bags.recorded_bag import RecordedBag
 from tactile_bags.recorded_setup import computable_features, RecordedFeatures
 from tactile_bags.replay import replay_phases
@@ -97,9 +98,23 @@ class BagFeatures(RecordingFeatures):
         for task, contact, digest in sorted(found, key=lambda key: (*key[:2], places[key[2]])):
             key: Key = (task, contact)
             key = (*key, digest) if key in tables else key
-            tables[key] = _table(found[task, contact, digest], specs[digest])
+            tables[key] = self._add_specimens(_table(found[task, contact, digest], specs[digest]))
             refusals[key] = refused[task, contact, digest]
         return FeatureTables(tables, tuple(dict.fromkeys(left_out)), refusals)
+
+    def _add_specimens(self, table: FeatureTable) -> FeatureTable:
+        """Return the table with a column of specimens, if an experiment's journal names any.
+
+        Trials without a specimen count as one more specimen of their label.
+        """
+        names = [
+            self._bags[bag].corrections.get(trial, Correction()).specimen
+            for bag, trial in _list_rows(table, 'bag', 'trial_id')
+        ]
+        if not any(names):
+            return table
+        specimens = np.where(np.array(names) == '', table.labels, names)
+        return replace(table, columns={**table.columns, 'specimen': specimens})
 
     def windows(self, table: FeatureTable, rows: Sequence[int]) -> list[Samples]:
         trials = _list_rows(table, 'bag', 'namespace', 'window_start_ns', 'window_end_ns')

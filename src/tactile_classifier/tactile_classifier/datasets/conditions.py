@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from tactile_classifier.datasets.dataset import divide_groups, FeatureTable, plain_name
 
-GROUPS = ('session_id', 'mounting_id', 'bag')
+GROUPS = ('session_id', 'mounting_id', 'specimen', 'bag')
 """Columns that say which trials share a state of the rig."""
 
 _NUMBERS = ('repetition', 'trial', 'trial_id', 'trial_block', 'window_start_ns', 'window_end_ns')

@@ -220,6 +220,13 @@ def new(
         int, typer.Option(help='Mountings of each object in each session and contact.')
     ] = 2,
     trials: Annotated[int, typer.Option(help='Trials in each mounting.')] = 5,
+    specimens: Annotated[
+        int,
+        typer.Option(
+            help='Plates or objects of each label; mountings alternate between them, so that an '
+            'evaluation can hold out one specimen: tactile evaluate --group specimen.'
+        ),
+    ] = 1,
     seed: options.SeedOption = 1,
     force: Annotated[bool, typer.Option('--force', help='Replace the file.')] = False,
     as_json: options.JsonOption = False,
@@ -240,6 +247,7 @@ def new(
         sessions=sessions,
         mountings=mountings,
         trials=trials,
+        specimens=specimens,
         seed=seed,
     )
     output = Output(as_json)

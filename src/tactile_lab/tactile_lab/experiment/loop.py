@@ -267,7 +267,8 @@ class Terminal(Operator):
 
     def mount(self, trial: PlannedTrial, turns_finger: bool) -> None:
         turn = f'turn the finger for {trial.contact}, ' if turns_finger else ''
-        self._ask(f'{turn}put {trial.object_label} under the finger, then press Enter')
+        specimen = f' (specimen {trial.specimen})' if trial.specimen else ''
+        self._ask(f'{turn}put {trial.object_label}{specimen} under the finger, then press Enter')
 
     def choose(self, order: TrialOrder, verdict: str, sentence: str) -> str:
         choices = {'': AGAIN, 's': STOP, **({'k': KEEP} if verdict == OUTLIER else {})}
@@ -405,6 +406,7 @@ class TrialLoop:
             mounting_id=mounting_id,
             object_label=trial.object_label,
             contact=trial.contact,
+            specimen=trial.specimen,
             seconds=time.monotonic() - started_s,
         )
         return mounting_id

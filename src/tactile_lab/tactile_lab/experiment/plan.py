@@ -51,6 +51,9 @@ class ExperimentPlan:
         Number of mountings of each object in each session and contact.
     trials : int
         Trials in each mounting.
+    specimens : int
+        Number of plates or objects of each label; mountings of a label alternate between them.
+        With several, an evaluation can hold out one specimen (``--group specimen``).
     seed : int
         Seed of the random order.
     glide_speed_m_s, hold_s : float
@@ -69,6 +72,7 @@ class ExperimentPlan:
     sessions: int = 3
     mountings: int = 2
     trials: int = 5
+    specimens: int = 1
     seed: int = 1
     glide_speed_m_s: float = 0.0
     hold_s: float = 0.0
@@ -95,7 +99,7 @@ class ExperimentPlan:
                 raise ExperimentError(f'{item} is empty; name at least one')
             if len(set(names)) < len(names):
                 raise ExperimentError(f'{item}: {", ".join(names)} has a name twice')
-        for item in ('sessions', 'mountings', 'trials'):
+        for item in ('sessions', 'mountings', 'trials', 'specimens'):
             _check_count(item, getattr(self, item), 1, MAX_TRIALS)
         _check_count('seed', self.seed, 0, 2**32 - 1)
         for item in ('glide_speed_m_s', 'hold_s'):
@@ -133,6 +137,8 @@ class PlannedTrial:
         Number within the session; the object is mounted when it changes.
     trial : int
         Number within the mounting, from 1.
+    specimen : str
+        Name of the plate or object, such as ``R1-2``; empty if there is one of each label.
     """
 
     key: str
@@ -141,6 +147,7 @@ class PlannedTrial:
     trial: int
     contact: str
     object_label: str
+    specimen: str = ''
 
 
 def list_order(plan: ExperimentPlan, session_id: str, first: int = 1) -> list[PlannedTrial]:
@@ -148,7 +155,8 @@ def list_order(plan: ExperimentPlan, session_id: str, first: int = 1) -> list[Pl
 
     A block has each object once, in random order, so that slow drift of the rig affects all
     objects equally. All blocks of a contact follow each other, because the finger has to be turned
-    for the other contact. The order of the contacts is random, too.
+    for the other contact. The order of the contacts is random, too. Each block has the next
+    specimen of each object; sessions continue where the session before ends.
 
     ``first`` is the number of the first mounting, for blocks that are appended to a session.
     """
@@ -158,10 +166,13 @@ def list_order(plan: ExperimentPlan, session_id: str, first: int = 1) -> list[Pl
     generator.shuffle(contacts)
     order = []
     mounting = first
+    earlier = plan.session_ids.index(session_id) * plan.mountings
+    earlier += (first - 1) // len(plan.objects)
     for contact in contacts:
-        for _ in range(plan.mountings):
+        for number in range(plan.mountings):
             block = list(plan.objects)
             generator.shuffle(block)
+            specimen = (earlier + number) % plan.specimens + 1
             for label in block:
                 order += [
                     PlannedTrial(
@@ -171,6 +182,7 @@ def list_order(plan: ExperimentPlan, session_id: str, first: int = 1) -> list[Pl
                         trial,
                         contact,
                         label,
+                        f'{label}-{specimen}' if plan.specimens > 1 else '',
                     )
                     for trial in range(1, plan.trials + 1)
                 ]
@@ -220,6 +232,7 @@ def format_plan(plan: ExperimentPlan) -> str:
         'sessions': 'number of sessions, each with a new set-up of the rig; best on several days',
         'mountings': 'mountings of each object, in each session and contact',
         'trials': 'trials in each mounting',
+        'specimens': 'plates or objects of each label; mountings alternate between them',
         'seed': 'seed of the random order',
         'glide_speed_m_s': 'speed over the plate [m/s]; 0 for the value of the trial runner',
         'hold_s': 'time to hold the finger on the object [s]; 0 for the value of the trial runner',
@@ -252,12 +265,17 @@ def parse_order(text: str) -> list[PlannedTrial]:
     order = []
     rows = csv.reader(io.StringIO(text), strict=True)
     try:
-        if tuple(next(rows, ())) != _COLUMNS:
+        # Orders of earlier versions have no specimens.
+        if tuple(next(rows, ())) not in (_COLUMNS, _COLUMNS[:-1]):
             raise ExperimentError(f'its first line must be {",".join(_COLUMNS)}')
-        for key, session_id, mounting, trial, contact, label in rows:
+        for key, session_id, mounting, trial, contact, label, *specimen in rows:
             if contact not in CONTACTS:
                 raise ExperimentError(f'line {rows.line_num}: unknown contact {_show(contact)}')
-            order.append(PlannedTrial(key, session_id, int(mounting), int(trial), contact, label))
+            order.append(
+                PlannedTrial(
+                    key, session_id, int(mounting), int(trial), contact, label, *specimen[:1]
+                )
+            )
     except (ValueError, csv.Error) as error:
         raise ExperimentError(f'line {rows.line_num}: {error}') from error
     if len({trial.key for trial in order}) < len(order):

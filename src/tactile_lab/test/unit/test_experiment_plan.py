@@ -52,6 +52,7 @@ PLANS = st.builds(
     sessions=st.integers(1, 3),
     mountings=st.integers(1, 3),
     trials=st.integers(1, 4),
+    specimens=st.integers(1, 3),
     seed=st.integers(0, 2**32 - 1),
     hold_s=st.sampled_from([0.0, 1.5]),
 )
@@ -79,6 +80,33 @@ def test_the_order_has_each_block_once_and_is_read_as_it_was_written(plan):
         contacts = [trial.contact for trial in order if trial.session_id == session]
         turns = sum(a != b for a, b in pairwise(contacts))
         assert turns == len(plan.contacts) - 1
+
+
+def test_specimens_take_turns_within_and_between_sessions():
+    plan = ExperimentPlan('x', 'texture', ('A', 'B'), sessions=3, mountings=3, specimens=2)
+    mounted = [
+        (trial.session_id, trial.object_label, trial.specimen)
+        for name in plan.session_ids
+        for trial in list_order(plan, name)
+        if trial.trial == 1
+    ]
+    of_a = [specimen for _, label, specimen in mounted if label == 'A']
+    assert of_a == ['A-1', 'A-2'] * 4 + ['A-1']
+    assert {specimen for _, label, specimen in mounted if label == 'B'} == {'B-1', 'B-2'}
+    # A block that is appended goes on.
+    (block,) = {
+        trial.specimen[-1]
+        for trial in list_order(dataclasses.replace(plan, mountings=1), 'x-s01', 7)
+    }
+    assert block == '2'
+    assert {t.specimen for t in list_order(dataclasses.replace(plan, specimens=1), 'x-s01')} == {
+        ''
+    }
+
+
+def test_an_order_without_specimens_is_read():
+    text = 'key,session_id,mounting,trial,contact,object_label\nk,s,1,1,flexion,A\n'
+    assert [trial.specimen for trial in parse_order(text)] == ['']
 
 
 def test_blocks_are_in_different_orders_and_another_seed_changes_them():

@@ -11,12 +11,15 @@ import pytest
 from tactile_command import ask_tactile
 
 from tactile_analysis import Recording
+from tactile_analysis.datasets.feature_tables import open_features
+from tactile_analysis.report.recordings import usual_splits
 from tactile_analysis.report.summary import describe_sources
 from tactile_analysis.sources.files import SourceError
 from tactile_bags import EVENT, STRAIN, TactileBag
 from tactile_bags.message_records import read_records
 from tactile_bags.recorded_setup import recorded_features
 from tactile_bags.replay import replay_phases
+from tactile_classifier.datasets.splits import grouped_split
 from tactile_ros.strain import StrainStatus
 from tactile_testing.recordings import check_source
 
@@ -106,6 +109,33 @@ def test_a_bag_of_an_experiment_without_a_trial_is_left_out(stiffness_bag, rewri
     shutil.rmtree(folder / 'bags' / 's1-01')
     with pytest.raises(SourceError, match='no trial was recorded'):
         Recording.load(folder)
+
+
+def test_specimens_of_the_journal_are_a_column_that_can_be_held_out(stiffness_bag, tmp_path):
+    with Recording.load(stiffness_bag) as recording:
+        labels = {trial.name: trial.label for trial in recording.trials}
+    entries = []
+    for i, (name, label) in enumerate(labels.items()):
+        specimen = f'{label}-{i % 3 + 1}'
+        mounted = {'mounting_id': name, 'specimen': specimen, 'seconds': 1.0}
+        entries += [
+            {'kind': 'mounted', **mounted},
+            {'kind': 'began', 'key': name, 'trial_id': name, 'mounting_id': name},
+            {'kind': 'ended', 'trial_id': name, 'verdict': 'good'},
+        ]
+    (wrong, *_), (*_, other) = labels, labels.values()
+    entries.append({'kind': 'relabelled', 'trial_id': wrong, 'label': other})
+    folder = make_experiment(tmp_path / 'one', stiffness_bag, entries)
+    with open_features([folder]) as features:
+        (table,) = features.tables().tables.values()
+        stated = {trial.name: trial.columns['specimen'] for trial in features.recording.trials}
+    trial_ids, specimens = (table.column(name).tolist() for name in ('trial_id', 'specimen'))
+    assert dict(zip(trial_ids, specimens, strict=True)) == stated
+    assert stated.pop(wrong) == other  # which plate it was is not stated
+    assert all(specimen.startswith(f'{labels[name]}-') for name, specimen in stated.items())
+    split = grouped_split(table, ['specimen'])
+    assert split.name == 'one specimen held out'
+    assert ('specimen',) in usual_splits(table)[0]
 
 
 def test_the_journal_of_an_experiment_says_what_counts(stiffness_bag, tmp_path):
