@@ -201,7 +201,7 @@ def draw_strain(
                 intercept + slope * (times - times[0]),
                 color=MARK_COLOUR,
                 lw=1.5,
-                label=f'least squares: {intercept:.2f} N {slope:+.3f} N/s',
+                label=f'slope {slope:.3f} N/s, intercept {intercept:.2f} N (least squares)',
             )
         axes.legend(loc='lower center', frameon=False)
     axes.set(xlabel='time [s]', ylabel='tension [N]')

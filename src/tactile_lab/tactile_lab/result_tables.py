@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from tactile_analysis.wording import format_interval, format_mean
 from tactile_classifier.evaluation.cross_validation import Evaluation, Score
+from tactile_classifier.evaluation.learning_curve import LearningCurve
 from tactile_classifier.records import CLASSIFIER_TITLES, SCALING_TITLES, short_scaling
 from tactile_lab.console import Table
 
@@ -39,6 +40,17 @@ def recall_table(score: Score) -> Table:
     counts = score.confusion.sum(axis=1)
     for label, count, share in zip(score.labels, counts, score.recall, strict=True):
         table.add_row(label, str(count), f'{100 * share:.1f}' if count else '')
+    return table
+
+
+def learning_table(curve: LearningCurve) -> Table:
+    """Return the accuracies [%] by the number of training groups, with their intervals."""
+    group = f'training groups ({curve.group})'
+    title = f'learning curve in %, {curve.split}'
+    table = Table(group, 'trials', 'accuracy', '95 % interval', title=title, right_from=1)
+    for point in curve.points:
+        mean, interval = f'{100 * point.mean:.1f}', format_interval(point.interval)
+        table.add_row(str(point.groups), f'{point.trials:.0f}', mean, interval)
     return table
 
 

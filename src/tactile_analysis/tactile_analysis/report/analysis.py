@@ -23,8 +23,10 @@ from tactile_classifier.datasets.splits import (
 )
 from tactile_classifier.errors import EvaluationError
 from tactile_classifier.evaluation.cross_validation import AccuracyPlan, Evaluation, Score
+from tactile_classifier.evaluation.learning_curve import LearningCurve, LearningCurvePlan
 from tactile_classifier.evaluation.permutation import PermutationBaseline, PermutationPlan
 from tactile_classifier.evaluation.plans import Plan, run_plans
+from tactile_classifier.evaluation.reliability import Reliability, ReliabilityPlan
 from tactile_classifier.evaluation.significance import rank_sum_p_values, RankSum
 from tactile_features.records import PROTOCOL_STIFFNESS
 
@@ -51,6 +53,12 @@ class SetResult:
         The chosen classifier on the stated trials to test on, if there are any.
     permuted : PermutationBaseline or None
         Accuracy of the chosen classifier on permuted labels; None where it was not requested.
+    curve : LearningCurve or None
+        Accuracy of the chosen classifier against the number of training groups; None where there
+        are no groups to hold out, or too few.
+    reliability : Reliability or None
+        Calibration of the chosen classifier on held-out trials; None where it was not requested,
+        or the trials do not allow it.
     """
 
     recordings: RecordingSet
@@ -61,6 +69,8 @@ class SetResult:
     answers: Answers | None = None
     stated: Evaluation | None = None
     permuted: PermutationBaseline | None = None
+    curve: LearningCurve | None = None
+    reliability: Reliability | None = None
 
     @property
     def headline(self) -> Score:
@@ -74,10 +84,19 @@ class SetResult:
         return self.recordings.choice.choice.nested
 
     @property
+    def tested(self) -> int:
+        """Number of trials that the headline counts; each is tested once."""
+        return int(self.headline.confusion.sum())
+
+    @property
+    def chance(self) -> float:
+        """Accuracy of always naming the commonest label of these trials [1]."""
+        return float(self.headline.confusion.sum(axis=1).max() / self.tested)
+
+    @property
     def end_to_end(self) -> float:
         """The accuracy of the headline with refused trials counted as wrong [1]."""
-        trials = int(self.headline.confusion.sum())
-        return self.headline.mean * trials / (trials + self.recordings.refused)
+        return self.headline.mean * self.tested / (self.tested + self.recordings.refused)
 
     @property
     def name(self) -> str:
@@ -95,7 +114,7 @@ class SetResult:
         return self.evaluations[0]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result as what JSON can hold."""
+        """Return the result for JSON."""
         recordings, spec = self.recordings, self.recordings.table.spec
         return {
             'title': recordings.title,
@@ -111,6 +130,8 @@ class SetResult:
             'refused': recordings.refused,
             'end_to_end': self.end_to_end if recordings.choice else None,
             'permuted': self.permuted and self.permuted.to_dict(),
+            'learning_curve': self.curve and self.curve.to_dict(),
+            'reliability': self.reliability and self.reliability.to_dict(),
             'evaluations': [evaluation.to_dict() for evaluation in self.evaluations],
             'feature_selection': [selection.to_dict() for selection in self.selections],
             'rank_sum': {
@@ -142,7 +163,7 @@ def _plan_set(
     *,
     details: bool,
 ) -> tuple[Plans, list[str]]:
-    """Return the work on one set, and what is left out of it."""
+    """Return the work on one set, and a sentence for each analysis that is left out."""
     table = recordings.table
     repetitions, saving = choose_repetitions(table, repetitions)
     not_done = [*([saving] if saving else []), *recordings.not_done]
@@ -157,8 +178,11 @@ def _plan_set(
         _, classifier, scaling = recordings.choice.choice.chosen
         (split,) = recordings.choice.splits
         plans['stated'] = [AccuracyPlan(recordings.choice.table, split, [classifier], [scaling])]
+    if recordings.choice is not None:
+        plans['curve'] = _plan_curve(recordings.choice, saving, random_state, not_done)
     if details and recordings.choice is not None:
         plans['permuted'] = _plan_permutation(recordings.choice, folds, random_state)
+        plans['reliability'] = _plan_reliability(recordings.choice)
     if details and saving:
         not_done.append('feature selection: left out of a large table without --repetitions')
     elif details:
@@ -194,6 +218,27 @@ def _plan_permutation(chosen: Chosen, folds: int, random_state: int) -> list[Pla
     return [PermutationPlan(table, split, classifier, scaling, random_state)]
 
 
+def _plan_curve(
+    chosen: Chosen, saving: str, random_state: int, not_done: list[str]
+) -> list[Plan[Any]]:
+    """Return the learning curve over the groups that were held out for the choice."""
+    if chosen.splits or saving:
+        return []
+    if not chosen.columns:
+        not_done.append('learning curve: there are no sessions or other groups to hold out')
+        return []
+    _, classifier, scaling = chosen.choice.chosen
+    plan = partial(
+        LearningCurvePlan, chosen.table, chosen.columns, classifier, scaling, random_state
+    )
+    return list[Plan[Any]](_try('learning curve', plan, not_done))
+
+
+def _plan_reliability(chosen: Chosen) -> list[Plan[Any]]:
+    _, classifier, scaling = chosen.choice.chosen
+    return [ReliabilityPlan(chosen.table, chosen.columns, classifier, scaling)]
+
+
 def _plan_selection(
     table: FeatureTable, splits: Sequence[Split], random_state: int, not_done: list[str]
 ) -> list[Plan[Any]]:
@@ -223,6 +268,10 @@ def _finish_set(
 ) -> SetResult:
     answers = next(iter(found.get('answers', ())), None)
     table = recordings.table
+    reliability = next(iter(found.get('reliability', ())), None)
+    if isinstance(reliability, str):
+        not_done = [*not_done, f'calibration: {reliability}']
+        reliability = None
     return SetResult(
         recordings,
         tuple(found['evaluations']),
@@ -232,6 +281,8 @@ def _finish_set(
         answers,
         stated=next(iter(found.get('stated', ())), None),
         permuted=next(iter(found.get('permuted', ())), None),
+        curve=next(iter(found.get('curve', ())), None),
+        reliability=reliability,
     )
 
 
@@ -250,7 +301,7 @@ def analyse(
     Sets with extras also get what a model says besides a label, under the first grouped split.
     Without ``details`` accuracies only: no feature selection.
 
-    Splits that the trials do not allow are left out, and told in ``not_done``.
+    ``not_done`` names the splits and analyses that the trials do not allow.
 
     Raises
     ------

@@ -25,7 +25,7 @@ FALSE_ALARM_RATE = 0.05
 
 @dataclass(frozen=True)
 class Answers:
-    """Answers on one set of trials; ``not_done`` says why there are none."""
+    """Answers on one set of trials, or the reasons why there are none (``not_done``)."""
 
     open_set: OpenSetEvaluation | None
     not_done: tuple[str, ...]
@@ -41,7 +41,8 @@ class Answers:
 class AnswersPlan:
     """The work on one set of trials, in one task; see `Plan`.
 
-    Trials that agree in the columns ``hold_out`` are held out together; empty: single trials.
+    Trials that agree in the columns ``hold_out`` are held out together; without columns, folds are
+    random.
     """
 
     def __init__(self, table: FeatureTable, hold_out: Sequence[str]) -> None:

@@ -23,11 +23,14 @@ from tactile_analysis.report.summary import (
     format_accuracy,
     format_classifier,
     format_first_sentence,
+    format_learning_curve,
     format_model,
+    format_reliability,
     Source,
 )
 from tactile_analysis.wording import format_coverage, format_interval, format_warnings
 from tactile_classifier.evaluation.open_set import OpenSetEvaluation
+from tactile_classifier.evaluation.reliability import DRAWS
 from tactile_classifier.model_file.manifest import format_features
 from tactile_classifier.records import CLASSIFIER_TITLES, short_scaling
 from tactile_ros.errors import named_errors
@@ -79,6 +82,7 @@ def build_page(
         sources=sources,
         settings=settings,
         versions=find_versions(),
+        calibration_draws=DRAWS,
         contents=[],
     )
 
@@ -92,7 +96,9 @@ _FUNCTIONS: Sequence[Callable[..., Any]] = (
     drawings.draw_accuracies,
     drawings.draw_answers,
     drawings.draw_confusion,
+    drawings.draw_learning_curve,
     drawings.draw_open_set,
+    drawings.draw_reliability,
     drawings.draw_signals,
     drawings.draw_significance,
     drawings.draw_split_accuracies,
@@ -102,8 +108,10 @@ _FUNCTIONS: Sequence[Callable[..., Any]] = (
     format_coverage,
     format_features,
     format_first_sentence,
+    format_learning_curve,
     format_least_p,
     format_model,
+    format_reliability,
     format_split,
     format_warnings,
 )

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The figures of the report, each with a text alternative that says its numbers."""
+"""Figures of the report; each has a text alternative with its numbers."""
 
 from __future__ import annotations
 
@@ -37,11 +37,22 @@ from tactile_analysis.report.summary import (
     confusion_shares,
     format_classifier,
     format_confusion,
+    format_percent,
+    format_reliability,
     usual_score,
 )
-from tactile_analysis.report.svg import CLASSIFIER_COLOURS, Drawing, INK, legend_below, render
+from tactile_analysis.report.svg import (
+    CLASSIFIER_COLOURS,
+    Drawing,
+    INK,
+    legend_below,
+    render,
+    WIDTH_IN,
+)
 from tactile_classifier.evaluation.cross_validation import Score
+from tactile_classifier.evaluation.learning_curve import LearningCurve
 from tactile_classifier.evaluation.open_set import OpenSetEvaluation
+from tactile_classifier.evaluation.reliability import Reliability
 from tactile_classifier.records import (
     CLASSIFIER_TITLES,
     CLASSIFIERS,
@@ -49,6 +60,7 @@ from tactile_classifier.records import (
     SCALINGS,
     short_scaling,
 )
+from tactile_features.spec import FeatureSpec
 
 _CELL_RGB = to_rgb('#1f5f9e')
 _GROUP_MARKS = 'Dovs'
@@ -59,7 +71,7 @@ _SMALLEST_P = 1e-16
 
 
 def draw_split_accuracies(result: SetResult) -> Drawing:
-    """Draw the accuracy of the chosen model, and by split that of three nearest neighbours."""
+    """Draw the accuracy of the chosen model, and of three nearest neighbours by split."""
     usual = [usual_score(result, evaluation) for evaluation in result.evaluations]
     scores = [*reversed(usual), result.headline]
     chosen = result.headline.classifier
@@ -80,15 +92,17 @@ def draw_split_accuracies(result: SetResult) -> Drawing:
         axes.set_yticks(range(len(scores)), [fill(name, 16) for name in names])
         axes.set(xlim=(0, 106), ylim=(-0.5, len(scores) - 0.3), xlabel='accuracy [%]')
 
-    means = '; '.join(f'{_percent(score.mean)}, {score.split}' for score in usual)
-    headline = f'{_percent(result.headline.mean)}, {result.headline.split}'
+    means = '; '.join(f'{format_percent(score.mean)}, {score.split}' for score in usual)
+    headline = f'{format_percent(result.headline.mean)}, {result.headline.split}'
     return render(
         draw,
         (3.4, 0.8 + 0.6 * len(scores)),
         f'Accuracy of the chosen model ({CLASSIFIER_TITLES[chosen]}), and of '
-        f'{format_classifier(usual[0])}, by split, with 95 % intervals. Dots: chance.',
+        f'{format_classifier(usual[0])}, by split. Points: mean over {result.tested} trials; '
+        'lines: 95 % interval, where there is one; dotted: chance '
+        f'({format_percent(result.plain.chance)}).',
         f'Accuracy of the chosen model: {headline}. Of {format_classifier(usual[0])}: {means}. '
-        f'Chance: {_percent(result.plain.chance)}.',
+        f'Chance: {format_percent(result.plain.chance)}.',
         simulated=result.recordings.simulated,
     )
 
@@ -106,7 +120,8 @@ def draw_answers(result: SetResult) -> Drawing:
     return render(
         draw,
         (0.9 + size_in, 0.9 + size_in),
-        f'Answers in % of the trials of each true label, {score.split}.',
+        f'Confusion matrix of the chosen model: answers in % of the trials of each true label; '
+        f'{result.tested} trials, {score.split}.',
         f'Confusion matrix, {score.split}. {_format_right(score)}',
         simulated=result.recordings.simulated,
     )
@@ -138,11 +153,92 @@ def draw_matrix(
     axes.set_yticks(range(len(labels)), labels)
 
 
+# -- sessions and probabilities ---------------------------------------------------------
+
+
+def draw_learning_curve(result: SetResult, curve: LearningCurve) -> Drawing:
+    """Draw the accuracy against the number of training groups."""
+    groups = [point.groups for point in curve.points]
+    means = [100 * point.mean for point in curve.points]
+    chance = 100 * result.chance
+    colour = CLASSIFIER_COLOURS[curve.classifier]
+
+    def draw(figure: Figure) -> None:
+        axes = figure.subplots()
+        for point in curve.points:
+            if not point.interval.reason:
+                span = (100 * point.interval.low, 100 * point.interval.high)
+                axes.plot((point.groups, point.groups), span, '-', color=colour, lw=2, alpha=0.5)
+        axes.plot(groups, means, 'o-', color=colour, ms=5, lw=1)
+        axes.axhline(chance, ls=':', lw=1, color=INK)
+        axes.set(xlabel=f'training groups ({curve.group})', ylabel='accuracy [%]', ylim=(0, 104))
+        axes.set_xticks(groups)
+        axes.grid(axis='y', alpha=0.2, lw=0.5)
+
+    found = '; '.join(
+        f'{format_percent(point.mean)} with {point.groups}' for point in curve.points
+    )
+    return render(
+        draw,
+        (3.4, 2.6),
+        f'{result.recordings.title}: accuracy of {format_classifier(curve)} against the number '
+        f'of groups ({curve.group}) of each label that it is trained on. Points: mean over the '
+        'tested groups, which are never trained on; bars: 95 % interval; dotted: chance '
+        f'({chance:.1f} %).',
+        f'Accuracy by the number of training groups ({curve.group}): {found}.',
+        simulated=result.recordings.simulated,
+    )
+
+
+def draw_reliability(result: SetResult, found: Reliability) -> Drawing:
+    """Draw the share of right answers against the stated probability."""
+    stated = [100 * each.stated for each in found.bins]
+    colour = CLASSIFIER_COLOURS[found.classifier]
+
+    def draw(figure: Figure) -> None:
+        axes = figure.subplots()
+        axes.plot((0, 100), (0, 100), ':', color=INK, lw=1)
+        for each, x in zip(found.bins, stated, strict=True):
+            if not each.interval.reason:
+                span = (100 * each.interval.low, 100 * each.interval.high)
+                axes.plot((x, x), span, '-', color=colour, lw=2, alpha=0.5)
+            axes.plot(x, 100 * each.right, 'o', color=colour, ms=5)
+            axes.annotate(
+                f'{each.trials}',
+                (x, 100 * each.right),
+                (-4, 3),
+                textcoords='offset points',
+                ha='right',
+                fontsize=7,
+            )
+        axes.set(
+            xlim=(0, 104), ylim=(0, 104), xlabel='probability [%]', ylabel='right answers [%]'
+        )
+        axes.set_aspect('equal')
+        axes.grid(alpha=0.2, lw=0.5)
+
+    bins = '; '.join(
+        f'{format_percent(each.right)} of {each.trials} trials at {format_percent(each.stated)}'
+        for each in found.bins
+    )
+    return render(
+        draw,
+        (3.4, 3.3),
+        f'{result.recordings.title}: reliability of the probabilities of '
+        f'{format_classifier(found)}, {found.split}. Points: share of right answers against mean '
+        'probability of the answers, in bins of ten points, with their number of trials; bars: '
+        '95 % interval, with trials as independent; dotted: perfect calibration. Expected '
+        f'calibration error {format_percent(found.error)} with {found.trials} trials.',
+        f'Right answers by probability: {bins}. {format_reliability(result)}.',
+        simulated=result.recordings.simulated,
+    )
+
+
 # -- signals ----------------------------------------------------------------------------
 
 
 def draw_signals(result: SetResult) -> Iterable[Drawing]:
-    """Draw windows of one trial a label, and a whole trial, as far as there are any."""
+    """Draw windows of one trial per label, and one whole trial, if the signals are known."""
     recordings = result.recordings
     components = find_components(recordings.table.spec)
     if recordings.examples and components is not None:
@@ -154,7 +250,7 @@ def draw_signals(result: SetResult) -> Iterable[Drawing]:
 
 
 def draw_textures(result: SetResult, components: Components) -> Drawing:
-    """Draw one window a texture without its mean, and its spectrum."""
+    """Draw one window per texture without its mean, and its spectrum."""
     recordings = result.recordings
     table = recordings.table
     factor, unit = (1e3, 'mN') if recordings.unit == 'N' else (1.0, recordings.unit)
@@ -181,7 +277,7 @@ def draw_textures(result: SetResult, components: Components) -> Drawing:
     )
     return render(
         draw,
-        (6.6, 0.9 + 0.75 * len(rows)),
+        (WIDTH_IN, 0.9 + 0.75 * len(rows)),
         f'{recordings.title}: the first trial of each label, in time (left, mean removed) and '
         'as amplitudes of its Fourier components (right, logarithmic).',
         f'Signals of one trial of each label. Standard deviation and strongest {components.name} '
@@ -191,7 +287,7 @@ def draw_textures(result: SetResult, components: Components) -> Drawing:
 
 
 def draw_holds(result: SetResult) -> Drawing:
-    """Draw one window an object with its regression."""
+    """Draw one window per object with its regression line."""
     recordings = result.recordings
     table = recordings.table
     examples = recordings.examples
@@ -211,17 +307,18 @@ def draw_holds(result: SetResult) -> Drawing:
         figure.supxlabel('time [s]', fontsize=8.5)
         figure.supylabel(label_axis('signal', recordings.unit), fontsize=8.5)
 
+    per_second = '1/s' if recordings.unit in UNKNOWN_UNITS else f'{recordings.unit}/s'
     slopes = '; '.join(
-        f'{table.labels[each.row]}: {_quantity(line.convert().coef[0], recordings.unit)}, '
-        f'{_quantity(line.convert().coef[-1], recordings.unit)}/s'
+        f'{table.labels[each.row]} {_quantity(line.convert().coef[-1], per_second)}, '
+        f'{_quantity(line.convert().coef[0], recordings.unit)}'
         for each, line in zip(examples, lines, strict=True)
     )
     return render(
         draw,
-        (6.6, 0.6 + 1.5 * rows),
+        (WIDTH_IN, 0.6 + 1.5 * rows),
         f'{recordings.title}: the first hold of each object with its regression line. Each panel '
-        'has its own scale.',
-        f'One hold of each object, intercept and slope of its regression line: {slopes}.',
+        f'has its own scale. Slope and intercept: {slopes}.',
+        f'One hold of each object, slope and intercept of its regression line: {slopes}.',
         simulated=recordings.simulated,
     )
 
@@ -238,14 +335,15 @@ def draw_trial(result: SetResult, trial: TrialExample) -> Drawing:
             figure.subplots(), trial.time_s, trial.tension_n, trial.phases, trial.window_s, line
         )
 
-    found = ', '.join(f'{name} {value:.2f}' for name, value in named.items())
+    found = _format_values(table.spec, table.values[trial.row])
     phases = ', '.join(f'{name} from {start:.1f} s' for name, start, _ in trial.phases)
     return render(
         draw,
-        (6.6, 3.1),
-        f'{result.recordings.title}: one trial on {table.labels[trial.row]}. Contact is the '
-        'dynamic deformation, hold the static one, release the end of strain. '
-        f'Between the dashes: {found}.',
+        (WIDTH_IN, 3.1),
+        f'{result.recordings.title}: tension over time of one trial on '
+        f'{table.labels[trial.row]}. Phases: in contact the tendon is pulled (dynamic '
+        'deformation), in hold it is still (static deformation), in release it is slackened. The '
+        f'features come from the window between the dashed lines: {found}.',
         f'Tension of one trial on {table.labels[trial.row]}: up to {np.max(trial.tension_n):.3g} '
         f'N; {phases}. Features of the window: {found}.',
         simulated=result.recordings.simulated,
@@ -268,13 +366,13 @@ def draw_accuracies(results: Sequence[SetResult]) -> Drawing:
         f'{mark}: {name}' for mark, name in zip('◆●▼■', _split_names(results), strict=False)
     )
     best = '; '.join(
-        f'{result.recordings.title}: best {_percent(score.mean)}, {format_classifier(score)}'
+        f'{result.recordings.title}: best {format_percent(score.mean)}, {format_classifier(score)}'
         for result in results
         for score in [max(result.plain.scores, key=lambda each: each.mean)]
     )
     return render(
         draw,
-        (6.6, 5.4),
+        (WIDTH_IN, 5.4),
         f'Accuracy of each classifier. Bars: mean of {results[0].plain.split}, with the standard '
         'deviation over repetitions. '
         + (f'Marks: mean with whole groups held out ({marks}). ' if marks else '')
@@ -329,9 +427,9 @@ def draw_confusion(result: SetResult) -> Drawing:
     size_in = max(1.3, 0.2 * len(labels))
 
     def draw(figure: Figure) -> None:
-        grid = figure.subplots(len(SCALINGS), len(CLASSIFIERS), sharex=True, sharey=True)
-        for row, scaling in zip(grid, SCALINGS, strict=True):
-            for axes, classifier in zip(row, CLASSIFIERS, strict=True):
+        grid = figure.subplots(len(CLASSIFIERS), len(SCALINGS), sharex=True, sharey=True)
+        for row, classifier in zip(grid, CLASSIFIERS, strict=True):
+            for axes, scaling in zip(row, SCALINGS, strict=True):
                 score = result.plain.score(classifier, scaling)
                 draw_matrix(axes, confusion_shares(score), labels)
                 axes.set_title(
@@ -345,9 +443,10 @@ def draw_confusion(result: SetResult) -> Drawing:
     )
     return render(
         draw,
-        (1.2 + len(CLASSIFIERS) * size_in, 1.6 + len(SCALINGS) * (size_in + 0.4)),
-        f'{result.recordings.title}: confusion in % of each true label, {result.plain.split}. '
-        f'Most frequent of the best ({format_classifier(best)}): {format_confusion(best)}.',
+        (1.2 + len(SCALINGS) * size_in, 1.2 + len(CLASSIFIERS) * (size_in + 0.4)),
+        f'{result.recordings.title}: confusion matrix of each classifier, in % of the trials of '
+        f'each true label, {result.plain.split}. Most frequent confusion of the best '
+        f'({format_classifier(best)}): {format_confusion(best)}.',
         f'Confusion matrices, {result.plain.split}. Most frequent confusion of each classifier: '
         f'{most}.',
         simulated=result.recordings.simulated,
@@ -390,7 +489,7 @@ def draw_mean_p(result: SetResult, components: Components) -> Drawing:
     least = components.frequency[np.argmin(all_mean_p)]
     return render(
         draw,
-        (6.2, 4.2),
+        (WIDTH_IN, 4.2),
         f'{result.recordings.title}: rank-sum test of every two labels, mean p-value of each '
         f'Fourier component (above), tested on {format_tested_values(result)}. {count} (dashes; '
         f'red). {format_least_p(result)} Below: how well the component separates single trials, '
@@ -409,7 +508,7 @@ def draw_p_matrices(result: SetResult) -> Drawing:
     labels = significance.labels
 
     def draw(figure: Figure) -> None:
-        panels = np.ravel(figure.subplots(1, len(names), sharey=True, squeeze=False))
+        panels = np.ravel(figure.subplots(len(names), 1, sharex=True, squeeze=False))
         for axes, name, p, auc in zip(
             panels, names, significance.p, significance.auc, strict=True
         ):
@@ -430,8 +529,9 @@ def draw_p_matrices(result: SetResult) -> Drawing:
     )
     return render(
         draw,
-        (1.6 + 1.9 * len(names), 3.4),
-        f'{result.recordings.title}: rank-sum test between every two objects, tested on '
+        (3.4, 0.6 + 2.2 * len(names)),
+        f'{result.recordings.title}: rank-sum test between every two objects for '
+        f'{_list_features(result.recordings.table.spec)}, tested on '
         f'{format_tested_values(result)}. Above the diagonal the p-value; below it how often a '
         'trial of the row has a larger value than one of the column (AUC; 0.5: no difference). '
         f'Filled where p is small. {found}',
@@ -450,7 +550,7 @@ def _short_p(p: float) -> str:
 
 
 def draw_open_set(result: SetResult, found: OpenSetEvaluation) -> Drawing:
-    """Draw how each label fares that is left out, and false rejection of each fold."""
+    """Draw AUROC and misses of each left-out label, and false rejection of each fold."""
     names = [unknown.label for unknown in found.unknown]
     rate = 100 * found.false_alarm_rate
     areas = [100 * unknown.auroc for unknown in found.unknown]
@@ -461,8 +561,12 @@ def draw_open_set(result: SetResult, found: OpenSetEvaluation) -> Drawing:
         left, middle, right = figure.subplots(1, 3, width_ratios=(1, 1, 0.8))
         at = range(len(names))
         left.barh(at, areas, 0.65, color='#2a78b8')
+        for y, unknown in zip(at, found.unknown, strict=True):
+            if not unknown.interval.reason:
+                span = (100 * unknown.interval.low, 100 * unknown.interval.high)
+                left.plot(span, (y, y), '-', color=INK, lw=1)
         left.axvline(50, ls=':', lw=1, color=INK)
-        left.set(title='told from known', xlabel='AUROC [%]')
+        left.set(title='separated from known', xlabel='AUROC [%]')
         middle.barh(at, misses, 0.65, color='#c0392b')
         middle.set(title='missed', xlabel='of unknown trials [%]')
         for axes in (left, middle):
@@ -483,13 +587,14 @@ def draw_open_set(result: SetResult, found: OpenSetEvaluation) -> Drawing:
     )
     return render(
         draw,
-        (6.6, 1.1 + 0.19 * max(len(names), 6)),
-        f'{result.recordings.title}: each label left out of the training in turn, '
-        f'{found.split}. Left: how well novelty tells its trials from those of known labels '
-        '(dots: chance). Middle: its trials that are given the name of a known label. Right: '
-        f'known trials rejected in each fold (dashes: the {rate:g} % asked for).',
+        (WIDTH_IN, 1.1 + 0.19 * max(len(names), 6)),
+        f'{result.recordings.title}: each label left out of the training, one after another, '
+        f'{found.split}. Left: how well novelty separates its trials from trials of known labels, '
+        'as area under the ROC curve, with 95 % intervals (dotted: chance). Middle: share of its '
+        'trials that get the name of a known label. Right: share of known trials that are '
+        f'rejected in each fold (dashed: stated rate of {rate:g} %).',
         f'Labels left out of the training. {of_labels}. False rejection by fold: '
-        f'{min(rejected):.0f} to {max(rejected):.0f} %, {rate:g} % asked for.',
+        f'{min(rejected):.0f} to {max(rejected):.0f} %, stated rate {rate:g} %.',
         simulated=result.recordings.simulated,
     )
 
@@ -497,12 +602,24 @@ def draw_open_set(result: SetResult, found: OpenSetEvaluation) -> Drawing:
 # -- words ------------------------------------------------------------------------------
 
 
+def _format_values(spec: FeatureSpec, values: NDArray[np.float64]) -> str:
+    """Return the features of one trial with their units."""
+    return ', '.join(
+        f'{short_name(name)} {_quantity(value, unit)}'
+        for name, value, unit in zip(spec.names, values, spec.units, strict=True)
+    )
+
+
+def _list_features(spec: FeatureSpec) -> str:
+    """Return the names of features with their units."""
+    return ', '.join(
+        f'{short_name(name)}{"" if unit in UNKNOWN_UNITS else f" [{unit}]"}'
+        for name, unit in zip(spec.names, spec.units, strict=True)
+    )
+
+
 def _quantity(value: float, unit: str) -> str:
-    return f'{value:.3g}' if unit in UNKNOWN_UNITS else f'{value:.3g} {unit}'
-
-
-def _percent(share: float) -> str:
-    return f'{100 * share:.1f} %'
+    return f'{value:.3g}' if unit in (*UNKNOWN_UNITS, '1') else f'{value:.3g} {unit}'
 
 
 def _format_right(score: Score) -> str:

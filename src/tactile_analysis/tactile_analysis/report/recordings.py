@@ -23,6 +23,9 @@ from tactile_features.records import PROTOCOL_STIFFNESS
 MOUNTINGS = ('mounting_id', 'mounting')
 """Names of columns of mountings, in small letters."""
 
+SPECIMENS = ('specimen_id', 'specimen')
+"""Names of columns of specimens, in small letters."""
+
 
 @dataclass(frozen=True)
 class Example:
@@ -53,23 +56,23 @@ class RecordingSet:
     title : str
         Task, contact or source, and whether it is simulated.
     contact : str
-        Empty where there is none, as in an archive.
+        Empty if there is none, as in an archive.
     hold_out : tuple of tuple of str
-        The columns of each grouped split that stands beside plain folds.
+        Columns of each grouped split; random folds are evaluated, too.
     unit : str
-        Of the signal: ``N``, or ``raw`` for an archive, which does not say.
+        Unit of the signal; ``raw`` if it is unknown.
     examples : tuple of Example
-        One a label.
+        One per label.
     splits : tuple of Split
-        Stated trials to train on and to test on, beside plain folds and grouped splits.
+        Stated trials to train on and to test on.
     skipped, steps
-        Trials that could not be used, and what was done to the signals first, in words.
+        Unusable trials, and the preparation of the signals in words.
     choice : Chosen or None
         Features and classifier that `tactile train` would choose.
     not_done : tuple of str
         One sentence for each usual split that the trials do not allow.
     refused : int
-        Labelled trials that gave no features: they count as wrong in the end-to-end accuracy.
+        Labelled trials without features; they count as wrong in the end-to-end accuracy.
     """
 
     title: str
@@ -89,7 +92,7 @@ class RecordingSet:
     refused: int = 0
 
     def format_preparation(self, most: int | None = None) -> list[str]:
-        """Return what was done to the signals and which trials were skipped, ``most`` of them."""
+        """Return the preparation of the signals and at most ``most`` skipped trials, in words."""
         lines = list(self.steps)
         if self.skipped:
             lines.append(f'skipped {len(self.skipped)} trials; rows count from 0:')
@@ -116,9 +119,9 @@ def make_sets(
         The choice for each set.
     hold_out : sequence of sequence of str
         Columns of the grouped splits. Empty: one session is held out where there are several that
-        have all labels, one block of trials where not, and one mounting.
+        have all labels, one block of trials where not, one mounting, and one specimen.
     of_choice : bool
-        Tables have the features of the chosen set, not the recorded ones.
+        Tables have the features of the chosen set instead of the recorded ones.
     report : bool
         Also signals.
     answers : bool
@@ -184,8 +187,8 @@ def usual_splits(table: FeatureTable) -> tuple[list[tuple[str, ...]], list[str]]
     # Where each trial has a mounting of its own, random folds hold mountings out already.
     mountings = [
         column
-        for column in named(*MOUNTINGS)
-        if len(np.unique(table.columns[column])) < len(table) and can_hold_out(column)
+        for column in named(*MOUNTINGS, *SPECIMENS)
+        if 1 < len(np.unique(table.columns[column])) < len(table) and can_hold_out(column)
     ]
     return [(column,) for column in (first, *mountings) if column], not_done
 

@@ -99,7 +99,7 @@ def format_alike_pairs(result: SetResult, components: Components) -> str:
     alike = p > LEVEL
     pairs, worst = alike.shape[1], int(alike.sum(axis=0).argmax())
     counts = alike.sum(axis=1)
-    # Of many components one is below the level by chance alone: Bonferroni's bound.
+    # Bonferroni's bound: among many components, some p is below the level without any effect.
     differ = (p.min(axis=0) <= LEVEL / len(p)).sum()
     return (
         f'{result.recordings.title}: of the {pairs} pairs of classes, {np.median(counts):g} have '

@@ -28,8 +28,14 @@ from tactile_bags.recorded_bag import RecordedBag
 from tactile_classifier.datasets.dataset import plain_name
 from tactile_classifier.estimators.classifiers import default_scaling
 from tactile_classifier.evaluation.cross_validation import Evaluation, Score
+from tactile_classifier.evaluation.intervals import Interval
+from tactile_classifier.evaluation.learning_curve import LearningCurve
 from tactile_classifier.evaluation.open_set import OpenSetEvaluation
+from tactile_classifier.evaluation.reliability import Reliability
 from tactile_classifier.records import CLASSIFIER_TITLES, short_scaling
+
+SESSION = ('session_id',)
+"""Columns of the choice by held-out sessions."""
 
 LIBRARIES = ('tactile_classifier', 'numpy', 'scipy', 'scikit-learn', 'matplotlib')
 
@@ -51,7 +57,7 @@ class Source:
 def describe_sources(paths: Sequence[Path], recording: Recording) -> list[Source]:
     """Return name, digest and facts of each bag of ours, or else of each named path.
 
-    ``recording`` is that of the paths, open. A folder of files is one source.
+    ``recording`` is the open recording of the paths. A folder of files is one source.
     """
     if not recording.is_own:
         return [Source(path.resolve().name, _compute_digest(path), {}) for path in paths]
@@ -102,7 +108,7 @@ def usual_score(result: SetResult, evaluation: Evaluation) -> Score:
     return evaluation.score(CLASSIFIER, default_scaling(result.recordings.table.task, CLASSIFIER))
 
 
-def format_classifier(each: Score | OpenSetEvaluation) -> str:
+def format_classifier(each: Score | OpenSetEvaluation | LearningCurve | Reliability) -> str:
     """Return classifier and scaling in words."""
     return f'{CLASSIFIER_TITLES[each.classifier]}, {short_scaling(each.scaling)}'
 
@@ -115,28 +121,79 @@ def format_model(result: SetResult) -> str:
 
 
 def format_first_sentence(result: SetResult) -> str:
-    """Return touches of 100 that such a model names right in a plain sentence."""
+    """Return the accuracy in a plain sentence, with its trials, interval and chance."""
     chosen = result.recordings.choice
     assert chosen is not None
-    mean = result.headline.mean
-    rounded = round(100 * mean)
-    # 99.7 is not all of 100.
-    count = 'more than 99' if rounded == 100 and mean < 1 else f'{rounded}'
-    right = f'this model names {count} of 100 touches right'
+    right = f'{format_percent(result.headline.mean)} of touches are named correctly'
     if result.stated is not None:
-        return f'On the stated test trials, {right}.'
-    if not chosen.columns:
-        return (
-            f'By random folds, {right}. It was trained on other trials of the same recordings, '
-            'so this is no forecast for a new session.'
+        start, limit = f'On the stated test trials, {right}', ''
+    elif not chosen.columns:
+        start = f'By random folds, {right}'
+        limit = (
+            ' The model was trained on other trials of the same recordings, so this is no '
+            'forecast for a new session.'
         )
-    if chosen.columns == ('session_id',):
-        return f'In a new session, {right}.'
-    if chosen.columns == ('trial_block',):
-        return (
-            f'In another part of the same session, {right}. This is no forecast for a new session.'
-        )
-    return f'With a new {" and ".join(map(plain_name, chosen.columns))}, {right}.'
+    elif chosen.columns == SESSION:
+        start, limit = f'In a new session, {right}', ''
+    elif chosen.columns == ('trial_block',):
+        start = f'In another part of the same session, {right}'
+        limit = ' This is no forecast for a new session.'
+    else:
+        names = ' and '.join(map(plain_name, chosen.columns))
+        start, limit = f'With a new {names}, {right}', ''
+    return f'{start} ({format_evidence(result)}).{limit}'
+
+
+def format_evidence(result: SetResult) -> str:
+    """Return the number of trials behind the headline, its interval and chance."""
+    score = result.headline
+    trials = f'{result.tested} trials'
+    if score.spread_of == 'groups':
+        is_session = result.recordings.choice and result.recordings.choice.columns == SESSION
+        trials += f' of {score.fold_accuracies.size} {"sessions" if is_session else "groups"}'
+    return f'{trials}; {format_span(score.interval)}; chance {format_percent(result.chance)}'
+
+
+def format_learning_curve(result: SetResult) -> str:
+    """Return whether more sessions, or other groups, will help; empty without a curve."""
+    if (curve := result.curve) is None:
+        return ''
+    first = next(point for point in curve.points if point.groups == curve.half)
+    last = curve.points[-1]
+    interval = curve.gain_interval
+    span = 'the same for all groups'
+    if not interval.reason:
+        span = f'95 % interval {100 * interval.low:+.1f} to {100 * interval.high:+.1f}'
+    return (
+        f'Learning curve: {format_percent(first.mean)} with {first.groups} training '
+        f'{"group" if first.groups == 1 else "groups"} ({curve.group}), '
+        f'{format_percent(last.mean)} with {last.groups} ({100 * curve.gain:+.1f} points, '
+        f'{span}). {_MORE[curve.needs_more]}'
+    )
+
+
+_MORE = {
+    True: 'Record more: accuracy still increases.',
+    False: 'More recordings of this kind would change little: accuracy no longer increases.',
+    None: 'These trials cannot show whether more recordings would help.',
+}
+
+
+def format_reliability(result: SetResult) -> str:
+    """Return the calibration error of held-out probabilities; empty where it is not known."""
+    if (found := result.reliability) is None:
+        return ''
+    return (
+        f'Expected calibration error of the probabilities {format_percent(found.error)} '
+        f'({found.trials} trials, {found.split}); perfectly calibrated probabilities would have '
+        f'{format_percent(found.chance_error)} on average'
+    )
+
+
+def format_percent(share: float) -> str:
+    """Return a share in %; 99.97 % is not 100 %."""
+    rounded = f'{100 * share:.1f}'
+    return '> 99.9 %' if rounded == '100.0' and share < 1.0 else f'{rounded} %'
 
 
 def format_accuracy(result: SetResult) -> str:
@@ -164,6 +221,12 @@ def format_accuracy(result: SetResult) -> str:
     return '; '.join((*parts, f'most frequent confusion: {format_confusion(score)}'))
 
 
+def format_method(interval: Interval) -> str:
+    """Return an interval in % with its method, or why there is none."""
+    span = format_span(interval)
+    return span if interval.reason else f'{span} ({interval.method})'
+
+
 def confusion_shares(score: Score) -> NDArray[np.float64]:
     """Return the confusion as shares of the trials of each true label."""
     return np.asarray(score.confusion / np.maximum(score.confusion.sum(axis=1, keepdims=True), 1))
@@ -183,15 +246,16 @@ def format_confusion(score: Score) -> str:
 
 
 def answer_rows(answers: Answers) -> list[tuple[str, str]]:
-    """Return what became of unknown labels and probabilities, in rows."""
+    """Return rejection of unknown labels and calibration as rows of a table."""
     rows = []
     if (unknown := answers.open_set) is not None:
         rows += [
             ('unknown labels, split', unknown.split),
             ('AUROC', f'{100 * unknown.auroc:.1f} %'),
+            ('AUROC, interval', format_method(unknown.auroc_interval)),
             ('unknown labels missed', f'{100 * unknown.miss_rate:.1f} %'),
             (
-                f'false rejection, {100 * unknown.false_alarm_rate:g} % asked for',
+                f'false rejection, stated rate {100 * unknown.false_alarm_rate:g} %',
                 f'{100 * unknown.realised_false_alarm_rate:.1f} %',
             ),
             ('calibration error before', f'{100 * unknown.calibration_error_before:.1f} %'),

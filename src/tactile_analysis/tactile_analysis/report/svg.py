@@ -19,7 +19,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from tactile_analysis.plots import legend_outside
 
 INK = '#1b1b1c'
-"""Stands for the page's colour of text, light or dark."""
+"""Placeholder for the page's text colour, which is light or dark."""
 
 CLASSIFIER_COLOURS = {
     'knn': '#2a78b8',
@@ -28,10 +28,10 @@ CLASSIFIER_COLOURS = {
     'tree': '#3a9d5d',
     'rocket': '#7b5aa6',
 }
-"""Told apart with red-green blindness, too, and on white as on black."""
+"""Distinguishable with red-green blindness, on white and on black."""
 
-_LEAST_SCALE = 0.7
-"""Smallest scale at which the texts of a figure can be read on a phone [1]."""
+WIDTH_IN = 5.2
+"""Width of the wider figures [inch]; at 390 px they have a scale of 0.7 and can be read."""
 
 _MOST_SCALE = 1.15
 
@@ -59,13 +59,12 @@ _STYLE = {
 class Drawing:
     """A figure of the report.
 
-    ``svg`` is an element that may stand inside HTML; its label is the text alternative. The
-    caption names quantities and marks. Below ``least_px`` its texts cannot be read: it scrolls.
+    ``svg`` is an element for HTML; its label is the text alternative. The caption names quantities
+    and marks.
     """
 
     svg: str
     caption: str
-    least_px: int
 
 
 def render(
@@ -76,10 +75,10 @@ def render(
     *,
     simulated: bool,
 ) -> Drawing:
-    """Let ``draw`` draw on an empty figure of this size [inch], and return it as SVG.
+    """Call ``draw`` with an empty figure of this size [inch], and return the figure as SVG.
 
-    The ``message`` is the text alternative: that of the figure, with its numbers. Figure and both
-    texts say so where they show simulated data.
+    ``message`` is the text alternative, with the numbers of the figure. Figure, caption and text
+    alternative say so if the data are simulated.
     """
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=size_in)
@@ -111,20 +110,20 @@ def render(
         f'style="max-width:{_MOST_SCALE * width_px:.0f}px" '
     )
     svg = _clean(stream.getvalue()).replace('<svg ', head, 1)
-    return Drawing(svg, prefix + caption, round(_LEAST_SCALE * width_px))
+    return Drawing(svg, prefix + caption)
 
 
 def legend_below(figure: Figure, axes: Axes) -> None:
-    """Put the legend of some axes below the whole figure, in three columns."""
+    """Put the legend of one panel below the figure, in three columns."""
     handles, labels = axes.get_legend_handles_labels()
     legend_outside(figure, 'lower center', handles=handles, labels=labels, ncols=3, fontsize=8)
 
 
 def _clean(svg: str) -> str:
-    """Return the SVG element alone, in the page's colour of text, without what repeats."""
+    """Return only the SVG element, in the page's text colour, without repeated ids."""
     svg = svg[svg.index('<svg') :]
     svg = re.sub(r'<metadata>.*?</metadata>', '', svg, flags=re.DOTALL)
-    # Names of groups would come again in the next figure; what is referred to is a hash.
+    # Ids of groups would repeat in the next figure. Referenced ids are hashes and stay.
     svg = re.sub(r' id="(?![mp][0-9a-f]{10}")[^"]*"', '', svg)
     svg = svg.replace(INK, 'currentColor')
     svg = re.sub(r"font: ([^;\"]*?)'[^;\"]*(sans-serif)", r'font: \1\2', svg)

@@ -59,8 +59,8 @@ def evaluate(
             help='Beside random folds, hold out each group of trials that agree in this column, '
             'in turn; several columns with commas between them: that agree in all. May be given '
             'several times. Default: the column of sessions (session_id, session, day) and that '
-            'of mountings (mounting_id, mounting) where there are such; for bags of one session '
-            'trial_block, a sixth of it.'
+            'of mountings (mounting_id, mounting) and specimens (specimen) if there are any; for '
+            'bags of one session trial_block, a sixth of it.'
         ),
     ] = None,
     folds: options.FoldsOption = 6,
@@ -99,8 +99,9 @@ def evaluate(
     Takes real or simulated trials and computes the same features as the live node. The first
     number is that of features and classifier chosen inside the folds, by held-out groups.
     Tables of the paper's four classifiers with and without scaling follow, by random folds and by
-    held-out sessions, mountings or other groups, with the split beside each number. ``--report``
-    and ``--json`` add feature selection, and take longer. The report has figures of your trials.
+    held-out sessions, mountings or other groups, with the split beside each number. A learning
+    curve states whether more sessions would help. ``--report`` and ``--json`` add feature
+    selection and calibration, and take longer. The report has figures of your trials.
 
     ``--model`` evaluates a model file on trials that it was not trained on, as in: tactile
     evaluate bags/new --model old/texture.npz --model new/texture.npz. Its features are computed
@@ -236,11 +237,13 @@ def _print(result: 'SetResult', output: Output) -> None:
         answer_rows,
         format_accuracy,
         format_first_sentence,
+        format_learning_curve,
         format_model,
+        format_reliability,
     )
     from tactile_analysis.wording import accuracy_caption, format_warnings
     from tactile_classifier.model_file.manifest import format_features
-    from tactile_lab.result_tables import accuracy_table, recall_table
+    from tactile_lab.result_tables import accuracy_table, learning_table, recall_table
 
     output.say(
         f'{result.recordings.title}: {format_first_sentence(result)}',
@@ -248,6 +251,10 @@ def _print(result: 'SetResult', output: Output) -> None:
         f'  {format_accuracy(result)}',
         recall_table(result.headline),
     )
+    if result.curve is not None:
+        output.say(learning_table(result.curve), f'  {format_learning_curve(result)}')
+    if result.reliability is not None:
+        output.say(f'  {format_reliability(result)}')
     for evaluation in result.evaluations:
         output.say(accuracy_table(evaluation, result.recordings.title, intervals=True))
         output.say(accuracy_caption(evaluation, intervals=True))

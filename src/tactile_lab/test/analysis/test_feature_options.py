@@ -140,7 +140,8 @@ def test_of_noise_the_accuracy_of_the_choice_is_told_with_its_own_chance(tmp_pat
     choice = found['feature_choice']
     mean = choice['nested']['mean']
     assert found['headline']['mean'] == mean
-    sentence = f'With a new part, this model names {round(100 * mean)} of 100 touches right'
+    right = f'With a new part, {100 * mean:.1f} % of touches are named correctly'
+    sentence = f'{right} (30 trials of 3 groups; '
     assert sentence in report.read_text()
     assert sentence in said
     nested = f'accuracy {100 * mean:.1f} % with set and classifier chosen'
@@ -169,13 +170,18 @@ def test_evaluate_leads_with_what_train_would_write(tmp_path):
     assert found['headline']['mean'] == manifest.cross_validation['mean'] == 1.0
     assert found['feature_choice']['chosen']['feature_set'] == manifest.spec.feature_set
     assert manifest.spec.feature_set == 'glide_waveform'
-    assert 'In a new session, this model names 100 of 100 touches right.' in said
+    # 100 % says little without the number of trials and its interval.
+    sentence = (
+        'In a new session, 100.0 % of touches are named correctly (24 trials of 3 sessions; '
+        '95 % interval 29.2 to 100.0 %; chance 50.0 %).'
+    )
+    assert sentence in said
     assert found['headline']['recall'] == {'high': 1.0, 'low': 1.0}
     assert 'recall by label in %' in said
     assert found['permuted']['p_value'] == pytest.approx(1 / 21)
     # The paper's four classifiers follow on the spectrum.
     assert found['feature_set'] == 'texture_spectrum'
-    assert said.index('names 100 of 100') < said.index('3 nearest neighbours')
+    assert said.index(sentence) < said.index('3 nearest neighbours')
 
 
 def test_trials_to_test_on_do_not_choose(tmp_path):

@@ -51,20 +51,39 @@ def heights(browser, selector):
     )
 
 
-def test_phone_shows_the_confusion_matrix_whole_and_says_which_figures_scroll(browser):
+@pytest.mark.parametrize('width', [390, 1280])
+def test_nothing_is_cut_and_nothing_scrolls_sideways(browser, width):
+    browser.resize(width, 844)
+    browser.evaluate('document.querySelectorAll("details").forEach(e => { e.open = true; })')
+    try:
+        assert browser.evaluate('document.documentElement.scrollWidth') == width
+        # Neither a figure, a table, nor a cell reaches over the edge of the page or of its row.
+        beyond = browser.evaluate(
+            '[...document.querySelectorAll("svg, table, th, td, caption, p, li")]'
+            '.filter(e => e.checkVisibility())'
+            '.filter(e => e.getBoundingClientRect().right > innerWidth'
+            ' || e.scrollWidth > e.clientWidth + 1 && e.tagName != "svg")'
+            '.map(e => e.outerHTML.slice(0, 200))'
+        )
+        assert beyond == []
+    finally:
+        browser.evaluate('document.querySelectorAll("details").forEach(e => { e.open = false; })')
+        browser.resize(1280, 900)
+
+
+def test_a_phone_shows_wide_tables_with_one_cell_per_line_and_its_column(browser):
     browser.resize(390, 844)
-    assert browser.evaluate('document.documentElement.scrollWidth') == 390
-    told = browser.evaluate("""
-        [...document.querySelectorAll('figure')].filter(e => e.checkVisibility()).map(figure => {
-            const frame = figure.querySelector('.wide');
-            const hint = figure.querySelector('.hint').getBoundingClientRect().height;
-            return [frame.scrollWidth > frame.clientWidth, hint > 10];
-        })""")
-    assert told[:2] == [[False, False]] * 2  # the picture at the top
-    assert all(scrolls == hint for scrolls, hint in told)
-    assert [True, True] in told
-    browser.resize(1280, 900)
-    assert max(heights(browser, '.hint')) == 0
+    browser.evaluate('document.querySelectorAll("details").forEach(e => { e.open = true; })')
+    try:
+        told = browser.evaluate(
+            '[...document.querySelector(".many tbody tr").children]'
+            '.map(e => [e.dataset.column, getComputedStyle(e).display])'
+        )
+        assert [column for column, _ in told][:2] == ['classifier', 'features']
+        assert {display for _, display in told} == {'flex'}
+    finally:
+        browser.evaluate('document.querySelectorAll("details").forEach(e => { e.open = false; })')
+        browser.resize(1280, 900)
 
 
 def test_paper_shows_accuracy_tables_provenance_and_opened_sections(browser):
