@@ -48,6 +48,7 @@ TOPICS = (
     Topic('paper-settings', 'paper.settings', "the paper's statements, by setting", LONG),
     Topic('hard-plates', 'accuracy.twelve_plates', 'twelve plates, pitches 5 % apart', LONG),
     Topic('speeds', 'accuracy.speeds', 'public recordings at a speed never seen', LONG),
+    Topic('rate-error', 'accuracy.rate_error', 'a wrong sample rate or guide speed', LONG),
     Topic('choice', 'accuracy.choices', 'features and classifier chosen by the folds', LONG),
     Topic('unlearned', 'accuracy.choices', 'labels that training has not seen', LONG),
     Topic('calibration-error', 'accuracy.choices', 'stated and true error of probabilities', LONG),
