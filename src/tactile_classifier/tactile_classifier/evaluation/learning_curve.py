@@ -138,7 +138,8 @@ class LearningCurvePlan:
         (said,) = answers
         coming = iter(said)
         labels = self._table.labels
-        shares, points = {}, []
+        shares = dict[int, npt.NDArray[np.float64]]()
+        points = list[LearningPoint]()
         for count, by_group in self._folds.items():
             share = np.array(
                 [
@@ -182,7 +183,7 @@ def _draw(
             f'label "{names[groups_of.argmin()]}" has trials in {groups_of.min()} groups '
             f'({name}); three are needed, one to test and two to train on'
         )
-    counts = range(1, most + 1)
+    counts: Sequence[int] = range(1, most + 1)
     if most > MOST_POINTS:
         counts = sorted({round(n) for n in np.geomspace(1, most, MOST_POINTS)})
     draws = max(1, min(MOST_DRAWS, MOST_FITS // (len(tests) * len(counts))))
@@ -192,7 +193,7 @@ def _draw(
         # The same order for all counts, so that larger choices contain the smaller ones.
         orders = [rng.permutation(len(contains)) for _ in range(draws)]
         for count, by_group in folds.items():
-            found = {}
+            found = dict[bytes, Fold]()
             for order in orders:
                 order = order[order != groups[test[0]]]
                 is_chosen = np.zeros_like(contains)
