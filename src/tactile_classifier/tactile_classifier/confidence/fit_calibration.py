@@ -307,7 +307,7 @@ def binned_error(stated: Matrix, is_right: npt.NDArray[np.bool_]) -> float:
 
 def find_bins(stated: Matrix) -> Indices:
     """Return the bin of each probability, from 0 to `BINS` - 1."""
-    return np.minimum((stated * BINS).astype(np.intp), BINS - 1)
+    return np.asarray(np.minimum((stated * BINS).astype(np.intp), BINS - 1))
 
 
 def compute_uncalibrated(scores: Matrix, score_kind: str) -> Matrix:
