@@ -53,9 +53,9 @@ def format_mean(score: Score) -> str:
     return f'{mean} ± {100 * score.spread:.1f}' if score.fold_accuracies.size > 1 else mean
 
 
-def format_coverage(evaluation: Evaluation) -> str:
-    """Return the measured coverage of intervals over held-out groups, or nothing."""
-    if evaluation.scores[0].spread_of != 'groups':
+def format_coverage(spread_of: str) -> str:
+    """Return the measured coverage of intervals over held-out groups; empty for other ones."""
+    if spread_of != 'groups':
         return ''
     least, most = COVERAGE_WITH_TRAINING
     return f', measured coverage {100 * least:.0f} to {100 * most:.0f} %'
@@ -71,7 +71,7 @@ def accuracy_caption(evaluation: Evaluation, *, intervals: bool = False) -> str:
     if first.fold_accuracies.size > 1:
         parts.insert(1, f'± standard deviation over {first.spread_of}')
     if intervals and any(not score.interval.reason for score in evaluation.scores):
-        parts.insert(-1, f'in brackets the 95 % interval{format_coverage(evaluation)}')
+        parts.insert(-1, f'in brackets the 95 % interval{format_coverage(first.spread_of)}')
     return '; '.join(parts)
 
 
