@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.model_selection import LeaveOneGroupOut
 
-from benchmarks.accuracy.speeds import Glides, over_distance, over_time
+from benchmarks.accuracy.speeds import FINEST_M, Glides, over_time
 from benchmarks.measuring import Report, Row
 from benchmarks.recordings import FABRIC_SLIDE, find_recording, PHAC_HOLD, say_missing
 from benchmarks.simulator.robustness import make_features, score, Setting, Study
@@ -39,6 +39,9 @@ ERRORS = (-0.02, -0.01, 0.0, 0.01, 0.02)
 MARGIN = 4
 """Samples at either end that only stretched windows use."""
 
+LENGTH_M = 0.045
+"""Path of the slowest slides, without these samples."""
+
 
 def stretch(x: Array, factor: float) -> Array:
     """Return the windows, shape (trials, samples), at ``factor`` times the distance of samples.
@@ -50,6 +53,16 @@ def stretch(x: Array, factor: float) -> Array:
 
     at = np.arange(x.shape[1]) - (x.shape[1] - 1) / 2
     return np.asarray(CubicSpline(at, x, axis=1)(factor * at[MARGIN:-MARGIN]))
+
+
+def over_distance(glides: Glides, features: str = 'texture_spatial') -> Array:
+    """Return the features of a set over distance, at the stated speeds."""
+    config = FeatureConfig(
+        texture_features=features, spatial_length_m=LENGTH_M, spatial_finest_m=FINEST_M
+    )
+    return features_from_trials(
+        'texture', glides.x, glides.rate_hz, config=config, speeds_m_s=glides.speed_m_s
+    )[0]
 
 
 def run_rate_error(quick: bool) -> Report:
