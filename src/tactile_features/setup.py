@@ -14,7 +14,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
     ],
-    install_requires=['setuptools', 'numpy>=1.26'],
+    install_requires=['setuptools', 'numpy>=1.26', 'scikit-learn>=1.4'],
     extras_require={'test': ['pytest']},
     zip_safe=True,
     maintainer='Tendon Tactile maintainers',

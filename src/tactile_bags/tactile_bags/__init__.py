@@ -50,3 +50,7 @@ def __getattr__(name: str) -> Any:
     if name in _HOMES:
         return getattr(importlib.import_module(_HOMES[name]), name)
     raise AttributeError(f'module {__name__} has no attribute {name}')
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -15,11 +15,19 @@ _HOMES = {
     'FeatureSet': '.feature_sets.feature_set',
     'FeatureSpec': '.spec',
     'FeatureSpecifications': '.spec',
+    'FeatureTransformer': '.estimators',
     'FeatureWindow': '.records',
+    'GlideWaveform': '.estimators',
+    'HoldWaveform': '.estimators',
     'ModelContract': '.model_contract',
     'Outcome': '.records',
+    'SpatialWaveform': '.estimators',
     'SpatialWindow': '.feature_sets.texture_spatial',
+    'StiffnessRegression': '.estimators',
+    'StiffnessRelaxation': '.estimators',
     'StrainBlock': 'tactile_ros.strain',
+    'TextureSpatial': '.estimators',
+    'TextureSpectrum': '.estimators',
     'TrialEvent': '.records',
     'TrialFeatureExtractor': '.extraction.extractor',
     'UndefinedFeatureError': '.errors',
@@ -44,3 +52,7 @@ def __getattr__(name: str) -> Any:
     if name in _HOMES:
         return getattr(importlib.import_module(_HOMES[name], __name__), name)
     raise AttributeError(f'module {__name__} has no attribute {name}')
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -31,3 +31,7 @@ def __getattr__(name: str) -> Any:
     if name in _HOMES:
         return getattr(importlib.import_module(f'{__name__}.{_HOMES[name]}'), name)
     raise AttributeError(f'module {__name__} has no attribute {name}')
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
