@@ -66,7 +66,7 @@ is_last = table.column('session') == 5
 write_model(folder / 'texture.npz', train(table.take(~is_last), 'knn'))
 model = load_model(folder / 'texture.npz')
 later = table.take(is_last)
-answers = model.predict(later.values)
+answers = model.predict_or_unknown(later.values)
 print(model.labels)
 right, unknown = np.mean(answers == later.labels), np.mean(answers == 'unknown')
 print(f'of {len(later)} trials of the sixth session {right:.1%} named correctly, {unknown:.1%} unknown')

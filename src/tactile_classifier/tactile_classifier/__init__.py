@@ -27,6 +27,8 @@ _HOMES = {
     'Score': 'evaluation.cross_validation',
     'evaluate': 'evaluation.cross_validation',
     'ModelSet': 'answering',
+    'RandomConvolutionClassifier': 'estimators.random_convolutions',
+    'TactileClassifier': 'training.sklearn_classifier',
     'TactileModel': 'model_file.model',
     'load_model': 'model_file.model',
     'Manifest': 'model_file.manifest',
@@ -50,3 +52,7 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f'module {__name__} has no attribute {name}')
     return getattr(importlib.import_module(f'{__name__}.{_HOMES[name]}'), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -13,18 +13,15 @@ class ClassifierError(Exception):
     """Root of the package's errors; the message is a sentence for the user."""
 
 
-class DatasetError(ClassifierError):
-    """The trials cannot be used as they are."""
+class DatasetError(ClassifierError, ValueError):
+    """The trials cannot be used as they are. A `ValueError`, as scikit-learn expects it."""
 
 
-class TooFewTrialsError(DatasetError, ValueError):
-    """There are too few trials for what was asked; more recordings are the remedy.
-
-    A `ValueError` too, which is what scikit-learn's callers expect of an estimator.
-    """
+class TooFewTrialsError(DatasetError):
+    """There are too few trials for what was asked; more recordings are the remedy."""
 
 
-class EvaluationError(ClassifierError):
+class EvaluationError(ClassifierError, ValueError):
     """The trials do not allow the split that was asked for."""
 
 

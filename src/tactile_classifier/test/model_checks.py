@@ -31,13 +31,14 @@ def check_model(trained, path, values, atol=1e-12):
     if trained.novelty is not None:
         np.testing.assert_allclose(found.novelty, trained.novelty.compute(values), rtol=1e-9)
         is_unknown = found.novelty > model.manifest.confidence.novelty_threshold
-    answers = model.predict(values)
+    answers = model.predict_or_unknown(values)
+    np.testing.assert_array_equal(model.predict(values), named)
     np.testing.assert_array_equal(answers, np.where(is_unknown, UNKNOWN, named))
     assert set(answers) <= {*model.labels, UNKNOWN, NO_ANSWER}
     alone = np.concatenate([model.compute(row[np.newaxis]).scores for row in values[:9]])
     np.testing.assert_allclose(alone, found.scores[:9], atol=1e-12, rtol=0)
     again = load_model(path)
     assert again.manifest == model.manifest
-    assert again.predict(values).tolist() == answers.tolist()
-    assert again.predict(values[:0]).shape == (0,)
+    assert again.predict_or_unknown(values).tolist() == answers.tolist()
+    assert again.predict_or_unknown(values[:0]).shape == (0,)
     return model

@@ -276,7 +276,7 @@ def _list_rows(
     parts = [table.column(name) for name in columns] or [_column(table, SESSION, '')]
     sessions = ['/'.join(map(str, each)) for each in zip(*parts, strict=True)]
     simulated = _column(table, 'simulated', False).astype(bool)
-    predicted = model.predict(table.values).tolist()
+    predicted = model.predict_or_unknown(table.values).tolist()
     sources = [_column(table, name, '').astype(str) for name in ('bag', 'namespace', 'trial_id')]
     times: Counter[tuple[str, ...]] = Counter()
     rows = {}

@@ -9,8 +9,9 @@ the table has two or more of them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 import dataclasses
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -157,24 +158,35 @@ def _spread(contains: npt.NDArray[np.bool_]) -> Indices:
 
 
 def score_held_out(
-    table: FeatureTable, held_out: npt.NDArray[np.bool_], classifier: str, scaling: str
+    table: FeatureTable,
+    held_out: npt.NDArray[np.bool_],
+    classifier: str,
+    scaling: str,
+    parameters: Mapping[str, Any] | None = None,
 ) -> tuple[Matrix, Indices]:
-    """Return raw scores of some trials by a model of the others, and the true labels' columns."""
+    """Return raw scores of some trials by a model of the others, and the true labels' columns.
+
+    ``parameters`` are those of `build_estimator`.
+    """
     train, test = table.take(~held_out), table.take(held_out)
-    estimator = build_estimator(classifier, scaling, table.channels)
+    estimator = build_estimator(classifier, scaling, table.channels, parameters)
     estimator.fit(train.values, train.labels)
     true = np.searchsorted(estimator.classes_, test.labels)
     return compute_raw_scores(estimator, test.values), true
 
 
 def hold_out_scores(
-    table: FeatureTable, classifier: str, scaling: str, fold: Indices
+    table: FeatureTable,
+    classifier: str,
+    scaling: str,
+    fold: Indices,
+    parameters: Mapping[str, Any] | None = None,
 ) -> tuple[Matrix, Indices]:
     """Return raw scores by models of the other folds, shape (trials, labels), and true columns."""
     classes, true = np.unique(table.labels, return_inverse=True)
     scores = np.zeros((len(table), len(classes)))
     for i in np.unique(fold):
-        scores[fold == i], _ = score_held_out(table, fold == i, classifier, scaling)
+        scores[fold == i], _ = score_held_out(table, fold == i, classifier, scaling, parameters)
     return scores, true
 
 
@@ -376,14 +388,16 @@ def calibrate_held_out(
     false_alarm_rate: float,
     *,
     strict: bool = False,
+    parameters: Mapping[str, Any] | None = None,
 ) -> HeldOutCalibration:
     """Hold out each fold in turn; return the calibration, the threshold and their errors.
 
-    With ``strict`` the threshold is the strict one of `HeldOutNovelty.compute_threshold`. Raises
+    With ``strict`` the threshold is the strict one of `HeldOutNovelty.compute_threshold`;
+    ``parameters`` are those of `build_estimator`. Raises
     TooFewTrialsError when there are too few for the rate, or for the classifier.
     """
     fold = folds.fold
-    scores, true = hold_out_scores(table, classifier, scaling, fold)
+    scores, true = hold_out_scores(table, classifier, scaling, fold, parameters)
     measure, novelty = fit_novelty(table, folds)
     probabilities = hold_out_probabilities(scores, true, fold)
     uncalibrated = compute_uncalibrated(scores, SCORE_KINDS[classifier])

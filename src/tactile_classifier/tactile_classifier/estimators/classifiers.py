@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 import functools
 from typing import Any, ParamSpec, TypeVar
 import warnings
@@ -112,7 +112,12 @@ def default_scaling(task: str, classifier: str) -> str:
     return 'none' if classifier == ROCKET else DEFAULT_SCALING[task]
 
 
-def build_estimator(classifier: str, scaling: str, channels: int = 1) -> Pipeline:
+def build_estimator(
+    classifier: str,
+    scaling: str,
+    channels: int = 1,
+    parameters: Mapping[str, Any] | None = None,
+) -> Pipeline:
     """Return an unfitted pipeline of scaling and classifier.
 
     Parameters
@@ -123,6 +128,8 @@ def build_estimator(classifier: str, scaling: str, channels: int = 1) -> Pipelin
         One of `SCALINGS`; random convolutions take ``none`` alone.
     channels : int
         The features are those of so many channels, one after another.
+    parameters : mapping, optional
+        Parameters of the classifier that replace ours, such as ``C``.
 
     Raises
     ------
@@ -133,7 +140,8 @@ def build_estimator(classifier: str, scaling: str, channels: int = 1) -> Pipelin
         raise ValueError(f'scaling is "{scaling}"; it must be one of {", ".join(SCALINGS)}')
     if classifier == ROCKET and scaling != 'none':
         raise ValueError('random convolutions take a waveform as it is: use the scaling "none"')
-    steps: list[tuple[str, Any]] = [('classify', _classifier(classifier, channels))]
+    machine = _classifier(classifier, channels).set_params(**(parameters or {}))
+    steps: list[tuple[str, Any]] = [('classify', machine)]
     if scaling == 'standard':
         steps.insert(0, ('scale', StandardScaler()))
     return Pipeline(steps)

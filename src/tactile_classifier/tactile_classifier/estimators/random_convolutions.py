@@ -12,12 +12,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 import dataclasses
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.linear_model import RidgeClassifierCV
-from sklearn.utils.validation import check_array
+from sklearn.utils.multiclass import check_classification_targets
+from sklearn.utils.validation import check_is_fitted
 
 from tactile_classifier.estimators.convolutions import (
     Indices,
@@ -29,6 +31,7 @@ from tactile_classifier.estimators.convolutions import (
     TAPS,
     to_single,
 )
+from tactile_features.estimators import validate_data
 
 MAX_DILATIONS = 32
 
@@ -126,13 +129,28 @@ class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: igno
         self.channels = channels
         self.random_state = random_state
 
-    def fit(self, values: npt.ArrayLike, labels: npt.ArrayLike) -> RandomConvolutionClassifier:
-        """Fit to waveforms of shape (trials, channels * samples), and one label a trial.
+    def fit(
+        self,
+        X: npt.ArrayLike,  # noqa: N803
+        y: npt.ArrayLike,
+    ) -> RandomConvolutionClassifier:
+        """Fit to waveforms.
 
-        Raises DatasetError when a waveform is too short, ValueError when a value is not finite.
+        Parameters
+        ----------
+        X : array_like of shape (trials, channels * samples)
+            Waveforms, those of each channel one after another; nine samples or more.
+        y : array_like of shape (trials,)
+            Labels.
+
+        Raises
+        ------
+        ValueError
+            When a waveform is too short, or a value is not finite.
         """
-        rows = self._check(values)
-        self.n_features_in_ = rows.shape[1] * rows.shape[2]
+        values, labels = validate_data(self, X, y, dtype=np.float64)
+        check_classification_targets(labels)
+        rows = self._divide(values)
         mean = rows.mean(axis=(0, 2))
         self.references_ = np.stack([np.zeros_like(mean), mean])
         self.convolutions_ = [
@@ -145,14 +163,14 @@ class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: igno
         self.intercept_ = np.atleast_1d(ridge.intercept_)
         return self
 
-    def decision_function(self, values: npt.ArrayLike) -> Matrix:
+    def decision_function(self, X: npt.ArrayLike) -> Matrix:  # noqa: N803
         """Return one score a label; of two labels one alone, positive for the second."""
-        scores = self._transform(self._check(values)) @ self.coef_.T + self.intercept_
+        scores = self._transform(self._check(X)) @ self.coef_.T + self.intercept_
         return np.asarray(scores[:, 0] if len(self.classes_) == 2 else scores)
 
-    def predict(self, values: npt.ArrayLike) -> npt.NDArray[np.str_]:
-        """Return one label a window of ``values``, shape (windows, channels * samples)."""
-        scores = self.decision_function(values)
+    def predict(self, X: npt.ArrayLike) -> npt.NDArray[Any]:  # noqa: N803
+        """Return one label for each row of ``X``, shape (windows, channels * samples)."""
+        scores = self.decision_function(X)
         chosen = (scores > 0).astype(int) if scores.ndim == 1 else scores.argmax(axis=1)
         return np.asarray(self.classes_[chosen])
 
@@ -175,7 +193,11 @@ class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: igno
         return answers
 
     def _check(self, values: npt.ArrayLike) -> Matrix:
-        rows = check_array(values, dtype=np.float64)
+        check_is_fitted(self)
+        return self._divide(validate_data(self, values, dtype=np.float64, reset=False))
+
+    def _divide(self, rows: Matrix) -> Matrix:
+        """Return waveforms of shape (trials, channels, samples)."""
         if rows.shape[1] % self.channels:
             raise ValueError(f'{rows.shape[1]} values are not {self.channels} waveforms')
         return np.asarray(rows.reshape(len(rows), self.channels, -1))

@@ -110,6 +110,8 @@ class Manifest:
     false_alarm_rate : float
         Share of windows of known labels that the threshold rejects [1]; negative: no
         threshold.
+    parameters : mapping
+        Parameters of the classifier that differ from those of ``tactile train``, such as ``C``.
     """
 
     task: str
@@ -130,6 +132,7 @@ class Manifest:
     calibration: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     false_alarm_rate: float = -1.0
     training: TrainingTrials = TrainingTrials()
+    parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the manifest as what JSON can hold."""
@@ -144,7 +147,7 @@ class Manifest:
     @classmethod
     def from_dict(cls, entries: Mapping[str, Any]) -> Manifest:
         """Return the manifest that `to_dict` gave; raise ModelFileError for other entries."""
-        fields = check_version(entries)
+        fields = {'parameters': {}, **check_version(entries)}
         _check_types(fields)
         fields['spec'] = parse_spec(fields)
         del fields[DIGEST]
@@ -243,8 +246,13 @@ def list_facts(manifest: Manifest) -> dict[str, str]:
     labels = ', '.join(manifest.labels[:MAX_LABELS]) + f' and {more} more' * (more > 0)
     facts = {
         'answers': f'{manifest.task}, {manifest.contact or "any contact"}: {labels}',
-        'classifier': f'{CLASSIFIER_TITLES[manifest.classifier]}, '
-        f'{SCALING_TITLES[manifest.scaling]}',
+        'classifier': ', '.join(
+            [
+                CLASSIFIER_TITLES[manifest.classifier],
+                *(f'{name} {value}' for name, value in manifest.parameters.items()),
+                SCALING_TITLES[manifest.scaling],
+            ]
+        ),
         **({'ties': KNN_TIES} if manifest.classifier == 'knn' else {}),
         'takes': f'{len(spec.names)} {format_features(spec)}, from '
         + ('the first ' if spec.is_early else '')

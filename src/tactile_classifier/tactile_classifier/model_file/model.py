@@ -30,6 +30,7 @@ from tactile_classifier.records import (
     UNKNOWN,
 )
 from tactile_features.errors import FeatureError
+from tactile_features.feature_sets.registry import find_feature_set
 from tactile_features.model_container import read_limited
 from tactile_features.model_contract import refusals_of
 from tactile_features.records import contacts_agree, FeatureWindow
@@ -99,6 +100,7 @@ class TactileModel:
     >>> model = load_model('texture.npz')
     >>> answer = model.classify(tension_n, rate_hz=60)
     >>> answer.label, answer.probabilities, answer.p_value
+    >>> model.predict_or_unknown(windows_n)
 
     Parameters
     ----------
@@ -248,21 +250,160 @@ class TactileModel:
         except FeatureError as error:
             raise ModelFileError(f'model {self.model_id} cannot be used: {error}') from error
 
-    def predict(self, values: npt.ArrayLike) -> npt.NDArray[np.str_]:
-        """Return a label, ``'unknown'`` or ``'no answer'`` for each window of features.
+    def compute_features(
+        self, windows: npt.ArrayLike, speed_m_s: npt.ArrayLike = 0.0
+    ) -> npt.NDArray[np.float64]:
+        """Return the features of windows of samples, shape (windows, k).
 
-        Arguments and errors as in `compute`.
+        Rows without features, such as those of a window with a missing sample, are not a number.
+
+        Parameters
+        ----------
+        windows : array_like of shape (windows, n) or (windows, channels, n)
+            Tension in the unit of the training [N], at the rate ``spec.rate_hz``. See `classify`.
+        speed_m_s : float or array_like of shape (windows,)
+            Sliding speed, for features over distance [m/s]. They take the middle of each window.
+
+        Raises
+        ------
+        DatasetError
+            When shape, length or speed are not those of the model's windows.
+        ModelFileError
+            When this installation computes other features than the model was trained on.
         """
-        found = self.compute(values)
+        each = np.asarray(windows, dtype=np.float64)
+        if each.ndim < 2:
+            raise DatasetError(
+                f'the windows have shape {each.shape}; it must be (windows, samples); one window '
+                'is windows[np.newaxis]'
+            )
+        rows = np.full((len(each), len(self.spec.names)), np.nan)
+        speeds = np.broadcast_to(np.asarray(speed_m_s, dtype=np.float64), len(each)).tolist()
+        found = find_feature_set(self.spec.feature_set)
+        cut = found is not None and found.needs_speed
+        try:
+            for row, window, speed in zip(rows, each, speeds, strict=True):
+                features = self._samples.compute(window, self.spec.rate_hz, speed, cut=cut)
+                if not features.reason:
+                    row[:] = features.values
+        except DatasetError as error:
+            raise DatasetError(f'model {self.model_id}: {error}') from error
+        return rows
+
+    def predict(
+        self, windows: npt.ArrayLike, *, speed_m_s: npt.ArrayLike | None = None
+    ) -> npt.NDArray[np.str_]:
+        """Return the likeliest label of each window, also of windows of unknown objects.
+
+        Parameters
+        ----------
+        windows : array_like of shape (windows, k) or (windows, n)
+            Rows of features in the order and units of ``spec``, or windows of samples as in
+            `compute_features`. Rows of ``k = len(spec.names)`` values are features unless
+            ``speed_m_s`` is given.
+        speed_m_s : float or array_like of shape (windows,), optional
+            Sliding speed of windows of samples, for features over distance [m/s].
+
+        Raises
+        ------
+        DatasetError
+            When the shape is not that of the model's features or windows, or a window has no
+            features; `predict_or_unknown` marks such windows.
+        """
+        return np.array(self.labels)[self._predict_all(windows, speed_m_s).answer]
+
+    def predict_or_unknown(
+        self, windows: npt.ArrayLike, *, speed_m_s: npt.ArrayLike | None = None
+    ) -> npt.NDArray[np.str_]:
+        """Return a label, ``'unknown'`` or ``'no answer'`` (without features) for each window.
+
+        Parameters are those of `predict`. Raises DatasetError when the shape is wrong.
+        """
+        found = self.compute(self._read(windows, speed_m_s))
         names = np.array(self.labels, dtype=object)[found.answer]
-        valid = np.isfinite(found.scores).all(axis=1)
         threshold = self.manifest.confidence.novelty_threshold
-        if len(found.novelty):
-            valid &= np.isfinite(found.novelty)
-            if threshold >= 0.0:
-                names[found.novelty > threshold] = UNKNOWN
-        names[~valid] = NO_ANSWER
+        if len(found.novelty) and threshold >= 0.0:
+            names[found.novelty > threshold] = UNKNOWN
+        names[~_are_finite(found)] = NO_ANSWER
         return names.astype(str)
+
+    def predict_proba(
+        self, windows: npt.ArrayLike, *, speed_m_s: npt.ArrayLike | None = None
+    ) -> npt.NDArray[np.float64]:
+        """Return the calibrated probability of each label [1], shape (windows, labels).
+
+        Columns are in the order of ``labels``. Parameters and errors are those of `predict`.
+        Raises DatasetError when the model has no calibration.
+        """
+        if self.manifest.score_kind != PROBABILITY:
+            raise DatasetError(
+                f'model {self.model_id} has no calibrated probabilities: {self._why_raw}'
+            )
+        return self._predict_all(windows, speed_m_s).scores
+
+    def novelty(
+        self, windows: npt.ArrayLike, *, speed_m_s: npt.ArrayLike | None = None
+    ) -> npt.NDArray[np.float64]:
+        """Return the distance to the training trials [1], shape (windows,).
+
+        A window above ``manifest.confidence.novelty_threshold`` is unknown. Parameters and errors
+        are those of `predict`. Raises DatasetError when the model has no novelty measure.
+        """
+        if self.predictor.novelty is None:
+            raise DatasetError(f'model {self.model_id} has no novelty measure: {self._why_raw}')
+        return self._predict_all(windows, speed_m_s).novelty
+
+    def p_value(
+        self, windows: npt.ArrayLike, *, speed_m_s: npt.ArrayLike | None = None
+    ) -> npt.NDArray[np.float64]:
+        """Return the share of held-out trials that are at least as novel [1], shape (windows,).
+
+        A small value means that the window is unlike all training trials. Parameters and errors
+        are those of `novelty`.
+        """
+        novelty = self.novelty(windows, speed_m_s=speed_m_s)
+        found = [self._compute_p_value(each) for each in novelty.tolist()]
+        if None in found:
+            raise DatasetError(f'model {self.model_id} states no held-out novelties')
+        return np.array(found, dtype=np.float64)
+
+    @property
+    def _why_raw(self) -> str:
+        return str(self.manifest.calibration.get('reason', 'train it again'))
+
+    def _compute_p_value(self, novelty: float) -> float | None:
+        if self._known_novelty is None:
+            return None
+        strict = self.manifest.calibration.get('strict') is True
+        return self._known_novelty.compute_p_value(novelty, strict=strict)
+
+    def _read(
+        self, windows: npt.ArrayLike, speed_m_s: npt.ArrayLike | None
+    ) -> npt.NDArray[np.float64]:
+        """Return rows of features of the argument of `predict`."""
+        rows = np.asarray(windows, dtype=np.float64)
+        found = find_feature_set(self.spec.feature_set)
+        needs_speed = found is not None and found.needs_speed
+        is_of_features = rows.ndim < 2 or rows.shape[1:] == (len(self.spec.names),)
+        if speed_m_s is None and (is_of_features or needs_speed):
+            return rows
+        try:
+            return self.compute_features(rows, 0.0 if speed_m_s is None else speed_m_s)
+        except DatasetError as error:
+            raise DatasetError(
+                f'{error}; rows of features have shape (windows, {len(self.spec.names)})'
+            ) from error
+
+    def _predict_all(self, windows: npt.ArrayLike, speed_m_s: npt.ArrayLike | None) -> Predictions:
+        """Return the predictions; raise DatasetError when a window has none."""
+        found = self.compute(self._read(windows, speed_m_s))
+        without = np.flatnonzero(~_are_finite(found))
+        if len(without):
+            raise DatasetError(
+                f'window {without[0]} has no finite features or scores; predict_or_unknown marks '
+                f'such windows as "{NO_ANSWER}"'
+            )
+        return found
 
     def accepts(self, window: FeatureWindow) -> bool:
         """Return whether the window is of its feature set and of no other contact."""
@@ -373,10 +514,7 @@ class TactileModel:
         scores = dict(zip(self.labels, judged.scores, strict=False))
         is_probability = self.manifest.score_kind == PROBABILITY
         has_novelty = judged.novelty >= 0.0
-        p_value = None
-        if has_novelty and self._known_novelty is not None:
-            strict = calibration.get('strict') is True
-            p_value = self._known_novelty.compute_p_value(judged.novelty, strict=strict)
+        p_value = self._compute_p_value(judged.novelty) if has_novelty else None
         missing = []
         if judged.outcome != Outcome.NO_FEATURES:
             why = calibration.get('reason', 'the raw scores were better in held-out sessions')
@@ -397,3 +535,9 @@ class TactileModel:
             p_value=p_value,
             missing=tuple(missing),
         )
+
+
+def _are_finite(found: Predictions) -> npt.NDArray[np.bool_]:
+    """Return which windows have finite scores and, if the model has any, finite novelties."""
+    finite = np.isfinite(found.scores).all(axis=1)
+    return np.asarray(finite & np.isfinite(found.novelty) if len(found.novelty) else finite)

@@ -66,14 +66,19 @@ def write_model(path: str | Path, trained: Trained) -> TactileModel:
         When a label differs that rounding does not explain, or the file cannot be written.
     """
     try:
-        _check_names(trained)
-        data = pack_model(trained.manifest, make_predictor(trained))
+        data = pack_trained(trained)
         model = TactileModel(data, str(Path(path).absolute()))
         check_labels(model.predictor, trained.estimator, trained.values)
     except ModelFileError as error:
         raise ModelFileError(f'model {path} is not written: {error}') from error
     replace_file(Path(path), data)
     return model
+
+
+def pack_trained(trained: Trained) -> bytes:
+    """Return the bytes of the model file; raise ModelFileError when a label is not allowed."""
+    _check_names(trained)
+    return pack_model(trained.manifest, make_predictor(trained))
 
 
 def _check_names(trained: Trained) -> None:

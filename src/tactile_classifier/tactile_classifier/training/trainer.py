@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 import contextlib
 import dataclasses
 import datetime
@@ -74,6 +74,7 @@ def train(
     score: Score | None = None,
     choice: FeatureChoice | None = None,
     hold_out: Sequence[str] = ('session_id',),
+    parameters: Mapping[str, Any] | None = None,
 ) -> Trained:
     """Fit a classifier to all the trials of a table, and calibrate its answers.
 
@@ -99,6 +100,8 @@ def train(
         Choice of features, classifier and scaling; the card then states its nested score.
     hold_out : sequence of str
         Columns whose groups probabilities and thresholds are to hold for.
+    parameters : mapping, optional
+        Parameters of the classifier that replace ours, such as ``C``; JSON can hold them.
 
     Raises
     ------
@@ -130,8 +133,10 @@ def train(
         raise DatasetError(f'there is one class only, "{table.labels[0]}"; record at least two')
     if len(table) < 3:
         raise DatasetError('training needs three trials at least')
-    held_out, stated = _calibrate(table, classifier, scaling, false_alarm_rate, strict, hold_out)
-    estimator = build_estimator(classifier, scaling, table.channels)
+    held_out, stated = _calibrate(
+        table, classifier, scaling, parameters, false_alarm_rate, strict, hold_out
+    )
+    estimator = build_estimator(classifier, scaling, table.channels, parameters)
     estimator.fit(table.values, table.labels)
     warn_of_labels_never_given(estimator, table.values)
     manifest = Manifest(
@@ -162,6 +167,7 @@ def train(
         calibration=stated,
         false_alarm_rate=false_alarm_rate if held_out else -1.0,
         training=describe_training(table),
+        parameters=dict(parameters or {}),
     )
     return Trained(
         estimator,
@@ -192,6 +198,7 @@ def _calibrate(
     table: FeatureTable,
     classifier: str,
     scaling: str,
+    parameters: Mapping[str, Any] | None,
     false_alarm_rate: float,
     strict: bool,
     hold_out: Sequence[str],
@@ -204,7 +211,13 @@ def _calibrate(
     try:
         folds = make_group_folds(table, columns)
         held_out = calibrate_held_out(
-            table, classifier, scaling, folds, false_alarm_rate, strict=strict
+            table,
+            classifier,
+            scaling,
+            folds,
+            false_alarm_rate,
+            strict=strict,
+            parameters=parameters,
         )
     except TooFewTrialsError as error:
         return None, {'reason': str(error)}

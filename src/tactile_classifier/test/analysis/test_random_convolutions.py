@@ -232,7 +232,7 @@ def test_a_waveform_is_told_by_its_shape_and_its_level_alone(few_features):
     for values, known in ((level, labels), (shape.x[:, 0], shape.label)):
         model = RandomConvolutionClassifier().fit(values[::3], known[::3])
         test = np.arange(60) % 3 > 0
-        assert np.mean(model.predict(values[test]) == known[test]) > 0.9
+        assert np.mean(model.predict_or_unknown(values[test]) == known[test]) > 0.9
 
 
 def test_evaluation_adds_random_convolutions_to_the_four_for_a_waveform(

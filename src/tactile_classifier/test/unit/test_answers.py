@@ -123,7 +123,7 @@ def test_answers_on_many_windows_are_those_on_each(small_table, make_window, tmp
         result = model.classify_window(make_window(0, values=row))
         expected.append(outcomes.get(result.outcome, result.label))
         alone.append(result.scores)
-    assert model.predict(values).tolist() == expected
+    assert model.predict_or_unknown(values).tolist() == expected
     assert {UNKNOWN, *small_table.labels} >= set(expected) > {UNKNOWN}
     np.testing.assert_allclose(alone, model.compute(values).scores, rtol=0, atol=1e-12)
     assert model.predict(values[:0]).shape == (0,)
@@ -150,7 +150,7 @@ def test_too_few_trials_give_raw_scores_and_the_reason(stiffness_table, tmp_path
     expected = compute_raw_scores(trained.estimator, table.values)
     np.testing.assert_allclose(found.scores, expected, atol=1e-12)
     assert (model.manifest.score_kind, len(found.novelty)) == ('margin', 0)
-    assert model.predict(np.full((1, 3), 1.7e308)).tolist() == [NO_ANSWER]
+    assert model.predict_or_unknown(np.full((1, 3), 1.7e308)).tolist() == [NO_ANSWER]
 
 
 # -- early windows ------------------------------------------------------------------

@@ -56,7 +56,9 @@ def models(tables, tmp_path_factory):
 def test_the_worse_model_is_found_on_new_sessions(bags, tables, models):
     found = evaluate(bags[1], models=models)
     table = tables[1]
-    correct = np.array([load_model(path).predict(table.values) == table.labels for path in models])
+    correct = np.array(
+        [load_model(path).predict_or_unknown(table.values) == table.labels for path in models]
+    )
     assert (found['trials'], found['sessions']) == (len(table), 3)
     assert found['title'] == 'texture, flexion, SIMULATED'
     for score, mine in zip(found['scores'], correct, strict=True):
@@ -229,7 +231,11 @@ def test_a_trial_that_only_one_model_refuses_is_wrong_for_it(
     assert (full['no_answer_rate'], early['no_answer_rate']) == (pytest.approx(1 / trials), 0.0)
     assert len(found['left_out']) == 1
     assert full['accuracy'] == pytest.approx(
-        np.mean(np.delete(load_model(models[0]).predict(tables[1].values) == tables[1].labels, 4))
+        np.mean(
+            np.delete(
+                load_model(models[0]).predict_or_unknown(tables[1].values) == tables[1].labels, 4
+            )
+        )
         * (trials - 1)
         / trials
     )

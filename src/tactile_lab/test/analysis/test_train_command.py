@@ -17,8 +17,10 @@ from tactile_bags import TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
 from tactile_bags.replay import replay_phases
+from tactile_classifier import TactileClassifier
 from tactile_classifier.errors import DatasetError, ModelFileError
 from tactile_classifier.model_file.model import load_model
+from tactile_classifier.model_file.storage import open_model
 from tactile_features.config import FeatureConfig
 from tactile_features.records import Outcome
 from tactile_features.spec import spec_for
@@ -179,7 +181,11 @@ def test_three_seconds_at_1_khz_train_by_default(tmp_path):
     ]
     model = load_model(trained['path'])
     assert len(model.spec.names) <= 600
-    assert set(model.predict(np.zeros((1, len(model.spec.names))))) <= {'down', 'up', 'unknown'}
+    assert set(model.predict_or_unknown(np.zeros((1, len(model.spec.names))))) <= {
+        'down',
+        'up',
+        'unknown',
+    }
     config = FeatureConfig(
         texture_features='glide_waveform', texture_samples=3_000, rate_hz=1_000.0
     )
@@ -230,3 +236,28 @@ def test_a_candidate_that_cannot_be_fitted_is_left_out_with_one_line(tmp_path):
     said = hear_tactile('train', archive, '-o', tmp_path / 'models', *options)
     assert said.count('glide_waveform, rocket, none is left out: the signals have shape') == 1
     assert (tmp_path / 'models' / 'texture.npz').is_file()
+
+
+def test_the_file_is_the_one_of_the_classifier_in_python(tmp_path):
+    """The automatic choice of the command and of `TactileClassifier`, for the same windows."""
+    rng = np.random.default_rng(1)
+    labels, sessions = np.repeat(['coarse', 'fine'], 15), np.tile(['s1', 's2', 's3'], 10)
+    pitch_hz = np.where(labels == 'coarse', 4.0, 9.0)[:, np.newaxis]
+    phase = 2 * np.pi * (pitch_hz * np.arange(90) / 60 + rng.random((30, 1)))
+    x = 3.0 + 0.05 * np.sin(phase) + rng.normal(0.0, 0.05, (30, 90))
+    archive = tmp_path / 'lab.npz'
+    np.savez(archive, x=x, label=labels, rate_hz=60.0, session_id=sessions)
+    hear_tactile('train', archive, '--task', 'texture', '-o', tmp_path / 'models')
+    (path,) = (tmp_path / 'models').glob('*.npz')
+    fitted = TactileClassifier('auto', task='texture', rate_hz=60.0)
+    fitted.fit(x, labels, groups=sessions).save(tmp_path / 'own.npz')
+    written, own = (open_model(each.read_bytes()) for each in (path, tmp_path / 'own.npz'))
+    for name in ('labels', 'classifier', 'scaling', 'spec', 'training_sha256', 'confidence'):
+        assert getattr(written.manifest, name) == getattr(own.manifest, name), name
+    assert written.manifest.calibration == own.manifest.calibration
+    for part in ('classifier', 'scaling', 'novelty'):
+        first, second = (getattr(each.predictor, part) for each in (written, own))
+        assert type(first) is type(second)
+        for name in () if first is None else first.SHAPES:
+            np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
+    assert fitted.predict(x).tolist() == load_model(path).predict(x).tolist()
