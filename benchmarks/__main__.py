@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Speed against error of what this workspace computes. See docs/benchmarks.md."""
+"""Run benchmarks of speed, error and accuracy; see docs/benchmarks.md."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from tactile_lab.console import PlainConsole, Table
 
 DESCRIPTION = """Measure speed, error and accuracy. docs/benchmarks.md explains the results.
 
-Speed is a ratio: our time over the time of a floor, measured in turns in the same
-run. The floor is the least work that could do the task (a bare transform, a bare
-loop), or a peer that does the same; each table names it.
+Speed is a ratio: time of this code over the time of a floor, measured alternately
+in the same run. The floor is the minimum work for the task (a bare transform, a
+bare loop), or a comparable library; each table names it.
 
-Error is measured against a reference of higher precision, or as a count of
-answers that differ. An error above its bound is a failure.
+Error is measured against a reference of higher precision, or as the number of
+different predictions. An error above its bound is a failure.
 """
 
 EPILOG = """exit status:
-  0 when every topic ran and every error is within its bound, 1 otherwise,
+  0 if all topics ran and all errors are within their bounds, 1 otherwise,
   2 for a wrong argument.
 
 examples:
@@ -38,7 +38,7 @@ examples:
 
 
 def main() -> int:
-    """Run the topics that the arguments name."""
+    """Run the topics selected by the arguments."""
     arguments = _parse_arguments()
     out, progress = PlainConsole(), PlainConsole(stderr=True)
     documents = {}
@@ -77,17 +77,17 @@ def _parse_arguments() -> argparse.Namespace:
         metavar='NAME',
         action='append',
         choices=[topic.name for topic in TOPICS],
-        help='run this topic alone; may be given again for another',
+        help='run only this topic; may be repeated',
     )
     parser.add_argument(
         '--quick',
         action='store_true',
-        help='fewer rounds and smaller inputs: the same errors, rougher ratios',
+        help='fewer rounds and smaller inputs: the same errors, less precise ratios',
     )
     parser.add_argument(
         '--json',
         action='store_true',
-        help='print one JSON document instead of tables; progress goes to standard error',
+        help='print one JSON document instead of tables; progress is printed to standard error',
     )
     return parser.parse_args()
 
@@ -98,7 +98,7 @@ def _list_topics() -> str:
         f'  {topic.name:{width}} {"*" if topic.is_long else " "} {topic.summary}\n'
         for topic in TOPICS
     ]
-    return f'topics (* only when named):\n{"".join(lines)}\n'
+    return f'topics (* only with --only):\n{"".join(lines)}\n'
 
 
 def _print(report: Report, out: PlainConsole) -> None:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Speed as a ratio, error with its bound: what every topic reports."""
+"""Reports of benchmarks: speed as a ratio, and error with its bound."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ OTHER_CHECKOUT = 'TACTILE_OTHER_CHECKOUT'
 
 @dataclass(frozen=True)
 class Ratio:
-    """Time of ours over time of the floor: median and quartiles of rounds that take turns."""
+    """Time of this code over time of the floor: median and quartiles of alternating rounds."""
 
     median: float
     low: float
@@ -29,9 +29,9 @@ class Ratio:
 
 @dataclass(frozen=True)
 class Row:
-    """One case of a topic: our error with its bound, and the floor's error on the same input.
+    """One case of a topic: error with its bound, and error of the floor for the same input.
 
-    ``more`` are columns of this topic alone.
+    ``more`` contains additional columns of the topic.
     """
 
     case: str
@@ -44,9 +44,9 @@ class Row:
 
 @dataclass(frozen=True)
 class Report:
-    """The table of one topic, with what its columns mean; empty: it has no such column.
+    """Table of one topic, with explanations of its columns; empty if a column does not exist.
 
-    ``more`` are further tables of the topic.
+    ``more`` contains further tables of the topic.
     """
 
     title: str
@@ -62,13 +62,12 @@ def measure_ratio(
     rounds: int = 15,
     round_s: float = 0.02,
 ) -> Ratio:
-    """Time both in turns and return the ratio of their times.
+    """Measure both alternately and return the ratio of their times.
 
-    Both run side by side within each round, so that a machine that is busy for a while
-    is busy for both.
+    Both run in each round, so that other load on the machine affects both.
 
-    ``rounds``: how many ratios to take the median of; at least 2. ``round_s``: about how long each
-    of the two runs in a round [s].
+    ``rounds`` is the number of ratios for the median, at least 2. ``round_s`` is the approximate
+    time of each function in a round [s].
     """
     our_loops, floor_loops = _count_loops(ours, round_s), _count_loops(floor, round_s)
     ratios = []
@@ -80,7 +79,7 @@ def measure_ratio(
 
 
 def _count_loops(work: Callable[[], object], round_s: float) -> int:
-    first_s = _time_loops(work, 1)  # holds imports and the filling of caches too
+    first_s = _time_loops(work, 1)  # includes imports and filling of caches
     if first_s > 10 * round_s:
         return 1
     return max(1, round(round_s / max(_time_loops(work, 1), 1e-7)))

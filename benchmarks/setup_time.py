@@ -1,12 +1,12 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Time from a clone to a workspace that is ready, against another revision in turns.
+"""Time to set up the workspace of a clone, compared with another revision.
 
-``python -m benchmarks.setup_time REVISION --rounds 3`` clones this repository twice and runs
-``./tactile clean`` and ``./tactile build`` in each clone by turns. Downloads are in the cache
-after an uncounted first set-up. Processor time counts beside wall time, which depends on what
-else the computer does.
+``python -m benchmarks.setup_time REVISION --rounds 3`` clones this repository twice, and runs
+``./tactile clean`` and ``./tactile build`` alternately in both clones. A first set-up, which is
+not measured, fills the download cache. Processor time is reported in addition to wall time,
+because wall time depends on other load.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def main() -> None:
 
 
 def set_up(clone: Path) -> tuple[float, float]:
-    """Set the clone up from nothing; return wall and processor time [s]."""
+    """Set up the clone from scratch; return wall and processor time [s]."""
     run(clone, './tactile', 'clean')
     before, started_s = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
     run(clone, './tactile', 'build')
@@ -63,7 +63,7 @@ def set_up(clone: Path) -> tuple[float, float]:
 
 
 def run(folder: Path, *command: str) -> str:
-    """Run a program, which must succeed; return what it prints."""
+    """Run a program, which must succeed; return its output."""
     return subprocess.run(
         command, cwd=folder, check=True, stdout=subprocess.PIPE, text=True
     ).stdout

@@ -15,10 +15,10 @@ LONG = True
 
 
 class Topic(NamedTuple):
-    """One thing to measure, by the function ``run_<name>`` of a module.
+    """A benchmark, implemented by the function ``run_<name>`` of a module.
 
-    A module is imported when its topic runs: some need what others do not. A long topic, or one
-    that needs peers installed, runs when it is named.
+    The module is imported when its topic runs, because some topics need additional packages. Long
+    topics, and topics that compare with other libraries, only run if they are selected.
     """
 
     name: str
@@ -41,20 +41,22 @@ TOPICS = (
     Topic('predictions', 'kernels.predictions', 'one window, beside another checkout', LONG),
     Topic('simulator', 'simulator.schemes', 'texture trials: speed and error by step'),
     Topic('rig-cpu', 'simulator.rig_cpu', 'processor time of the simulated rig', LONG),
-    Topic('twin', 'simulator.twin', 'error beside the same scene in MuJoCo (needs mujoco)', LONG),
-    Topic('twin-speed', 'simulator.twin', 'speed beside the same scene in MuJoCo', LONG),
+    Topic(
+        'twin', 'simulator.twin', 'deviation from the same scene in MuJoCo (needs mujoco)', LONG
+    ),
+    Topic('twin-speed', 'simulator.twin', 'speed compared with MuJoCo', LONG),
     Topic('robustness', 'simulator.robustness', 'accuracy by condition of sensor and rig'),
-    Topic('paper', 'paper.reproduction', "the paper's protocol beside its numbers", LONG),
-    Topic('paper-settings', 'paper.settings', "the paper's statements, by setting", LONG),
+    Topic('paper', 'paper.reproduction', 'results of the paper on simulated trials', LONG),
+    Topic('paper-settings', 'paper.settings', 'statements of the paper, by setting', LONG),
     Topic('hard-plates', 'accuracy.twelve_plates', 'twelve plates, pitches 5 % apart', LONG),
     Topic('speeds', 'accuracy.speeds', 'public recordings at a speed never seen', LONG),
     Topic('rate-error', 'accuracy.rate_error', 'a wrong sample rate or guide speed', LONG),
     Topic('choice', 'accuracy.choices', 'features and classifier chosen by the folds', LONG),
     Topic('unlearned', 'accuracy.choices', 'labels that training has not seen', LONG),
     Topic('calibration-error', 'accuracy.choices', 'stated and true error of probabilities', LONG),
-    Topic('peers', 'accuracy.peers', 'features of aeon and tsfresh beside ours', LONG),
-    Topic('phases', 'events.phases', 'phases found in the tension: how often, how exactly'),
-    Topic('phase-features', 'events.phases', 'accuracy with found phases, beside stated ones'),
+    Topic('peers', 'accuracy.peers', 'comparison with features of aeon and tsfresh', LONG),
+    Topic('phases', 'events.phases', 'phases detected in the tension: success rate and error'),
+    Topic('phase-features', 'events.phases', 'accuracy with detected and commanded phases'),
     Topic('thresholds', 'sessions.thresholds', 'unknown objects in new sessions', LONG),
     Topic('sensors', 'nodes.sensors', 'sensor nodes, 60 Hz to five times 7 kHz: CPU, loss'),
     Topic('hand', 'nodes.hand', 'five fingers, from a block to a classification', LONG),

@@ -3,8 +3,8 @@
 
 """Settings of the documentation site, which `./tactile docs` builds with Sphinx.
 
-The source folder is the root of the repository, so that links between pages, README and
-CONTRIBUTING are the same on the site as in the repository.
+The source folder is the root of the repository, so links between pages, README and CONTRIBUTING
+work both on the site and in the repository.
 """
 
 import importlib
@@ -29,7 +29,7 @@ extensions = [
     'sphinx.ext.napoleon',
 ]
 
-# Pages link to headings as GitHub names them.
+# Pages link to headings with the anchors of GitHub.
 myst_heading_anchors = 4
 myst_enable_extensions = ['deflist']
 
@@ -47,7 +47,7 @@ html_show_sourcelink = False
 html_copy_source = False
 
 
-# Packages import their parts on first use; autodoc sees only what is imported.
+# Packages import their modules on first use, but autodoc only finds imported names.
 for package in (
     'linear_guide_driver',
     'tactile_analysis',
@@ -63,7 +63,7 @@ for package in (
 
 
 def add_contents(app, name, source):
-    """Give the index its tables of contents, made from its own lists of links."""
+    """Add tables of contents to the index, from its lists of links."""
     if name != root_doc:
         return
     tables = re.findall(r'^## (.+)\n\n((?:- .*\n)+)', source[0], re.MULTILINE)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulator's constants as a table: key, value and source of every line of its YAML."""
+"""Table of the simulator's constants: key, value and source of each line of its YAML files."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ FILES = ('finger_flexion', 'finger_abduction', 'rig', 'plates', 'objects')
 
 
 def build_tables(config: Path) -> str:
-    """Return one Markdown table for each file; the file's heading says what holds for all."""
+    """Return one Markdown table per file, with the comment at the top of the file as heading."""
     return '\n'.join(_build_table(config / f'{name}.yaml') for name in FILES)
 
 
 def replace_tables(page: str, tables: str) -> str:
-    """Put the tables between their marks."""
+    """Replace the tables between the markers."""
     before, rest = page.split(BEGIN)
     return f'{before}{BEGIN}\n{tables}{END}{rest.split(END)[1]}'
 
@@ -32,10 +32,10 @@ def _build_table(path: Path) -> str:
             heading.append(text.lstrip('# '))
             continue
         if not text or text.startswith('{'):
-            if text:  # the value of the key above
+            if text:  # continuation of the value of the previous key
                 rows[-1] = (rows[-1][0], text.strip('{}'), rows[-1][2])
             continue
-        if text.startswith('#'):  # a source that goes on
+        if text.startswith('#'):  # continuation of the source
             key, value, source = rows[-1]
             rows[-1] = (key, value, f'{source} {text.lstrip("# ")}')
             continue

@@ -1,11 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Run the examples and renew their pages: ./tactile run python docs/examples.py.
+"""Run the examples and update their pages: ./tactile run python docs/examples.py.
 
-A line ``# %%`` begins a part of an example: first comments, which are Markdown, then code.
-What the code prints stands below it, and each figure that it leaves open. The same parts are the
-cells of a notebook beside the page.
+A line ``# %%`` starts a part of an example: first comments in Markdown, then code. The page shows
+the output of the code below it, and each open figure. A notebook with the same parts as cells is
+written next to the page.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def read_parts(script: Path) -> list[tuple[str, str]]:
 
 
 def build_notebook(script: Path) -> str:
-    """Return an example as a notebook (nbformat 4.5) that was not run yet."""
+    """Return an example as a notebook (nbformat 4.5) without outputs."""
     cells: list[dict[str, Any]] = []
     for prose, code in read_parts(script):
         for kind, text in (('markdown', prose), ('code', code)):
@@ -51,7 +51,7 @@ def build_notebook(script: Path) -> str:
 
 
 def build_page(script: Path, images: Path) -> str:
-    """Run an example; return its page, and write its figures.
+    """Run an example, write its figures, and return its page.
 
     Parameters
     ----------

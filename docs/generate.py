@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Renew the pictures and tables of the documentation: ./tactile run python docs/generate.py."""
+"""Update the pictures and tables of the documentation: ./tactile run python docs/generate.py."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ PAPER_SLOPE_N_S, PAPER_INTERCEPT_N, PAPER_CORRELATION = -0.90, 12.62, -0.99
 
 
 def main() -> None:
-    """Renew them all."""
+    """Update all pictures and tables."""
     IMAGES.mkdir(exist_ok=True)
     page = IMAGES.parent / 'simulator_constants.md'
     config = Path(tactile_sim.__file__).parent / 'config'
@@ -65,7 +65,7 @@ def find_free_shapes(contact: str, tensions_n: tuple[int, ...]) -> list[FloatArr
     """Modes of the free finger at rest at each tension, shape (3,)."""
     scene = build_scene('stiffness', 'none', contact)
     pulls_m = np.linspace(0.0, 0.03, 3000)
-    # One finger for each pull, all at once: their tendons differ in their zero.
+    # All pulls in one simulation: one finger per pull, with a different tendon zero.
     variation = dataclasses.replace(Variation.none(len(pulls_m)), tendon_zero_m=-pulls_m)
     start = scene.compute_inputs(np.zeros(1), np.array([scene.guide_m]))[0]
     state = scene.start_trials(variation, start)
@@ -79,7 +79,7 @@ def find_free_shapes(contact: str, tensions_n: tuple[int, ...]) -> list[FloatArr
 
 
 def draw_finger(path: Path) -> None:
-    """Shapes at the paper's tensions, and the stiffness trial that it publishes."""
+    """Draw the finger at the tensions of the paper, and the stiffness trial of the paper."""
     figure, axes = plt.subplots(
         1, 3, figsize=(13, 4.2), width_ratios=(1, 1, 1.3), layout='constrained'
     )
@@ -119,7 +119,7 @@ def draw_finger(path: Path) -> None:
 
 
 def draw_hold(ax: Any) -> None:
-    """A stiffness trial on the rubber shell beside the paper's three numbers."""
+    """Draw a stiffness trial on the rubber shell, with the three numbers of the paper."""
     scene = build_scene('stiffness', 'rubber_shell', 'flexion')
     pull_m = PULL_M['flexion']
     motion = simulate_motion(
@@ -172,7 +172,7 @@ def draw_glide(path: Path) -> None:
 
 
 def draw_passage(column: Any, scene: Scene, label: str) -> None:
-    """One plate: its felt profile above, the tension below."""
+    """Draw one plate: the profile as felt by the fingertip above, the tension below."""
     assert scene.surface is not None
     timeline = Timeline([Move(0.9, 0.110, 0.015)], [Move(0.2, PULL_M['flexion'], 0.02)], 4.0)
     fast = dataclasses.replace(scene.rig.load_cell, rate_hz=1000.0)
@@ -185,7 +185,7 @@ def draw_passage(column: Any, scene: Scene, label: str) -> None:
         return (time_s - from_s) * 15.0
 
     x_mm = np.linspace(0.0, 20.0, 2000)
-    # The tip's reach hardly changes: the plate passes under it at the guide's speed.
+    # The reach of the tip is nearly constant, so the plate moves under it at the guide's speed.
     first_m = scene.lead_m + (from_s - 0.915) * 0.015
     height = scene.surface.sample(first_m + 1e-3 * x_mm)[0]
     column[0].plot(x_mm, 1e3 * height, color='0.3', label='as a 5 mm fingertip feels it')

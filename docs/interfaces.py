@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The page on messages and actions, from the definitions themselves."""
+"""Page on messages and actions, generated from their definitions."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ _PARTS = {'msg': ('',), 'action': ('goal', 'result', 'feedback')}
 INTRODUCTION = """\
 # Messages and actions of `tactile_msgs`
 
-Made from the definitions in `src/tactile_msgs` by `docs/generate.py`. Units are SI; the
+Generated from the definitions in `src/tactile_msgs` by `docs/generate.py`. Units are SI; the
 unit of a field is in brackets.
 """
 
 
 def build_page(package: Path) -> str:
-    """Return the page on all interfaces below the folder of ``tactile_msgs``."""
+    """Return the page on all interfaces in the folder of ``tactile_msgs``."""
     parts = [INTRODUCTION]
     for kind, title in (('msg', 'Messages'), ('action', 'Actions')):
         parts.append(f'## {title}\n')
@@ -47,7 +47,7 @@ def _build_section(path: Path, kind: str) -> str:
 
 
 def _parse(text: str) -> tuple[str, list[str], list[str]]:
-    """Return what stands above the first field, and the rows of fields and constants."""
+    """Return the comment above the first field, and the rows of fields and constants."""
     about: list[str] = []
     fields: list[str] = []
     constants: list[str] = []

@@ -3,7 +3,7 @@
 
 """Make live_trial.webp and live_page.png of docs/images: a SIMULATED trial on the live page.
 
-Takes a folder of models, as the demo leaves it::
+Requires a folder of models, for example from the demo::
 
     ./tactile demo -o demo
     ./tactile run python docs/moving_picture.py demo/models
@@ -82,7 +82,7 @@ def take_pictures(models: Path) -> list[tuple[float, Image.Image]]:
 
 
 def main() -> None:
-    """Take the pictures and write them as one."""
+    """Take the pictures and write them as one animation."""
     pictures = take_pictures(Path(sys.argv[1]))
     times = [at_s for at_s, _ in pictures]
     durations = [round(1000 * (b - a)) for a, b in pairwise(times)]

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The picture of docs/phases.md: two simulated trials with the phases found in them."""
+"""Picture of docs/phases.md: two simulated trials with the detected phases."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SEED = 5
 
 
 def draw_phases(path: Path) -> None:
-    """Draw the tension, what was commanded (dashed) and what was found."""
+    """Draw the tension with commanded phases (dashed) and detected phases."""
     figure, axes = plt.subplots(1, 2, figsize=(11, 3.6), layout='constrained')
     for axis, (protocol, label, contact) in zip(axes, _TRIALS, strict=True):
         planned = plan_trial(TrialConfig(), TrialRequest(protocol, contact))
@@ -39,6 +39,6 @@ def draw_phases(path: Path) -> None:
             axis.text(at_s + 0.05, 0.08 * top_n, event.phase, color='C3', rotation=90)
         axis.set(title=f'{protocol}, {label}, {contact}', xlabel='time [s]', ylabel='tension [N]')
         axis.set_ylim(-0.05 * top_n, 1.12 * top_n)
-    figure.suptitle('SIMULATED trials: phases commanded (dashed) and found (red)', fontsize=10)
+    figure.suptitle('SIMULATED trials: phases commanded (dashed) and detected (red)', fontsize=10)
     figure.savefig(path, dpi=100)
     plt.close(figure)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Drawings for building the rig: the plates, and finger and rig, from the descriptions."""
+"""Drawings for building the rig: plates, finger and rig, from the simulator's descriptions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tactile_sim.physics.equations import compute_curve
 from tactile_sim.physics.scene import compute_plate_profile
 
 SHOWN_MM = 22.0
-"""From the plate's end into the grooves."""
+"""Drawn length from the end of the plate into the grooves."""
 
 
 def draw_plates(path: Path) -> None:
@@ -46,7 +46,7 @@ def draw_plates(path: Path) -> None:
 
 
 def describe_plate(plate: Plate) -> str:
-    """Return groove, pitch, width and depth."""
+    """Return groove shape, pitch, width and depth as text."""
     if plate.groove == 'none':
         return 'flat'
     return (
@@ -56,7 +56,7 @@ def describe_plate(plate: Plate) -> str:
 
 
 def draw_rig(path: Path) -> None:
-    """Draw what is connected to what: finger, tendon, sensor, servo and guide; not to scale."""
+    """Draw the connections of finger, tendon, sensor, servo and guide; not to scale."""
     finger = default_catalogue().finger('flexion')
     bend_rad = np.radians(finger.contact_bend_deg)
     x_mm, z_mm = 1e3 * compute_curve(finger.length_m, np.array([bend_rad, 0.0, 0.0])).T

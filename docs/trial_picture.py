@@ -47,7 +47,7 @@ SHAPE_STYLES = {
 """Colour and line style of each moment; the shapes at start and end of a hold coincide."""
 
 BODY_DEPTH_M = 0.012
-"""Drawn depth of plates and objects [m]; the model has only their surface."""
+"""Drawn depth of plates and objects [m]; the model only contains their surface."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class TrialPicture:
 
 
 def main() -> None:
-    """Draw the trial that the arguments name."""
+    """Draw the trial selected by the arguments."""
     parser = argparse.ArgumentParser(
         description='Simulate one trial without variation or noise, and draw it.'
     )
@@ -139,7 +139,7 @@ def _choose_label(protocol: str, catalogue: Catalogue) -> str:
     labels = catalogue.labels(protocol)
     if protocol == 'texture':
         return next((name for name in labels if catalogue.plate(name).groove != 'none'), labels[0])
-    # The softest object; stiffness 0 means that there is no object.
+    # The softest object. Stiffness 0 means no object.
     return min(labels, key=lambda name: catalogue.body(name).stiffness_n_m or math.inf)
 
 
@@ -181,7 +181,7 @@ def plot_simulated_trial(
 ) -> None:
     """Simulate a trial exactly as described, without variation or noise, and draw it.
 
-    ``path`` is the PNG file. ``plan`` gives protocol and contact.
+    ``path`` is the PNG file. ``plan`` contains protocol and contact.
 
     Raises `TactileError` when the file cannot be written, or the simulator finds no solution.
     """
@@ -189,7 +189,7 @@ def plot_simulated_trial(
     try:
         figure.savefig(path, dpi=130, format='png')
     except OSError as error:
-        raise TactileError(f'cannot write {path}: {error.strerror}; name another file') from error
+        raise TactileError(f'cannot write {path}: {error.strerror}; use another file') from error
 
 
 def draw_picture(picture: TrialPicture) -> Figure:

@@ -3,12 +3,16 @@
 
 """Check that each package declares what it imports, and imports what it declares.
 
-``package.xml`` names ROS packages and rosdep keys, ``setup.py`` distributions on PyPI. An
-import counts wherever it stands, within a function too. So does the name of a message type
-in a string, such as ``std_msgs/msg/Header``: its class is imported by that name.
-The packages that run on a robot need nothing that rosdep installs by pip, or not at all.
-``requirements/packages.txt`` is what pip installs: the sum of all. Its lower bounds are those of
-each ``setup.py`` and ``package.xml``, and are the versions that ``requirements/noble.txt`` tests.
+``package.xml`` contains ROS packages and rosdep keys, ``setup.py`` distributions on PyPI. Imports
+within functions are included. Names of message types in strings, such as ``std_msgs/msg/Header``,
+count as imports, because their classes are imported by name.
+
+Packages that run on a robot must not depend on packages that rosdep installs with pip, or cannot
+install.
+
+``requirements/packages.txt`` lists all packages that pip installs. Its lower bounds must equal the
+lower bounds in each ``setup.py`` and ``package.xml``, and the versions in
+``requirements/noble.txt``.
 """
 
 from __future__ import annotations
@@ -26,14 +30,14 @@ ROOT = Path(__file__).resolve().parent.parent
 
 @dataclass(frozen=True)
 class Library:
-    """A library from PyPI, as it is declared.
+    """Declaration of a library from PyPI.
 
     Attributes
     ----------
     key : str
-        In ``package.xml``; empty: rosdep has none, and installing it is left to the user.
+        Key in ``package.xml``. Empty if rosdep has no key; the user then installs the library.
     distribution : str
-        In ``setup.py``.
+        Name in ``setup.py``.
     """
 
     key: str
@@ -47,7 +51,7 @@ LIBRARIES = {
     'hypothesis': Library('python3-hypothesis', 'hypothesis'),
     'jinja2': Library('python3-jinja2', 'Jinja2'),
     'joblib': Library('python3-joblib', 'joblib'),
-    'lz4': Library('python3-rosbags-pip', 'lz4'),  # no key of its own; rosbags requires it
+    'lz4': Library('python3-rosbags-pip', 'lz4'),  # has no rosdep key; required by rosbags
     'matplotlib': Library('python3-matplotlib', 'matplotlib'),
     'mcap': Library('', 'mcap'),
     'numba': Library('python3-numba', 'numba'),
@@ -60,12 +64,12 @@ LIBRARIES = {
     'scipy': Library('python3-scipy', 'scipy'),
     'serial': Library('python3-serial', 'pyserial'),
     'sklearn': Library('python3-sklearn', 'scikit-learn'),
-    'threadpoolctl': Library('python3-sklearn', 'threadpoolctl'),  # scikit-learn requires it
+    'threadpoolctl': Library('python3-sklearn', 'threadpoolctl'),  # required by scikit-learn
     'typer': Library('python3-typer', 'typer'),
     'yaml': Library('python3-yaml', 'PyYAML'),
-    'zstandard': Library('python3-rosbags-pip', 'zstandard'),  # as lz4
+    'zstandard': Library('python3-rosbags-pip', 'zstandard'),  # like lz4
 }
-"""By the name that is imported. What is not in it is a ROS package of that name."""
+"""Libraries by import name. Other names are ROS packages."""
 
 ROBOT = (
     'tactile_msgs',
@@ -76,41 +80,41 @@ ROBOT = (
     'tactile_classifier',
     'tactile_bringup',
 )
-"""Packages that run on a robot: apt installs all that they need, so that they can be released."""
+"""Packages that run on a robot. All their dependencies must be installable with apt."""
 
 OPTIONAL = {
     'tactile_bringup': {'tactile_bags', 'tactile_sim'},
     'tactile_classifier': {'vision_msgs'},
     'tactile_lab': {'distributed'},
 }
-"""By package: what it runs without. In ``setup.py`` these are extras, not requirements."""
+"""Optional dependencies of each package, which are extras in ``setup.py``."""
 
 DEPENDENCIES = ('depend', 'build_depend', 'build_export_depend', 'exec_depend', 'test_depend')
 """Elements of a ``package.xml`` that rosdep resolves."""
 
-REMEDY = 'a package that runs on a robot needs nothing that apt does not install'
+REMEDY = 'packages that run on a robot must only need what apt can install'
 
 NOT_INSTALLED_BY_PIP = {'tactile_testing'}
-"""Packages of tests alone, which the wheel leaves out."""
+"""Packages used only by tests, not included in the wheel."""
 
 NOT_IMPORTED = {
     'tactile_bringup': {'ros2launch'},  # `ros2 launch`, which starts the launch files
 }
-"""By package: what is declared and used, but never imported."""
+"""Dependencies of each package that are used, but not imported."""
 
 TYPE_NAME = re.compile(r'(\w+)/(?:msg|srv|action)/\w+')
 
 
 def imports_of(files: Iterable[Path], own: set[str], *, on_import: bool = False) -> set[str]:
-    """Return the top-level packages that Python files import, without Python's own.
+    """Return the top-level packages imported by Python files, without the standard library.
 
     Parameters
     ----------
     files : iterable of Path
     own : set of str
-        Names that do not count: the package itself, and the helpers of its tests.
+        Ignored names: the package itself, and helpers of its tests.
     on_import : bool
-        Count only what is imported when the file is, and not within a function or for types.
+        Return only packages imported at module level, not within functions or for type checking.
     """
     found = set()
     for path in files:
@@ -125,7 +129,7 @@ def imports_of(files: Iterable[Path], own: set[str], *, on_import: bool = False)
 
 
 def _walk(tree: ast.AST, *, on_import: bool) -> Iterator[ast.AST]:
-    """Yield the nodes of a tree; ``on_import``: those that run when the module is imported."""
+    """Yield the nodes of a tree; with ``on_import``, only nodes executed at module import."""
     if on_import:
         if isinstance(tree, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
             return
@@ -137,13 +141,13 @@ def _walk(tree: ast.AST, *, on_import: bool) -> Iterator[ast.AST]:
 
 
 def keys_of(package_xml: Path, *tags: str) -> set[str]:
-    """Return what stands in these elements of a ``package.xml``."""
+    """Return the contents of these elements of a ``package.xml``."""
     root = ElementTree.parse(package_xml).getroot()
     return {(element.text or '').strip() for tag in tags for element in root.iter(tag)}
 
 
 def requirements_of(setup_py: Path) -> tuple[set[str], set[str]]:
-    """Return ``install_requires`` and all of ``extras_require`` but for the tests."""
+    """Return ``install_requires``, and ``extras_require`` except for tests."""
     for node in ast.walk(ast.parse(setup_py.read_text('utf-8'))):
         if isinstance(node, ast.Call) and getattr(node.func, 'id', '') == 'setup':
             stated = {k.arg: k.value for k in node.keywords}
@@ -155,26 +159,26 @@ def requirements_of(setup_py: Path) -> tuple[set[str], set[str]]:
 
 
 def name_of(requirement: str) -> str:
-    """Return the distribution that a requirement names, without its bound and comment."""
+    """Return the name of the distribution in a requirement, without bound and comment."""
     return re.split('[#<>=; ]', requirement)[0].strip()
 
 
 def read_requirements(name: str) -> dict[str, str]:
-    """Return the lines of a file of ``requirements/``, without comments, by distribution."""
+    """Return the lines of a file in ``requirements/`` by distribution, without comments."""
     lines = (ROOT / 'requirements' / name).read_text('utf-8').splitlines()
     found = [line.partition('#')[0].strip() for line in lines]
     return {name_of(line): line for line in reversed(found) if line}
 
 
 def check_bounds(folders: Iterable[Path]) -> list[str]:
-    """Return one sentence for each lower bound that differs between the places that state it."""
+    """Return one sentence per lower bound that differs between files."""
     wanted = read_requirements('packages.txt')
     bounds = {name: line.partition('>=')[2] for name, line in wanted.items()}
-    # Two libraries may share a key; the one that it is named after is listed first.
+    # If two libraries share a key, the library that gives the key its name is listed first.
     of_keys: dict[str, str] = {}
     for library in LIBRARIES.values():
         of_keys.setdefault(library.key, bounds.get(library.distribution, ''))
-    of_keys['python3-rosbags-pip'] = bounds['rosbags']  # listed behind lz4, which it brings
+    of_keys['python3-rosbags-pip'] = bounds['rosbags']  # listed after lz4, which it requires
     faults = []
     for folder in folders:
         faults += [
@@ -197,19 +201,19 @@ def check_bounds(folders: Iterable[Path]) -> list[str]:
 
 
 def check_package(folder: Path) -> list[str]:
-    """Return one sentence for each import that is not declared, and for the reverse."""
+    """Return one sentence per import that is not declared, and per unused declaration."""
     name = folder.name
     optional = OPTIONAL.get(name, set())
     files = list((folder / 'test').rglob('*.py'))
     code = imports_of([*(folder / name).rglob('*.py'), *folder.glob('launch/*.py')], {name})
-    plugin = {'tactile_testing'} - {name}  # setup.cfg names it, for every package's tests
+    plugin = {'tactile_testing'} - {name}  # loaded by setup.cfg for the tests of each package
     tests = imports_of(files, {name} | {path.stem for path in files}) | plugin
     keys = _keys(code - optional)
     stated = keys_of(folder / 'package.xml', 'depend', 'exec_depend')
     for_tests = keys_of(folder / 'package.xml', 'test_depend')
     required, extras = (set(map(name_of, r)) for r in requirements_of(folder / 'setup.py'))
     lists = {
-        # Where it is declared: what must stand there, what stands there, what may.
+        # For each element: required, declared, and allowed additional names.
         'exec_depend of package.xml': (keys, stated, NOT_IMPORTED.get(name, set())),
         'test_depend of package.xml': (
             _keys(tests - optional) - keys,
@@ -223,23 +227,23 @@ def check_package(folder: Path) -> list[str]:
     for place, (needed, found, allowed) in lists.items():
         faults += [f'{place} lacks {key}' for key in sorted(needed - found)]
         faults += [
-            f'{place} names {key}, which is not imported: take it out'
+            f'{place} contains {key}, which is not imported: remove it'
             for key in sorted(found - needed - allowed)
         ]
     faults += [
-        f'{module} is imported nowhere: take it out of OPTIONAL in tools/declarations.py'
+        f'{module} is not imported: remove it from OPTIONAL in tools/declarations.py'
         for module in sorted(optional - code)
     ]
-    # Without it `colcon test` and `pytest src/PACKAGE/test` lack the tests' fixtures.
+    # `colcon test` and `pytest src/PACKAGE/test` need it for the fixtures.
     if files and '-p tactile_testing.plugin' not in (folder / 'setup.cfg').read_text('utf-8'):
         faults.append('[tool:pytest] of setup.cfg lacks -p tactile_testing.plugin in addopts')
     return [f'src/{name}: {fault}' for fault in faults]
 
 
 def check_robot() -> list[str]:
-    """Return one sentence for each thing that the robot's packages need and apt cannot install.
+    """Return one sentence per dependency of the robot's packages that apt cannot install.
 
-    The packages of this repository that they depend on, in their tests too, are checked as well.
+    The packages of this repository that they depend on, also in tests, are checked as well.
     """
     only_pip = {
         module
@@ -253,7 +257,7 @@ def check_robot() -> list[str]:
         folder = ROOT / 'src' / name
         stated = keys_of(folder / 'package.xml', *DEPENDENCIES)
         faults += [
-            f'src/{name}/package.xml names {key}, which rosdep installs by pip: {REMEDY}'
+            f'src/{name}/package.xml contains {key}, which rosdep installs with pip: {REMEDY}'
             for key in sorted(stated)
             if key.endswith('-pip')
         ]
@@ -276,19 +280,19 @@ def check_robot() -> list[str]:
 
 
 def check_wheel(folders: Iterable[Path]) -> list[str]:
-    """Return one sentence for each difference between the packages and what pip installs."""
+    """Return one sentence per difference between the packages and the requirements of pip."""
     listed = set(read_requirements('packages.txt'))
     required = set().union(*(requirements_of(folder / 'setup.py')[0] for folder in folders))
     needed = {name_of(line) for line in required} - {'setuptools'}
     pyproject = (ROOT / 'pyproject.toml').read_text('utf-8')
     faults = [f'requirements/packages.txt lacks {name}' for name in sorted(needed - listed)]
-    faults += [f'requirements/packages.txt names {name}' for name in sorted(listed - needed)]
+    faults += [f'requirements/packages.txt: {name} is unused' for name in sorted(listed - needed)]
     for folder in folders:
         if f'"src/{folder.name}"' not in pyproject:
-            faults.append(f'pyproject.toml does not name src/{folder.name} among its packages')
+            faults.append(f'pyproject.toml does not list src/{folder.name} in its packages')
         (version,) = keys_of(folder / 'package.xml', 'version')
         if f'\nversion = "{version}"\n' not in pyproject:
-            faults.append(f'src/{folder.name} has version {version}, pyproject.toml another')
+            faults.append(f'versions of src/{folder.name} ({version}) and pyproject.toml differ')
     return faults
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The arguments of `./tactile`: set up what is missing, then run the command."""
+"""Command line of `./tactile`: set up the workspace if necessary, then run the command."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ OURS = ('build', 'clean', 'docs', 'run', 'shell', 'test')
 USAGE = """\
 usage: ./tactile COMMAND [ARGUMENT ...]
 
-  demo            the whole chain on the simulated rig: train, run trials, record, replay
+  demo            all steps on the simulated rig: train, run trials, record, replay
   test [PACKAGE ...] [--unit | --nodes] [-k EXPRESSION] [--workers N]
-                  the house rules and the tests of all packages, or of some packages
+                  static checks and tests of all packages, or tests of some packages
   run PROGRAM [ARGUMENT ...]
-                  any program in the workspace's environment, as in
+                  any program in the workspace's environment, for example
                   ./tactile run python -m pytest src/tactile_features/test -k spectrum
   shell           a shell in the workspace's environment, in which `tactile` is on the path
-  docs            build the documentation as a site, the API reference included
-  build           set up and build, and nothing else
-  clean           remove everything that this command has set up
+  docs            build the documentation site with the API reference
+  build           set up and build only
+  clean           remove everything in .tactile/
 
   simulate, import, train, classify, evaluate, features, export, replay, repair, show, trials,
   experiment, rig, sense, hand, event, watch, devices, check, calibrate
@@ -38,7 +38,7 @@ usage: ./tactile COMMAND [ARGUMENT ...]
   --distro noble takes Jazzy with the Python libraries of Ubuntu 24.04.
 
 The first call sets up a virtual environment with ROS 2 and builds the workspace
-in .tactile/; later calls start at once.
+in .tactile/; later calls start immediately.
 """
 
 
@@ -48,7 +48,7 @@ def take_distro(arguments: list[str]) -> str:
         return os.environ.get('TACTILE_DISTRO', DEFAULT_DISTRO)
     at = arguments.index('--distro')
     if at + 1 == len(arguments):
-        raise SetupError('--distro wants the name of a ROS 2 distribution.')
+        raise SetupError('--distro needs the name of a ROS 2 distribution.')
     distro = arguments[at + 1]
     del arguments[at : at + 2]
     return distro
@@ -76,7 +76,7 @@ def main(arguments: list[str]) -> int:
             return build_site(workspace)
         if command == 'run':
             if not rest:
-                raise SetupError('run wants a program, as in: ./tactile run python')
+                raise SetupError('run needs a program, for example: ./tactile run python')
             workspace.execute(rest)
         if command == 'shell':
             print('`tactile` is on the path. `exit` leaves this shell.', file=sys.stderr)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`./tactile test`: the rules of the house, then the tests of every package."""
+"""`./tactile test`: static checks, then the tests of all packages."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ COMPUTING = ('unit', 'analysis')
 
 @dataclass
 class Outcome:
-    """The outcome of one package's tests, or of one rule."""
+    """Result of the tests of one package, or of one static check."""
 
     name: str
     passed: int = 0
@@ -33,25 +33,25 @@ class Outcome:
 
 
 def run_tests(workspace: Workspace, arguments: list[str]) -> int:
-    """Run rules and tests, print a summary, return the exit code; see ``USAGE``."""
+    """Run checks and tests, print a summary, and return the exit code; see ``USAGE``."""
     packages = sorted(p.parent.name for p in (ROOT / 'src').glob('*/package.xml'))
     parser = argparse.ArgumentParser(
         'tactile test',
-        description='Run the rules of the house and the tests of all packages; of some packages '
-        'or some tests, the tests alone.',
+        description='Run static checks and the tests of all packages. With packages or '
+        '-k, only run the selected tests.',
     )
     parser.add_argument('packages', nargs='*', metavar='PACKAGE', help=', '.join(packages))
     kinds = parser.add_mutually_exclusive_group()
     kinds.add_argument('--unit', action='store_true', help='fast tests without ROS or devices')
-    kinds.add_argument('--nodes', action='store_true', help='only tests that touch ROS')
-    parser.add_argument('-k', dest='expression', metavar='EXPRESSION', help="as pytest's")
+    kinds.add_argument('--nodes', action='store_true', help='only tests that use ROS')
+    parser.add_argument('-k', dest='expression', metavar='EXPRESSION', help="like pytest's -k")
     parser.add_argument(
         '--workers',
         type=int,
         default=os.cpu_count() or 1,
         metavar='N',
-        help='processes for tests that wait for devices and nodes (default: one a core); tests '
-        'that compute follow, with one a core',
+        help='processes for tests that wait for devices and nodes (default: one per core); '
+        'computing tests run afterwards, always with one process per core',
     )
     options = parser.parse_args(arguments)
     unknown = sorted(set(options.packages) - set(packages))
@@ -70,13 +70,13 @@ def run_tests(workspace: Workspace, arguments: list[str]) -> int:
 
 
 def site_command(workspace: Workspace) -> list[str]:
-    """Return the command that builds the documentation; any warning makes it fail."""
+    """Return the command that builds the documentation; warnings are errors."""
     options = ['-q', '-W', '--keep-going', '-E', '-c', 'docs', '-b', 'html']
     return ['python', '-m', 'sphinx', *options, '.', str(workspace.site)]
 
 
 def build_site(workspace: Workspace) -> int:
-    """Build the documentation, say where it is, return the exit code."""
+    """Build the documentation, print its location, and return the exit code."""
     command, environment = site_command(workspace), workspace.environment()
     code = subprocess.run(command, cwd=ROOT, env=environment).returncode
     if not code:
@@ -85,7 +85,7 @@ def build_site(workspace: Workspace) -> int:
 
 
 def check_rules(workspace: Workspace) -> list[Outcome]:
-    """Run the linters and type checks; each is one check that passes or fails."""
+    """Run linters and type checks, and return a result for each."""
     cores = [
         str(p.parent / p.parent.name)
         for p in sorted((ROOT / 'src').glob('*/package.xml'))
@@ -106,7 +106,7 @@ def check_rules(workspace: Workspace) -> list[Outcome]:
 
 
 def check_rule(workspace: Workspace, name: str, command: list[str]) -> Outcome:
-    """Run one of the linters and type checks; say how it went."""
+    """Run a linter or type check, and print its result."""
     command = [c for c in command if c != 'benchmarks' or (ROOT / 'benchmarks').is_dir()]
     started = time.monotonic()
     done = subprocess.run(
@@ -130,10 +130,11 @@ def check_rule(workspace: Workspace, name: str, command: list[str]) -> Outcome:
 def run_pytest(
     workspace: Workspace, folders: list[Path], options: argparse.Namespace
 ) -> list[Outcome]:
-    """Run the tests in some folders in several processes; return an outcome a package.
+    """Run the tests in some folders in several processes; return a result per package.
 
-    Tests of devices and nodes wait, in real time, and run first: a simulated rig without its share
-    of a core is a failed trial. Tests of units and analyses compute, a process a core.
+    Tests of devices and nodes wait in real time. They run first, because trials fail if the
+    simulated rig gets too little processor time. Unit tests and analyses run afterwards, with one
+    process per core.
     """
     computing = [folder for folder in folders if folder.name in COMPUTING]
     others = [folder for folder in folders if folder.name not in COMPUTING]
@@ -152,14 +153,14 @@ def run_pytest(
         codes.append(done.returncode)
         written += [results] if results.exists() else []
     outcomes = read_results(written)
-    # 5: no test is called as the expression says.
+    # Exit code 5: the expression selects no test.
     if any(code not in (0, 5) for code in codes) and not any(o.failed for o in outcomes):
         outcomes.append(Outcome('pytest', failed=1, remarks=['FAILED pytest; see above']))
     return outcomes
 
 
 def read_results(paths: list[Path]) -> list[Outcome]:
-    """Sum up JUnit files by package."""
+    """Summarise JUnit files by package."""
     outcomes: dict[str, Outcome] = {}
     skips: Counter[tuple[str, str]] = Counter()
     cases = [case for path in paths for case in ElementTree.parse(path).iter('testcase')]
@@ -178,7 +179,7 @@ def read_results(paths: list[Path]) -> list[Outcome]:
         elif skip is not None:
             outcome.skipped += 1
             reason = (skip.get('message') or '').strip()
-            if reason == 'collection skipped':  # the reason is in a tuple's text
+            if reason == 'collection skipped':  # the text is a tuple that contains the reason
                 reason = (skip.text or '').rpartition('Skipped: ')[2].rstrip('\'")')
             skips[f'skipped {place}', reason.rpartition('\n')[2]] += 1
         else:
@@ -190,7 +191,7 @@ def read_results(paths: list[Path]) -> list[Outcome]:
 
 
 def summarise(outcomes: list[Outcome]) -> int:
-    """Print failures, skips and a table; return 0 only when nothing failed."""
+    """Print failures, skipped tests and a table; return 0 if nothing failed."""
     for outcome in outcomes:
         for remark in outcome.remarks:
             print(f'\n{remark}' if remark.startswith('FAILED') else remark)

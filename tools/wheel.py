@@ -1,11 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Check what `pip install .` gives: the packages without ROS, in an empty environment.
+"""Check the result of `pip install .` without ROS in an empty environment.
 
-``python tools/wheel.py`` builds the wheel with the Python that runs this, installs it with pip
-into a new virtual environment and uses it: from the command line, and in the examples. Then the
-tests of the cores run there (tools/test_cores.sh), with the newest version of every library.
+``python tools/wheel.py`` builds the wheel with the current Python, installs it with pip into a new
+virtual environment, and tries the commands and the examples. Then it runs the tests of the plain
+Python cores (tools/test_cores.sh) with the newest version of each library.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def main() -> int:
         pip = [python, '-m', 'pip', '--quiet', '--disable-pip-version-check']
         run([*pip, 'wheel', '--no-deps', '--wheel-dir', folder, ROOT], folder)
         (wheel,) = folder.glob('tendon_tactile-*.whl')
-        # Not the newest Hypothesis: another version draws other examples.
+        # Hypothesis is pinned, because other versions generate other examples.
         run([*pip, 'install', f'{wheel}[cluster]', 'hypothesis==6.151.5', 'pytest'], folder)
         print(f'installed after {time.monotonic() - started:.0f} s', flush=True)
         print(run([*pip, 'list'], folder), flush=True)
@@ -60,7 +60,7 @@ def main() -> int:
 
 
 def use(python: Path, folder: Path) -> None:
-    """Run commands, library and examples; raise SystemExit where one does not what it should."""
+    """Run commands, library and examples; raise SystemExit if a result is wrong."""
     tactile = python.with_name('tactile')
     bag, model = folder / 'bags' / 'texture_flexion', folder / 'models' / 'texture_flexion.npz'
     run([tactile, '--version'], folder)
@@ -70,7 +70,7 @@ def use(python: Path, folder: Path) -> None:
     run([tactile, 'train', bag, '--output', model.parent, '--classifier', 'knn', '--json'], folder)
     told = run([tactile, 'evaluate', bag, '--repetitions', '1', '--json'], folder)
     if json.loads(told)['sets'][0]['trials'] != 96:
-        raise SystemExit('evaluate did not count the 96 trials that were simulated')
+        raise SystemExit('evaluate did not report the 96 simulated trials')
     run([tactile, 'classify', bag, '--model', model, '--json'], folder)
     run([python, '-c', MODULES, bag, model], folder)
     for arguments in (['sense', '--simulated'], ['demo'], ['rig', '--simulated']):
@@ -84,7 +84,7 @@ def use(python: Path, folder: Path) -> None:
 
 
 def run(command: list[str | Path], folder: Path, *, code: int = 0, says: str = '') -> str:
-    """Run a program where nothing of this clone or of a ROS 2 is found; return what it prints."""
+    """Run a program outside of this clone and without ROS 2; return its output."""
     foreign = ('AMENT_', 'COLCON_', 'PYTHON', 'ROS_', 'VIRTUAL_ENV')
     environment = {k: v for k, v in os.environ.items() if not k.startswith(foreign)}
     done = subprocess.run(
@@ -97,7 +97,7 @@ def run(command: list[str | Path], folder: Path, *, code: int = 0, says: str = '
     if done.returncode != code or says not in done.stderr:
         print(done.stdout, done.stderr, sep='\n', file=sys.stderr)
         line = ' '.join(str(part) for part in command)
-        raise SystemExit(f'exit code {done.returncode} instead of {code}, or not said: {line}')
+        raise SystemExit(f'exit code {done.returncode}, not {code}, or output missing: {line}')
     return done.stdout
 
 

@@ -1,11 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The workspace's virtual environment and build: how they come to be, how to use them.
+"""Creation and use of the workspace: virtual environment and build.
 
-Only the standard library: this runs before anything is installed. Everything
-is written below ``.tactile/<distro>/`` in the clone, but for the installer's
-own download cache.
+Only the standard library is used, because this module runs before anything is installed.
+Everything is written to ``.tactile/<distro>/`` in the clone, except for the download cache of the
+installer.
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ import time
 ROOT = Path(__file__).resolve().parent.parent
 
 DISTROS = ('jazzy', 'kilted')
-"""Those that PyPI has wheels of, each with a requirements file."""
+"""Distributions with wheels on PyPI, each with a requirements file."""
 
 NOBLE = 'noble'
-"""Instead of a distribution: ROS 2 Jazzy with the Python libraries of Ubuntu 24.04."""
+"""Name for ROS 2 Jazzy with the Python libraries of Ubuntu 24.04."""
 
 LOOPBACK = ROOT / 'src' / 'tactile_ros' / 'tactile_ros' / 'loopback.xml'
 COMMON_REQUIREMENTS = ROOT / 'requirements' / 'common.txt'
-"""The requirements that every distribution includes."""
+"""Requirements included by each distribution."""
 
 PYTHON_MESSAGES = ROOT / 'tools' / 'python_messages.cmake'
-"""Limits the build of ``tactile_msgs`` to what Python uses."""
+"""Limit the build of ``tactile_msgs`` to the generators used by Python."""
 
 
 class SetupError(Exception):
-    """Set-up cannot go on; the message says why and what to do."""
+    """The set-up failed; the message contains reason and remedy."""
 
 
 class Workspace:
-    """The folder ``.tactile/<name>`` and how it comes to be.
+    """The folder ``.tactile/<name>``, its set-up and its use.
 
     Parameters
     ----------
@@ -85,16 +85,16 @@ class Workspace:
         temporary.replace(self.state_file)
 
     def venv_key(self) -> str:
-        # A virtual environment knows its own place: a moved clone needs a new one.
+        # Virtual environments contain absolute paths, so a moved clone needs a new one.
         place = f'{sys.version_info[0]}.{sys.version_info[1]} {self.base}'
         files = (self.requirements, COMMON_REQUIREMENTS, *self.overrides)
         wanted = b''.join(path.read_bytes() for path in files)
         return hashlib.sha256(wanted + place.encode()).hexdigest()
 
     def build_key(self) -> str:
-        """Changes when a build is needed.
+        """Digest that changes if a build is needed.
 
-        Python modules are linked, not copied, so that an edit to one needs no build.
+        Python modules are linked, not copied, so edits need no build.
         """
         digest = hashlib.sha256(self.venv_key().encode() + PYTHON_MESSAGES.read_bytes())
         for folder, folders, files in os.walk(ROOT / 'src'):
@@ -111,13 +111,13 @@ class Workspace:
     # -- set-up ----------------------------------------------------------------
 
     def needs(self) -> tuple[bool, bool]:
-        """Return whether the virtual environment and the build are to be made anew."""
+        """Return whether virtual environment and build must be created again."""
         state = self.state()
         venv = state.get('venv') != self.venv_key() or not self.python.exists()
         return venv, venv or state.get('build') != self.build_key()
 
     def ensure(self) -> None:
-        """Set up what is missing; at once when nothing is."""
+        """Set up the missing parts."""
         if not self.needs()[1]:
             return
         try:
@@ -125,8 +125,8 @@ class Workspace:
             lock = (self.base / 'lock').open('w')
         except OSError as error:
             raise SetupError(
-                f'cannot write into {self.base} ({error.strerror}); everything is set up there. '
-                'Make the clone writable, or clone it to a folder of your own'
+                f'cannot write to {self.base} ({error.strerror}), where everything is set up. '
+                'Make the clone writable, or clone to another folder'
             ) from error
         with lock:
             try:
@@ -143,8 +143,8 @@ class Workspace:
         started = time.monotonic()
         if ' ' in str(ROOT):
             raise SetupError(
-                f'the path of this clone has a space in it ({ROOT}), which the build tools and '
-                'scripts of ROS 2 do not take; move the clone'
+                f'the path of this clone contains a space ({ROOT}), which the build tools and '
+                'scripts of ROS 2 do not support: move the clone'
             )
         check_compiler()
         if need_venv:
@@ -167,8 +167,8 @@ class Workspace:
             'sudo apt install python3-venv',
         )
         offline = (
-            'the download failed; check the network (or the proxy and mirror settings of pip '
-            'and of uv, UV_DEFAULT_INDEX) and call again: what has arrived is kept'
+            'the download failed: check the network (or the proxy and mirror settings of pip '
+            'and uv, UV_DEFAULT_INDEX) and try again; downloaded files are kept'
         )
         self.step(
             'installer (uv)',
@@ -188,11 +188,11 @@ class Workspace:
         self.remember(venv=self.venv_key())
 
     def relocate_wheels(self) -> None:
-        """Point the wheels' CMake files at this interpreter.
+        """Adapt the CMake files of the wheels to this interpreter.
 
-        They carry two folders of the machine they were built on, and CMake
-        refuses folders that do not exist. Files are replaced, never edited in
-        place: the installer may have linked them to its cache.
+        They contain two folders of the machine where they were built, and CMake refuses folders
+        that do not exist. Files are replaced, not edited in place, because the installer may have
+        linked them to its cache.
         """
         query = (
             'import numpy, sysconfig; '
@@ -219,10 +219,10 @@ class Workspace:
                 temporary.replace(path)
 
     def build(self) -> None:
-        key = self.build_key()  # of what is built, not of what was edited meanwhile
+        key = self.build_key()  # computed before the build, in case files are edited meanwhile
         recipe = hashlib.sha256(PYTHON_MESSAGES.read_bytes()).hexdigest()
         if self.state().get('recipe') != recipe:
-            # A build directory keeps the libraries of generators that no longer run.
+            # Build directories keep libraries of generators that are no longer used.
             for old in (self.install, self.build_base):
                 shutil.rmtree(old, ignore_errors=True)
         self.step(
@@ -238,7 +238,7 @@ class Workspace:
             ],
             'the build failed; the end of its output is above',
         )
-        # colcon keeps links to files that are gone, such as a removed message.
+        # colcon keeps links to deleted files, such as a removed message.
         for path in self.install.rglob('*'):
             if path.is_symlink() and not path.exists():
                 path.unlink()
@@ -256,7 +256,7 @@ class Workspace:
         )
 
     def step(self, title: str, command: list[str], remedy: str) -> None:
-        """Run one set-up command, its output into the log, a line on the terminal."""
+        """Run one set-up command, write its output to the log, and print one line."""
         started = time.monotonic()
         print(f'  {title} ...', end='', flush=True, file=sys.stderr)
         with self.log.open('a') as log:
@@ -267,20 +267,20 @@ class Workspace:
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 stdin=subprocess.DEVNULL,
-                # Without -j here, colcon limits ninja by the load average, which its own
-                # compilers raise: on two cores it then builds at 1.3.
+                # Without -j, colcon limits ninja by the load average, which the compilers
+                # themselves raise: on two cores it then uses only 1.3.
                 env={'MAKEFLAGS': f'-j{os.cpu_count()}', **self.environment()},
                 cwd=ROOT,
             )
         print(f' {time.monotonic() - started:.0f} s', flush=True, file=sys.stderr)
         if done.returncode:
             print('\n'.join(self.log.read_text().splitlines()[-25:]), file=sys.stderr)
-            raise SetupError(f'{remedy}. All of it: {self.log.relative_to(ROOT)}')
+            raise SetupError(f'{remedy}. Log: {self.log.relative_to(ROOT)}')
 
     # -- use -------------------------------------------------------------------
 
     def environment(self) -> dict[str, str]:
-        """The process environment of the workspace, free of any other ROS."""
+        """Process environment of the workspace, without other ROS installations."""
         foreign = ('AMENT_', 'COLCON_', 'CMAKE_PREFIX_PATH', 'PYTHONPATH', 'PYTHONHOME')
         env = {k: v for k, v in os.environ.items() if not k.startswith(foreign)}
         env.update(
@@ -300,29 +300,29 @@ class Workspace:
             ROS_VERSION='2',
             RMW_IMPLEMENTATION='rmw_fastrtps_cpp',
         )
-        # On this computer alone, and with transports that do not stall when a node joins.
+        # Discover only on this computer, with transports that do not stall when a node joins.
         if 'ROS_AUTOMATIC_DISCOVERY_RANGE' not in env:
             fast = 'FASTRTPS' if self.distro == 'jazzy' else 'FASTDDS'
             env.setdefault(f'{fast}_DEFAULT_PROFILES_FILE', str(LOOPBACK))
-        env.setdefault('OPENBLAS_NUM_THREADS', '1')  # small matrices: its threads would only wait
-        # These two would go into the home folder.
+        env.setdefault('OPENBLAS_NUM_THREADS', '1')  # threads only slow down small matrices
+        # Keep logs out of the home folder.
         env.setdefault('ROS_LOG_DIR', str(self.base / 'ros_log'))
         env.setdefault('MPLCONFIGDIR', str(self.base / 'matplotlib'))
-        # uv compiles no module; without a place for byte code each process would, all of them.
+        # uv does not compile modules; without this folder each process would compile them again.
         env.pop('PYTHONDONTWRITEBYTECODE', None)
         env.setdefault('PYTHONPYCACHEPREFIX', str(self.base / 'byte_code'))
         overlay: dict[str, str] = json.loads(self.state().get('overlay', '{}'))
         return {**env, **overlay}
 
     def library_folders(self) -> list[Path]:
-        """Where the ROS wheels keep their shared libraries, those they bundle included."""
+        """Folders of the shared libraries in the ROS wheels, including bundled libraries."""
         return [
             self.venv / 'lib',
             *sorted(self.venv.glob('lib/python3*/site-packages/ros_*.libs')),
         ]
 
     def execute(self, command: list[str]) -> None:
-        """Become another program, in the environment of the workspace."""
+        """Replace this process by another program in the environment of the workspace."""
         environment = self.environment()
         if shutil.which(command[0], path=environment['PATH']) is None:
             raise SetupError(f'there is no program {command[0]} in the workspace or on the path.')
@@ -343,5 +343,5 @@ def check_compiler() -> None:
 
 
 def say(text: str) -> None:
-    # Standard output belongs to the command that follows, such as its --json.
+    # Standard output is reserved for the following command, for example with --json.
     print(text, flush=True, file=sys.stderr)

@@ -1,12 +1,12 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Other people's features beside ours on the same trials, in the same run.
+"""Comparison with the features of other libraries on the same trials, in the same run.
 
-MiniRocket and MultiRocket come from aeon and many statistics from tsfresh: ``pip install aeon
-tsfresh`` into the environment that runs this. What is not installed is left out, with a sentence.
-All methods get the same signals, with their level. Every random choice (kernels, folds) is drawn
-`SEEDS` times.
+MiniRocket and MultiRocket are part of aeon; tsfresh contributes many statistics. Install them with
+``pip install aeon tsfresh``. Libraries that are not installed are reported and left out. All
+methods use the same signals, including their level. Random choices (kernels, folds) are repeated
+with `SEEDS` seeds.
 """
 
 from __future__ import annotations
@@ -49,10 +49,11 @@ Transform = Callable[[Array], Array]
 
 @dataclass(frozen=True)
 class Method:
-    """Features of glides, and the estimator on them.
+    """Features of glides, and the estimator for these features.
 
-    ``fit`` takes signals and a seed, and returns the transformation of signals into features. It
-    learns on the signals of the training where ``learns`` says so. ``build`` takes a seed.
+    ``fit`` takes signals and a seed, and returns the transformation of signals to features. If
+    ``learns`` is set, the transformation is fitted to the training signals. ``build`` takes a
+    seed.
     """
 
     name: str
@@ -62,25 +63,25 @@ class Method:
 
 
 def rocket(name: str, compute: Transform) -> Method:
-    """Return random convolutions of a waveform, as `tactile train` fits them."""
+    """Return random convolutions of a waveform, as in `tactile train`."""
 
     def build(seed: int) -> Any:
-        # Its two sets of kernels take two states.
+        # The two sets of kernels use two random states.
         return build_estimator(ROCKET, 'none').set_params(classify__random_state=2 * seed)
 
     return Method(f'{name}, rocket', fixed(compute), build)
 
 
 def fixed(compute: Transform) -> Callable[[Array, int], Transform]:
-    """Return what learns nothing from the training signals."""
+    """Return a `fit` function for a transformation that is not fitted."""
     return lambda _x, _seed: compute
 
 
 def fit_aeon(name: str, view: Transform | None, x: Array, seed: int) -> Transform:
-    """Return a transformation of aeon's with biases from the training signals.
+    """Fit a transformation of aeon to the training signals.
 
-    It takes what ``view`` makes of them, or themselves: shape (trials, samples) or (trials,
-    channels, samples).
+    It is applied to the result of ``view``, or to the signals themselves: shape (trials, samples)
+    or (trials, channels, samples).
     """
     from aeon.transformations.collection import convolution_based
 
@@ -94,7 +95,7 @@ def fit_aeon(name: str, view: Transform | None, x: Array, seed: int) -> Transfor
 
 
 def compute_tsfresh(x: Array) -> Array:
-    """Return tsfresh's efficient set, without what is undefined for some trial."""
+    """Return tsfresh's efficient features, except features that are undefined for some trial."""
     import pandas
     from tsfresh import extract_features
     from tsfresh.feature_extraction import EfficientFCParameters
@@ -116,14 +117,14 @@ def compute_tsfresh(x: Array) -> Array:
 
 
 def ridge(_seed: int = 0) -> Any:
-    """Return the linear classifier that MiniRocket's authors use."""
+    """Return the linear classifier used by the authors of MiniRocket."""
     return make_pipeline(
         StandardScaler(with_mean=False), RidgeClassifierCV(alphas=np.logspace(-3, 4, 10))
     )
 
 
 def peers() -> list[Method]:
-    """Return the peers that are installed, and neighbours of the raw signal."""
+    """Return the installed peers, and a nearest-neighbour classifier on raw signals."""
     methods = [
         Method('raw neighbour', fixed(lambda x: x), lambda _: KNeighborsClassifier(n_neighbors=1))
     ]
@@ -149,20 +150,20 @@ Split = Iterator[tuple[Array, Array]]
 
 
 def plain_folds(label: Array, seed: int) -> Split:
-    """Yield six stratified folds, once."""
+    """Yield six stratified folds."""
     yield from StratifiedKFold(6, shuffle=True, random_state=seed).split(label, label)
 
 
 def held_out(group: Array, _seed: int = 0) -> Split:
-    """Yield each group as the test, all others as training."""
+    """Yield leave-one-group-out splits."""
     for value in np.unique(group):
         yield np.flatnonzero(group != value), np.flatnonzero(group == value)
 
 
 class Candidate:
-    """A method on one set of trials: features that learn nothing are computed once.
+    """A method on one set of trials; features that are not fitted are computed once.
 
-    ``x`` (ndarray of shape (trials, samples)). ``label`` (ndarray of shape (trials,)).
+    ``x`` has shape (trials, samples), ``label`` has shape (trials,).
     """
 
     def __init__(self, method: Method, x: Array, label: Array) -> None:
@@ -205,7 +206,7 @@ def compare(
     splits: dict[str, Callable[[int], Split]],
     seeds: int,
 ) -> list[Row]:
-    """Return one row for each method and split."""
+    """Return one row per method and split."""
     rows = []
     for method in [*ours, *peers()]:
         candidate = Candidate(method, x, label)
@@ -217,14 +218,14 @@ def compare(
                 'training [s]': training_s,
             }
             rows.append(Row(f'{title}, {split_name}: {method.name}', more=more))
-            sys.stderr.write(f'{rows[-1].case}: {more}\n')  # it takes long
+            sys.stderr.write(f'{rows[-1].case}: {more}\n')  # progress
     return rows
 
 
 def run_peers(quick: bool) -> Report:
-    """Compare on two public recordings, where they are."""
+    """Compare on two public recordings, if they are available."""
     rows = [
-        Row(f'{name} is not installed: left out; pip install {name}')
+        Row(f'left out: {name} is not installed (pip install {name})')
         for name in ('aeon', 'tsfresh')
         if not importlib.util.find_spec(name)
     ]
@@ -233,8 +234,8 @@ def run_peers(quick: bool) -> Report:
         path = find_recording(name)
         rows += measure(path, seeds) if path else [Row(say_missing(name))]
     return Report(
-        title=f'peers on the same trials; accuracy: mean (range) of {seeds} seeds; one window '
-        'through scikit-learn, features included',
+        title=f'peers on the same trials; accuracy: mean (range) of {seeds} seeds; window: '
+        'time of features and prediction with scikit-learn',
         floor='',
         error='',
         rows=rows,
@@ -242,9 +243,9 @@ def run_peers(quick: bool) -> Report:
 
 
 def compute_by_speed(trials: LabelledTrials, x: Array, name: str, rows: Array) -> Array:
-    """Return a set of features of some rows of the signals ``x``, each with its speed.
+    """Return a feature set for some rows of the signals ``x``, with their speeds.
 
-    The peers know no speed, so each row is looked up.
+    The peers do not pass a speed, so the row is searched in ``x``.
     """
     place = {row.tobytes(): i for i, row in enumerate(x)}
     config = FeatureConfig(

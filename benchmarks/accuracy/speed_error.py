@@ -1,15 +1,15 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Speed against error of every feature set and classifier, beside peers, in one picture.
+"""Plot of accuracy against computing time, for all feature sets, classifiers and peers.
 
     TACTILE_DATA=DIR ./tactile run python -m benchmarks.accuracy.speed_error --plot speed_error.png
 
-Two public recordings: fabrics (channel 0, one sliding speed held out in turn) and holds (one
-repetition held out). Each feature set is computed by the code of the live node; classifiers and
-scalings are fixed, nothing is chosen by looking at the answers. Training: features and fit of all
-training trials. Window: features and prediction of one, through scikit-learn. Peers: aeon's
-MiniRocket and MultiRocket with their ridge classifier, where aeon is installed.
+Two public recordings are used: fabrics (channel 0, one sliding speed held out) and holds (one
+repetition held out). Feature sets are computed with the code of the live node. Classifiers and
+scalings are fixed; nothing is chosen by its accuracy. Training time includes features and fit of
+all training trials. Window time includes features and prediction of one window with scikit-learn.
+Peers are aeon's MiniRocket and MultiRocket with their ridge classifier, if aeon is installed.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ MARKS = {'knn': 'o', 'svm_linear': 's', 'svm_rbf': 'D', 'tree': '^', ROCKET: '*'
 
 
 class Point(NamedTuple):
-    """One method on one recording: times [s], mean accuracy and its range over seeds [%]."""
+    """Result of a method on a recording: times [s], mean accuracy and its range over seeds [%]."""
 
     recording: str
     features: str
@@ -73,7 +73,7 @@ class Point(NamedTuple):
 
 
 def measure(seeds: int) -> Iterator[Point]:
-    """Yield a point for each method on each recording that is there."""
+    """Yield a point for each method on each available recording."""
     if path := find_recording(FABRIC_SLIDE):
         trials = load_archive(path).where('balanced')
         x = trials.signal(0)
@@ -104,7 +104,7 @@ def _measure_all(
     split: Callable[[int], Any],
     seeds: int,
 ) -> Iterator[Point]:
-    """Yield the points of one recording; peers take what the waveforms take, or the samples."""
+    """Yield the points of one recording; peers use the waveforms or the samples."""
     methods: list[tuple[str, str, str, Method, int]] = []
     for name, view in views.items():
         for classifier in CLASSIFIERS:
@@ -148,7 +148,7 @@ def _build(classifier: str, scaling: str, seed: int) -> Any:
 
 
 def draw(points: list[Point], path: Path) -> None:
-    """Draw accuracy over the time of a window and of a training."""
+    """Draw accuracy over the times of a window and of a training."""
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Texture of real fabrics at a sliding speed that training never saw."""
+"""Accuracy for real fabrics at a sliding speed that is not in the training trials."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ from tactile_features import compute_spectrum, FeatureConfig, features_from_tria
 Array = NDArray[Any]
 
 LENGTH_M = 0.048
-"""Path of the slowest slides, without a sample at either end."""
+"""Path of the slowest glides, without one sample at each end."""
 
 FINEST_M = 0.003
-"""At 100 mm/s and 35.6 Hz there is a sample every 2.8 mm: nothing finer can be served."""
+"""Finest scale: at 100 mm/s and 35.6 Hz there is only one sample every 2.8 mm."""
 
 AWAY_M = (-0.012, -0.006, 0.006, 0.012)
 
 
 @dataclass(frozen=True)
 class Glides:
-    """Ready-cut glides: signals (trials, samples), labels and speeds (trials,)."""
+    """Glides that are already cut: signals (trials, samples), labels and speeds (trials,)."""
 
     x: Array
     label: Array
@@ -44,7 +44,7 @@ class Glides:
     rate_hz: float
 
     def moved(self, by_m: float) -> Glides:
-        """Return the glides with another piece of their path in the middle, where it is long."""
+        """Shift the glides along their path, if they are long enough."""
         step_m = self.speed_m_s / self.rate_hz
         room_m = step_m * (self.x.shape[1] - 3) - 2 * abs(by_m)
         long = room_m >= LENGTH_M
@@ -59,7 +59,7 @@ View = Callable[[Glides], Array]
 
 
 def over_distance(glides: Glides, features: str = 'texture_spatial') -> Array:
-    """Return the features of a set that needs the speed."""
+    """Return features over distance."""
     config = FeatureConfig(
         texture_features=features, spatial_length_m=LENGTH_M, spatial_finest_m=FINEST_M
     )
@@ -69,7 +69,7 @@ def over_distance(glides: Glides, features: str = 'texture_spatial') -> Array:
 
 
 def waveform(glides: Glides) -> Array:
-    """Return the signal over the middle of the path, smoothed, without its mean."""
+    """Return the smoothed signal over the middle of the path, minus its mean."""
     count = glides.x.shape[1]
     at_s = (np.arange(count) - (count - 1) / 2) / glides.rate_hz
     grid_m = ((np.arange(24) + 0.5) / 24 - 0.5) * LENGTH_M
@@ -83,7 +83,7 @@ def waveform(glides: Glides) -> Array:
 
 
 def over_time(glides: Glides) -> Array:
-    """Return the paper's features: of the signal without its mean."""
+    """Return the features of the paper, of the signal minus its mean."""
     return compute_spectrum(glides.x, detrend='mean')
 
 
@@ -108,7 +108,7 @@ def make_table(view: View, glides: Glides) -> Table:
 
 
 def hold_out(case: str, train: Table, tests: Sequence[Table], names: Sequence[str]) -> Row:
-    """Hold out each speed; of several classifiers the one is chosen without that speed."""
+    """Hold out each speed; choose among several classifiers on the other speeds."""
     values, label, speed_m_s = train
     speeds = np.unique(np.concatenate([speed for _, _, speed in tests]))
 
@@ -140,7 +140,7 @@ def hold_out(case: str, train: Table, tests: Sequence[Table], names: Sequence[st
 
 
 def run_speeds(quick: bool) -> Report:
-    """Hold each sliding speed out in turn, on fabrics that others slid over."""
+    """Hold out each sliding speed of a public recording of fabrics."""
     path = find_recording(FABRIC_SLIDE)
     rows = [Row(say_missing(FABRIC_SLIDE))]
     if path is not None:
@@ -152,16 +152,16 @@ def run_speeds(quick: bool) -> Report:
         ]
         rows = _measure(channels, tuple(ESTIMATORS)[: 2 if quick else None])
     return Report(
-        'texture at a sliding speed that training never saw',
+        'texture at a sliding speed that is not in the training trials',
         '',
-        'each speed is held out in turn; the classifier is chosen by holding out one of the other '
-        'speeds in turn',
+        'each speed is held out once; the classifier is chosen by holding out each of the other '
+        'speeds',
         rows,
     )
 
 
 def _measure(channels: Sequence[Glides], names: Sequence[str]) -> list[Row]:
-    """Return the rows of the mean of all channels, which comes first, of one and of all."""
+    """Return the rows for the mean of all channels (first), one channel, and all channels."""
     mean, *each = channels
     rows = []
     views: dict[str, View] = {'waveform over mm': waveform, 'texture_spatial': over_distance}

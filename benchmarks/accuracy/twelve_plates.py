@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Twelve plates whose pitches differ by 5 %, worn edges, several speeds, unseen sessions."""
+"""Twelve plates with pitches 5 % apart and worn edges, at several speeds, in new sessions."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ SPEEDS_MM_S = (8, 12, 18, 25)
 BETWEEN_MM_S = (10, 15, 21)
 USUAL_MM_S = 15
 SESSIONS, TRIALS = 8, 3
-"""Of each plate at each speed; the first half of the sessions trains, the other tests."""
+"""Sessions, and trials of each plate and speed in each; the first half is used for training."""
 
 SEEDS = (1, 2, 3)
 CROP_M, PATH_M = 0.010, 0.035
 SAMPLES = 84
-"""Samples of the path at 25 mm/s; over time, every signal is cut to it."""
+"""Samples of the path at 25 mm/s; for features over time, all signals are cut to this length."""
 
 POINTS = 128
 
@@ -47,12 +47,12 @@ TASKS = {
     'speeds between': (SPEEDS_MM_S, BETWEEN_MM_S, 0.0),
     'and 80 mN': (SPEEDS_MM_S, BETWEEN_MM_S, 0.08),
 }
-"""Speeds of training and test [mm/s], and white noise that is added to all readings, rms [N]."""
+"""Speeds of training and test [mm/s], and white noise added to all samples, rms [N]."""
 
 
 @lru_cache
 def simulate(seed: int, speed_mm_s: int) -> tuple[Array, Array, Array]:
-    """Glides over the same path on every plate: signals (trials, samples), labels, sessions."""
+    """Simulate glides over the same path: signals (trials, samples), labels, sessions."""
     catalogue = Catalogue(FOLDER)
     request = TrialRequest('texture', 'flexion', glide_speed_m_s=speed_mm_s / 1e3)
     planned = plan_trial(TrialConfig(), request, catalogue)
@@ -62,7 +62,7 @@ def simulate(seed: int, speed_mm_s: int) -> tuple[Array, Array, Array]:
     rows, labels, sessions = [], [], []
     for label in [name for name in catalogue.labels('texture') if name.startswith('P')]:
         for session in range(SESSIONS):
-            # A speed has trials of its own: numbers that no other speed has.
+            # Trial numbers differ between speeds, so that the trials are independent.
             found = simulate_trials(
                 'texture',
                 label,
@@ -81,13 +81,13 @@ def simulate(seed: int, speed_mm_s: int) -> tuple[Array, Array, Array]:
 
 
 def spectrum(x: Array, speed_mm_s: int) -> Array:
-    """The set ``texture_spectrum`` over the first seconds."""
+    """Return ``texture_spectrum`` of the first seconds."""
     config = FeatureConfig(texture_samples=SAMPLES)
     return features_from_trials('texture', x[:, :SAMPLES], 60.0, config=config)[0]
 
 
 def spatial(x: Array, speed_mm_s: int) -> Array:
-    """The set ``texture_spatial`` over 30 mm of the path."""
+    """Return ``texture_spatial`` over 30 mm of the path."""
     config = FeatureConfig(
         texture_features='texture_spatial', spatial_length_m=0.030, spatial_finest_m=5e-4
     )
@@ -96,20 +96,20 @@ def spatial(x: Array, speed_mm_s: int) -> Array:
 
 
 def signal_over_path(x: Array, speed_mm_s: int) -> Array:
-    """The signal itself, at points of the path."""
+    """Return the signal, resampled at points of the path."""
     at = np.linspace(0.0, x.shape[1] - 1.0, POINTS)
     return np.array([np.interp(at, np.arange(x.shape[1]), row) for row in x])
 
 
 class Method(NamedTuple):
-    """Features of signals at a speed; with random convolutions and ridge, or a linear SVM."""
+    """Features, with a linear SVM, or with random convolutions and a ridge classifier."""
 
     name: str
     view: Callable[[Array, int], Array]
     convolve: bool = False
 
     def count_right(self, train: Array, labels: Array, test: Array, wanted: Array) -> float:
-        """Return the share of right answers [%]."""
+        """Return the accuracy [%]."""
         estimator: Any = SVC(kernel='linear', max_iter=1_000_000)
         if self.convolve:
             rocket = fit_convolutions(train[:, np.newaxis], random_state=0)
@@ -127,7 +127,7 @@ METHODS = (
 
 
 def measure(method: Method, seed: int, task: str) -> float:
-    """Accuracy in sessions that training did not see [%]."""
+    """Return the accuracy in sessions that are not in the training trials [%]."""
     trains, tests, noise_n = TASKS[task]
     generator = np.random.default_rng(seed)
 
@@ -145,7 +145,7 @@ def measure(method: Method, seed: int, task: str) -> float:
 
 
 def run_hard_plates(quick: bool) -> Report:
-    """Show where each set of features breaks."""
+    """Measure the accuracy of several feature sets on hard plates."""
     seeds = SEEDS[:1] if quick else SEEDS
     rows = []
     for method in METHODS:
@@ -157,9 +157,9 @@ def run_hard_plates(quick: bool) -> Report:
     return Report(
         'hard plates: twelve SIMULATED plates, pitches 5 % apart, worn edges',
         '',
-        f'accuracy in % in {SESSIONS // 2} sessions that training on {SESSIONS // 2} others did '
-        f'not see, mean (least to most) of {len(seeds)} seeds; chance is 8.3; one speed: '
-        f'{USUAL_MM_S} mm/s; between: trained on {SPEEDS_MM_S}, tested on {BETWEEN_MM_S}, and '
-        'with so much white noise (rms) in every reading',
+        f'accuracy in % in {SESSIONS // 2} sessions, trained on {SESSIONS // 2} others, mean '
+        f'(minimum to maximum) of {len(seeds)} seeds; chance 8.3; one speed: {USUAL_MM_S} mm/s; '
+        f'between: trained on {SPEEDS_MM_S}, tested on {BETWEEN_MM_S} mm/s; 80 mN: rms of added '
+        'white noise',
         rows,
     )

@@ -1,4 +1,4 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Findings in simulated trials: phases."""
+"""Detection of phases in simulated trials."""

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Simulated sessions as one stream each, with what is known of their trials."""
+"""Simulated sessions as continuous streams, with the commanded phases of their trials."""
 
 from __future__ import annotations
 
@@ -22,19 +22,20 @@ from tactile_sim.physics.trials import simulate_trials
 FloatArray = NDArray[np.float64]
 
 SEED = 1001
-"""The constants of the search were chosen on sessions of seed 1; nothing else was."""
+"""Seed of the tested sessions. Only the constants of the detection were chosen with seed 1."""
 
 TAUT_N = 0.01
-"""The finger is pulled while its tension, without the sensor's errors, is this far above rest."""
+"""True tension above rest from which the tendon counts as pulled."""
 
 
 @dataclass(frozen=True)
 class StatedTrial:
-    """One trial of a stream, with what the rig states of it.
+    """One trial of a stream, with its commanded phases.
 
-    ``start_ns``, ``end_ns``: its first sample, and the first one of the next trial [ns].
-    ``phases_ns``: when each phase was commanded; ``contact`` and ``done``: when the tendon became
-    taut and slack, which comes after the one and before the other [ns].
+    ``start_ns`` and ``end_ns`` are the times of its first sample and of the first sample of the
+    next trial [ns]. ``phases_ns`` holds the time at which each phase was commanded. For
+    ``contact`` and ``done`` it holds the times at which the tendon became taut and slack; these
+    are later and earlier than the commands [ns].
     """
 
     label: str
@@ -45,9 +46,9 @@ class StatedTrial:
 
 @dataclass(frozen=True, eq=False)
 class Session:
-    """The trials of one session, sample after sample without a break.
+    """The trials of one session as a continuous stream.
 
-    ``tension_n`` (ndarray of shape (n,)): what the load cell reads [N].
+    ``tension_n``, shape (n,), holds the readings of the load cell [N].
     """
 
     protocol: str
@@ -57,7 +58,7 @@ class Session:
     trials: tuple[StatedTrial, ...]
 
     def events(self) -> list[TrialEvent]:
-        """Return what the trial runner would have published."""
+        """Return the events that the trial runner would publish."""
         return [
             TrialEvent(stamp_ns, f't{n}', '', self.protocol, self.contact, trial.label, phase)
             for n, trial in enumerate(self.trials)
@@ -67,12 +68,12 @@ class Session:
 
 @dataclass(frozen=True)
 class Disturbance:
-    """Disturbance of a stream beyond that of the simulated load cell.
+    """Additional disturbance of a stream.
 
-    ``noise_n``: standard deviation of the noise, that of the simulated sensor included [N].
-    ``drift_n_rt_s``: random walk of the zero [N per root second]. ``lost``: share of samples that
-    are lost, each by itself. ``cut_share``: the sensor ends at this share of the session's largest
-    tension.
+    ``noise_n`` is the standard deviation of the noise, including the noise of the simulated sensor
+    [N]. ``drift_n_rt_s`` is the random walk of the zero [N per root second]. ``lost`` is the
+    fraction of samples that are lost independently. ``cut_share`` is the range of the sensor as a
+    fraction of the maximum tension in the session.
     """
 
     noise_n: float = 0.004
@@ -81,7 +82,7 @@ class Disturbance:
     cut_share: float = 1.0
 
     def apply(self, session: Session, seed: int) -> tuple[NDArray[np.bool_], FloatArray]:
-        """Return which samples arrive, and the tension of all of them [N]."""
+        """Return a mask of the samples that arrive, and the tension of all samples [N]."""
         random = np.random.default_rng(seed)
         own_n = default_catalogue().rig().load_cell.noise_n
         count = len(session.tension_n)
@@ -98,14 +99,14 @@ class Disturbance:
 def simulate_session(
     protocol: str, contact: str, session: int, trials: int, **motion: float
 ) -> Session:
-    """Simulate trials on every plate or object, one after the other.
+    """Simulate consecutive trials on every plate or object.
 
     Parameters
     ----------
     trials : int
-        On each plate or object.
+        Number of trials on each plate or object.
     **motion : float
-        What differs from the defaults of `TrialConfig`.
+        Fields of `TrialConfig` that differ from the defaults.
     """
     catalogue = default_catalogue()
     config = TrialConfig(**motion)  # type: ignore[arg-type]
@@ -136,7 +137,7 @@ def simulate_session(
 def as_blocks(
     kept: NDArray[np.bool_], tension_n: FloatArray, period_ns: int, size: int = 60
 ) -> list[StrainBlock]:
-    """Return a stream as blocks of at most so many samples; a lost sample ends a block."""
+    """Divide a stream into blocks of at most ``size`` samples; a lost sample ends a block."""
     blocks = []
     for first in range(0, len(kept), size):
         some = np.flatnonzero(kept[first : first + size]) + first

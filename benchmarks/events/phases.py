@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Frequency and error of phases that are found in the tension itself."""
+"""Success rate and time errors of phases detected in the tension."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from tactile_features.records import FeatureWindow, Outcome, TrialEvent
 from tactile_ros.strain import StrainBlock
 
 MARK = {'stiffness': 'hold', 'texture': 'glide'}
-"""The phase from which a protocol's features are computed."""
+"""Phase used for the features of each protocol."""
 
 TOLERANCE_NS = 50_000_000
-"""Three samples at 60 Hz: a phase that begins within this of the stated one is found."""
+"""Maximum time error of a detected phase: three samples at 60 Hz."""
 
 SESSIONS = 6
 TEST_SESSIONS = 2
-"""The last ones; a classifier is trained on the others."""
+"""Number of test sessions, which are the last; the others are used for training."""
 
 CONDITIONS: dict[str, tuple[Disturbance, dict[str, float]]] = {
     'noise 4 mN': (Disturbance(), {}),
@@ -58,7 +58,7 @@ OF_TEXTURE: dict[str, tuple[Disturbance, dict[str, float]]] = {
 
 
 def run_phases(quick: bool) -> Report:
-    """Every object and plate, both contacts, against what the rig states."""
+    """Compare detected phases with commanded phases, for all objects, plates and contacts."""
     rows = []
     sessions, trials = (2, 2) if quick else (SESSIONS, 5)
     for protocol, mark in MARK.items():
@@ -71,11 +71,11 @@ def run_phases(quick: bool) -> Report:
                     found.add(session, disturbance, seed=number)
                 rows.append(Row(f'{protocol} {contact}, {name}', more=found.columns()))
     return Report(
-        'phases: found in the tension of SIMULATED trials, against those stated',
+        'phases: detected in the tension of SIMULATED trials, compared with commanded phases',
         '',
-        'found: all four phases, hold or glide and release within 50 ms; errors: found minus '
-        'stated, median and 99 % of their sizes; missed: no hold or glide, and said so; '
-        'wrong: all else',
+        'found: all four phases, hold or glide and release within 50 ms; errors: detected minus '
+        'commanded, median and 99 % quantile of the magnitudes; missed: no hold or glide '
+        'detected; wrong: all others',
         rows,
     )
 
@@ -133,7 +133,7 @@ def _by_trial(session: Session, events: Iterable[TrialEvent]) -> list[list[Trial
 
 
 def run_phase_features(quick: bool) -> Report:
-    """Effect of the phases' errors on features and answers."""
+    """Measure the effect of detection errors on accuracy."""
     trials = 4 if quick else 15
     rows = []
     for protocol in MARK:
@@ -145,21 +145,22 @@ def run_phase_features(quick: bool) -> Report:
                     for classifier, more in _accuracies(tables, DEFAULT_SCALING[protocol])
                 ]
     return Report(
-        'phase-features: accuracy % with phases stated and detected, on SIMULATED sessions '
-        'that training did not see',
+        'phase-features: accuracy in % with commanded and detected phases, in new SIMULATED '
+        'sessions',
         '',
         f'trained on {SESSIONS - TEST_SESSIONS} sessions, tested on {TEST_SESSIONS}; texture not '
-        'scaled, stiffness scaled; no window: wrong. Columns: phases in training > in testing',
+        'scaled, stiffness scaled; trials without a window count as wrong. Columns: phases in '
+        'training > in testing',
         rows,
     )
 
 
 _Table = tuple[list[NDArray[np.float64] | None], list[str], list[int]]
-"""Features, labels and sessions, one a trial; None where there is no window."""
+"""Features (None without a window), labels and sessions of each trial."""
 
 
 def _tables(protocol: str, contact: str, trials: int, disturbance: Disturbance) -> list[_Table]:
-    """Return the trials' features with their phases stated, and detected."""
+    """Return the features of the trials with commanded and with detected phases."""
     stated: _Table = ([], [], [])
     detected: _Table = ([], [], [])
     for number in range(SESSIONS):
@@ -190,7 +191,7 @@ def _extract(
         while events and events[0].stamp_ns <= block.stamp_ns:
             windows += extractor.add_event(events.pop(0))
         windows += extractor.add_block(block)
-    for event in events:  # of the last trial, after the last sample
+    for event in events:  # remaining events of the last trial
         windows += extractor.add_event(event)
     return windows
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Spectrum and regression."""
+"""Speed and error of spectrum and regression."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 
 def run_spectrum(quick: bool) -> Report:
-    """Compute spectra, against the bare transform."""
+    """Compare the spectrum with the bare Fourier transform."""
     rng = np.random.default_rng(1)
     time_s = np.arange(180) / 60
     waves = 0.05 * np.sin(2 * np.pi * np.outer(rng.uniform(1, 25, 480), time_s))
@@ -44,9 +44,9 @@ def run_spectrum(quick: bool) -> Report:
     rows.append(_spectrum_row('offset 1e6 N', trials[::10] + 1e6, None, 'mean'))
     return Report(
         'spectrum: compute_spectrum',
-        'abs(scipy.fft.rfft(x)), which neither removes the mean, nor scales, nor checks',
+        'abs(scipy.fft.rfft(x)), without mean removal, scaling and checks',
         'largest deviation from a discrete Fourier transform in extended precision, '
-        'over the largest amplitude; without the component at 0 Hz',
+        'relative to the largest amplitude; without the component at 0 Hz',
         rows,
     )
 
@@ -66,10 +66,10 @@ def _spectrum_row(case: str, tension_n: Array, ratio: Any, detrend: str) -> Row:
 
 
 def _exact_spectrum(tension_n: Array, detrend: str) -> NDArray[Any]:
-    """Return the amplitudes of an even number of samples by the sum that defines them."""
+    """Return the amplitudes of an even number of samples from the definition of the DFT."""
     n = tension_n.shape[1]
     pi = np.longdouble('3.14159265358979323846264338327950288')
-    # The product of the indices is reduced as an integer, so that no angle is large.
+    # The product of the indices is reduced as an integer, so that angles remain small.
     turns = np.outer(np.arange(n), np.arange(n // 2 + 1)) % n
     angle = 2 * pi * turns.astype(np.longdouble) / n
     x = tension_n.astype(np.longdouble)
@@ -87,7 +87,7 @@ def _exact_spectrum(tension_n: Array, detrend: str) -> NDArray[Any]:
 
 
 def run_regression(quick: bool) -> Report:
-    """Fit lines, against scipy.stats.linregress."""
+    """Compare the regression with scipy.stats.linregress."""
     rng = np.random.default_rng(2)
     time_ns = PERIOD_NS * np.arange(204)
     time_s = time_ns / 1e9
@@ -103,9 +103,9 @@ def run_regression(quick: bool) -> Report:
     ]
     return Report(
         'regression: compute_regression',
-        'scipy.stats.linregress on seconds, which computes p-value and standard errors too',
-        'largest deviation of slope, intercept or correlation from exact fractions, relative to '
-        'each; of 480 trials, the worst of 20',
+        'scipy.stats.linregress on seconds, which also computes p-value and standard errors',
+        'largest relative deviation of slope, intercept or correlation from exact fractions, '
+        'checked for 20 of 480 trials',
         rows,
     )
 

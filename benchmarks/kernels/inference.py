@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One window through the model file, against scikit-learn."""
+"""Speed and error of predicting one window with a model file, compared with scikit-learn."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tactile_features import FeatureConfig, features_from_trials, spec_for
 
 
 def run_inference(quick: bool) -> Report:
-    """Classify one window at a time."""
+    """Compare the classification of single windows with scikit-learn."""
     rows = []
     spectra, waveforms = _texture_tables()
     for task, table, classifiers in (
@@ -28,7 +28,7 @@ def run_inference(quick: bool) -> Report:
     ):
         rng = np.random.default_rng(8)
         first, second = rng.integers(0, len(table), (2, 100 if quick else 1000))
-        # Between two trials, where the border between two labels lies.
+        # Points between two trials, near decision boundaries.
         queries = table.values[first] + rng.random((len(first), 1)) * (
             table.values[second] - table.values[first]
         )
@@ -62,16 +62,16 @@ def run_inference(quick: bool) -> Report:
                 )
             )
     return Report(
-        'inference: one window through TactileModel: label, probabilities and novelty',
-        "scikit-learn's predict, label alone, on the same row (480 x 91, 480 x 180, 300 x 3); of "
-        'random convolutions our own estimator',
-        'largest difference of a probability (and of the novelty), between pairs of trials',
+        'inference: TactileModel for one window: label, probabilities and novelty',
+        "scikit-learn's predict, label only, on the same row (480 x 91, 480 x 180, 300 x 3); for "
+        'random convolutions the estimator of this package',
+        'largest difference of a probability (and of the novelty), at points between trials',
         rows,
     )
 
 
 def _texture_tables() -> tuple[FeatureTable, FeatureTable]:
-    """Return 60 trials of 8 textures, four sines each under noise: spectra and waveforms."""
+    """Return 60 trials of 8 textures (four sines with noise) as spectra and waveforms."""
     rng = np.random.default_rng(6)
     time_s = np.arange(180) / 60.0
     rows = []
@@ -90,7 +90,7 @@ def _texture_tables() -> tuple[FeatureTable, FeatureTable]:
 
 
 def _stiffness_table() -> FeatureTable:
-    """Return 60 trials of 5 objects whose clouds touch."""
+    """Return 60 trials of 5 objects with slightly overlapping features."""
     rng = np.random.default_rng(7)
     centres = [
         [-0.9, 12.6, -0.99],

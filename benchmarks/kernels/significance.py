@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rank-sum tests of all pairs of classes and all features, against one call a test."""
+"""Rank-sum tests of all pairs of classes and features, compared with one SciPy call per test."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 
 def run_significance(quick: bool) -> Report:
-    """Test 12 classes of 40 made-up trials by 91 features."""
+    """Compare all tests for 12 classes of 40 random trials with 91 features."""
     classes, features = (6, 12) if quick else (12, 91)
     rng = np.random.default_rng(4)
     labels = np.repeat([f'T{index:02}' for index in range(classes)], 40)
@@ -41,7 +41,7 @@ def run_significance(quick: bool) -> Report:
     return Report(
         'significance: rank_sum_p_values',
         "a loop of scipy.stats.mannwhitneyu(a, b, method='asymptotic') over pairs and features",
-        'largest difference of a p-value, relative to it',
+        'largest relative difference of a p-value',
         rows,
     )
 

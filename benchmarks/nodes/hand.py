@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Five fingers at once: from a block of samples to a classification; and `tactile hand`."""
+"""Latency of five fingers from a block of samples to a classification; and `tactile hand`."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ processes = multiprocessing.get_context('spawn')
 
 @dataclass(frozen=True)
 class Case:
-    """A rate, and how its samples are grouped."""
+    """Sample rate and block size."""
 
     rate_hz: int
     block: int
@@ -71,7 +71,7 @@ class Case:
         return round(1e9 / self.rate_hz)
 
     def feature_parameters(self) -> dict[str, Any]:
-        """Return the feature node's parameters: windows without crops, one after the other."""
+        """Return the parameters of the feature node for consecutive windows without crops."""
         return {
             'rate_hz': float(self.rate_hz),
             'texture_samples': self.block * self.blocks_a_window,
@@ -87,7 +87,7 @@ CASE = Case(rate_hz=60, block=1, blocks_a_window=30)
 
 @dataclass
 class Run:
-    """Result of one run of our nodes, or of the bare ones."""
+    """Result of one run of the nodes, or of bare relays."""
 
     latencies_s: list[float]
     wanted: int
@@ -96,7 +96,7 @@ class Run:
 
 
 def run_hand(quick: bool) -> Report:
-    """Measure our nodes and bare ones in turns, then the command."""
+    """Measure the nodes and bare relays alternately, then the command."""
     seconds = 3.0 if quick else 8.0
     runs: dict[str, list[Run]] = {'bare': [], 'ours': []}
     with make_model(CASE) as model, domain_id() as domain:
@@ -128,15 +128,15 @@ def run_hand(quick: bool) -> Report:
     )
     return Report(
         'five fingers at 60 Hz: block of samples to classification',
-        'bare rclpy relays that pass on messages of the same types and sizes over two hops, in '
-        'one process with the sources. The sink is one more process',
-        'windows without an answer; a lost sample costs its window',
+        'bare rclpy relays of messages with the same types and sizes over two hops, in one '
+        'process with the sources. The sink is another process',
+        'windows without a classification; a lost sample invalidates its window',
         [chain, command],
     )
 
 
 def _run(domain: int, who: str, model: str, seconds: float) -> Run:
-    """Start the sink, then the nodes, and wait for what both report."""
+    """Start the sink, then the nodes, and wait for their reports."""
     ready, over = processes.Event(), processes.Event()
     reports, sunk = processes.Queue(), processes.Queue()
     sink = processes.Process(target=_collect, args=(domain, ready, over, sunk))
@@ -160,7 +160,7 @@ def _run(domain: int, who: str, model: str, seconds: float) -> Run:
 
 
 def _work(domain: int, who: str, model: str, seconds: float, reports: Any) -> None:
-    """Run the nodes of all fingers and their sources; report what was sent, CPU and memory."""
+    """Run the nodes of all fingers and their sources; report sent windows, CPU and memory."""
     with ros_context(domain) as context:
         source = Node('source', context=context)
         trials = {f: source.create_publisher(TrialEvent, f'{f}/{TRIALS}', EVENTS) for f in FINGERS}
@@ -183,7 +183,7 @@ def _work(domain: int, who: str, model: str, seconds: float, reports: Any) -> No
                 if time.monotonic() > deadline_s:
                     raise TimeoutError('the nodes do not subscribe')
                 time.sleep(0.01)
-            time.sleep(2 * DRAIN_S)  # answers must find their way, too
+            time.sleep(2 * DRAIN_S)  # wait until all classifications have arrived
             before_s = time.process_time()
             published = _publish(seconds, trials, send)
             reports.put((published, time.process_time() - before_s, memory_mb(os.getpid())[0]))
@@ -213,7 +213,7 @@ def _our_nodes(model: str, finger: str, context: Context) -> list[Any]:
 
 
 def _bare_nodes(finger: str, context: Context) -> list[Any]:
-    """Two relays with our types and sizes, that compute nothing."""
+    """Return two relays of messages with the same types and sizes, without computations."""
     features, classifier = (
         Node(name, namespace=finger, context=context)
         for name in ('tactile_features', 'tactile_classifier')
@@ -244,7 +244,7 @@ def _bare_nodes(finger: str, context: Context) -> list[Any]:
 def _publish(
     seconds: float, trials: dict[str, Any], send: dict[str, Callable[[StrainRecord], None]]
 ) -> dict[tuple[str, int], int]:
-    """Send windows of all fingers in real time; return when each was complete, by its end."""
+    """Send windows of all fingers in real time; return the completion time of each window."""
     published: dict[tuple[str, int], int] = {}
     block_s = CASE.block / CASE.rate_hz
     tension_n = np.random.default_rng(6).normal(5.0, 0.1, CASE.block)
@@ -284,7 +284,7 @@ def make_event(stamp_ns: int, window: int, phase: str) -> Any:
 
 
 def _collect(domain: int, ready: Any, over: Any, sunk: Any) -> None:
-    """Note when each answer came, by finger and end of window."""
+    """Record the arrival time of each classification, by finger and end of window."""
     arrived: dict[tuple[str, int], int] = {}
     with ros_context(domain) as context:
         node = Node('sink', context=context)
@@ -295,7 +295,7 @@ def _collect(domain: int, ready: Any, over: Any, sunk: Any) -> None:
                     arrived[finger, _to_ns(message.window_end)] = time.time_ns()
 
             node.create_subscription(Classification, f'{finger}/{ANSWER}', on_answer, RESULTS)
-        executor = EventsExecutor(context=context)  # it adds least to the latency
+        executor = EventsExecutor(context=context)  # executor with the lowest latency
         executor.add_node(node)
         ready.set()
         while not over.is_set():
@@ -316,7 +316,7 @@ def _to_time(stamp_ns: int) -> Any:
 
 @contextmanager
 def make_model(case: Case) -> Iterator[str]:
-    """Give a model file for windows of this case."""
+    """Create a model file for windows of this case."""
     rng = np.random.default_rng(5)
     labels = np.repeat([f'plate {i}' for i in range(8)], 12)
     config = FeatureConfig(**case.feature_parameters())
@@ -330,7 +330,7 @@ def make_model(case: Case) -> Iterator[str]:
 
 
 def _measure_command(domain: int, seconds: float) -> Row:
-    """Measure `tactile hand` with simulated sensors, as a user starts it."""
+    """Measure `tactile hand` with simulated sensors."""
     with tempfile.TemporaryDirectory() as scratch:
         models = _make_models(Path(scratch))
         arguments = ('--fingers', 'a,b,c,d,e', '--simulated', '--models', str(models))
@@ -362,7 +362,7 @@ def _measure_command(domain: int, seconds: float) -> Row:
 
 
 def _make_models(folder: Path) -> Path:
-    """Return a folder with four models, trained on a few SIMULATED trials."""
+    """Train four models on a few SIMULATED trials, and return their folder."""
 
     def run(*arguments: str) -> None:
         subprocess.run(_tactile(*arguments), check=True, stdout=subprocess.DEVNULL)

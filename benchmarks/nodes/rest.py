@@ -1,11 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Motion of the simulated rig's guide and tendon after a fault, phase by phase.
+"""Time until guide and tendon of the simulated rig stop after a fault, for each phase of a trial.
 
-Every node is a process of its own, and so is the program that commands them. The truth comes
-from the simulated rig, not from the drivers. Nothing starts a killed node again. The tendon
-moves on while it tightens; when it was slack again is told beside.
+Each node and the commanding program run in separate processes. Positions are the true positions in
+the simulated rig. Killed nodes are not restarted. The tendon counts as moving while it tightens;
+the time until it is slack is reported separately.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ START = {'do': 'move', 'position_m': 0.06, 'speed_m_s': 0.1}
 
 
 class Phase(NamedTuple):
-    """Steps before the fault, the step that it interrupts, and its motion."""
+    """Steps before the fault, the interrupted step, and its motion."""
 
     before: tuple[dict[str, Any], ...]
     action: dict[str, Any] | None
@@ -79,7 +79,7 @@ FAULTS = (
 
 
 class Program:
-    """A child process that is sure to end."""
+    """A child process that ends with its parent."""
 
     def __init__(self, arguments: list[str], domain: int, **options: Any) -> None:
         environment = {**os.environ, 'ROS_DOMAIN_ID': str(domain)}
@@ -88,13 +88,13 @@ class Program:
         )
 
     def kill(self) -> None:
-        """As ``kill -9`` does; harmless when called twice."""
+        """Kill the process like ``kill -9``; may be called twice."""
         self.process.kill()
         self.process.wait()
 
 
 class Commander(Program):
-    """The program that commands the rig, in a process of its own; see `_command`."""
+    """The program that commands the rig, in a separate process; see `_command`."""
 
     def __init__(self, domain: int) -> None:
         super().__init__(
@@ -125,7 +125,7 @@ class Commander(Program):
 
 
 def run_rest(quick: bool) -> Report:
-    """Cause each fault in each phase and watch what still moves."""
+    """Cause each fault in each phase, and measure the time until the rig stops."""
     rows = []
     with SimulatedRig() as rig:
         for phase in ('glide', 'hold') if quick else PHASES:
@@ -133,8 +133,8 @@ def run_rest(quick: bool) -> Report:
     return Report(
         'from a fault to rest [s]',
         '',
-        'the longer of guide and tendon [s], from the truth of the simulated rig; 0: the device '
-        'did not move when the fault came',
+        'maximum of guide and tendon [s], from the true positions of the simulated rig; 0: the '
+        'device did not move at the time of the fault',
         rows,
     )
 
@@ -184,14 +184,14 @@ def _wait_for_motion(rig: SimulatedRig) -> None:
     first, deadline_s = _positions(rig), time.monotonic() + 10.0
     while all(abs(a - b) < 5e-4 for a, b in zip(first, _positions(rig), strict=True)):
         if time.monotonic() > deadline_s:
-            raise RuntimeError('nothing began to move')
+            raise RuntimeError('no device started to move')
         time.sleep(SAMPLE_S)
 
 
 def _watch(rig: SimulatedRig, cause: Callable[[], None]) -> dict[str, float]:
-    """Return when the guide last moved, the tendon last tightened, and was slack [s].
+    """Return the times of the last guide motion, the last tightening, and slack [s].
 
-    ``slack`` is -1 when the tendon stays taut.
+    ``slack`` is -1 if the tendon stays taut.
     """
     guide_m, tendon_m = _positions(rig)
     cause()
@@ -199,7 +199,7 @@ def _watch(rig: SimulatedRig, cause: Callable[[], None]) -> dict[str, float]:
     times = {'guide': 0.0, 'tendon': 0.0, 'slack': -1.0}
     while (passed_s := time.monotonic() - began_s) < WATCHED_S:
         guide_now_m, tendon_now_m = _positions(rig)
-        # Compared with where it last was seen to have moved: slow motion counts, too.
+        # Compared with the position of the last detected motion, to detect slow motion.
         if abs(guide_now_m - guide_m) >= GUIDE_STEP_M:
             times['guide'], guide_m = passed_s, guide_now_m
         if tendon_now_m - tendon_m >= TENDON_STEP_M:
@@ -213,7 +213,7 @@ def _watch(rig: SimulatedRig, cause: Callable[[], None]) -> dict[str, float]:
 
 
 def _command() -> None:
-    """Take requests from standard input, a line of JSON each, and say how they ended."""
+    """Execute requests from standard input (one line of JSON each), and print the results."""
     from action_msgs.msg import GoalStatus
     import rclpy
     from rclpy.action import ActionClient

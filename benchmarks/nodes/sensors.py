@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From the sensor's bytes to published blocks: cost, loss and latency."""
+"""Sensor nodes, from bytes to published blocks: processor time, loss and latency."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ BLOCK_HZ = 100
 
 
 def run_sensors(quick: bool) -> Report:
-    """Measure the node's processor time, loss and latency at four rates."""
+    """Measure processor time, loss and latency of the node at four rates."""
     seconds = 3.0 if quick else 8.0
     with domain_id() as domain:
         rows = [
@@ -49,8 +49,7 @@ def run_sensors(quick: bool) -> Report:
     return Report(
         'sensor node: bytes to published blocks and wrenches, another process subscribing',
         '',
-        'samples lost. Processor time is that of the process that holds the nodes; a simulated '
-        'Net F/T stands behind the 7 kHz',
+        'samples lost. Processor time of the process with the nodes; 7 kHz: simulated Net F/T',
         rows,
     )
 
@@ -121,7 +120,7 @@ def _measure_net_ft(domain: int, sensors: int, seconds: float) -> Row:
 
 
 class _Subscriber:
-    """Counts the samples of all sensors, and when the last one of each block came."""
+    """Counts the samples of all sensors, and records the arrival time of each block."""
 
     def __init__(self, domain: int, sensors: int) -> None:
         self._domain, self._sensors = domain, sensors
@@ -159,7 +158,7 @@ class _Subscriber:
             if time.monotonic() > deadline_s:
                 raise TimeoutError('the sensor nodes do not publish')
             self.spin()
-        time.sleep(SETTLE_S)  # the publisher's side of the match cannot be seen from here
+        time.sleep(SETTLE_S)  # wait for the publishers, whose matching cannot be observed here
 
     def _take(self, sensor: int, message: Any) -> None:
         at_s = time.perf_counter()
@@ -172,7 +171,7 @@ class _Subscriber:
 
 
 def _write(master: int, rate_hz: int, count: int, sent_s: dict[int, float]) -> None:
-    """Write lines at a rate, each with its number as its tension [mN]."""
+    """Write lines at a rate; the tension of each line is its number [mN]."""
     next_s = time.perf_counter()
     for number in range(count):
         next_s += 1 / rate_hz
@@ -184,7 +183,7 @@ def _write(master: int, rate_hz: int, count: int, sent_s: dict[int, float]) -> N
 
 @contextmanager
 def _running_nodes(domain: int, parameters: list[dict[str, Any]]) -> Iterator[Callable[[], float]]:
-    """Run sensor nodes in a process; yield what ends it and returns the load that it was [1]."""
+    """Run sensor nodes in a process; yield a function that ends it and returns its load [1]."""
     processes = multiprocessing.get_context('spawn')
     load, is_over = processes.Queue(), processes.Event()
     process = processes.Process(target=_serve_nodes, args=(domain, parameters, load, is_over))

@@ -1,18 +1,18 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Five fingers at 1 kHz for an hour, with a fault a minute and a recording: what is lost?
+"""Soak test: five fingers at 1 kHz for an hour, with one fault per minute and a recording.
 
-Five SIMULATED sensors send 1000 lines a second over ptys; ten samples make a block. Sensors,
-features and classifiers of four fingers and the recorder run in one process, as `tactile hand
---record` runs them. The fifth finger has its own process. Each minute, in turns, a sensor is
-unplugged for two seconds, a feature node is cleaned up and brought up again, or the fifth finger's
-process is killed and started again.
+Five SIMULATED sensors send 1000 lines per second over ptys, in blocks of ten samples. Sensors,
+features and classifiers of four fingers and the recorder run in one process, like `tactile hand
+--record`. The fifth finger runs in a separate process. Every minute one of three faults occurs, in
+rotation: a sensor is unplugged for two seconds, a feature node is cleaned up and activated again,
+or the process of the fifth finger is killed and restarted.
 
     ./tactile run python -m benchmarks.nodes.soak --minutes 60 --plot soak.png
 
 The exit status is 1 if a sample is unaccounted for, a trial has no window (unless its process was
-killed meanwhile), a window no answer, or the memory grows by 1 MB an hour or more after the first
+killed), a window has no classification, or memory grows by 1 MB per hour or more after the first
 ten minutes.
 """
 
@@ -64,7 +64,7 @@ processes = multiprocessing.get_context('spawn')
 def run_nodes(
     folder: Path, fingers: tuple[str, ...], model: str, domain: int, orders: Any, is_up: Any
 ) -> None:
-    """Run the nodes of some fingers, and the recorder with the first four; obey orders."""
+    """Run the nodes of some fingers (with the recorder for the first four); execute orders."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     descriptions = [
         NodeDescription(name, parameters, namespace=finger)
@@ -91,7 +91,7 @@ def run_nodes(
 
 
 def _end_with_parent() -> None:
-    """End this process when the soak is killed: it would hold the ports for ever."""
+    """End this process if its parent is killed; otherwise it would keep the ports open."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()
@@ -112,14 +112,14 @@ class Running:
             raise RuntimeError('a process of the soak did not start')
 
     def end(self) -> int | None:
-        """End it, and return its exit code."""
+        """End the process, and return its exit code."""
         self.orders.put(None)
         self.process.join(START_S)
         return self.process.exitcode
 
 
 class Hand:
-    """The processes that run the nodes, the sensors' ports, and the faults that they meet."""
+    """Processes of the nodes, ports of the sensors, and injected faults."""
 
     def __init__(self, folder: Path, model: str, domain: int) -> None:
         self._what = folder, model, domain
@@ -133,7 +133,7 @@ class Hand:
         self.trials_without: set[tuple[str, str]] = set()
 
     def meet_fault(self, now_s: float) -> None:
-        """Unplug a sensor, take a node down and up again, or kill a process: each in its turn."""
+        """Inject the next fault: unplug a sensor, cycle a node, or kill a process."""
         turn, kind = divmod(self._faults.total(), 3)
         finger = FINGERS[turn % 4]
         if kind == 0:
@@ -147,7 +147,7 @@ class Hand:
         self._faults[('unplugged', 'taken down', 'killed')[kind]] += 1
 
     def look(self, now_s: float, trial: int) -> None:
-        """Plug in what is due, and note the trial that a killed process does not see whole."""
+        """Reconnect sensors that are due, and record trials affected by a killed process."""
         if now_s > self._plug_at_s:
             self.ports[self._unplugged].open()
             self._plug_at_s = math.inf
@@ -155,7 +155,7 @@ class Hand:
             self.trials_without.add((KILLED, f'w{trial}'))
 
     def end(self) -> dict[str, int]:
-        """End the processes; return what they met."""
+        """End the processes; return the numbers of faults and the exit code."""
         codes = [abs(running.end() or 0) for running in (self.main, self.fifth)]
         for port in self.ports.values():
             port.close()
@@ -163,7 +163,7 @@ class Hand:
 
 
 def soak(minutes: float, fault_s: float, folder: Path) -> dict[str, Any]:
-    """Run it; return the series over time and what the recording holds."""
+    """Run the soak test; return the series over time and the contents of the recording."""
     with make_model(CASE) as model, domain_id() as domain, ros_context(int(domain)) as context:
         hand = Hand(folder, model, int(domain))
         node = Node('operator', context=context)
@@ -215,15 +215,16 @@ def _feed(
             )
             next_look_s += 10.0
         time.sleep(max(0.0, start_s + number / CASE.rate_hz - time.monotonic()))
-    time.sleep(3.0)  # the last window has a time-out
+    time.sleep(3.0)  # wait for the time-out of the last window
     return trial, series
 
 
 def count_recording(path: Path, trials: int, excused: set[tuple[str, str]]) -> dict[str, int]:
-    """Return what a recording holds, and how many of its samples nothing accounts for.
+    """Count the contents of a recording, and the samples that are not accounted for.
 
-    ``lost_before`` must tell a gap in the numbers, and that or the status a gap in time. Numbers
-    that start anew tell that the sensor's process is another one.
+    Gaps in the sequence numbers must be reported by ``lost_before``, gaps in time by
+    ``lost_before`` or the status. If sequence numbers restart, the process of the sensor was
+    restarted.
     """
     counts: Counter[str] = Counter()
     windows: set[tuple[str, str]] = set()
@@ -238,9 +239,9 @@ def count_recording(path: Path, trials: int, excused: set[tuple[str, str]]) -> d
                 sequence, end_ns = ends.get(finger, (first, stamp_ns))
                 gap = round((stamp_ns - end_ns) / data.period_ns)
                 counts['samples'] += size
-                counts['lost and told'] += int(data.lost_before)
+                counts['lost and reported'] += int(data.lost_before)
                 if first < sequence:
-                    counts['numbers started anew'] += 1
+                    counts['sequence restarts'] += 1
                     counts['lost while killed'] += gap
                 else:
                     counts['unaccounted'] += first - sequence
@@ -293,13 +294,13 @@ def draw(series: list[dict[str, float]], path: Path) -> None:
 
 
 def main() -> int:
-    """Run the soak that the arguments ask for."""
+    """Run the soak test."""
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('--minutes', type=float, default=60.0, help='duration [default: 60]')
     parser.add_argument(
         '--fault-every', type=float, default=60.0, help='seconds between faults [default: 60]'
     )
-    parser.add_argument('--plot', type=Path, help='PNG file to draw memory and CPU time into')
+    parser.add_argument('--plot', type=Path, help='PNG file for a plot of memory and CPU time')
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix='soak_') as scratch:
         result = soak(arguments.minutes, arguments.fault_every, Path(scratch))
@@ -313,7 +314,7 @@ def main() -> int:
         found['unaccounted'],
         found['trials without a window'],
         found['windows without an answer'],
-        found.get('numbers started anew', 0) != faults.get('killed', 0),
+        found.get('sequence restarts', 0) != faults.get('killed', 0),
         faults['exit code'],
         growth_mb_h >= MOST_GROWTH_MB_H,
     )

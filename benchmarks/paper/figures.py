@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The paper's figures 8 to 10 of SIMULATED trials, and why the RBF SVM needs scaling.
+"""Figures 8 to 10 of the paper for SIMULATED trials, and the effect of scaling on the RBF SVM.
 
 ./tactile run python -m benchmarks.paper.figures paper.png
 """
@@ -34,13 +34,13 @@ PUBLISHED = {
     'texture': (1.0, None, 1.0, None),
     'stiffness': (STIFFNESS_LEAST, STIFFNESS_LEAST, None, STIFFNESS_LEAST),
 }
-"""Accuracies of the paper's text, in the order of `CLASSIFIERS` [1]; None: a word only."""
+"""Accuracies in the text of the paper, in the order of `CLASSIFIERS` [1]; None without number."""
 
 SMALLEST_P = 1e-16
 
 
 def main() -> None:
-    """Draw the figures into the file that the argument names."""
+    """Draw the figures to a file."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('picture', type=Path, help='PNG file to write')
     picture = parser.parse_args().picture

@@ -60,8 +60,8 @@ def make_trials(
 ) -> Trials:
     """Simulate 60 trials of each label in one session, and compute the paper's features.
 
-    The plate or object is fixed again after ``per_mounting`` trials; 60: once. ``rig`` is YAML
-    that replaces values of the packaged ``rig.yaml``.
+    A new mounting starts after ``per_mounting`` trials; with 60, there is one mounting. ``rig`` is
+    YAML that replaces values of the packaged ``rig.yaml``.
     """
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / 'rig.yaml').write_text(rig, 'utf-8')
@@ -95,7 +95,7 @@ def compute_features(task: str, windows: FloatArray, rate_hz: float) -> FloatArr
 
 
 def in_unit(task: str, values: FloatArray, per_newton: float) -> FloatArray:
-    """Return features whose forces are in a unit of which ``per_newton`` are one newton."""
+    """Convert features to another unit of force; one newton equals ``per_newton`` units."""
     if task == 'texture':
         return values * per_newton
     return values * [per_newton, per_newton, 1.0]
@@ -110,7 +110,7 @@ def cross_validate(
     repetitions: int = REPETITIONS,
     seed: int = 0,
 ) -> FloatArray:
-    """Return the accuracy of each classifier in each repetition of six stratified folds [1].
+    """Return the accuracies of each classifier in repetitions of six stratified folds [1].
 
     The result has shape (4, repetitions), in the order of `CLASSIFIERS`. ``scaled`` features have
     zero mean and unit variance, fitted in each fold. ``gamma`` of the RBF SVM is ``scale``

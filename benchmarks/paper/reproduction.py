@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables of the paper's protocol on SIMULATED trials, beside the published numbers."""
+"""Tables of the paper's results on SIMULATED trials, with the published numbers."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ SEED = 2
 SCALINGS = {'not scaled': False, 'scaled': True}
 RBF = CLASSIFIERS.index('RBF SVM')
 SHOWN_HOLD = 'rubber_shell'
-"""Object of the hold beside the paper's; the paper does not name its object."""
+"""Object of the hold compared with Fig. 7; the paper does not name its object."""
 
 UNITS = {'MN': 1e-6, 'kN': 1e-3, 'N': 1.0, 'mN': 1e3, 'µN': 1e6}
-"""Units of force, and how many of each are one newton."""
+"""Units of force, and number of units per newton."""
 
 
 class Result(NamedTuple):
@@ -55,7 +55,7 @@ class Result(NamedTuple):
     Attributes
     ----------
     accuracies : dict of str to ndarray of shape (4, repetitions)
-        By name of the scaling, in the order of `CLASSIFIERS` [1].
+        Accuracies by scaling, in the order of `CLASSIFIERS` [1].
     alike : float
         See `measure_alike`.
     """
@@ -85,7 +85,7 @@ def reproduce(repetitions: int = REPETITIONS) -> dict[tuple[str, str], Result]:
 
 
 def run_paper(quick: bool) -> Report:
-    """Reproduce the paper's results; quick: with a single repetition of the cross-validation."""
+    """Reproduce the results of the paper; with ``quick``, cross-validation is run once."""
     repetitions = 1 if quick else REPETITIONS
     results = reproduce(repetitions)
     protocol = (
@@ -115,9 +115,9 @@ def run_paper(quick: bool) -> Report:
             Report(
                 'paper: why the RBF SVM needs scaling for stiffness features. SIMULATED',
                 '',
-                'share of each feature in the squared distance between trials, which is all that '
-                'the kernel sees, and accuracy of the RBF SVM in % with forces in other units; '
-                'scaled, it does not depend on the unit',
+                'share of each feature in the squared distance between trials, on which the '
+                'kernel depends, and accuracy of the RBF SVM in % for other units of force; with '
+                'scaling, it does not depend on the unit',
                 _list_scaling_causes(results),
             ),
         ],
@@ -195,9 +195,9 @@ def _list_scaling_causes(results: dict[tuple[str, str], Result]) -> list[Row]:
 
 
 def find_scaling_cause(trials: Trials) -> tuple[FloatArray, dict[str, float]]:
-    """Return each feature's share of the squared distance, and accuracies of the RBF SVM [1].
+    """Return the share of each feature in the squared distance, and accuracies of the RBF SVM [1].
 
-    The accuracies are those of unscaled features, by the unit of force.
+    The accuracies are for unscaled features, by unit of force.
     """
     variances = trials.values.var(axis=0)
     accuracies = {}

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The paper's statements on SIMULATED trials, one setting changed at a time."""
+"""Statements of the paper on SIMULATED trials, with one changed setting at a time."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ SEEDS = tuple(range(1, 21))
 
 @dataclass(frozen=True)
 class Setting:
-    """A way of making and classifying trials.
+    """Settings of simulation and classification.
 
-    The plate or object is fixed again after ``per_mounting`` trials. ``rig`` replaces values of
-    the packaged ``rig.yaml``. One newton is ``newton``: 1000 for features in millinewtons.
-    ``gamma`` and ``scaled``: see `cross_validate`.
+    A new mounting starts after ``per_mounting`` trials. ``rig`` replaces values of the packaged
+    ``rig.yaml``. ``newton`` is the number of units of force per newton, for example 1000 for
+    features in millinewtons. See `cross_validate` for ``gamma`` and ``scaled``.
     """
 
     name: str
@@ -65,7 +65,7 @@ SETTINGS = (
 
 
 def run_paper_settings(quick: bool) -> Report:
-    """Change one setting at a time, and count the seeds in which the paper's statements hold."""
+    """Change one setting at a time, and count the seeds for which the statements hold."""
     seeds = SEEDS[:1] if quick else SEEDS
     rows = [
         Row(f'{setting.name}; {task}, {contact}', more=_judge(setting, task, contact, seeds))
@@ -76,8 +76,8 @@ def run_paper_settings(quick: bool) -> Report:
     return Report(
         'paper-settings: the statements of the paper on SIMULATED trials',
         '',
-        f'accuracy in %, six stratified folds: mean of {len(seeds)} seeds (least to most), and '
-        'the number of seeds in which a statement holds',
+        f'accuracy in %, six stratified folds: mean of {len(seeds)} seeds (minimum to maximum), '
+        'and number of seeds for which a statement holds',
         rows,
     )
 

@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Numbers and statements of the paper's text, and rules by which trials agree with them.
+"""Numbers and statements in the text of the paper, and rules for agreement with them.
 
-Only numbers of the text are used; the figures of the paper have more. Where the text has a word
-instead of a number ("dramatically lower"), the rule states the number that we read.
+Numbers in the figures of the paper are not used. If the text contains a word instead of a number
+("dramatically lower"), the rule states our interpretation.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 LEVEL = 0.05
-"""Line of significance in the paper's Fig. 9."""
+"""Significance level in Fig. 9 of the paper."""
 
 PERFECT = 0.995
 """An accuracy of at least this counts as the paper's 100 % [1]."""
@@ -39,26 +39,26 @@ BEST = {
     ('stiffness', 'flexion'): 0.994,
     ('stiffness', 'abduction'): 0.997,
 }
-"""Best accuracy of each set [1]. Section I lists four numbers; we read them in this order."""
+"""Best accuracy of each set [1], assuming this order of the four numbers in section I."""
 
 CLASSIFIERS = {
     'texture': ('100', 'lower', '100', 'high'),
     'stiffness': ('> 97.2', '> 97.2', 'dramatically lower', '> 97.2'),
 }
-"""What section IV says of each classifier, in the order of `protocol.CLASSIFIERS` [%]."""
+"""Statements of section IV on each classifier, in the order of `protocol.CLASSIFIERS` [%]."""
 
 HOLD = (-0.90, 12.62, -0.99)
 """Slope [N/s], intercept [N] and correlation of the flexion trial of Fig. 7."""
 
 EXCUSED = {'correlation pla/solid_rubber', 'correlation pla/rubber_shell'}
-"""Pairs of objects that the paper itself finds alike."""
+"""Pairs of objects that do not differ in the paper either."""
 
 
 class Statement(NamedTuple):
     """One statement of section IV on a task.
 
     ``agrees`` takes accuracies of shape (..., 4), in the order of `protocol.CLASSIFIERS`, and
-    what `measure_alike` returns, of shape (...). It returns whether they agree, of shape (...).
+    results of `measure_alike`, shape (...). It returns booleans of shape (...).
     """
 
     task: str
@@ -133,10 +133,10 @@ def contacts_agree(best: tuple[float, float]) -> bool:
 
 
 def measure_alike(task: str, trials: Trials) -> float:
-    """Return the share of components [1], or the number of pairs, that do not differ.
+    """Return the fraction of components [1], or the number of pairs, that do not differ.
 
-    Textures: components above 0 Hz whose mean p over the pairs of plates is above 0.05. Stiffness:
-    pairs of objects and features with p above 0.05, without those that the paper excuses.
+    For textures, components above 0 Hz whose mean p over the pairs of plates is above 0.05. For
+    stiffness, pairs of objects and features with p above 0.05, except `EXCUSED`.
     """
     if task == 'texture':
         mean_p = rank_sum_p_values(trials.values, trials.labels).mean_p
@@ -145,7 +145,7 @@ def measure_alike(task: str, trials: Trials) -> float:
 
 
 def find_alike(trials: Trials) -> set[str]:
-    """Return stiffness features and pairs of objects with p above 0.05, in words."""
+    """Return stiffness features and pairs of objects with p above 0.05 as text."""
     found = rank_sum_p_values(trials.values, trials.labels)
     return {
         f'{name} {found.labels[j]}/{found.labels[i]}'

@@ -1,4 +1,4 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sessions that training never saw, by simulation: thresholds."""
+"""Thresholds for unknown objects in new simulated sessions."""

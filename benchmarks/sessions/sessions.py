@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Windows of many simulated sessions: a few to train on, many to test on."""
+"""Windows of simulated sessions: a few for training, many for testing."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from tactile_sim.physics.trials import simulate_trials
 Array = NDArray[np.float64]
 
 FIRST_SEED = 2000
-"""Others were used to choose between methods."""
+"""Seeds; other seeds were used to choose between methods."""
 
 TRAIN = 6
 TRAIN_TRIALS, TEST_TRIALS = 8, 4
-"""Of each label in a session."""
+"""Number of trials per label and session."""
 
 
 def count_seeds(quick: bool) -> tuple[range, int]:
-    """Return the numbers of the seeds, and how many sessions are tested for each."""
+    """Return the seeds, and the number of test sessions per seed."""
     return (range(2), 10) if quick else (range(20), 40)
 
 
 def describe(seeds: range, tests: int) -> str:
-    """Return how many sessions were simulated."""
+    """Describe the simulated sessions."""
     return (
-        f'SIMULATED, {len(seeds)} seeds, {TRAIN} sessions of {TRAIN_TRIALS} trials a label to '
-        f'train on, {tests} of {TEST_TRIALS} to test on'
+        f'SIMULATED, {len(seeds)} seeds, {TRAIN} training sessions of {TRAIN_TRIALS} trials per '
+        f'label, {tests} test sessions of {TEST_TRIALS} trials per label'
     )
 
 
@@ -42,7 +42,7 @@ def simulate_windows(
 ) -> tuple[Array, NDArray[np.str_], NDArray[np.intp], float]:
     """Return the windows of trials, their labels and sessions, and the sample rate [Hz].
 
-    Sessions below `TRAIN` are those to train on.
+    Sessions below `TRAIN` are for training.
     """
     planned = plan_trial(TrialConfig(), TrialRequest(protocol, contact))
     catalogue = default_catalogue()

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Unknown objects in sessions that training never saw, over many seeds. SIMULATED."""
+"""Detection of unknown objects in new SIMULATED sessions, over many seeds."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ CASES = (
     ('stiffness', 'hold_waveform'),
     ('texture', 'glide_waveform'),
 )
-"""Protocols and sets: the defaults, and the waveforms that random convolutions take."""
+"""Protocols and feature sets: the defaults, and the waveforms for random convolutions."""
 
 
 def run_thresholds(quick: bool) -> Report:
-    """Judge the threshold of the model file."""
+    """Measure false rejection and missed unknown objects."""
     seeds, tests = count_seeds(quick)
     rows = []
     for protocol, features in CASES:
@@ -43,15 +43,15 @@ def run_thresholds(quick: bool) -> Report:
     return Report(
         f'thresholds for unknown objects: {describe(seeds, tests)}',
         '',
-        f'false rejection at a stated {100 * RATE:g} %: mean and SD over seeds (least, most), and '
-        'share of test sessions above 5 and 10 %; missed: trials of a label that was not in the '
-        'training and got a name; accuracy: of known labels. In %',
+        f'false rejection at a nominal {100 * RATE:g} %: mean and SD over seeds (minimum, '
+        'maximum), and fraction of test sessions above 5 and 10 %; missed: trials of an unknown '
+        'label that received a known label; accuracy: for known labels. In %',
         rows,
     )
 
 
 def _judge(protocol: str, features: str, contact: str, seed: int, tests: int) -> Array:
-    """Return false rejection and misses by both thresholds, and accuracy, by test session [%]."""
+    """Return false rejection and misses of both thresholds, and accuracy, per test session [%]."""
     windows, labels, sessions, rate_hz = simulate_windows(protocol, contact, seed, tests)
     config = FeatureConfig(**{f'{protocol}_features': features})
     values, spec = features_from_trials(protocol, windows, rate_hz, config=config)

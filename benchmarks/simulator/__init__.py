@@ -1,4 +1,4 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulator: speed, error, hard cases, and MuJoCo beside it."""
+"""Speed and error of the simulator, hard cases, and comparison with MuJoCo."""

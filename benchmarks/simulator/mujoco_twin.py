@@ -1,11 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The texture scene in MuJoCo: the finger as a chain of hinges, for one trial.
+"""Texture trials in MuJoCo, with the finger as a chain of hinges.
 
-What it shares with `tactile_sim`: geometry, elasticity, damping, weight, tendon and the law of
-contact. What it does not: its finger bends at hinges alone. Tendon friction and creep are left
-out, so the other side of a comparison must be simulated without them.
+Geometry, elasticity, damping, weight, tendon and contact law are the same as in `tactile_sim`. The
+finger only bends at the hinges. Tendon friction and creep are not modelled, so trials of
+`tactile_sim` must be simulated without them for a comparison.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ from tactile_sim.physics.scene import Surface
 FloatArray = NDArray[np.float64]
 Positions = Callable[[FloatArray], FloatArray]
 
-_NEVER_M = 1e3  # upper end of the tendon's dead band: a tendon never pushes
-_POINT_KG_M2 = 1e-12  # MuJoCo wants moments of inertia above zero
+_NEVER_M = 1e3  # upper end of the dead band of the tendon, which never pushes
+_POINT_KG_M2 = 1e-12  # MuJoCo requires moments of inertia above zero
 
 
 @dataclass(frozen=True)
 class TwinContact:
-    """The plate under the finger, as one trial finds it.
+    """The plate under the finger in one trial.
 
-    The tip touches height 0 of the surface at a drop of ``clearance_m``; the finger's clamp is at
-    ``offset_m`` on the surface when the guide stands at 0 [m].
+    The tip touches height 0 of the surface at a drop of ``clearance_m``. The clamp of the finger
+    is at ``offset_m`` on the surface if the guide is at position 0 [m].
     """
 
     surface: Surface
@@ -46,7 +46,7 @@ class TwinContact:
 
 
 class TipState(NamedTuple):
-    """Forces of the plate on the tip, where it sticks, and the compression of its rubber."""
+    """Forces of the plate on the tip, sticking position, and compression of the rubber."""
 
     normal_n: float
     friction_n: float
@@ -56,10 +56,11 @@ class TipState(NamedTuple):
 
 @dataclass(frozen=True)
 class TwinResult:
-    """One simulated trial: start of each step, tension and vertical force on the tip there.
+    """One simulated trial: start of each step, with tension and vertical force on the tip.
 
-    ``elapsed_s`` is that of the whole loop, with the contact computed in Python, and
-    ``step_elapsed_s`` of as many steps of MuJoCo alone, with the forces held [s of one core].
+    ``elapsed_s`` is the time of the whole loop, with the contact computed in Python.
+    ``step_elapsed_s`` is the time of the same number of MuJoCo steps with constant forces [s of
+    one core].
     """
 
     times_s: FloatArray
@@ -72,9 +73,9 @@ class TwinResult:
 def write_finger_mjcf(finger: Finger, step_s: float, hinges: int) -> str:
     """Describe the finger as a chain of hinges in MuJoCo's format.
 
-    The hinges stand in the middle of equal segments, so that the end links are half as long
-    as the others. A hinge of a segment of length L/n has the stiffness EI / (L/n) = n K.
-    MuJoCo's z points up; a positive hinge angle bends the finger down.
+    The hinges are in the middle of equal segments, so the end links are half as long as the
+    others. The hinge of a segment of length L/n has the stiffness EI / (L/n) = n K. In MuJoCo, z
+    points up; a positive hinge angle bends the finger down.
     """
     segment_m = finger.length_m / hinges
     tip = _write_inertial(0.0, finger.tip_mass_kg, 0.0)
@@ -113,12 +114,12 @@ def _write_inertial(place_m: float, mass_kg: float, inertia_kg_m2: float) -> str
 
 
 def compute_chain_tip(finger: Finger, bend_rad: float, hinges: int) -> tuple[float, float]:
-    """Drop and reach of the chain's tip where all hinges are bent alike [m].
+    """Return drop and reach of the tip of the chain with equal hinge angles [m].
 
-    Their distance from the tip of the arc falls with 1 / hinges^2. For a comparison, put
-    the plate under the chain as it lies under the arc: with 11 hinges it is 9 micrometres in
-    drop and 25 in reach, and on steep grooves these change samples of the tension by up to a
-    fifth of their alternating part.
+    The distance from the tip of an arc decreases with 1 / hinges^2. With 11 hinges it is 9
+    micrometres in drop and 25 in reach. On steep grooves this changes samples of the tension by up
+    to a fifth of their alternating part. For a comparison, the plate must therefore have the same
+    position relative to the tip of the chain as to the tip of the arc.
     """
     slope_rad = bend_rad * np.arange(hinges + 1) / hinges
     share_m = np.full(hinges + 1, finger.length_m / hinges)
@@ -134,9 +135,9 @@ def press_tip(
     tip: TipState,
     step_s: float,
 ) -> TipState:
-    """Press the tip, at a drop and a place on the surface [m], on the plate for one step."""
+    """Compute the contact for one step, at a drop and a position on the surface [m]."""
     indentation_m = drop_m - contact.clearance_m + _sample(contact.surface, place_m)[0]
-    # The rubber, a spring beside a damper, never pulls; left alone it recovers.
+    # The rubber is a spring and damper in parallel. It never pulls, and recovers without load.
     damper_n_m = finger.tip_damping_n_s_m / step_s
     both_n_m = finger.tip_stiffness_n_m + damper_n_m
     held_n = damper_n_m * tip.squeezed_m
@@ -153,7 +154,7 @@ def press_tip(
 
 
 def _sample(surface: Surface, place_m: float) -> tuple[float, float]:
-    """`Surface.sample` for one float: height [m] and slope [1]."""
+    """Return height [m] and slope [1] at one position, like `Surface.sample`."""
     cell = (place_m - surface.origin_m) / surface.spacing_m
     index = min(max(math.floor(cell), 0), len(surface.table) - 1)
     part = min(max(cell - index, 0.0), 1.0)
@@ -172,14 +173,12 @@ def simulate_twin(
 ) -> TwinResult:
     """Simulate one texture trial; the finger starts straight and at rest.
 
-    The clamp stands still and the plate moves: a clamp that moves evenly feels no other
-    force, and what the guide's ramps would add is the inertia of 18 g at 0.5 m/s^2, 9 mN.
+    The clamp is fixed and the plate moves, which is equivalent at constant speed. During the ramps
+    of the guide, the inertia of 18 g at 0.5 m/s^2 would add 9 mN. Tendon friction and creep of the
+    finger are not simulated. Guide and tendon are given as positions [m] at an array of times [s].
 
-    Tendon friction and creep of the finger are not simulated. Guide and tendon are given as
-    positions [m] at an array of times [s].
-
-    Raises `FloatingPointError`: the motion diverged: the step is far too long. A step that is
-    merely too long to be right raises nothing.
+    Raises `FloatingPointError` if the motion diverges because the step is much too long. Smaller
+    errors due to a long step are not detected.
     """
     model = mujoco.MjModel.from_xml_string(write_finger_mjcf(finger, step_s, hinges))
     data = mujoco.MjData(model)
@@ -206,10 +205,10 @@ def simulate_twin(
         tension_n = finger.tendon_stiffness_n_m * max(windings_m[step] - float(length[0]), 0.0)
         out[:, step] = tension_n, tip.normal_n
     elapsed_s = time.process_time() - start_s
-    # MuJoCo does not raise: it warns and starts again from rest.
+    # MuJoCo does not raise an exception, but warns and restarts from rest.
     if any(warning.number for warning in data.warning) or not np.isfinite(out).all():
         raise FloatingPointError(
-            f'MuJoCo diverged with steps of {step_s * 1e3:g} ms; take a shorter step'
+            f'MuJoCo diverged with steps of {step_s * 1e3:g} ms: use shorter steps'
         )
     start_s = time.process_time()
     mujoco.mj_step(model, data, nstep=steps)

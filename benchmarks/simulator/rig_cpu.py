@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Processor time of the SIMULATED rig's process, polled as often as the drivers do."""
+"""Processor time of the SIMULATED rig, polled at the rates of the drivers."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ HIDE_NUMBA = "import sys; sys.modules['numba'] = None; "
 
 
 class Rates(NamedTuple):
-    """How often a driver asks [1/s]."""
+    """Polling rates of the drivers [1/s]."""
 
     servo_hz: float
     guide_hz: float
@@ -46,7 +46,7 @@ REST, MOTION = Rates(25.0, 5.0), Rates(60.0, 10.0)
 
 
 class Case(NamedTuple):
-    """What a process of rigs does."""
+    """Number of rigs in a process, motion, and use of numba."""
 
     rigs: int
     glides: bool
@@ -63,14 +63,14 @@ CASES = {
 
 
 def encode_packet(code: int, parameters: bytes) -> bytes:
-    """Encode an instruction to servo 1; these need no stuffing."""
+    """Encode an instruction to servo 1; byte stuffing is not needed."""
     packet = HEADER + b'\1' + (len(parameters) + 3).to_bytes(2, 'little')
     packet += bytes([code]) + parameters
     return packet + compute_crc(packet).to_bytes(2, 'little')
 
 
 def encode_write(register: known.Register, value: int) -> bytes:
-    """Encode that a register is to be written."""
+    """Encode an instruction to write a register."""
     data = value.to_bytes(register.size, 'little', signed=register.is_signed)
     return encode_packet(WRITE, register.address.to_bytes(2, 'little') + data)
 
@@ -79,7 +79,7 @@ POLL_SERVO = encode_packet(READ, b''.join(value.to_bytes(2, 'little') for value 
 
 
 class Rigs:
-    """A process of simulated rigs, and the drivers' ends of its lines."""
+    """A process of simulated rigs, with the driver side of its ports."""
 
     def __init__(self, case: Case, checkout: Path | None, folder: Path) -> None:
         environment = dict(os.environ)
@@ -110,7 +110,7 @@ class Rigs:
         return answer
 
     def mount(self, *names: str) -> None:
-        """Put something under the only rig's finger."""
+        """Mount a plate or object under the finger of the rig."""
         assert self.process.stdin is not None
         keys = ('protocol', 'object', 'contact')
         self.process.stdin.write(
@@ -124,7 +124,7 @@ class Rigs:
         os.write(self._ports[0][device], data)
 
     def poll(self, duration_s: float, rates: Rates) -> None:
-        """Ask as the drivers do, and read what comes."""
+        """Poll the devices like the drivers, and read the replies."""
         end_s = time.monotonic() + duration_s
         servo_s = guide_s = time.monotonic()
         while (now_s := time.monotonic()) < end_s:
@@ -147,7 +147,7 @@ class Rigs:
         return read_processor_s(self.process.pid)
 
     def close(self) -> None:
-        """End the process by the end of its standard input."""
+        """End the process by closing its standard input."""
         assert self.process.stdin is not None
         for ports in self._ports:
             for file in ports.values():
@@ -158,7 +158,7 @@ class Rigs:
 
 @contextlib.contextmanager
 def run_rigs(case: Case, checkout: Path | None) -> Iterator[Rigs]:
-    """Start rigs and bring them to where the case begins."""
+    """Start rigs and bring them to the initial state of the case."""
     with tempfile.TemporaryDirectory(prefix='tactile_rigs_') as folder:
         rigs = Rigs(case, checkout, Path(folder))
         try:
@@ -171,7 +171,7 @@ def run_rigs(case: Case, checkout: Path | None) -> Iterator[Rigs]:
 
 
 def _begin_glide(rigs: Rigs) -> None:
-    """Home, press the finger on a plate with the tendon, and let the plate move."""
+    """Home, press the finger on a plate with the tendon, and start the motion."""
     rigs.send('guide', b'$24=1000\n$25=6000\n$H\n')
     for register, value in (
         (known.OPERATING_MODE, known.MODE_CURRENT_BASED_POSITION),
@@ -193,7 +193,7 @@ def _begin_glide(rigs: Rigs) -> None:
 
 
 def measure_share(case: Case, checkout: Path | None, duration_s: float) -> float:
-    """Processor time of the rigs' process over time that passed."""
+    """Return the processor time of the process relative to wall time."""
     with run_rigs(case, checkout) as rigs:
         before_s, started_s = rigs.cpu_s(), time.monotonic()
         rigs.poll(duration_s, MOTION if case.glides else REST)
@@ -208,7 +208,7 @@ def run_rig_cpu(quick: bool) -> Report:
     for name, case in CASES.items():
         shares: list[tuple[float, float | None]] = []
         for _ in range(rounds):
-            # Code that cannot run without numba is measured with it.
+            # The other checkout may need numba.
             theirs = None
             if other is not None:
                 theirs = measure_share(case._replace(has_numba=True), other, duration_s)

@@ -1,11 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Accuracy on simulated trials as one condition of sensor and rig at a time gets worse.
+"""Accuracy on simulated trials with one degraded condition of sensor or rig at a time.
 
-Noise and lost samples are added to the same clean motion. For other speeds and depths the motion
-is simulated anew. Features come from the extractor of the live node. Training and tests are in
-different sessions: the rig is set up anew between them.
+Noise and lost samples are added to the same simulated motion. Other speeds and depths need a new
+simulation. Features are computed by the extractor of the live node. Training and test trials are
+from different sessions, that is, with a new set-up of the rig.
 """
 
 from __future__ import annotations
@@ -35,16 +35,16 @@ from tactile_sim.physics.variation import draw_variation, make_generator
 FloatArray = NDArray[np.float64]
 
 CLASSIFIER = 'knn'
-_GLIDE_S = 4.2  # long enough for the window at any speed, where the plate is
+_GLIDE_S = 4.2  # long enough for the window at all speeds
 
 
 @dataclass(frozen=True)
 class Setting:
-    """One condition: how the trial runs, and what the sensor does.
+    """One condition of motion and sensor.
 
-    ``noise_n`` is a standard deviation [N], None that of the rig's description. Each sample is
-    ``lost`` with this probability. Gaps of up to ``max_gap_samples`` are bridged; see
-    `FeatureConfig`.
+    ``noise_n`` is a standard deviation [N]; None selects the value in the description of the rig.
+    ``lost`` is the probability of losing a sample. Gaps of up to ``max_gap_samples`` are
+    interpolated; see `FeatureConfig`.
     """
 
     axis: str
@@ -57,7 +57,7 @@ class Setting:
 
     @property
     def motion(self) -> tuple[float | None, float]:
-        """Values that define the motion; a different tuple needs a new simulation."""
+        """Values that define the motion; other values need a new simulation."""
         return self.glide_speed_m_s, self.depth
 
 
@@ -66,7 +66,7 @@ USUAL = Setting('contact depth (1)', 1.0)
 
 @dataclass(frozen=True)
 class Study:
-    """Contact, seed, sessions, and trials of each label in each session."""
+    """Contact, seed, number of sessions, and trials per label and session."""
 
     contact: str = 'flexion'
     seed: int = 1
@@ -78,7 +78,7 @@ class Study:
 
 @dataclass(frozen=True)
 class Features:
-    """Features and labels of those of some trials that have any."""
+    """Features and labels of the trials that have features."""
 
     values: FloatArray
     labels: NDArray[np.str_]
@@ -86,7 +86,7 @@ class Features:
 
 
 def list_settings(noise_n: float, speed_m_s: float) -> list[Setting]:
-    """Return what is varied, around the rig's own noise and speed over the plate."""
+    """Return the tested conditions, based on noise and speed of the rig."""
     lost = (0.0, 0.003, 0.01, 0.03, 0.1)
     found = [
         Setting('noise (N)', noise_n * s, noise_n=noise_n * s) for s in (1.0, 3.0, 10.0, 30.0)
@@ -101,7 +101,7 @@ def list_settings(noise_n: float, speed_m_s: float) -> list[Setting]:
 
 
 def run_robustness(quick: bool) -> Report:
-    """Simulate all conditions, and say what neighbours make of them."""
+    """Simulate all conditions, and measure the accuracy of nearest neighbours."""
     study = Study(train_sessions=1, test_sessions=1, train_trials=4) if quick else Study()
     catalogue = default_catalogue()
     speed_m_s = TrialConfig().glide_speed_m_s
@@ -114,9 +114,8 @@ def run_robustness(quick: bool) -> Report:
     return Report(
         f'robustness: SIMULATED trials, {study.contact}, {CLASSIFIER} with the default scaling',
         '',
-        f'named correctly of all tested trials [%]: trained as usual in {study.train_sessions} '
-        f'sessions, or as tested; tested in {study.test_sessions} others; trials without '
-        'features [%]',
+        f'accuracy [%], trained under usual conditions or as tested, on {study.train_sessions} '
+        f'sessions; tested on {study.test_sessions} other sessions; trials without features [%]',
         rows,
     )
 
@@ -146,7 +145,7 @@ def _run_protocol(
 
 
 def score(protocol: str, train: Features, test: Features) -> float | None:
-    """Return the share of all tested trials named correctly; None: nothing to train on."""
+    """Return the accuracy over all test trials, or None without training trials."""
     if len(train.labels) < 3 or len(np.unique(train.labels)) < 2:
         return None
     if not len(test.labels):
@@ -159,7 +158,7 @@ def score(protocol: str, train: Features, test: Features) -> float | None:
 def make_features(
     study: Study, catalogue: Catalogue, protocol: str, settings: Sequence[Setting]
 ) -> list[tuple[Features, Features]]:
-    """Return features to train on and to test on, for settings that share their motion."""
+    """Return training and test features for settings with the same motion."""
     config = _configure(study, settings[0])
     rows: list[tuple[list[Any], list[Any]]] = [([], []) for _ in settings]
     for label in catalogue.labels(protocol):
@@ -192,7 +191,7 @@ def _configure(study: Study, setting: Setting) -> TrialConfig:
 
 
 class CleanTrials:
-    """The motion of some trials of one label in one session, to be sensed in several ways."""
+    """Motion of several trials of one label in one session, for use with several sensors."""
 
     def __init__(
         self,
@@ -219,18 +218,18 @@ class CleanTrials:
         self._sensed_n = motion.sensed_n
 
     def sense(self, noise_n: float | None = None) -> FloatArray:
-        """Return the readings, shape (trials, samples) [N]; NaN where a trial failed."""
+        """Return the readings, shape (trials, samples) [N]; NaN if a trial failed."""
         variation, generators = draw_variation(*self._draw)
         cell = self._cell if noise_n is None else replace(self._cell, noise_n=noise_n)
         return read_tension(cell, self._sensed_n, variation.sensor_bias_n, generators)
 
     def draw_losses(self, trial: int, count: int) -> FloatArray:
-        """Return a number from 0 to 1 for each sample of a trial, the same at each strength."""
+        """Return a random number from 0 to 1 per sample, the same for all loss rates."""
         _, contact, protocol, label, seed, session, *_ = self._draw
         return make_generator('loss', seed, session, protocol, contact, label, trial).random(count)
 
     def extract(self, setting: Setting) -> list[FloatArray | None]:
-        """Return the features of each trial, or None where there are none."""
+        """Return the features of each trial, or None for trials without features."""
         config = FeatureConfig(max_gap_samples=setting.max_gap_samples)
         rows: list[FloatArray | None] = []
         for i, tension_n in enumerate(self.sense(setting.noise_n)):

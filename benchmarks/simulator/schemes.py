@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulator of texture trials: speed against error, by step."""
+"""Speed and error of simulated texture trials, by number of steps."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from tactile_sim.physics.trials import STEPS_PER_SAMPLE
 STEPS = (4, 6, 8, 10, 12, 16, 20, 24, 40)
 REFERENCE_STEPS = 160
 BOUND_PERCENT = 2.5
-"""Of what the sensor gets, which is what leaves the simulator; the tension stands beside it."""
+"""Bound of the error of the sensor signal; the error of the tension is reported separately."""
 
 
 def run_simulator(quick: bool) -> Report:
-    """Vary the step on drawn texture trials."""
+    """Vary the number of steps for random texture trials."""
     sets = [
         draw_trials('texture', plate, contact, 32 if quick else 64)
         for plate in PLATES
@@ -59,16 +59,16 @@ def run_simulator(quick: bool) -> Report:
         rows.append(Row(name_choice(steps), Ratio(median, low, high), error, bound, more=more))
     return Report(
         f'simulator: texture trials on {", ".join(PLATES)}, flexion and abduction; errors in %',
-        f'the default, {STEPS_PER_SAMPLE} steps a sample',
-        f'rms deviation from {name_choice(REFERENCE_STEPS)}, over the rms, in the 180 '
-        'samples without their straight line: of the tension, and of what the sensor gets (error: '
-        'its 95th percentile over the trials)',
+        f'the default, {STEPS_PER_SAMPLE} steps per sample',
+        f'rms deviation from {name_choice(REFERENCE_STEPS)}, relative to the rms, of the 180 '
+        'samples without their linear trend: for the tension, and for the input of the sensor '
+        '(error: 95th percentile over the trials)',
         rows,
     )
 
 
 def _simulate_all(sets: list[TrialSet], steps: int) -> tuple[FloatArray, FloatArray]:
-    """Return the windows of tension and of what the sensor gets, shape (trials, samples) [N]."""
+    """Return windows of tension and of sensor input, shape (trials, samples) [N]."""
     tension, sensed = [], []
     for trials in sets:
         motion = trials.simulate(steps)

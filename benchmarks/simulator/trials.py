@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Drawn trials, their windows and errors, for the topics about the simulator."""
+"""Random trials with their windows and errors, for the benchmarks of the simulator."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ FloatArray = NDArray[np.float64]
 PLATES = ('R1', 'R3', 'T1', 'C2')
 CONTACTS = ('flexion', 'abduction')
 SEED = 1
-_SESSION_TRIALS = 8  # so that the deviations of sessions are drawn too
+_SESSION_TRIALS = 8  # several sessions, to include their variation
 
 
 @dataclass(frozen=True, eq=False)
 class TrialSet:
-    """Drawn trials on one plate or object, as `tactile simulate` plans them.
+    """Random trials on one plate or object, planned like `tactile simulate`.
 
-    ``window`` are the samples that features come from.
+    ``window`` is the range of samples used for features.
     """
 
     scene: Scene
@@ -44,16 +44,16 @@ class TrialSet:
     window: slice
 
     def simulate(self, steps: int) -> SimulatedMotion:
-        """Simulate all of them with so many steps a sample."""
+        """Simulate all trials with ``steps`` steps per sample."""
         return simulate_motion(self.scene, self.planned.timeline, self.variation, steps)
 
 
 @lru_cache
 def draw_trials(protocol: str, label: str, contact: str, count: int) -> TrialSet:
-    """Draw trials of several sessions.
+    """Draw random trials of several sessions.
 
-    The sampling phase is 0 or half a sample, so that samples end a step with any even number
-    of steps a sample. `simulate_trials` sees to the same.
+    The sampling phase is 0 or half a sample, so that samples coincide with the end of a step for
+    any even number of steps per sample, as in `simulate_trials`.
     """
     parts = []
     for session in range(-(-count // _SESSION_TRIALS)):
@@ -69,7 +69,7 @@ def draw_trials(protocol: str, label: str, contact: str, count: int) -> TrialSet
 
 
 def find_window(protocol: str, planned: TrialSchedule) -> slice:
-    """Samples from which features come: of the glide, or of the hold."""
+    """Return the samples used for features, of the glide or of the hold."""
     config, phases = FeatureConfig(), dict(planned.phases)
     if protocol == 'texture':
         first = int(np.ceil((phases['glide'] + config.texture_crop_start_s) * planned.rate_hz))
@@ -80,7 +80,7 @@ def find_window(protocol: str, planned: TrialSchedule) -> slice:
 
 
 def cut_after_window(planned: TrialSchedule, window: slice) -> Timeline:
-    """A trial's timeline without what comes after the window."""
+    """Return the timeline of a trial up to the end of the window."""
     moves = planned.timeline
     until_s = (window.stop + 1) / planned.rate_hz
     return Timeline(
@@ -92,12 +92,12 @@ def cut_after_window(planned: TrialSchedule, window: slice) -> Timeline:
 
 
 def remove_mean(windows: FloatArray) -> FloatArray:
-    """Windows along the last axis without their means."""
+    """Subtract the means along the last axis."""
     return np.asarray(windows - windows.mean(axis=-1, keepdims=True))
 
 
 def remove_line(windows: FloatArray) -> FloatArray:
-    """Windows along the last axis without their straight lines (least squares)."""
+    """Subtract least-squares lines along the last axis."""
     centred = remove_mean(windows)
     along = np.arange(windows.shape[-1]) - (windows.shape[-1] - 1) / 2
     slopes = centred @ along / (along @ along)
@@ -105,16 +105,16 @@ def remove_line(windows: FloatArray) -> FloatArray:
 
 
 def compare(ours: FloatArray, reference: FloatArray) -> FloatArray:
-    """Norm of the difference over that of the reference, along the last axis [%]."""
+    """Return the norm of the difference relative to the reference, along the last axis [%]."""
     distance = np.linalg.norm(ours - reference, axis=-1)
     return np.asarray(100 * distance / np.linalg.norm(reference, axis=-1))
 
 
 def time_in_turns(works: Sequence[Callable[[], object]], rounds: int) -> FloatArray:
-    """Time of each in each round, shape (works, rounds) [s of one core].
+    """Measure the time of each function in each round, shape (works, rounds) [s of one core].
 
-    It is the processor's time, so that what else runs on the machine does not count where it
-    only makes us wait; and in turns, so that what does count slows all alike.
+    Processor time excludes waiting for other programs. The functions run alternately, so that
+    remaining effects of other load are the same for all.
     """
     for work in works:
         work()
@@ -128,5 +128,5 @@ def time_in_turns(works: Sequence[Callable[[], object]], rounds: int) -> FloatAr
 
 
 def name_choice(steps: int) -> str:
-    """Name of a simulation with so many steps a sample."""
+    """Return the name of a simulation with ``steps`` steps per sample."""
     return f'{steps} steps' + (', default' if steps == STEPS_PER_SAMPLE else '')

@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulator beside a chain of hinges in MuJoCo: how far apart, at which speeds.
+"""Comparison of the simulator with a chain of hinges in MuJoCo: deviation and speed.
 
-Needs ``pip install mujoco`` in the environment that runs this.
+Requires ``pip install mujoco`` in the workspace's environment.
 """
 
 from __future__ import annotations
@@ -40,24 +40,24 @@ from tactile_sim.physics.trials import simulate_motion, STEPS_PER_SAMPLE
 from tactile_sim.physics.variation import Variation
 
 DENSE = STEPS_PER_SAMPLE
-"""Comparisons take so many values a sample: the grooves pass in whole numbers of samples, so
-that samples alone would look at the same few places of each groove."""
+"""Number of compared values per sample. The period of the grooves is a whole number of samples, so
+comparing only samples would test the same few positions of each groove."""
 
 HINGES, FEW_HINGES = 22, 11
-"""For errors, and for speed."""
+"""Number of hinges for the comparison of errors, and of speed."""
 
 REFERENCE_STEPS = 16
 FINE_S = 5e-5
 SPEED_STEPS_S = (1e-3, 5e-4, 2.5e-4, 1.25e-4, 6.25e-5)
 SPEED_FINE_S = 2e-5
 OUR_FACTORS = (1, 2, 3, 4, 6)
-"""Of the default number of steps."""
+"""Multiple of the default number of steps."""
 
 BATCH = 64
 
 
 class Tensions(NamedTuple):
-    """The window of one trial: tension, and what the sensor gets [N]; shape (samples,)."""
+    """Window of one trial: tension and input of the sensor [N], shape (samples,)."""
 
     tension_n: FloatArray
     sensed_n: FloatArray
@@ -65,9 +65,9 @@ class Tensions(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Match:
-    """One flexion trial to the end of its window, at settings that both sides know.
+    """One flexion trial up to the end of its window, with settings supported by both simulators.
 
-    The scene has no tendon friction and no creep; ``window`` counts `DENSE` values a sample.
+    The scene has no tendon friction and no creep. ``window`` refers to `DENSE` values per sample.
     """
 
     scene: Scene
@@ -75,7 +75,7 @@ class Match:
     window: slice
 
     def compute_window(self, factor: int, *, inertia: bool = True) -> Tensions:
-        """Ours in the window, with so many times the default steps."""
+        """Simulate the window with a multiple of the default number of steps."""
         cell = self.scene.rig.load_cell
         fast = dataclasses.replace(cell, rate_hz=DENSE * cell.rate_hz)
         rig = dataclasses.replace(self.scene.rig, load_cell=fast)
@@ -85,7 +85,7 @@ class Match:
         return Tensions(tension_n, motion.sensed_n[0, self.window])
 
     def simulate_twin(self, step_s: float, hinges: int = FEW_HINGES) -> TwinResult:
-        """MuJoCo's trial; the plate lies under the chain as it lies under the arc."""
+        """Simulate the trial in MuJoCo; the plate has the same position relative to the tip."""
         finger = self.scene.finger
         drop_m, reach_m = compute_chain_tip(finger, math.radians(finger.contact_bend_deg), hinges)
         offset_m = self.scene.lead_m - self.scene.guide_m - reach_m
@@ -103,7 +103,7 @@ class Match:
         )
 
     def sample_twin(self, twin: TwinResult) -> Tensions:
-        """MuJoCo's in the window, behind the same sensor."""
+        """Return the window of the MuJoCo trial, with the same sensor."""
         cell = self.scene.rig.load_cell
         step_s = float(twin.times_s[1] - twin.times_s[0])
         keep, early, late = low_pass_coefficients(step_s, cell.low_pass_hz)
@@ -131,7 +131,7 @@ def match_trial(plate: str) -> Match:
 
 
 def run_twin(quick: bool) -> Report:
-    """Compare with MuJoCo at matched settings."""
+    """Compare with MuJoCo at matching settings."""
     fine_s = 2 * FINE_S if quick else FINE_S
     rows = []
     for plate in _choose_plates(quick):
@@ -147,8 +147,8 @@ def run_twin(quick: bool) -> Report:
     return Report(
         f'twin: tension of the simulator against a chain of {HINGES} hinges in MuJoCo',
         '',
-        'rms deviation of the alternating part of the tension in the window over its rms, '
-        'in %; sensed: the same behind crosstalk and low pass; flexion, without tendon friction '
+        'rms deviation of the alternating part of the tension in the window, relative to its rms, '
+        'in %; sensed: the same after crosstalk and low pass; flexion, without tendon friction '
         'and creep',
         rows,
     )
@@ -168,12 +168,12 @@ def run_twin_speed(quick: bool) -> Report:
         rows.append(_speed_row(case, found, reference, trial_s, default_s, more))
     return Report(
         'twin-speed: MuJoCo against the compiled batch',
-        f'ours with the default step, a batch of {BATCH} drawn trials on R3; mj_step: as many '
-        'steps of MuJoCo alone in one call, without contact and without what Python adds. MuJoCo '
-        'has 11 degrees of freedom with inertia and runs one trial; ours has 3 modes',
-        'largest over the plates of the rms deviation of the alternating part of the tension in '
-        f'the window, {DENSE} values a sample, from finer steps of the same simulator, over its '
-        'rms, in %; sensed: the same of what the sensor gets',
+        f'this simulator with the default step, a batch of {BATCH} random trials on R3; mj_step: '
+        'the same number of MuJoCo steps in one call, without contact and Python overhead. MuJoCo '
+        'has 11 degrees of freedom with inertia and runs one trial; this simulator has 3 modes',
+        'largest rms deviation over the plates, relative to the rms, of the alternating part of '
+        f'the tension in the window, {DENSE} values per sample, from finer steps of the same '
+        'simulator, in %; sensed: the same for the input of the sensor',
         rows,
     )
 
@@ -183,7 +183,7 @@ def _choose_plates(quick: bool) -> tuple[str, ...]:
 
 
 def _measure_ours(matches: list[Match], quick: bool) -> tuple[list[Row], float]:
-    """Return rows of ours by step, in a batch of drawn trials, and the default's time [s]."""
+    """Return the rows of this simulator by step, and the time with the default step [s]."""
     match = match_trial('R3')
     drawn = draw_trials('texture', 'R3', 'flexion', BATCH).variation
     works = [
@@ -218,7 +218,7 @@ def _speed_row(
 
 
 def _compare_largest(found: list[Tensions], reference: list[Tensions]) -> tuple[float, float]:
-    """Return the largest errors over the plates: of the tension, of what the sensor gets [%]."""
+    """Return the largest errors over the plates, of tension and of sensor input [%]."""
     pairs = list(zip(found, reference, strict=True))
     tension = [compare(remove_mean(a.tension_n), remove_mean(b.tension_n)) for a, b in pairs]
     sensed = [compare(remove_mean(a.sensed_n), remove_mean(b.sensed_n)) for a, b in pairs]
