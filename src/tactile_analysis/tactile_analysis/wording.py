@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Results of evaluation and training in words."""
+"""Results of evaluation and training as sentences."""
 
 from __future__ import annotations
 
@@ -18,37 +18,37 @@ if TYPE_CHECKING:
 
 
 def format_interval(interval: Interval) -> str:
-    """Return an interval of accuracies in %, or why there is none."""
+    """Return an interval of accuracies in %, or the reason why there is none."""
     if interval.reason:
         return f'none: {interval.reason}'
     return f'{100 * interval.low:.1f} to {100 * interval.high:.1f}'
 
 
 def name_candidate(candidate: Candidate) -> str:
-    """Return a set of features with its classifier and scaling, for people."""
+    """Return the display name of feature set, classifier and scaling."""
     title = CLASSIFIER_TITLES[candidate.classifier]
     return f'{candidate.feature_set} with {title}, {short_scaling(candidate.scaling)}'
 
 
 def format_span(interval: Interval) -> str:
-    """Return an interval of accuracies in words, or why there is none."""
+    """Return an interval of accuracies as text, or the reason why there is none."""
     if interval.reason:
         return f'no interval: {interval.reason}'
     return f'95 % interval {format_interval(interval)} %'
 
 
 def format_nested(choice: FeatureChoice) -> str:
-    """Return the accuracy of a choice of features that is made inside the folds."""
+    """Return the nested accuracy of the automatic choice as text."""
     nested = choice.nested
     return (
-        f'accuracy {100 * nested.mean:.1f} % with set and classifier chosen inside the folds '
+        f'accuracy of this selection procedure: {100 * nested.mean:.1f} % '
         f'({nested.split}; {format_span(nested.interval)}); '
         f'chance {100 * choice.evaluation.chance:.1f} %'
     )
 
 
 def format_mean(score: Score) -> str:
-    """Return a mean accuracy in %, with its spread where there is one."""
+    """Return a mean accuracy in %, with its spread if there are several groups or repetitions."""
     mean = f'{100 * score.mean:.1f}'
     return f'{mean} ± {100 * score.spread:.1f}' if score.fold_accuracies.size > 1 else mean
 
@@ -62,7 +62,7 @@ def format_coverage(spread_of: str) -> str:
 
 
 def accuracy_caption(evaluation: Evaluation, *, intervals: bool = False) -> str:
-    """Return what the numbers of `accuracy_table` are."""
+    """Return the caption of `accuracy_table`."""
     first = evaluation.scores[0]
     parts = [
         f'accuracy in %: {evaluation.split}, {evaluation.trials} trials',
@@ -76,13 +76,13 @@ def accuracy_caption(evaluation: Evaluation, *, intervals: bool = False) -> str:
 
 
 def format_warnings(evaluations: Sequence[Evaluation]) -> list[str]:
-    """Return the warnings of some evaluations of one table, each once."""
+    """Return the distinct warnings of several evaluations of one table."""
     found = [warning for evaluation in evaluations for warning in evaluation.warnings]
     return [f'warning: {warning}' for warning in dict.fromkeys(found)]
 
 
 def describe_answers(manifest: Manifest) -> list[str]:
-    """Return what held-out trials say of probabilities and threshold."""
+    """Describe the quality of probabilities and threshold on held-out trials."""
     from tactile_classifier.model_file.manifest import (
         describe_scope,
         describe_thresholds,

@@ -8,8 +8,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-# Imported when first asked for: scikit-learn takes a second that the node does not have
-# to spend.
+# Imported on first use: importing scikit-learn takes a second, and the node does not need it.
 _HOMES = {
     'LabelledTrials': 'datasets.archive',
     'load_archive': 'datasets.archive',

@@ -3,7 +3,7 @@
 
 """Classification of each window by every model that fits it.
 
-`ModelSet` are all models of a finger; `Answering` counts their answers.
+`ModelSet` holds the models of a finger; `Answering` classifies with them and counts the results.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from tactile_features.spec import FeatureSpec, FeatureSpecifications
 
 
 class ModelSet:
-    """The models that answer the windows of one finger.
+    """The models that classify the windows of one finger.
 
     Parameters
     ----------
     models : sequence of TactileModel
     contact : str
-        Answer windows of this contact only; empty: of any.
+        Classify only windows of this contact; an empty string allows all contacts.
     refused : sequence of str
-        One sentence for each file that cannot be used.
+        One sentence per file that cannot be used.
 
     Attributes
     ----------
@@ -52,8 +52,8 @@ class ModelSet:
     def load(cls, models: str | Path, contact: str = '') -> ModelSet:
         """Return the models of a folder with ``*.npz`` files, or of one file.
 
-        A file that cannot be loaded is refused; the others answer. Models of another contact are
-        left out. Raises ModelFileError when none is usable.
+        Files that cannot be loaded are listed in ``refused``; the other models are used. Models of
+        another contact are ignored. Raises ModelFileError if no model is usable.
         """
         known: dict[str, str] = {}
 
@@ -71,34 +71,37 @@ class ModelSet:
 
     @property
     def unfed(self) -> tuple[str, ...]:
-        """One sentence for each model of which no features are announced, once some are."""
+        """One sentence per model whose features the feature node does not announce.
+
+        Empty until the feature node has announced its specifications.
+        """
         return tuple(
-            f'the feature node announces no features that model {model.model_id} was trained on: '
-            f'give its parameter models {model.path or "the file of this model"}'
+            f'the feature node does not compute the features of model {model.model_id}: '
+            f'set its parameter models to {model.path or "the file of this model"}'
             for model in self.models
             if self._digests and not self._is_fed(model)
         )
 
     def set_specifications(self, specs: Iterable[FeatureSpec]) -> None:
-        """Take in the specifications that the feature node announces for the windows to come."""
+        """Store the specifications of future windows, as announced by the feature node."""
         announced = tuple(specs)
         self._digests = frozenset(spec.digest for spec in announced)
         for model in self.models:
             model.set_specifications(announced)
 
     def classify(self, window: FeatureWindow) -> list[ClassificationResult]:
-        """Return the answers on one window, in the order of the models.
+        """Return the results for one window, in the order of the models.
 
-        Each model answers whose specification is the window's. A window that fits none is
-        answered with the reason by each model of its feature set of which no features are
-        announced: the others receive windows of their own.
+        A model classifies the windows that have its specification. If a window matches no model,
+        each model of the same feature set whose own features are not announced returns the reason.
+        The remaining models are skipped because they receive their own windows.
         """
         if not contacts_agree(self._contact, window.contact):
             return []
         return [model.classify_window(window) for model in self.find(window)]
 
     def find(self, window: FeatureWindow) -> list[TactileModel]:
-        """Return the models that answer a window; see `classify`."""
+        """Return the models that return a result for a window; see `classify`."""
         takers = [model for model in self.models if model.accepts(window)]
         fitting = [model for model in takers if model.fits(window.specification_digest)]
         if not fitting:
@@ -124,12 +127,17 @@ def _info_of(model: TactileModel, contact: str) -> ModelInfo:
 
 
 class Answering:
-    """Answers windows by a `ModelSet`, and counts them.
+    """Classifies windows with a `ModelSet` and counts the results.
 
-    ``counts`` are by name, as in the diagnostics; windows for others are those that no model
-    answers. ``mismatch`` says why the features of the last window are of another
-    specification than its model's; empty where they are not. ``is_told``: the specifications of
-    the feature node have been announced.
+    Attributes
+    ----------
+    counts : dict of str to int
+        Counters by name, as in the diagnostics. "windows for others" were classified by no model.
+    mismatch : str
+        Difference between the specifications of the last window and of its model; empty if there
+        is none.
+    is_told : bool
+        True once the feature node has announced its specifications.
     """
 
     def __init__(self, models: ModelSet) -> None:
@@ -145,13 +153,13 @@ class Answering:
         self._by_id = {model.model_id: model for model in models.models}
 
     def announce(self, announced: FeatureSpecifications) -> tuple[str, ...]:
-        """Take in the specifications of the feature node; return what is missing in them."""
+        """Store the announced specifications; return a sentence per model without features."""
         self.is_told = True
         self.models.set_specifications(announced.specs)
         return self.models.unfed
 
     def answer(self, window: FeatureWindow) -> list[ClassificationResult]:
-        """Return the answers on a window."""
+        """Return the results for one window."""
         results = self.models.classify(window)
         self.counts['windows'] += 1
         self.counts['windows for others'] += not results
@@ -163,7 +171,7 @@ class Answering:
         return results
 
     def values(self) -> dict[str, object]:
-        """Return the counts by name, for diagnostics."""
+        """Return the counters by name, for diagnostics."""
         return {
             **self.counts,
             'models': len(self.models.models),

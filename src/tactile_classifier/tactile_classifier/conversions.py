@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Classification results as messages and back, also as ``vision_msgs/Classification``."""
+"""Conversion between results and ROS messages, including ``vision_msgs/Classification``."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def _to_ns(stamp: Any) -> int:
 
 
 def model_infos_to_msg(infos: ModelInfos) -> Any:
-    """Return the tactile_msgs/ModelInfos message of a record."""
+    """Convert a record to a tactile_msgs/ModelInfos message."""
     from std_msgs.msg import Header
 
     from tactile_msgs.msg import ModelInfo as ModelInfoMsg
@@ -36,7 +36,7 @@ def model_infos_to_msg(infos: ModelInfos) -> Any:
 
 
 def model_infos_from_msg(message: Any) -> ModelInfos:
-    """Return the record of a ModelInfos message of rclpy or rosbags."""
+    """Convert a ModelInfos message of rclpy or rosbags to a record."""
     names = [field.name for field in dataclasses.fields(ModelInfo)]
     return ModelInfos(
         models=tuple(
@@ -57,11 +57,11 @@ _AS_THEY_ARE = tuple(
     for field in dataclasses.fields(ClassificationResult)
     if field.name not in (*_CONVERTED, *_TIMES)
 )
-"""Fields of a result that the message has under the same name, with the same type."""
+"""Fields with the same name and type in result and message."""
 
 
 def classification_to_msg(result: ClassificationResult) -> Any:
-    """Return the tactile_msgs/Classification message of a result."""
+    """Convert a result to a tactile_msgs/Classification message."""
     from std_msgs.msg import Header
 
     from tactile_msgs.msg import Classification
@@ -78,14 +78,14 @@ def classification_to_msg(result: ClassificationResult) -> Any:
 
 
 def classification_from_msg(message: Any) -> ClassificationResult:
-    """Return the result in a Classification message of rclpy or rosbags.
+    """Convert a Classification message of rclpy or rosbags to a result.
 
-    Raises MessageError when the outcome is not known, or the scores are not one a label.
+    Raises MessageError if the outcome is unknown, or the numbers of scores and labels differ.
     """
     if len(message.scores) not in (0, len(message.labels)):
         raise MessageError(
             f'scores has {len(message.scores)} entries and labels {len(message.labels)}; '
-            'they must be as many'
+            'the numbers must be equal'
         )
     return ClassificationResult(
         outcome=_read_outcome(message.outcome),
@@ -107,7 +107,7 @@ def _read_outcome(value: Any) -> Outcome:
 
 
 def vision_class() -> Any:
-    """Return the class of the standard message; raise ClassifierError without ``vision_msgs``."""
+    """Return the class vision_msgs/Classification; raise ClassifierError if not installed."""
     try:
         from vision_msgs.msg import Classification
     except ImportError:
@@ -119,10 +119,9 @@ def vision_class() -> Any:
 
 
 def vision_from_msg(answer: Any) -> Any:
-    """Return the standard message for one of ours: labels with their scores, the best first.
+    """Convert to vision_msgs/Classification: labels with their scores, best first.
 
-    It cannot say why there is no answer: of an unknown touch, or a window without features,
-    it has no results.
+    The message is empty for an unknown object, and for a window without features.
     """
     from vision_msgs.msg import ObjectHypothesis
 

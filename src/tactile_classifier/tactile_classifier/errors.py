@@ -1,16 +1,16 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Errors of data, evaluation and model files."""
+"""Exceptions for datasets, evaluation and model files."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from tactile_features.errors import ModelFileError as ModelFileError  # features read files, too
+from tactile_features.errors import ModelFileError as ModelFileError  # also used for features
 
 
 class ClassifierError(Exception):
-    """Root of the package's errors; the message is a sentence for the user."""
+    """Base class of the exceptions of this package; the message is a sentence for the user."""
 
 
 class DatasetError(ClassifierError, ValueError):
@@ -27,7 +27,7 @@ class EvaluationError(ClassifierError, ValueError):
 
 @contextmanager
 def refuse_damage(what: str) -> Iterator[None]:
-    """Raise `ModelFileError` where an entry of a model file is missing or of another type."""
+    """Raise `ModelFileError` if an entry of a model file is missing or has a wrong type."""
     try:
         yield
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:

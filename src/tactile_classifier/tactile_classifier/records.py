@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Answers on windows, facts of models, the node's parameters and titles for people, free of ROS.
+"""Classification results, model information, node parameters and display names, without ROS.
 
-The constants repeat those of Classification.msg; a test keeps them equal.
+A test checks that the constants equal the ones in Classification.msg.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from tactile_features.records import (
 from tactile_ros.configs import parameter
 
 CLASSIFIERS = ('knn', 'svm_linear', 'svm_rbf', 'tree')
-"""k nearest neighbours (3, Euclidean), support vector machines, decision tree: the paper's."""
+"""Classifiers of the paper: three nearest neighbours, support vector machines, decision tree."""
 
 ROCKET = 'rocket'
-"""Random convolutions with a ridge classifier: for sets of features that are waveforms."""
+"""Random convolutions with a ridge classifier, for feature sets that are waveforms."""
 
 ALL_CLASSIFIERS = (*CLASSIFIERS, ROCKET)
 
 SCALINGS = ('standard', 'none')
-"""Each feature to zero mean and unit variance over the training trials, or as it is."""
+"""Standardized features (zero mean and unit variance over the training trials), or unchanged."""
 
 TASKS = (PROTOCOL_TEXTURE, PROTOCOL_STIFFNESS)
 
@@ -39,7 +39,7 @@ MARGIN = 'margin'
 PROBABILITY = 'probability'
 
 UNKNOWN, NO_ANSWER = 'unknown', 'no answer'
-"""In place of a label: too novel, and no features or scores."""
+"""Replace the label if the window is too novel, or has no features or no finite scores."""
 
 
 class Outcome(IntEnum):
@@ -52,24 +52,25 @@ class Outcome(IntEnum):
 
 @dataclasses.dataclass(frozen=True)
 class ClassificationResult:
-    """The answer of one model on one window of features.
+    """Result of one model for one window of features.
 
     Attributes
     ----------
     label : str
-        The answer; empty unless ``outcome`` is ``Outcome.LABEL``.
+        Predicted label; empty unless ``outcome`` is ``Outcome.LABEL``.
     reason : str
-        One sentence when ``outcome`` is not ``Outcome.LABEL``; empty otherwise.
+        One sentence if ``outcome`` is not ``Outcome.LABEL``; empty otherwise.
     labels, scores : tuple
-        One score a label, larger is likelier; no scores without features.
+        One score per label; a higher score is more likely. No scores without features.
     score_kind : str
         ``votes``, ``margin`` or ``probability``.
     novelty, novelty_threshold : float
-        Negative: the model has none.
+        Negative if the model has no novelty measure.
     false_alarm_rate : float
-        Share of windows of known labels that the threshold rejects [1]; negative: none.
+        Fraction of windows of known labels that the threshold rejects [1]; negative without a
+        threshold.
     window_start_ns, window_end_ns : int
-        Times of the window's first and last sample (ROS time) [ns].
+        Stamps of the first and last sample of the window (ROS time) [ns].
     """
 
     task: str
@@ -98,7 +99,7 @@ class ClassificationResult:
 
 @dataclasses.dataclass(frozen=True)
 class ModelInfo:
-    """One model that a classifier node answers with; the fields are those of ModelInfo.msg."""
+    """A model loaded by a classifier node; the fields equal the fields of ModelInfo.msg."""
 
     model_id: str
     path: str
@@ -113,9 +114,9 @@ class ModelInfo:
 
 @dataclasses.dataclass(frozen=True)
 class ModelInfos:
-    """All models that a classifier node answers with, and one sentence for each refused file.
+    """All models loaded by a classifier node, and one sentence per refused file.
 
-    ``stamp_ns`` is the time of the configuration (ROS time) [ns].
+    ``stamp_ns`` is the time at which the node was configured (ROS time) [ns].
     """
 
     models: tuple[ModelInfo, ...]
@@ -127,15 +128,15 @@ class ModelInfos:
 class ClassifierConfig:
     """Parameters of the classifier node."""
 
-    models: str = parameter('', 'folder with model files (*.npz), or one file; each answers')
+    models: str = parameter('', 'folder with model files (*.npz), or one file; all are used')
     contact: str = parameter(
         '',
-        'take models and classify windows of this contact only; empty: of any',
+        'load models and classify windows of this contact only; empty for all contacts',
         choices=('', *CONTACTS),
     )
     vision_messages: bool = parameter(
         False,
-        'publish vision_msgs/Classification, too; that package must be installed',
+        'also publish vision_msgs/Classification; requires the package vision_msgs',
     )
 
 

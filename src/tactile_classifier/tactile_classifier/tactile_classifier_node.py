@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The classifier as a ROS node: a `ModelSet` between topics."""
+"""ROS node that classifies windows of features with a `ModelSet`."""
 
 from __future__ import annotations
 
@@ -37,10 +37,9 @@ LOG_PERIOD_S = 10.0
 
 
 class ClassifierStage(Stage):
-    """Windows in, answers of each model that fits out.
+    """Stage that classifies windows of features with each model that fits.
 
-    ``answering`` is the core, with its counters. Raises ModelFileError when none of the model
-    files is usable.
+    ``answering`` contains models and counters. Raises ModelFileError if no model file is usable.
     """
 
     def __init__(self, node: TactileClassifierNode, config: ClassifierConfig) -> None:
@@ -64,7 +63,7 @@ class ClassifierStage(Stage):
                     RESULTS,
                 )
             )
-        # A plain publisher: the models are a state, also of an inactive node.
+        # Not a lifecycle publisher: the models are also published while the node is inactive.
         self._infos = node.create_publisher(ModelInfosMsg, '~/models', LATEST)
         now_ns = node.get_clock().now().nanoseconds
         self._infos.publish(model_infos_to_msg(ModelInfos(models.infos, models.refused, now_ns)))
@@ -85,16 +84,16 @@ class ClassifierStage(Stage):
         )
 
     def close(self) -> None:
-        """Give the topics back."""
+        """Destroy publishers and subscriptions."""
         self._diagnostics.close()
         self._node.destroy_subscription(self._specifications)
-        del self._specifications  # a circle would keep the models
+        del self._specifications  # break a reference cycle that keeps the models in memory
         for publisher in self._publishers:
             publisher.close()
         self._node.destroy_publisher(self._infos)
 
     def add_window(self, window: FeatureWindow) -> None:
-        """Answer a window of features, while the node is active."""
+        """Classify a window of features if the node is active."""
         if not self._node.is_active:
             return
         for result in self.answering.answer(window):
@@ -108,11 +107,12 @@ class ClassifierStage(Stage):
         self._warn(*models.refused)
         for model in models.models:
             missing = ', '.join(model.spec.missing_parameters)
-            self._node.get_logger().info(f'{model.model_id} knows {", ".join(model.labels)}')
+            labels = ', '.join(model.labels)
+            self._node.get_logger().info(f'loaded {model.model_id}; labels: {labels}')
             if missing:
                 self._warn(
-                    f'the file of {model.model_id} does not state {missing}: the parameters of '
-                    'the feature node are taken for those that it was trained with'
+                    f'the file of {model.model_id} does not contain {missing}: the parameters of '
+                    'the feature node are assumed to equal the training parameters'
                 )
 
     def _warn(self, *sentences: str) -> None:
@@ -124,22 +124,23 @@ class ClassifierStage(Stage):
         faults = [each for each in (mismatch, *models.unfed, *models.refused) if each]
         return Health(
             WARN if faults else OK,
-            '; '.join(faults) or f'{len(models.models)} models are loaded',
+            '; '.join(faults) or f'loaded models: {len(models.models)}',
             {**self.answering.values(), 'active': self._node.is_active},
         )
 
 
 class TactileClassifierNode(StageNode):
-    """Publishes ``~/classification``: for each window, one answer of each model that fits.
+    """Publishes ``~/classification``: for each window, one result of each model that fits.
 
-    A model of early windows answers while the phase goes on, with probabilities and an unknown of
-    its own. With the parameter ``vision_messages`` answers go to ``~/vision_classification``, too.
-    The models are latched on ``~/models``.
+    A model of early windows is used during the phase, with its own probabilities and threshold for
+    unknown objects. If the parameter ``vision_messages`` is set, results are also published on
+    ``~/vision_classification``. The models are published on ``~/models`` (latched).
 
-    Configuring loads the models. A file that cannot be used is named, and the others run.
+    Models are loaded when the node is configured. Files that cannot be used are reported, and the
+    remaining models are used.
     """
 
-    poll_s = 0.02  # windows come a few times a trial
+    poll_s = 0.02  # there are only a few windows per trial
 
     def __init__(self, node_name: str = 'tactile_classifier', **node_options: Any) -> None:
         super().__init__(node_name, ClassifierConfig, **node_options)
@@ -149,13 +150,13 @@ class TactileClassifierNode(StageNode):
 
     @property
     def answering(self) -> Answering | None:
-        """The core; None while the node is not configured."""
+        """Models and counters; None if the node is not configured."""
         stage: ClassifierStage | None = self.stage
         return stage.answering if stage is not None else None
 
     @property
     def add_window(self) -> Callable[[FeatureWindow], None]:
-        """The input for windows of the features of this process."""
+        """Input for windows from a feature stage in the same process."""
         return self.input(
             FEATURES_TOPIC,
             lambda stage, window: stage.add_window(feature_window_from_record(window)),

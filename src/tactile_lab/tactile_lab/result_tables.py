@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 
 def choice_table(choice: FeatureChoice, title: str) -> Table:
-    """Return the accuracies [%] of all candidates under the split that chose, with their spread.
+    """Return the accuracies [%] of all candidates on the split of the choice, with their spread.
 
-    The last row is the accuracy of the choice itself, made inside the folds.
+    The last row is the nested accuracy of the selection procedure.
     """
     columns = ('features', 'classifier', 'scaling', 'accuracy')
     table = Table(*columns, title=title, right_from=3, spare=['scaling'])
@@ -30,12 +30,12 @@ def choice_table(choice: FeatureChoice, title: str) -> Table:
         names = each.candidate.feature_set, CLASSIFIER_TITLES[each.candidate.classifier]
         scaling = short_scaling(each.candidate.scaling)
         table.add_row(*names, scaling, format_mean(each.score))
-    table.add_row('chosen inside the folds', '', '', format_mean(choice.nested))
+    table.add_row('this selection procedure', '', '', format_mean(choice.nested))
     return table
 
 
 def recall_table(score: Score) -> Table:
-    """Return the recall [%] of each label, with the number of its tests."""
+    """Return the recall [%] of each label, with the number of tests."""
     table = Table('label', 'tests', 'recall', title='recall by label in %', right_from=1)
     counts = score.confusion.sum(axis=1)
     for label, count, share in zip(score.labels, counts, score.recall, strict=True):
@@ -86,7 +86,7 @@ def format_evaluation(found: ModelEvaluation) -> list[str | Table]:
     table.add_row('accuracy', *(f'{100 * score.accuracy:.1f} %' for score in scores))
     table.add_row('95 % interval', *(format_interval(score.interval) for score in scores))
     table.add_row(
-        'accuracy where it gives a label',
+        'accuracy of labelled predictions',
         *(
             'no labels' if s.answered_accuracy is None else f'{100 * s.answered_accuracy:.1f} %'
             for s in scores
@@ -111,13 +111,11 @@ def format_evaluation(found: ModelEvaluation) -> list[str | Table]:
             for side, rate in zip(sides, new.unknown_rates, strict=True)
         )
         lines.append(
-            f'not counted: {new.trials} trials with other labels ({", ".join(new.labels)}); '
+            f'excluded: {new.trials} trials with other labels ({", ".join(new.labels)}); '
             f'unknown: {rates}'
         )
     if found.left_out:
-        lines.append(
-            f'without features: {len(found.left_out)} trials; the first: {found.left_out[0]}'
-        )
+        lines.append(f'trials without features: {len(found.left_out)}; first: {found.left_out[0]}')
     lines += (f'warning: {warning}' for warning in found.warnings)
     return [table, *(f'  {line}' for line in lines)]
 

@@ -1,4 +1,4 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables of features from bags, and how they are shown."""
+"""Feature tables of recordings, and output of results."""

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Set of features, classifier and scaling, chosen inside the folds."""
+"""Automatic choice of feature set, classifier and scaling."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import grouped_split, Split, stratified_split
 from tactile_classifier.errors import DatasetError, EvaluationError
 from tactile_classifier.evaluation.plans import run_plans
+from tactile_classifier.model_file.manifest import format_time_ratio
 from tactile_classifier.training.feature_choice import (
     ChoicePlan,
     FeatureChoice,
@@ -32,20 +33,21 @@ from tactile_features.feature_sets.registry import find_feature_set, list_featur
 from tactile_features.records import PHASE_GLIDE, PHASE_HOLD, PROTOCOL_TEXTURE
 
 AUTO = 'auto'
-"""In place of a set of features: choose one inside the folds."""
+"""Value of an option instead of a feature set: choose one automatically."""
 
 Say = Callable[[str], None]
 
 SESSIONS = ('session_id', 'session', 'day')
-"""Names of columns of sessions, in small letters."""
+"""Names of session columns, in lower case."""
 
 
 @dataclass(frozen=True)
 class Chosen:
-    """The choice for the trials of one table.
+    """Result of the choice for one table.
 
-    ``table`` has the features of the chosen set. ``columns`` are those whose groups the folds held
-    out; empty: random folds. ``splits`` has the stated trials to train on and to test on, if any.
+    ``table`` has the features of the chosen set. ``columns`` define the held-out groups; empty for
+    random folds. ``splits`` contains the split of ``--train-where`` and ``--test-where``, if
+    given.
     """
 
     table: FeatureTable
@@ -67,32 +69,33 @@ def choose_automatically(
     repetitions: int | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> dict[Key, Chosen]:
-    """Choose set of features, classifier and scaling for each task, and say why.
+    """Choose feature set, classifier and scaling for each task, and report the reason.
 
-    The contacts of a task share the choice, since one extractor serves them. They choose apart if
-    their trials do not allow common folds. If trials to train on are stated, only these choose.
+    All contacts of a task share the choice, because they share an extractor. If their trials do
+    not allow common folds, the choice is made separately. If training trials are selected, only
+    these are used.
 
     Parameters
     ----------
     features : RecordingFeatures
     folds, random_state : int
-        Number and seed of random folds, which are used if there is nothing to hold out; no more
-        folds than a label has trials.
+        Number and seed of random folds, which are used if no groups can be held out. The number
+        is limited to the number of trials per label.
     say : callable
-        Takes each sentence on the choice.
+        Called with each sentence about the choice.
     columns : sequence of str
-        Each fold holds out a group of trials that agree in these. Empty: a column of sessions, or
-        the blocks of trials of a bag.
+        Each fold holds out a group of trials with equal values in these columns. By default,
+        sessions, or blocks of trials in a bag, are held out.
     any_set : bool
-        False: the set of features is the stated or recorded one.
+        If False, use the selected or recorded feature set.
     must_hold_out : bool
-        True: random folds are no substitute.
+        If True, do not fall back to random folds.
     scaling : str
-        The only scaling that is tried; empty: all.
+        The only scaling to try; if empty, all scalings are tried.
     repetitions : int, optional
-        Repetitions of random folds. Default: as inside the folds.
+        Repetitions of random folds. Default: the number of the inner folds.
     progress : callable
-        ``progress(done, total)`` after each part of the work.
+        Called as ``progress(done, total)`` after each part of the work.
     """
     reading = features.reading
     tables = _read_all(features, say) if any_set else _read_stated(features)
@@ -124,9 +127,9 @@ def choose_automatically(
 
 
 def format_choice(choice: FeatureChoice) -> str:
-    """Return the chosen candidate, how good such a choice is, and the cost of the runner-up.
+    """Describe the chosen candidate, its nested accuracy, and the runner-up with its cost.
 
-    The accuracy of the best on the folds that chose it is too good on average, and is not stated.
+    The accuracy of the best candidate on the folds of the choice is optimistic and not reported.
     """
     chosen = choice.chosen
     several = len({each.candidate.feature_set for each in choice.ranking}) > 1
@@ -136,20 +139,20 @@ def format_choice(choice: FeatureChoice) -> str:
         if candidate == chosen or (several and candidate.feature_set == chosen.feature_set)
     ]
     text = (
-        f'{name_candidate(chosen)}; {format_nested(choice)}; {sum(same)} of '
-        f'{sum(count for _, count in choice.picks)} folds choose this '
-        f'{"set" if several else "classifier"}, too'
+        f'{name_candidate(chosen)}; {format_nested(choice)}; the same '
+        f'{"feature set" if several else "classifier"} was chosen in {sum(same)} of '
+        f'{sum(count for _, count in choice.picks)} folds'
     )
     if choice.has_few_groups:
-        text += f'; {choice.groups} groups are too few to choose by, record more'
+        text += f'; {choice.groups} groups are too few for a choice by accuracy, record more'
     other = choice.find_runner_up()
     if other is None:
         return text
     score = choice.find_score(chosen)
     points = 100 * (other.score.mean - score.score.mean)
     return (
-        f'{text}; the runner-up is {name_candidate(other.candidate)}: {points:+.1f} points, and '
-        f'{other.fold_s / score.fold_s:.2g} times the time of training and tests'
+        f'{text}; runner-up: {name_candidate(other.candidate)}: {points:+.1f} points, '
+        f'{format_time_ratio(other.fold_s / score.fold_s)} in training and testing'
     )
 
 
@@ -158,7 +161,7 @@ Tables = Mapping[str, FeatureTable]
 
 
 def _list_partners(tables: Mapping[Key, Tables]) -> list[list[Key]]:
-    """Return the keys by task; tables whose features differ are no partners."""
+    """Group the keys of tables with the same task and features."""
     partners: dict[tuple[str, ...], list[Key]] = {}
     for key, found in tables.items():
         specs = (f'{name} {table.spec.digest}' for name, table in found.items())
@@ -167,7 +170,7 @@ def _list_partners(tables: Mapping[Key, Tables]) -> list[list[Key]]:
 
 
 def _pool(tables: Sequence[FeatureTable]) -> FeatureTable:
-    """Return the trials of several tables, one after another, with the columns that all have."""
+    """Concatenate the trials of several tables; keep the columns that all tables have."""
     first = tables[0]
     return FeatureTable(
         np.concatenate([table.values for table in tables]),
@@ -186,7 +189,7 @@ def _number_parts(parts: Sequence[Tables]) -> NDArray[np.intp]:
 
 
 Division = tuple[list[Key], Split, tuple[str, ...]]
-"""Keys of the tables that share folds, these folds, and the columns that they hold out."""
+"""Keys of the tables that share folds, the folds, and the columns of held-out groups."""
 
 
 def _divide(
@@ -198,13 +201,13 @@ def _divide(
     *,
     must_hold_out: bool,
 ) -> list[Division]:
-    """Return common folds of all tables, or folds of each table if only some can hold out."""
+    """Return common folds of all tables, or separate folds if only some allow held-out groups."""
     keys = list(tables)
-    # A model knows the labels of its own contact only.
+    # A model is trained on the labels of one contact only.
     table = _pool([_name_labels(key, tables[key]) for key in keys])
     try:
         return [(keys, *_hold_out(table, columns))]
-    except EvaluationError:  # one session only, or none is stated
+    except EvaluationError:  # only one session, or no sessions recorded
         if must_hold_out:
             raise
     with suppress(EvaluationError):
@@ -236,15 +239,15 @@ def _name_labels(key: Key, tables: Tables) -> FeatureTable:
 
 
 def _hold_out(table: FeatureTable, columns: Sequence[str]) -> tuple[Split, tuple[str, ...]]:
-    """Return a split by groups and its columns; raise EvaluationError when there is none."""
+    """Return a split by groups and its columns; raise EvaluationError if there are no groups."""
     found = tuple(columns) or find_sessions(table)
     if not found:
-        raise EvaluationError('the trials are of one session')
+        raise EvaluationError('all trials are of one session')
     return grouped_split(table, found), found
 
 
 def find_sessions(table: FeatureTable) -> tuple[str, ...]:
-    """Return the column of sessions that can be held out, else of blocks of trials; or none."""
+    """Return the column of sessions, or else of blocks of trials, that can be held out."""
     named = [name for name in table.columns if name.lower() in SESSIONS]
     for name in (*named, 'trial_block'):
         with suppress(DatasetError, EvaluationError):
@@ -264,9 +267,9 @@ def _read_stated(features: RecordingFeatures) -> dict[Key, dict[str, FeatureTabl
 
 
 def _read_all(features: RecordingFeatures, say: Say) -> dict[Key, dict[str, FeatureTable]]:
-    """Return the tables of all sets that give features of the same trials.
+    """Return the tables of all feature sets that have features for the same trials.
 
-    Sets over the surface are left out without a word if the trials state no speed.
+    Feature sets over distance are left out without a message if no sliding speeds are recorded.
     """
     tables: dict[Key, dict[str, FeatureTable]] = {}
     sets = (list_feature_sets(PHASE_GLIDE), list_feature_sets(PHASE_HOLD))
@@ -298,14 +301,14 @@ def _read_all(features: RecordingFeatures, say: Say) -> dict[Key, dict[str, Feat
             else:
                 reason = f'; {found.left_out[0]}' if found.left_out else ''
                 say(
-                    f'{table.spec.feature_set} is left out: it gives features of {len(table)} '
-                    f'trials, {first.spec.feature_set} of {len(first)}{reason}'
+                    f'{table.spec.feature_set} left out: it has features for {len(table)} '
+                    f'trials, {first.spec.feature_set} for {len(first)}{reason}'
                 )
     return tables
 
 
 def _state_speeds(tables: Mapping[Key, Tables]) -> bool:
-    """Return False when the texture trials have a column of speeds and none states one."""
+    """Return False if the column of sliding speeds of the texture trials is empty."""
     found = [
         table.columns['glide_speed_m_s']
         for key, by_set in tables.items()

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Feature tables of our own bags, by running their samples through the extractor again."""
+"""Feature tables of bags with trial events, computed again from the recorded samples."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ from tactile_features.records import (
 from tactile_features.spec import FeatureSpec
 
 BLOCKS = 6
-"""Into how many parts the trials of a session are cut in the order of time, as many as folds."""
+"""Number of blocks into which the trials of a session are divided, in order of time."""
 
 Row = tuple[FeatureWindow, TrialEvent, str, str]
-"""A labelled window, its trial's last event before it, bag and namespace."""
+"""A labelled window, the last event of its trial before the window, bag and namespace."""
 
 
 class BagFeatures(RecordingFeatures):
-    """Features of our own bags: every finger (namespace) of each counts."""
+    """Features of bags with trial events, of all fingers (namespaces) in each bag."""
 
     def __init__(self, recording: Recording, reading: Reading) -> None:
         super().__init__(recording, reading)
@@ -77,7 +77,7 @@ class BagFeatures(RecordingFeatures):
                     finger = f'{namespace} of ' if namespace else ''
                     raise BagError(
                         f'{finger}{path} was recorded with other feature parameters than '
-                        f'{paths[0]}; train on each of them alone, or name the features'
+                        f'{paths[0]}: train on each of them separately, or give --features'
                     )
                 specs |= _collect(bag, namespace, features, found, refused, left_out)
         if not found:
@@ -132,18 +132,18 @@ class BagFeatures(RecordingFeatures):
             for trial in self.recording.trials
             if (trial.source, trial.namespace, trial.name) == (path, namespace, name)
         ]
-        return found[0] if len(found) == 1 else None  # else its phases cannot be told apart
+        return found[0] if len(found) == 1 else None  # ambiguous
 
 
 def _list_rows(table: FeatureTable, *names: str) -> list[tuple[Any, ...]]:
-    """Return these columns of each trial."""
+    """Return the values of these columns for each trial."""
     return list(zip(*(table.column(name).tolist() for name in names), strict=True))
 
 
 def _choose(
     path: str, recorded: RecordedFeatures, chosen: Fields, reading: Reading
 ) -> RecordedFeatures:
-    """Return the features to compute: full windows, or early ones of the length that is asked."""
+    """Return the features to compute, for full windows or early windows of the given length."""
     full = RecordedFeatures(
         replace(recorded.config, early_windows=False),
         tuple(spec for spec in recorded.wanted if not spec.is_early),
@@ -158,7 +158,7 @@ def _choose(
 
 
 def _compared(features: RecordedFeatures) -> tuple[object, ...]:
-    """Return what the recordings of a table must share."""
+    """Return the values that must be equal in all recordings of a table."""
     digests = tuple(sorted(spec.digest for spec in features.specifications))
     return features.bound().without_detection(), digests
 
@@ -180,12 +180,12 @@ def _collect(
     events: defaultdict[str, list[TrialEvent]] = defaultdict(list)
     for event in replayed.events:
         events[event.trial_id].append(event)
-    # A refusal follows an early window in which its phase ended.
+    # An early window is refused later if its phase ended within the window.
     refused = {_identify(window) for window in replayed.windows if window.outcome != Outcome.OK}
     for window in replayed.windows:
         event = event_before(window, events[window.trial_id])
         end = _end_after(window, events[window.trial_id])
-        # By what the features are: a trial of one protocol may have a window of the other.
+        # The task follows from the features: a trial may have a window of the other protocol.
         key = task_of(window.feature_set), event.contact, window.specification_digest
         if window.outcome == Outcome.OK and _identify(window) in refused:
             continue
@@ -209,7 +209,7 @@ def _identify(window: FeatureWindow) -> tuple[object, ...]:
 
 
 def event_before(window: FeatureWindow, events: Sequence[TrialEvent]) -> TrialEvent:
-    """Return its trial's last event before the window; a trial's name may come again."""
+    """Return the last event of the trial before the window; trial ids may be reused."""
     return max(
         (event for event in events if event.stamp_ns <= window.window_start_ns),
         key=lambda event: event.stamp_ns,
@@ -217,7 +217,7 @@ def event_before(window: FeatureWindow, events: Sequence[TrialEvent]) -> TrialEv
 
 
 def _end_after(window: FeatureWindow, events: Sequence[TrialEvent]) -> TrialEvent | None:
-    """Return how its trial ended after the window, if that was recorded."""
+    """Return the event that ended the trial after the window, or None if it was not recorded."""
     ends = (
         event
         for event in events
@@ -254,12 +254,20 @@ def _table(rows: Sequence[Row], spec: FeatureSpec) -> FeatureTable:
 def number_blocks(
     starts_ns: NDArray[np.int64], session_ids: NDArray[np.str_], labels: NDArray[np.str_]
 ) -> NDArray[np.intp]:
-    """Return which sixth of its label's trials in its session each trial belongs to, from 0.
+    """Divide the trials of each session and label into blocks, in order of time.
 
-    Trials that follow each other share wear, warmth and drift; with random folds they stand
-    on both sides. Held out in turn, these blocks keep neighbours together.
+    Consecutive trials share wear, temperature and drift. Random folds place them in both training
+    and test trials; holding out whole blocks keeps them together.
 
-    ``starts_ns``, ``session_ids``, ``labels`` (ndarray of shape (trials,)).
+    Parameters
+    ----------
+    starts_ns, session_ids, labels : ndarray of shape (trials,)
+        Start [ns], session and label of each trial.
+
+    Returns
+    -------
+    ndarray of int, shape (trials,)
+        Block of each trial, from 0.
     """
     blocks = np.zeros(len(labels), dtype=np.intp)
     for session in np.unique(session_ids):

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Answers of model files on the trials of any recording, with or without labels."""
+"""Classification of the trials of any recording, with or without labels."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ from tactile_ros.errors import TactileError
 
 @dataclass(frozen=True)
 class ClassifiedTrial:
-    """The answer of a model on a trial.
+    """Prediction of a model for a trial.
 
-    ``trial`` is its name, in our own bags the trial id; ``label`` the one that the recording
-    states, which is empty where it states none.
+    ``trial`` is the name of the trial; in bags with trial events, its id. ``label`` is the
+    recorded label, or empty.
     """
 
     trial: str
@@ -46,7 +46,7 @@ class ClassifiedTrial:
     answer: Answer
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what JSON can hold."""
+        """Return a dictionary for JSON."""
         answer = self.answer
         return {
             'trial': self.trial,
@@ -67,7 +67,7 @@ class ClassifiedTrial:
 
 @dataclass(frozen=True)
 class ClassifiedTrials:
-    """All answers, and sentences on what was done to the signals and what was left out."""
+    """All predictions, with sentences on processing steps and trials that were left out."""
 
     trials: tuple[ClassifiedTrial, ...]
     notes: tuple[str, ...] = ()
@@ -76,22 +76,22 @@ class ClassifiedTrials:
 def classify_recording(
     recording: Recording, models: Path, reading: Reading | None = None
 ) -> ClassifiedTrials:
-    """Return the answers on the trials of a recording.
+    """Classify the trials of a recording.
 
     Parameters
     ----------
     recording : Recording
-        Of our own bags the samples run through the extractor again, as in the live node. Of
-        others each trial is one window; of a longer trial the part that training takes, too.
+        For bags with trial events, features are computed again with the extractor of the live
+        node. For other recordings each trial is one window; longer trials are cut as in training.
     models : Path
-        A model file, or a folder of them.
+        A model file, or a folder with model files.
     reading : Reading, optional
-        Which part of the trials of others counts.
+        Selection and cropping of the trials of imported recordings.
 
     Raises
     ------
     TactileError, ModelFileError, DatasetError
-        When no model can be used, or options, recording and models do not fit.
+        If no model can be used, or options, recording and models do not fit.
     """
     reading = reading or Reading()
     loaded = ModelSet.load(models)
@@ -103,8 +103,8 @@ def classify_recording(
     if len(questions) > 1:
         named = '; '.join(sorted(' '.join(filter(None, each)) for each in questions))
         raise TactileError(
-            f'the models in {models} are for {named}, and {recording.name} does not say which '
-            'trials it has: name one model file with --model'
+            f'the models in {models} are for {named}, and the task of {recording.name} is '
+            'unknown: give one model file with --model'
         )
     trials = recording.to_arrays(needs_label=False, skip_bad=True)
     trials = prepare_trials(trials, reading)
@@ -161,9 +161,8 @@ def _check_unit(trials: LabelledTrials, model: TactileModel) -> None:
     unit = trials.unit or 'N'
     if not any(re.search(rf'(?<!\w){re.escape(unit)}(?!\w)', each) for each in model.spec.units):
         raise TactileError(
-            f'model {model.model_id} was trained on another unit ({model.spec.units[0]}) than '
-            f'that of the recording, {unit}: state it with --unit, or train on recordings in '
-            f'{unit}'
+            f'model {model.model_id} was trained on signals in {model.spec.units[0]}, but the '
+            f'recording is in {unit}: correct it with --unit, or train on recordings in {unit}'
         )
 
 
@@ -176,8 +175,8 @@ def _channel_of(
         asked = trials.name_channel(reading.channel)
         if channel and len(trials.channels) > 1 and asked != channel:
             raise TactileError(
-                f'model {model.model_id} was trained on channel {channel}, and --channel is '
-                f'{reading.channel}: leave the option out'
+                f'model {model.model_id} was trained on channel {channel}, but --channel is '
+                f'{reading.channel}: omit the option'
             )
         channel = asked
     if len(trials.channels) == 1 and channel != ALL:
@@ -189,6 +188,6 @@ def _channel_of(
 
 
 def count_right(found: Sequence[ClassifiedTrial]) -> tuple[int, int]:
-    """Return how many labels that the models know were found, and how many there are."""
+    """Return the number of correct predictions, and of trials whose label the model knows."""
     known = [each for each in found if each.label in each.model.labels]
     return sum(each.answer.label == each.label for each in known), len(known)

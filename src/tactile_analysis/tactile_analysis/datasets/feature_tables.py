@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Feature tables of a recording: what training, evaluation and comparison start from.
+"""Feature tables of a recording, the input of training and evaluation.
 
-`features_of` takes any recording. Of our own bags the samples run through the extractor again, as
-in the live node; of others each trial is one window.
+`features_of` accepts any recording. For bags with trial events, features are computed again with
+the extractor of the live node. For other recordings, each trial is one window.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from tactile_features.spec import ALL, MEAN, set_for
 from tactile_ros.errors import TactileError
 
 Key = tuple[str, ...]
-"""Task and contact of a table; then, but of the first specification of a task, its digest."""
+"""Task and contact of a table, and the digest for further specifications of the same task."""
 
 Fields = Mapping[str, Any]
 """Values of fields of `FeatureConfig`."""
@@ -41,17 +41,17 @@ Fields = Mapping[str, Any]
 NONE: Fields = MappingProxyType({})
 
 Samples = tuple[NDArray[np.float64], NDArray[np.float64]]
-"""Times from the first one [s] and values, each of shape (n,)."""
+"""Times since the first sample [s], and values, each of shape (n,)."""
 
 
 @dataclass(frozen=True)
 class FeatureTables:
     """The feature tables of a recording.
 
-    ``tables``: by task and contact. Where a recording has several specifications of a task, each
-    has a table; those after the first have the digest in their key, too. ``left_out``: one
-    sentence for each trial that gave no features, or has no label. ``refused``: by key, the number
-    of labelled trials that gave no features, such as for lost samples.
+    ``tables`` is indexed by task and contact. If a recording has several specifications of a task,
+    each has a table; the keys of further tables include the digest. ``left_out`` contains one
+    sentence per trial without features or label. ``refused`` is the number of labelled trials
+    without features, for example because of lost samples, by key.
     """
 
     tables: dict[Key, FeatureTable]
@@ -60,16 +60,16 @@ class FeatureTables:
 
 
 def name_table(key: Key, table: FeatureTable) -> str:
-    """Return task and contact of a table, and the set of features where they are not enough."""
+    """Return task and contact of a table, and the feature set if it is needed to distinguish."""
     more = [table.spec.feature_set] if len(key) > 2 else []
     return ', '.join(filter(None, (*key[:2], *more)))
 
 
 class RecordingFeatures(ABC):
-    """Features of an open recording; made by `features_of`.
+    """Features of an open recording; created by `features_of`.
 
-    ``steps``: what was done to the signals first, in words. ``skipped``: trials of an archive that
-    cannot be used. ``has_speeds``: False if sets of features over the surface are not possible.
+    ``steps`` describes the processing of the signals. ``skipped`` contains the unusable trials of
+    an archive. ``has_speeds`` is False if feature sets over distance are not possible.
     """
 
     has_speeds = True
@@ -81,18 +81,16 @@ class RecordingFeatures(ABC):
         self.reading = reading
 
     def tables(self, fields: Fields = NONE) -> FeatureTables:
-        """Return the labelled trials of the wanted task, by task and kind of contact.
+        """Return the feature tables of the labelled trials, by task and contact.
 
-        ``fields``: other features than those that ``reading`` names.
-
-        Raises `TactileError` or `DatasetError` when no trial gives features, or none is of that
-        task.
+        ``fields`` selects other features than ``reading``. Raises `TactileError` or `DatasetError`
+        if no trial has features, or none belongs to the task.
         """
         found = self._compute(fields)
         task = self.reading.task
         wanted = {key: table for key, table in found.tables.items() if task in (None, key[0])}
         if not wanted:
-            raise TactileError(f'{self.recording.name} holds no {task} trials')
+            raise TactileError(f'{self.recording.name} contains no {task} trials')
         return replace(found, tables=wanted)
 
     @abstractmethod
@@ -100,14 +98,14 @@ class RecordingFeatures(ABC):
 
     @abstractmethod
     def title(self, key: Key, table: FeatureTable) -> str:
-        """Return what the trials of a table are, in words."""
+        """Return a description of the trials of a table."""
 
     @abstractmethod
     def windows(self, table: FeatureTable, rows: Sequence[int]) -> list[Samples]:
-        """Return the samples in the windows of some trials."""
+        """Return the samples in the windows of the given trials."""
 
     def find_trial(self, table: FeatureTable, row: int) -> Trial | None:
-        """Return the trial of a row with its phases; None: they are not known."""
+        """Return the trial of a row with its phases, or None if these are unknown."""
         return None
 
 
@@ -116,10 +114,8 @@ def features_of(
 ) -> RecordingFeatures:
     """Return the features of an open recording.
 
-    ``folds``: an archive with fewer trials than this is refused.
-
-    Raises `TactileError` or `DatasetError` when options and recording do not fit, or no trial of
-    an archive can be used.
+    Archives with fewer trials than ``folds`` are refused. Raises `TactileError` or `DatasetError`
+    if options and recording do not fit, or an archive contains no usable trials.
     """
     if recording.is_own:
         from tactile_analysis.datasets.bag_features import BagFeatures  # readers of bags
@@ -138,7 +134,7 @@ def open_features(
 ) -> Iterator[RecordingFeatures]:
     """Open recordings for their features; see `features_of`.
 
-    ``statements``: what is stated about recordings of others.
+    ``statements`` are the options for imported recordings.
     """
     with load_recording(paths, statements) as recording:
         yield features_of(recording, reading, folds=folds)
@@ -147,26 +143,26 @@ def open_features(
 def load_recording(paths: Sequence[Path], statements: SourceOptions | None = None) -> Recording:
     """Open recordings; see `Recording.load`.
 
-    Raises `TactileError` when something is stated about our own bags, which say it themselves.
+    Raises `TactileError` if ``statements`` are given for bags with trial events.
     """
     recording = Recording.load(paths, statements)
     if recording.is_own and statements not in (None, SourceOptions()):
         recording.close()
         raise TactileError(
-            'these are bags with trial events, which say themselves what a trial is: leave '
-            '--force-column, --rate-hz, --label, --label-from, --labels and --field out'
+            'these bags contain trial events, which define the trials: omit '
+            '--force-column, --rate-hz, --label, --label-from, --labels and --field'
         )
     return recording
 
 
 def read_tables(paths: Sequence[Path], fields: Fields = NONE) -> FeatureTables:
-    """Return the feature tables of our own bags; ``fields`` name other features."""
+    """Return the feature tables of bags; ``fields`` selects other features."""
     with open_features(paths) as features:
         return features.tables(fields)
 
 
 def prepare_trials(trials: LabelledTrials, reading: Reading) -> LabelledTrials:
-    """Return the trials that are wanted, resampled and cropped."""
+    """Select, resample and crop the trials."""
     if reading.where is not None:
         trials = trials.take(select_trials(trials.columns, reading.where, 'where'))
     trials = reading.keep_stated(trials)
@@ -178,10 +174,10 @@ def prepare_trials(trials: LabelledTrials, reading: Reading) -> LabelledTrials:
 
 
 def speeds_of(trials: LabelledTrials, name: str | None) -> NDArray[np.float64]:
-    """Return the sliding speed of each trial [m/s], in the unit that its column's name says."""
+    """Return the sliding speed of each trial [m/s]; the name of the column contains its unit."""
     if name is None or name not in trials.columns or trials.columns[name].dtype.kind not in 'fiu':
         raise TactileError(
-            'name the column with the sliding speeds as numbers, as in --speed-column '
+            'give the numeric column with the sliding speeds, for example --speed-column '
             f'speed_mm_s; there are: {", ".join(trials.columns) or "none"}'
         )
     for ending, unit_m_s in (('_mm_s', 1e-3), ('_m_s', 1.0)):
@@ -191,17 +187,17 @@ def speeds_of(trials: LabelledTrials, name: str | None) -> NDArray[np.float64]:
 
 
 _STATED_BY_TRIALS = ('rate_hz', 'texture_samples', 'stiffness_samples')
-"""Fields of `FeatureConfig` that the trials state: rate and length."""
+"""Fields of `FeatureConfig` that follow from the trials: rate and length."""
 
 
 class TrialFeatures(RecordingFeatures):
-    """Features of labelled trials, selected, resampled and cropped: each trial is one window."""
+    """Features of labelled trials after selection, resampling and cropping; one window each."""
 
     def __init__(self, recording: Recording, reading: Reading, folds: int = 0) -> None:
         super().__init__(recording, reading)
         if reading.task is None:
             raise TactileError(
-                f'say what {recording.name} is about: --task texture or --task stiffness'
+                f'the task of {recording.name} is unknown: give --task texture or --task stiffness'
             )
         self._task = reading.task
         self._channel = reading.channel or '0'
@@ -250,7 +246,7 @@ class TrialFeatures(RecordingFeatures):
     def _usable(
         self, trials: LabelledTrials, config: FeatureConfig
     ) -> tuple[FeatureTable, LabelledTrials]:
-        """Return the features and the trials that give them; the table names each trial."""
+        """Return the features, and the trials that have features."""
         feature_set = set_for(self._task, config)
         if self.reading.window_s is not None and not feature_set.is_early:
             raise DatasetError(f'{feature_set.name}: early windows are not possible')
@@ -264,9 +260,9 @@ class TrialFeatures(RecordingFeatures):
         return table, trials
 
     def _speeds_m_s(self, trials: LabelledTrials) -> NDArray[np.float64]:
-        """Return the sliding speed of each trial, in the unit that its column's name says."""
+        """Return the sliding speed of each trial [m/s]."""
         if self._task != PROTOCOL_TEXTURE:
-            raise TactileError('features over the surface are for texture; a hold goes nowhere')
+            raise TactileError('features over distance need a sliding finger: use --task texture')
         return speeds_of(trials, self.reading.speed_column)
 
     def windows(self, table: FeatureTable, rows: Sequence[int]) -> list[Samples]:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Accuracy of model files on the trials of a recording that they were not trained on."""
+"""Accuracy of model files on trials that were not used in training."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ SESSION = 'session_id'
 
 @dataclass(frozen=True)
 class NewLabels(Result):
-    """Trials with labels that a model does not know; they do not count.
+    """Trials whose label a model does not know; not included in the accuracy.
 
-    ``unknown_rates``: share of them that each model calls unknown [1].
+    ``unknown_rates`` is the fraction of these trials that each model predicts as unknown [1].
     """
 
     trials: int
@@ -56,19 +56,19 @@ class ModelEvaluation(Result):
     title : str
         Task and contact; ``SIMULATED`` if a trial is simulated.
     models : tuple of dict
-        ``path``, ``model_id``, ``feature_set``, ``labels`` and ``training_trials``, the number of
-        trials left out because the model was trained on them.
+        ``path``, ``model_id``, ``feature_set``, ``labels``, and the number of trials that are
+        excluded because the model was trained on them, ``training_trials``.
     scores : tuple of ModelAccuracy
         One per model.
     difference : AccuracyDifference or None
         None for one model.
     trials, sessions : int
-        Trials that count, and their sessions; 0 if no column names them.
+        Number of evaluated trials, and of their sessions; 0 sessions if these are not recorded.
     beside_training : int
-        Trials that count in sessions of which a model was trained on other trials.
+        Number of evaluated trials in sessions of which other trials were used in training.
     new_labels : NewLabels or None
     left_out : tuple of str
-        Why trials of the recording give a model no features, one sentence each.
+        One sentence per trial without features.
     """
 
     title: str
@@ -87,27 +87,27 @@ class ModelEvaluation(Result):
         found = []
         if self.beside_training:
             found.append(
-                f'{self.beside_training} of these trials are in sessions that a model was trained '
-                'on; accuracy in a new session may be lower'
+                f'{self.beside_training} of these trials are from sessions used in training; '
+                'accuracy in a new session may be lower'
             )
         if self.sessions < 2:
             found.append(
-                'the trials are of one session, or name none: the interval says nothing about '
-                'another session'
+                'the trials are of one session, or sessions are not recorded: the interval does '
+                'not apply to other sessions'
             )
         known = [set(model['labels']) for model in self.models]
         for side, mine, other in zip('AB', known, known[::-1], strict=False):
             if mine - other:
-                found.append(f'only {side} knows {", ".join(sorted(mine - other))}')
+                found.append(f'labels of {side} only: {", ".join(sorted(mine - other))}')
         return found
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what JSON can hold."""
+        """Return a dictionary for JSON."""
         return {**super().to_dict(), 'warnings': self.warnings}
 
 
 class _Row(NamedTuple):
-    """One labelled trial as one model sees it."""
+    """Features of one labelled trial for one model."""
 
     label: str
     session: str
@@ -121,26 +121,26 @@ def evaluate_models(
 ) -> ModelEvaluation:
     """Evaluate one or two model files on the labelled trials of a recording.
 
-    Each model gets the features that it was trained on, computed from the recording. Training
-    trials of either model do not count, nor do trials whose label one of them does not know. A
-    trial that gives one of two models no features is a wrong prediction of this model.
+    The features of each model are computed from the recording. Trials are excluded if one of the
+    models was trained on them or does not know their label. A trial without features for one of
+    two models counts as a wrong prediction of this model.
 
     Parameters
     ----------
     recording : Recording
     reading : Reading
-        Which trials count, and how archives are cut. Features and task are those of the models.
+        Selection of trials, and cropping of archives. Features and task follow from the models.
     paths : sequence of Path
         One or two model files.
     columns : sequence of str
-        Columns whose values, in combination, name the session of a trial; default: ``session_id``.
+        Columns that together identify the session of a trial; default: ``session_id``.
 
     Raises
     ------
     TactileError
-        When models and recording do not fit, or no trial is left.
+        If models and recording do not fit, or no trial remains.
     ModelFileError
-        When a file cannot be used, or needs features that the recording does not give.
+        If a file cannot be used, or its features cannot be computed from the recording.
     """
     models = [load_model(path) for path in paths]
     _check_question(models, paths, reading.task)
@@ -199,24 +199,24 @@ def evaluate_models(
 def _check_question(
     models: Sequence[TactileModel], paths: Sequence[Path], task: str | None
 ) -> None:
-    """Raise TactileError when the models and ``--task`` are not about the same trials."""
+    """Raise TactileError if the models, or a model and ``--task``, have different tasks."""
     for model, path in zip(models, paths, strict=True):
         if task not in (None, model.task):
-            raise TactileError(f'{path} is a model for {model.task} trials; --task is {task}')
+            raise TactileError(f'{path} is a model for {model.task} trials, but --task is {task}')
     about = [', '.join(filter(None, (model.task, model.contact))) for model in models]
     if models[0].task != models[-1].task or not contacts_agree(
         models[0].contact, models[-1].contact
     ):
         raise TactileError(
             f'the models are for different trials, {paths[0]} for {about[0]} and {paths[-1]} for '
-            f'{about[-1]}: evaluate each of them by itself'
+            f'{about[-1]}: evaluate them separately'
         )
 
 
 def _read_table(
     recording: Recording, reading: Reading, model: TactileModel, path: Path
 ) -> tuple[FeatureTable, tuple[str, ...]]:
-    """Return the features that a model takes, and why trials give none."""
+    """Return the features of a model, and the reasons for trials without features."""
     spec = model.spec
     rate_hz = reading.resample_hz or recording.rate_hz
     if rate_hz is not None and not is_same_rate(rate_hz, spec.rate_hz):
@@ -224,11 +224,11 @@ def _read_table(
             '' if recording.is_own else f', or resample the trials: --resample-hz {spec.rate_hz:g}'
         )
         raise TactileError(
-            f'{path} needs samples at {spec.rate_hz:g} Hz, {recording.name} has {rate_hz:g} Hz: '
-            f'train a model at this rate{remedy}'
+            f'{path} needs samples at {spec.rate_hz:g} Hz, not {rate_hz:g} Hz as in '
+            f'{recording.name}: train a model at this rate{remedy}'
         )
     reading = replace(reading, task=model.task)
-    if not recording.is_own:  # bags state the window and the channel themselves
+    if not recording.is_own:  # bags contain window and channel
         reading = replace(
             reading,
             features=spec.feature_set,
@@ -242,7 +242,7 @@ def _read_table(
 
 
 def _join(tables: list[FeatureTable]) -> FeatureTable:
-    """Return the trials of all contacts as one table."""
+    """Concatenate the trials of all contacts."""
     first, *others = tables
     if not others:
         return first
@@ -256,7 +256,7 @@ def _join(tables: list[FeatureTable]) -> FeatureTable:
 
 
 def _of_contact(table: FeatureTable, models: Sequence[TactileModel]) -> FeatureTable:
-    """Return the trials of the contact that the models are for."""
+    """Select the trials with the contact of the models."""
     contacts = _column(table, 'contact', '')
     keep = [
         all(contacts_agree(model.contact, contact) for model in models)
@@ -271,7 +271,7 @@ def _of_contact(table: FeatureTable, models: Sequence[TactileModel]) -> FeatureT
 def _list_rows(
     model: TactileModel, table: FeatureTable, columns: Sequence[str]
 ) -> dict[tuple[str, ...], _Row]:
-    """Return the trials by bag, namespace, name, and how often this name occurred before."""
+    """Index the trials by bag, namespace, name, and number of previous trials with this name."""
     seen = np.isin(table.digest_trials(), model.manifest.trial_digests)
     parts = [table.column(name) for name in columns] or [_column(table, SESSION, '')]
     sessions = ['/'.join(map(str, each)) for each in zip(*parts, strict=True)]
@@ -305,11 +305,11 @@ def _explain_nothing_left(
     seen: Any,
     is_known: Any,
 ) -> str:
-    """Return why no trial counts."""
+    """Return why no trial remains."""
     if not is_known.any():
         shared = set(models[0].labels).intersection(*(model.labels for model in models))
         return (
-            f'no trial of {recording.name} has a label that the model knows: the trials have '
+            f'no trial of {recording.name} has a label of the model: labels of the trials: '
             f'{", ".join(np.unique(labels))}; labels of {" and ".join(map(str, paths))}: '
             f'{", ".join(sorted(shared)) or "none in common"}'
         )
@@ -317,8 +317,8 @@ def _explain_nothing_left(
         f'{path} on {each.sum()} of {len(labels)}' for path, each in zip(paths, seen, strict=True)
     )
     return (
-        f'no trial of {recording.name} is left: the models were trained on these trials '
-        f'({", ".join(counts)}); give recordings that were not used in training'
+        f'no trial of {recording.name} remains, because the models were trained on them '
+        f'({", ".join(counts)}): give recordings that were not used in training'
     )
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Options that choose trials of a recording, cut them, and name their features."""
+"""Options for selecting and cutting trials of a recording, and for choosing features."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ Trials = TypeVar('Trials', LabelledTrials, FeatureTable)
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """Trials of a recording that count, and their features, as the options of a command say.
+    """Selection of trials and features of a recording, from the options of a command.
 
-    The fields are those options: see `tactile_lab.options` and ``tactile evaluate --help``.
-    ``window_s`` is the length of early windows [s]; None: full windows.
+    The fields equal these options: see `tactile_lab.options` and ``tactile evaluate --help``.
+    ``window_s`` is the length of early windows [s], or None for full windows.
 
-    Raises `TactileError` when only one of ``train_where`` and ``test_where`` is given.
+    Raises `TactileError` if only one of ``train_where`` and ``test_where`` is given.
     """
 
     task: str | None = None
@@ -52,15 +52,15 @@ class Reading:
 
     def __post_init__(self) -> None:
         if (self.train_where is None) != (self.test_where is None):
-            raise TactileError('--train-where and --test-where belong together: give both')
+            raise TactileError('--train-where and --test-where must be given together')
 
     def choose_fields(self) -> dict[str, Any]:
-        """Return the fields of `FeatureConfig` that ``over``, ``detrend`` and ``features`` say.
+        """Return the fields of `FeatureConfig` from ``over``, ``detrend`` and ``features``.
 
-        Raises `TactileError` when they do not go together, or ``over`` is no window.
+        Raises `TactileError` if they are inconsistent, or ``over`` is invalid.
         """
         if self.detrend is not None and self.over is not None:
-            raise TactileError('--detrend is for the spectrum over time: leave --over or it out')
+            raise TactileError('--detrend and --over exclude each other: omit one of them')
         fields = parse_over(self.over)
         if self.detrend is not None:
             fields['spectrum_detrend'] = self.detrend
@@ -68,33 +68,33 @@ class Reading:
             found = find_feature_set(name)
             assert found is not None
             if self.over is not None and found.phase == PHASE_GLIDE and not found.needs_speed:
-                raise TactileError(f'--over is for sets over the surface, and {name} is none')
+                raise TactileError(f'--over needs a feature set over distance, not {name}')
             fields[CHOOSER[found.phase]] = name
         return fields
 
     def early_fields(self, rate_hz: float) -> dict[str, Any]:
-        """Return the fields of `FeatureConfig` that ``window_s`` says; none for full windows."""
+        """Return the fields of `FeatureConfig` from ``window_s``; empty for full windows."""
         if self.window_s is None:
             return {}
         count = round(self.window_s * rate_hz)
         return {'early_windows': True, 'texture_samples': count, 'stiffness_samples': count}
 
     def check_for_bags(self) -> None:
-        """Refuse options on how to cut trials, which bags with trial events say.
+        """Raise `TactileError` if options for cutting trials are given.
 
-        Raises `TactileError` when such an option is given.
+        They are not allowed for bags with trial events.
         """
         for name in ('channel', 'where', 'crop', 'resample_hz', 'skip_bad', 'speed_column'):
             if getattr(self, name):
                 option = name.replace('_', '-')
                 raise TactileError(
-                    f'--{option} is for archives; a bag says itself what a trial is'
+                    f'--{option} is for archives; the trials of a bag are defined by its events'
                 )
 
     def select_stated(
         self, columns: Columns
     ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]] | None:
-        """Return the trials to train on and those to test on; None where none are stated."""
+        """Return masks of the training and test trials, or None if they are not selected."""
         if self.train_where is None or self.test_where is None:
             return None
         return (
@@ -103,19 +103,19 @@ class Reading:
         )
 
     def training(self, table: FeatureTable) -> FeatureTable:
-        """Return the trials to train on; all where none are stated."""
+        """Return the training trials, or all trials if none are selected."""
         chosen = self.select_stated(table.columns)
         return table if chosen is None else table.take(chosen[0])
 
     def keep_stated(self, trials: Trials) -> Trials:
-        """Return the trials to train or to test on; all where none are stated."""
+        """Return the training and test trials, or all trials if none are selected."""
         chosen = self.select_stated(trials.columns)
         return trials if chosen is None else trials.take(chosen[0] | chosen[1])
 
     def splits(self, table: FeatureTable) -> tuple[Split, ...]:
-        """Return the split into both; empty where none is stated.
+        """Return the split into training and test trials; empty if they are not selected.
 
-        Raises `EvaluationError` when both share a trial, or a class is known in the tests only.
+        Raises `EvaluationError` if both share a trial, or a class occurs only in the test trials.
         """
         chosen = self.select_stated(table.columns)
         if chosen is None:
@@ -124,18 +124,16 @@ class Reading:
 
 
 def list_sets(features: str | None) -> list[str]:
-    """Return the sets of features that ``--features`` names; none when it names features."""
+    """Return the feature sets in ``--features``; empty if it contains names of features."""
     names = [name.strip() for name in (features or '').split(',')]
     return names if all(map(find_feature_set, names)) else []
 
 
 def parse_over(text: str | None) -> dict[str, Any]:
-    """Return the fields of `FeatureConfig` that ``LENGTH:FINEST`` in millimetres says.
+    """Return the fields of `FeatureConfig` from ``LENGTH:FINEST`` in millimetres.
 
-    None says nothing.
-
-    Raises `TactileError` when it is not of that form, or the window is too short for its finest
-    scale.
+    The result is empty for None. Raises `TactileError` if the text does not have this form, or the
+    window is too short for its finest scale.
     """
     if text is None:
         return {}
@@ -151,14 +149,14 @@ def parse_over(text: str | None) -> dict[str, Any]:
     except FeatureError as error:
         raise TactileError(f'--over: {error}') from error
     except ValueError as error:
-        raise TactileError(f'--over: "{text}" is not LENGTH:FINEST in mm, as in 45:0.5') from error
+        raise TactileError(f'--over: "{text}" is not LENGTH:FINEST in mm (45:0.5)') from error
     return fields
 
 
 def select_features(table: FeatureTable, names: str | None) -> FeatureTable:
-    """Return the table with only the named features; the last part of a name is enough.
+    """Select features by name; the last part of a name is sufficient.
 
-    Raises `TactileError` when there is no such feature, or several whose names end so.
+    Raises `TactileError` if a feature does not exist, or a name is ambiguous.
     """
     if names is None or list_sets(names):
         return table
@@ -174,7 +172,7 @@ def select_features(table: FeatureTable, names: str | None) -> FeatureTable:
             )
         if len(found) > 1:
             fitting = ', '.join(table.spec.names[i] for i in found)
-            raise TactileError(f'"{name}" is the end of several names; write one of {fitting}')
+            raise TactileError(f'"{name}" is ambiguous: use one of {fitting}')
         chosen += found
     spec = replace(
         table.spec,
@@ -185,10 +183,10 @@ def select_features(table: FeatureTable, names: str | None) -> FeatureTable:
 
 
 def select_trials(columns: Columns, text: str, option: str) -> NDArray[np.bool_]:
-    """Return which trials ``COLUMN`` (is true) or ``COLUMN=VALUE[,VALUE...]`` chooses.
+    """Return a mask of the trials with ``COLUMN=VALUE[,VALUE...]``, or with a true ``COLUMN``.
 
-    Raises `TactileError` when there is no such column or no such trial, or the text is no value of
-    the column.
+    Raises `TactileError` if the column does not exist, the value is invalid for the column, or no
+    trial is selected.
     """
     asked, equals, values = text.partition('=')
     name = find_column(columns, asked)
@@ -199,9 +197,7 @@ def select_trials(columns: Columns, text: str, option: str) -> NDArray[np.bool_]
     column = np.asarray(columns[name])
     if not equals:
         if column.dtype.kind not in 'biu':
-            raise TactileError(
-                f'--{option}: column {name} is not true or false; write {name}=VALUE'
-            )
+            raise TactileError(f'--{option}: column {name} is not boolean; write {name}=VALUE')
         chosen = column.astype(bool)
     else:
         chosen = np.isin(column, [_value(v, column, name, option) for v in values.split(',')])
@@ -211,7 +207,7 @@ def select_trials(columns: Columns, text: str, option: str) -> NDArray[np.bool_]
 
 
 def _value(text: str, column: NDArray[Any], name: str, option: str) -> Any:
-    """Return ``text`` as a value of the column's type."""
+    """Convert ``text`` to the type of the column."""
     if column.dtype.kind == 'U':
         return text
     if column.dtype.kind == 'b' and text.lower() in ('true', 'false'):
@@ -220,20 +216,20 @@ def _value(text: str, column: NDArray[Any], name: str, option: str) -> Any:
         return column.dtype.type(float(text) if column.dtype.kind == 'b' else text)
     except (ValueError, OverflowError) as error:
         raise TactileError(
-            f'--{option}: "{text}" is no value of column {name} ({column.dtype})'
+            f'--{option}: "{text}" is not a valid value of column {name} ({column.dtype})'
         ) from error
 
 
 def parse_span(text: str) -> tuple[float, float]:
     """Return start and stop in seconds from ``START:STOP``.
 
-    Raises `TactileError` when it is not of that form.
+    Raises `TactileError` if the text does not have this form.
     """
     start, _, stop = text.partition(':')
     try:
         span = float(start), float(stop)
     except ValueError as error:
-        raise TactileError(f'"{text}" is not START:STOP in seconds, as in 1:5') from error
+        raise TactileError(f'"{text}" is not START:STOP in seconds, such as 1:5') from error
     if not 0 <= span[0] < span[1] < float('inf'):
-        raise TactileError(f'"{text}": START must be 0 or more and less than STOP')
+        raise TactileError(f'"{text}": START must not be negative and must be less than STOP')
     return span

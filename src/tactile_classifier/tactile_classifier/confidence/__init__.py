@@ -1,4 +1,4 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Probabilities, unknown objects."""
+"""Calibration of probabilities, and detection of unknown objects."""

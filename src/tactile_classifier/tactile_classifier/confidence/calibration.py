@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Calibration: raw scores to probabilities. `fit_calibration` fits the map."""
+"""Conversion of raw scores to probabilities; `fit_calibration` fits its parameters."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ Matrix = npt.NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True)
 class Calibration:
-    """A map from raw scores to probabilities that keeps their order.
+    """Map from raw scores to probabilities that preserves their order.
 
-    The softmax of ``slope * scores`` (temperature scaling, Guo et al. 2017) with the answer's own
-    term raised by ``offset``, as the constant of Platt's (1999) map would. The slope is positive,
-    in 1 over the unit of the scores. The offset is a natural logarithm [1]; it is never negative:
-    below 0 the second label could come before the answer.
+    Softmax of ``slope * scores`` (temperature scaling, Guo et al. 2017). ``offset`` is added to
+    the term of the predicted label, like the constant of Platt scaling (1999). ``slope`` is
+    positive, in the inverse unit of the scores. ``offset`` is a natural logarithm [1]. It is not
+    negative, because the second label could otherwise become more probable than the predicted one.
     """
 
     slope: float

@@ -3,8 +3,8 @@
 
 """Calibration of probabilities and of the novelty threshold on held-out trials.
 
-Trials of one session share a mounting, so a session is held out as a whole wherever
-the table has two or more of them.
+Trials of one session share a mounting. Whole sessions are therefore held out if the table has two
+or more sessions.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ from tactile_classifier.estimators.classifiers import (
 from tactile_classifier.records import VOTES
 
 MAX_FOLDS = 6
-"""The most folds that trials or sessions are divided into, wherever so few will do."""
+"""Maximum number of folds of trials or sessions, unless the labels require more."""
 
 BOUNDS = ((1e-3, 1e3), (0.0, 50.0))
-"""Slope, over the spread of the scores, and offset of a calibration."""
+"""Bounds of the slope (relative to the spread of the scores) and offset of a calibration."""
 
 PRECISE = {'ftol': 1e-14, 'gtol': 1e-8}
 
@@ -46,7 +46,7 @@ RANDOM = 'stratified'
 """First word of the name of random folds over single trials."""
 
 BINS = 10
-"""Bins of the expected calibration error."""
+"""Number of bins of the expected calibration error."""
 
 Matrix = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
@@ -54,11 +54,18 @@ Indices = npt.NDArray[np.intp]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class GroupFolds:
-    """Folds of whole groups, such as sessions, of repeats or of single trials; held out in turn.
+    """Folds for holding out whole groups such as sessions, repeats, or single trials.
 
-    ``split`` names them in words. ``fold`` is the fold of each trial, and ``session`` its group,
-    shapes (trials,); None when folds are of repeats or of single trials. ``names`` are the names
-    of the groups; none without groups.
+    Attributes
+    ----------
+    split : str
+        Description of the split.
+    fold : ndarray of int, shape (trials,)
+        Fold of each trial.
+    session : ndarray of int, shape (trials,), or None
+        Group of each trial; None if the folds consist of repeats or single trials.
+    names : tuple of str
+        Names of the groups; empty without groups.
     """
 
     split: str
@@ -68,28 +75,27 @@ class GroupFolds:
 
     @property
     def groups(self) -> int:
-        """Number of groups; 0 when folds are of repeats or of single trials."""
+        """Number of groups; 0 if the folds consist of repeats or single trials."""
         return len(self.names)
 
     def divide(self, novelty: Matrix) -> HeldOutNovelty:
-        """Return the novelties of held-out trials, shape (trials,), by session."""
+        """Group the novelties of held-out trials, shape (trials,), by session."""
         return HeldOutNovelty.divide(novelty, self.session, self.names)
 
     def take(self, keep: npt.NDArray[np.bool_]) -> GroupFolds:
-        """Return the folds of some of the trials."""
+        """Return the folds of a subset of the trials."""
         session = None if self.session is None else self.session[keep]
         return dataclasses.replace(self, fold=self.fold[keep], session=session)
 
 
 def make_group_folds(table: FeatureTable, columns: Sequence[str] = ('session_id',)) -> GroupFolds:
-    """Return folds of whole groups where each label comes in two groups or more, else of trials.
+    """Return folds of whole groups if each label occurs in two or more; otherwise of trials.
 
-    Trials that agree in all columns are one group; columns that the table lacks do not count; no
-    columns: single trials. The groups of each label are spread over the folds, so that a model
-    fitted on the other folds knows every label of the one that is held out. Trials without groups
-    are near copies where conditions were repeated (`find_cells`): those of a condition stay in one
-    fold, and so do copies (`find_copies`). Raises TooFewTrialsError when a label has one trial
-    only.
+    Trials that have equal values in all columns form a group. Columns missing in the table are
+    ignored. Without columns, single trials are held out. The groups of each label are distributed
+    over the folds, so that a model fitted on the other folds knows every label of the held-out
+    fold. Without groups, all trials of a repeated condition (`find_cells`) stay in one fold, as do
+    copies (`find_copies`). Raises TooFewTrialsError if a label has only one trial.
     """
     codes = np.unique(table.labels, return_inverse=True)[1]
     if (folds := _hold_groups_out(table, codes, columns)) is not None:
@@ -99,7 +105,7 @@ def make_group_folds(table: FeatureTable, columns: Sequence[str] = ('session_id'
         return dataclasses.replace(folds, session=None, names=())
     labels, counts = count_different(table.labels, table.copies)
     if counts.min() < 2:
-        raise TooFewTrialsError(f'label "{labels[counts.argmin()]}" has one trial only')
+        raise TooFewTrialsError(f'label "{labels[counts.argmin()]}" has only one trial')
     count = min(MAX_FOLDS, int(counts.min()))
     fold = np.zeros(len(table), dtype=np.intp)
     folds_of_trials = divide_stratified(table.labels, table.copies, count, RANDOM_STATE)
@@ -111,7 +117,7 @@ def make_group_folds(table: FeatureTable, columns: Sequence[str] = ('session_id'
 def _hold_groups_out(
     table: FeatureTable, codes: Indices, columns: Sequence[str]
 ) -> GroupFolds | None:
-    """Return folds of whole groups; None where all trials of a label, by ``codes``, are in one."""
+    """Return folds of whole groups, or None if a label (``codes``) occurs in one group only."""
     group: Indices = np.zeros(len(table), dtype=np.intp)
     for column in columns:
         if column in table.columns:
@@ -133,18 +139,18 @@ def _hold_groups_out(
 
 
 def _spread(contains: npt.NDArray[np.bool_]) -> Indices:
-    """Return the fold of each group, so that no label has all its groups in one fold.
+    """Assign groups to folds so that no label has all its groups in one fold.
 
-    Groups are assigned one by one, those with the most labels first, each to the fold with the
-    fewest groups of its labels. ``contains``, shape (groups, labels), has each label in two groups
-    or more.
+    Groups with the most labels are assigned first. Each group goes to the fold with the fewest
+    groups that share its labels. In ``contains``, shape (groups, labels), each label occurs in two
+    or more groups.
     """
     groups, labels = contains.shape
     folds = min(MAX_FOLDS, groups)
     fold = np.zeros(groups, dtype=np.intp)
     size = np.zeros(folds, dtype=np.intp)
     count = np.zeros((folds, labels), dtype=np.intp)
-    # Of names, only the order among groups of the same labels matters.
+    # Names only determine the order of groups with the same labels.
     for i in sorted(range(groups), key=lambda i: (-contains[i].sum(), *~contains[i], i)):
         same = count[:, contains[i]]
         only_here = (same > 0) & (same == same.sum(axis=0))
@@ -153,7 +159,7 @@ def _spread(contains: npt.NDArray[np.bool_]) -> Indices:
         count[fold[i], contains[i]] += 1
     if ((count > 0).sum(axis=0) > 1).all():
         return fold
-    # Labels so interwoven that so few folds do not keep them apart: each group on its own.
+    # No assignment to a few folds works for these labels: one fold per group.
     return np.arange(groups)
 
 
@@ -182,7 +188,10 @@ def hold_out_scores(
     fold: Indices,
     parameters: Mapping[str, Any] | None = None,
 ) -> tuple[Matrix, Indices]:
-    """Return raw scores by models of the other folds, shape (trials, labels), and true columns."""
+    """Score each trial with a model of the other folds.
+
+    Returns the raw scores, shape (trials, labels), and the column of each true label.
+    """
     classes, true = np.unique(table.labels, return_inverse=True)
     scores = np.zeros((len(table), len(classes)))
     for i in np.unique(fold):
@@ -193,10 +202,10 @@ def hold_out_scores(
 def hold_out_novelty(
     table: FeatureTable, fold: Indices, known: npt.NDArray[np.bool_] | slice = slice(None)
 ) -> Matrix:
-    """Return novelties, shape (trials,), by measures fitted on the known trials of other folds.
+    """Return novelties, shape (trials,), from measures fitted to the known trials of other folds.
 
-    Of two folds a measure of one knows no distances between folds; it takes the scales of the
-    measure of all known trials, which are such distances.
+    With two folds, each measure is fitted to one fold and has no distances between folds. It then
+    uses the scales of the measure fitted to all known trials.
     """
     novelty = np.zeros(len(table))
     values, labels, of_known = table.values[known], table.labels[known], fold[known]
@@ -211,10 +220,10 @@ def hold_out_novelty(
 
 
 def fit_novelty(table: FeatureTable, folds: GroupFolds) -> tuple[NoveltyMeasure, HeldOutNovelty]:
-    """Return the measure fitted to all trials, and the novelties of held-out trials.
+    """Fit the novelty measure to all trials, and compute the novelties of held-out trials.
 
-    This is not split conformal prediction: each fold has a measure of its own. The measure of all
-    has more references, so that novelties of new trials are lower rather than higher.
+    This is not split conformal prediction, because a separate measure is fitted for each fold. The
+    measure of all trials has more references, so novelties of new trials tend to be lower.
     """
     novelty = hold_out_novelty(table, folds.fold)
     return fit_measure(table.values, table.labels, folds.fold), folds.divide(novelty)
@@ -222,11 +231,11 @@ def fit_novelty(table: FeatureTable, folds: GroupFolds) -> tuple[NoveltyMeasure,
 
 @dataclasses.dataclass(frozen=True)
 class UnlearnedLabels:
-    """Rejection of labels that were left out of the training, one after another.
+    """Rejection of labels that were left out of the training, one label at a time.
 
-    ``auroc`` is the probability that a trial of such a label is more novel than one of a known
-    label. ``miss_rate`` and ``strict_miss_rate`` are the shares of their trials that get a known
-    name, by the default and by the strict threshold [1].
+    ``auroc`` is the probability that a trial of a left-out label is more novel than a trial of a
+    known label. ``miss_rate`` and ``strict_miss_rate`` are the fractions of left-out trials that
+    receive a known label with the default and the strict threshold [1].
     """
 
     labels: int
@@ -238,9 +247,9 @@ class UnlearnedLabels:
 def leave_labels_out(
     table: FeatureTable, folds: GroupFolds, false_alarm_rate: float
 ) -> UnlearnedLabels | None:
-    """Return what a model without one of the labels would make of it, for each label in turn.
+    """Measure the rejection of each label by a model that was not trained on it.
 
-    None where fewer than two labels would be left, or too few trials for the rate.
+    Returns None if fewer than two labels, or too few trials for the rate, would remain.
     """
     missed: list[list[float]] = []
     areas = []
@@ -269,12 +278,12 @@ def leave_labels_out(
 
 
 def fit_calibration(scores: Matrix, true: Indices) -> Calibration:
-    """Return the map under which held-out labels are likeliest.
+    """Return the maximum-likelihood calibration for held-out labels.
 
-    Scores have shape (trials, labels); ``true`` are positions, shape (trials,). One imagined
-    miss, as in Platt's targets, keeps a classifier that made none from claiming certainty. The
-    scores are divided by their spread first, so that their unit does not count. The loss is convex
-    in slope and offset.
+    Scores have shape (trials, labels); ``true`` holds column indices, shape (trials,). As in
+    Platt's targets, one fictitious error is added, so that a classifier without errors does not
+    reach probability 1. The scores are first divided by their spread, so that the result does not
+    depend on their unit. The loss is convex in slope and offset.
     """
     trials, labels = scores.shape
     doubt = 1.0 / (trials + 2.0)
@@ -302,11 +311,11 @@ def fit_calibration(scores: Matrix, true: Indices) -> Calibration:
 
 
 def compute_calibration_error(probabilities: Matrix, true: Indices) -> float:
-    """Return the expected calibration error of the answers [1].
+    """Return the expected calibration error of the predictions [1].
 
-    The distance between the share of right answers and their mean probability, in ten bins of
-    equal width of that probability, as a mean over the trials (Naeini et al. 2015). Probabilities
-    have shape (trials, labels); ``true`` are positions, shape (trials,).
+    Mean over the trials of the difference between accuracy and mean probability, in ten
+    equal-width bins of the probability (Naeini et al. 2015). Probabilities have shape
+    (trials, labels); ``true`` holds column indices, shape (trials,).
     """
     return binned_error(probabilities.max(axis=1), probabilities.argmax(axis=1) == true)
 
@@ -323,12 +332,12 @@ def find_bins(stated: Matrix) -> Indices:
 
 
 def compute_uncalibrated(scores: Matrix, score_kind: str) -> Matrix:
-    """Return what raw scores pass for without calibration: votes as they are, or a softmax."""
+    """Return uncalibrated probabilities: vote fractions unchanged, other scores as softmax."""
     return scores if score_kind == VOTES else Calibration(1.0, 0.0).compute(scores)
 
 
 def hold_out_probabilities(scores: Matrix, true: Indices, fold: Indices) -> Matrix:
-    """Return probabilities by maps that were fitted on the held-out scores of the other folds."""
+    """Return probabilities from calibrations fitted to the held-out scores of the other folds."""
     probabilities = np.zeros(scores.shape)
     for i in np.unique(fold):
         others = fit_calibration(scores[fold != i], true[fold != i])
@@ -338,7 +347,7 @@ def hold_out_probabilities(scores: Matrix, true: Indices, fold: Indices) -> Matr
 
 @dataclasses.dataclass(frozen=True)
 class Surplus:
-    """Mean probability of the answers minus their accuracy, over sessions that were held out.
+    """Mean probability of the predictions minus their accuracy, over held-out sessions.
 
     ``mean`` and ``half_width`` of the 95 % interval (Student's t over the sessions) [1].
     """
@@ -350,7 +359,7 @@ class Surplus:
 def measure_surplus(
     probabilities: Matrix, true: Indices, session: Indices | None
 ) -> Surplus | None:
-    """Return by how much probabilities are too large; None with fewer than two sessions."""
+    """Return how much too large the probabilities are, or None with fewer than two sessions."""
     if session is None or session.max() < 1:
         return None
     stated = probabilities.max(axis=1) - (probabilities.argmax(axis=1) == true)
@@ -361,13 +370,12 @@ def measure_surplus(
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class HeldOutCalibration:
-    """Probabilities and novelty of a model, from trials that were held out.
+    """Calibration and novelty measure of a model, with their errors on held-out trials.
 
-    ``calibration`` is fitted to all held-out scores, ``novelty`` to all trials; the threshold
-    comes from ``held_out_novelty``, by measures of the other folds. The errors are expected
-    calibration errors before and after calibration [1]. ``accuracy`` is the share of held-out
-    trials whose answer is their label [1]. ``surplus`` is the stated probability minus the
-    accuracy by session.
+    ``calibration`` is fitted to all held-out scores, ``novelty`` to all trials. The threshold is
+    computed from ``held_out_novelty``, the novelties by measures of the other folds. The errors
+    are expected calibration errors before and after calibration [1]. ``accuracy`` is the accuracy
+    on held-out trials [1]. ``surplus`` is the stated probability minus the accuracy by session.
     """
 
     calibration: Calibration
@@ -390,7 +398,7 @@ def calibrate_held_out(
     strict: bool = False,
     parameters: Mapping[str, Any] | None = None,
 ) -> HeldOutCalibration:
-    """Hold out each fold in turn; return the calibration, the threshold and their errors.
+    """Fit calibration and threshold on held-out folds; return them with their errors.
 
     With ``strict`` the threshold is the strict one of `HeldOutNovelty.compute_threshold`;
     ``parameters`` are those of `build_estimator`. Raises

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fitting of the novelty measure to training trials."""
+"""Fit the novelty measure to training trials."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ Indices = npt.NDArray[np.intp]
 
 
 def fit_measure(values: Matrix, labels: npt.NDArray[np.str_], fold: Indices) -> NoveltyMeasure:
-    """Return the measure for training trials of shape (trials, k).
+    """Fit the novelty measure to training trials of shape (trials, k).
 
-    A feature that never varies within a label does not count. ``fold`` is the fold of each trial,
-    such as its session.
+    Features that do not vary within any label are ignored. ``fold`` is the fold of each trial, for
+    example its session.
     """
     classes, owner = np.unique(labels, return_inverse=True)
     centre = values.mean(axis=0)
     residuals = _find_residuals(values, owner, fold)
     spread = np.sqrt((residuals**2).mean(axis=0))
-    # Rounding of the mean is no spread.
+    # A smaller spread is the rounding error of the mean.
     varies = spread > 1e-12 * np.abs(values).max(axis=0)
     scale = np.divide(1.0, spread, out=np.zeros_like(spread), where=varies)
     within = _whiten(residuals, scale)
@@ -47,10 +47,10 @@ def fit_measure(values: Matrix, labels: npt.NDArray[np.str_], fold: Indices) -> 
 
 
 def _find_residuals(values: Matrix, owner: Indices, fold: Indices) -> Matrix:
-    """Return the differences to the mean of a label, as large as those to its true mean.
+    """Return the deviations from the mean of each label, corrected for the degrees of freedom.
 
-    With two folds a measure that holds out one of them knows no difference between folds, so the
-    measure of all trials may not know it either: the residuals are within a label and a fold.
+    With two folds, a measure fitted to one fold contains no differences between folds. The measure
+    of all trials must be comparable, so the residuals are then taken within label and fold.
     """
     if len(np.unique(fold)) == 2:
         crossed = divide_groups(owner, fold)
@@ -59,12 +59,12 @@ def _find_residuals(values: Matrix, owner: Indices, fold: Indices) -> Matrix:
     means = np.stack([values[owner == i].mean(axis=0) for i in range(len(counts))])
     unbiased = np.sqrt(counts / np.maximum(counts - 1, 1))[owner, np.newaxis]
     residuals: Matrix = ((values - means[owner]) * unbiased)[counts[owner] > 1]
-    # With one trial a label, nothing is known of the spread within it.
+    # With one trial per label there is no spread within labels: use the spread of all trials.
     return residuals if len(residuals) else values - values.mean(axis=0)
 
 
 def _whiten(residuals: Matrix, scale: Matrix) -> Matrix:
-    """Return the matrix to the space in which the shrunk covariance of residuals is one."""
+    """Return the whitening matrix of the shrunk covariance of the residuals."""
     counts = scale > 0.0
     transform = np.zeros((len(scale), len(scale)))
     if counts.any():
@@ -75,7 +75,10 @@ def _whiten(residuals: Matrix, scale: Matrix) -> Matrix:
 
 
 def _median_distance(points: Matrix, fold: Indices) -> float:
-    """Return the median distance to the nearest of another fold, or of all; 1 of equal trials."""
+    """Return the median distance to the nearest point of another fold; 1 if all are equal.
+
+    With one fold, the nearest of all other points is used.
+    """
     lengths = (points**2).sum(axis=1)
     squares = lengths[:, np.newaxis] + lengths - 2.0 * points @ points.T
     distance = np.sqrt(np.maximum(squares, 0.0))
@@ -90,7 +93,7 @@ def _median_distance(points: Matrix, fold: Indices) -> float:
 def compute_auroc(is_new: npt.NDArray[np.bool_], novelty: Matrix) -> float:
     """Return the area under the receiver operating characteristic [1].
 
-    The share of pairs in which the new trial has the higher novelty; an equal pair counts half.
+    Fraction of pairs in which the new trial has the higher novelty; ties count half.
     """
     known, new = np.sort(novelty[~is_new]), novelty[is_new]
     ranks = np.searchsorted(known, new) + np.searchsorted(known, new, side='right')

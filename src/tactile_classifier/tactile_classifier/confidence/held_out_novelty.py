@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Novelties of held-out trials of known labels: thresholds for "unknown", and p-values."""
+"""Thresholds for "unknown" and p-values, from novelties of held-out trials of known labels."""
 
 from __future__ import annotations
 
@@ -18,34 +18,34 @@ from tactile_classifier.errors import ModelFileError, refuse_damage, TooFewTrial
 Matrix = npt.NDArray[np.float64]
 
 SESSIONS_BEYOND = 0.1
-"""Share of new sessions in which the strict threshold may fail, where sessions are enough."""
+"""Fraction of new sessions in which the strict threshold may fail, given enough sessions."""
 
 
 def trials_needed(rate: float) -> int:
-    """Return how many calibration trials a conformal threshold at a rate needs at least."""
+    """Return the minimum number of calibration trials for a conformal threshold at a rate."""
     return math.ceil(round(1.0 / rate, 9)) - 1
 
 
 def rank_of_sessions(count: int) -> int:
-    """Return the rank of the session whose quantile bounds the one of a new session.
+    """Return the rank of the session whose quantile bounds the quantile of a new session.
 
-    A further session, exchangeable with the ``count`` others, has a value at most the one of this
-    rank with probability ``rank / (count + 1)``: 1 - `SESSIONS_BEYOND` of nine sessions or more,
-    and ``count / (count + 1)``, by the largest value, of fewer.
+    A new session, exchangeable with the ``count`` others, does not exceed the value of this rank
+    with probability ``rank / (count + 1)``. This is at least 1 - `SESSIONS_BEYOND` with nine or
+    more sessions. With fewer sessions the largest value is used: ``count / (count + 1)``.
     """
     return min(count, math.ceil(round((count + 1) * (1.0 - SESSIONS_BEYOND), 9)))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class HeldOutNovelty:
-    """Novelties of held-out trials of known labels, and the thresholds that they give.
+    """Novelties of held-out trials of known labels, and the thresholds computed from them.
 
-    Novelties are of trials that the measure was not fitted on, nor on their session.
+    The measure was fitted neither to these trials nor to other trials of their session.
 
     Attributes
     ----------
     sessions : tuple of arrays
-        Novelties of the trials of each session, in one array without sessions.
+        Novelties of the trials of each session; one array for all trials without sessions.
     names : tuple of str
         Names of the sessions; empty without sessions.
     """
@@ -57,7 +57,7 @@ class HeldOutNovelty:
     def divide(
         cls, novelty: Matrix, session: npt.NDArray[np.intp] | None, names: Sequence[str]
     ) -> HeldOutNovelty:
-        """Return the novelties by session; ``session`` are positions in ``names``, or None."""
+        """Group novelties by session; ``session`` holds indices into ``names``, or is None."""
         if session is None:
             return cls((novelty,))
         found = np.unique(session)
@@ -67,17 +67,17 @@ class HeldOutNovelty:
     def compute_threshold(self, rate: float, *, strict: bool = False) -> float:
         """Return the novelty above which a window is unknown.
 
-        By default the quantile over all trials, with the same weight for each session: the false
-        rejection rate holds in the mean over sessions. Of ``n`` novelties without sessions it is
-        the ``ceil((n + 1) * (1 - rate))``-th smallest: a further trial, exchangeable with these,
-        lies above it with at most that probability (split conformal prediction: Vovk, Gammerman
+        The default is the quantile over all trials, with equal weight per session: the false
+        rejection rate holds on average over sessions. Without sessions, the threshold is the
+        ``ceil((n + 1) * (1 - rate))``-th smallest of ``n`` novelties. A new, exchangeable trial
+        exceeds it with at most probability ``rate`` (split conformal prediction: Vovk, Gammerman
         and Shafer 2005; Lei et al. 2018).
 
-        The strict threshold holds in most new sessions: each session has its own quantile, and
-        the threshold is the one of `rank_of_sessions` among these (Dunn, Wasserman and Ramdas
-        2022; Duchi, Gupta, Jiang and Sur 2024, over environments). In a share ``rank / (count +
-        1)`` of new sessions the quantile of their own trials is not above it. A session with fewer
-        trials than `trials_needed` gives its largest novelty.
+        The strict threshold holds in most new sessions. A quantile is computed per session, and
+        the threshold is the quantile with the rank `rank_of_sessions` (Dunn, Wasserman and Ramdas
+        2022; Duchi, Gupta, Jiang and Sur 2024, for environments). The quantile of a new session
+        does not exceed it with probability ``rank / (count + 1)``. For a session with fewer trials
+        than `trials_needed`, its largest novelty is used.
 
         Parameters
         ----------
@@ -88,18 +88,19 @@ class HeldOutNovelty:
         Raises
         ------
         TooFewTrialsError
-            When there are fewer than `trials_needed` in all.
+            If there are fewer than `trials_needed` trials in total.
         """
         count = sum(map(len, self.sessions))
-        if count < trials_needed(rate):
+        needed = trials_needed(rate)
+        if count < needed:
             raise TooFewTrialsError(
-                f'{count} trials cannot bound false rejection at {rate:g}; '
-                f'{trials_needed(rate)} are needed'
+                f'a threshold with a false rejection rate of {rate:g} needs {needed} '
+                f'trial{"s" * (needed != 1)}, has {count}'
             )
         return _find_threshold(self.sessions, rate, strict)
 
     def reject_sessions(self, rate: float, *, strict: bool = False) -> tuple[float, ...]:
-        """Return the false rejection of each session by the threshold of the others [1].
+        """Return the false rejection rate of each session with the threshold of the others [1].
 
         Empty with fewer than two sessions.
         """
@@ -112,10 +113,11 @@ class HeldOutNovelty:
         return tuple(found)
 
     def compute_p_value(self, novelty: float, *, strict: bool = False) -> float:
-        """Return the conformal p-value of a novelty, of which the threshold is a quantile.
+        """Return the conformal p-value of a novelty.
 
-        By default it is at most the false rejection rate exactly where the novelty is above the
-        threshold. The strict one needs `trials_needed` in each session for this.
+        By default, the p-value is at most the false rejection rate if and only if the novelty
+        exceeds the threshold. For the strict threshold this requires `trials_needed` trials in
+        each session.
         """
         shares = [float(np.mean(each >= novelty)) for each in self.sessions]
         sizes = [len(each) for each in self.sessions]
@@ -128,7 +130,7 @@ class HeldOutNovelty:
         return round((1 + count * float(np.mean(shares))) / (1 + count), 12)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what JSON can hold; `read` is the inverse."""
+        """Return a dictionary for JSON; `read` is the inverse."""
         return {
             'names': list(self.names),
             'sessions': [np.sort(x).tolist() for x in self.sessions],
@@ -136,7 +138,7 @@ class HeldOutNovelty:
 
     @classmethod
     def read(cls, entry: Any) -> HeldOutNovelty:
-        """Return what `to_dict` gave; raise ModelFileError for anything else."""
+        """Return the novelties from a dictionary of `to_dict`; raise ModelFileError if invalid."""
         with refuse_damage('its novelties of held-out trials are'):
             sessions = tuple(np.array(each, dtype=np.float64) for each in entry['sessions'])
             names = tuple(entry['names'])
@@ -149,7 +151,7 @@ class HeldOutNovelty:
 
 
 def _find_threshold(sessions: Sequence[Matrix], rate: float, strict: bool) -> float:
-    """Return the threshold of `compute_threshold`; of too few trials the largest novelty."""
+    """Return the threshold of `compute_threshold`, or the largest novelty with too few trials."""
     if strict:
         quantiles = sorted(_find_quantile([each], rate) for each in sessions)
         return quantiles[rank_of_sessions(len(quantiles)) - 1]
@@ -157,7 +159,7 @@ def _find_threshold(sessions: Sequence[Matrix], rate: float, strict: bool) -> fl
 
 
 def _find_quantile(sessions: Sequence[Matrix], rate: float) -> float:
-    """Return the least novelty with at most the conformal share of the sessions' trials above."""
+    """Return the smallest novelty that at most the conformal fraction of the trials exceeds."""
     novelty = np.concatenate(sessions)
     weight = np.concatenate([np.full(len(x), 1.0 / (len(sessions) * len(x))) for x in sessions])
     order = np.argsort(novelty)

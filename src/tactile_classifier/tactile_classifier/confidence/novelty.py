@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Novelty: the distance of a window to the training trials, whatever the classifier.
+"""Novelty: distance of a window from the training trials, independent of the classifier.
 
-`fit_measure` fits the measure. docs/answers.md says how this kind of novelty was chosen.
+`fit_measure` fits the measure. docs/answers.md explains why this measure was chosen.
 """
 
 from __future__ import annotations
@@ -21,35 +21,35 @@ from tactile_classifier.errors import ModelFileError
 Matrix = npt.NDArray[np.float64]
 
 NEAREST_TO_ALL = 1e-6
-"""Least squared distance to the mean of all, so that a window there has a finite novelty [1]."""
+"""Lower bound of the squared distance to the mean of all trials; keeps the novelty finite [1]."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class NoveltyMeasure:
-    """Distance to the nearest training trial times the relative distance to the nearest label.
+    """Distance to the nearest training trial, times the relative distance to the nearest label.
 
-    The first factor is the geometric mean of two distances to the nearest trial: between the
-    features as they are, and between features whitened by the covariance within labels. Each is
-    divided by the median distance that trials of the nearest trial's label have to the nearest of
-    another fold of the training, such as another session. The second factor is d / D: the
-    Mahalanobis distance to the nearest label's mean, with one covariance within labels, over the
-    one to the mean of all trials, with the covariance of all. Covariances are shrunk after Ledoit
-    and Wolf (2004).
+    The first factor is the geometric mean of two distances to the nearest trial: one of the
+    unchanged features, one of features whitened by the covariance within labels. Each distance is
+    divided by a median: the distance of trials of the same label to the nearest trial of another
+    training fold, such as another session. The second factor is d / D. d is the Mahalanobis
+    distance to the mean of the nearest label, with a common covariance within labels; D is the
+    distance to the mean of all trials, with the covariance of all trials. Covariances are shrunk
+    (Ledoit and Wolf 2004).
 
     Attributes
     ----------
     SHAPES : mapping
-        Dimensions of the arrays, for the model file; see `prediction`.
+        Dimensions of the arrays in the model file; see `prediction`.
     centre : array of shape (k,)
-        Mean of all trials, in the features' units.
+        Mean of all trials, in the units of the features.
     references : array of shape (trials, k)
-        The trials minus the centre, with 0 in features that do not vary within a label.
+        Trials minus ``centre``; 0 for features that do not vary within labels.
     scales : array of shape (2, trials)
-        Divisors of the plain and of the whitened distance to each trial.
+        Divisors of the unchanged and the whitened distance to each trial.
     within, total : array of shape (k, k)
-        Lead to the spaces in which the covariance within labels, or of all, is one.
+        Whitening matrices of the covariance within labels and of the covariance of all trials.
     means : array of shape (labels, k)
-        Means of the labels in the first.
+        Means of the labels, whitened by ``within``.
     """
 
     SHAPES: ClassVar[dict[str, tuple[str | int, ...]]] = {
@@ -69,16 +69,16 @@ class NoveltyMeasure:
     means: Matrix
 
     def check(self, features: int, labels: int) -> None:
-        """Raise ModelFileError when values of the arrays do not fit together."""
+        """Raise ModelFileError if values of the arrays are inconsistent."""
         if not self.scales.size or not (self.scales > 0.0).all():
             raise ModelFileError('values of its array "scales" are not positive')
 
     def compute(self, values: Matrix) -> Matrix:
-        """Return the novelty of windows of shape (windows, k), one a window [1]."""
+        """Return the novelty of each window; ``values`` has shape (windows, k) [1]."""
         return np.array([self.compute_one(row) for row in values])
 
     def compute_one(self, values: Matrix) -> float:
-        """Return the novelty of one window, shape (k,) [1]."""
+        """Return the novelty of one window of shape (k,) [1]."""
         row = values - self.centre
         whitened, of_all = row @ self.within, row @ self.total
         to_label = math.sqrt(self._means.find_nearest(whitened)[1])
@@ -108,14 +108,14 @@ class NoveltyMeasure:
 
 
 class _Points:
-    """Points with their squared lengths, shape (points, k)."""
+    """Points of shape (points, k), with their precomputed squared lengths."""
 
     def __init__(self, points: Matrix) -> None:
         self._points = points
         self._squares = (points**2).sum(axis=1)
 
     def find_nearest(self, row: Matrix) -> tuple[int, float]:
-        """Return the position of the nearest point, and the squared distance to it."""
+        """Return the index of the nearest point and the squared distance to it."""
         squares = self._squares - 2.0 * (self._points @ row)
         nearest = int(squares.argmin())
         return nearest, max(float(squares[nearest]) + float(row @ row), 0.0)

@@ -3,9 +3,10 @@
 
 """Labelled-trials archives: raw signals of many trials in one NumPy ``.npz`` file.
 
-``x`` (trials, channels, samples), ``label`` (trials,), ``rate_hz`` () and any number
-of further columns (trials,) to select, group or hold out by. Trials of unequal length are
-padded, with ``length``, or joined, with ``offsets``: see `LAYOUT`. No pickled objects.
+An archive contains ``x`` (trials, channels, samples), ``label`` (trials,), ``rate_hz`` () and any
+number of further columns (trials,) for selecting, grouping or holding out trials. Trials of
+unequal length are either padded, with ``length``, or concatenated, with ``offsets``: see `LAYOUT`.
+Pickled objects are refused.
 """
 
 from __future__ import annotations
@@ -25,32 +26,32 @@ from tactile_classifier.errors import DatasetError
 from tactile_features.spec import ALL, format_rates, is_same_rate, MEAN
 
 MAX_ARCHIVE_BYTES = 2**30
-"""Archives whose arrays take more than this are not loaded [byte]."""
+"""Larger archives are not loaded [byte]."""
 
 MAX_MAGNITUDE = 1e100
-"""Largest absolute value in an archive [its unit]."""
+"""Largest accepted absolute value in an archive, in its unit."""
 
 NEWTONS = {
     'N': 1.0, 'mN': 1e-3, 'uN': 1e-6, 'µN': 1e-6, 'kN': 1e3, 'g': 9.80665e-3, 'kg': 9.80665,
 }  # fmt: skip
-"""Units of force [N]; g and kg are weights at standard gravity."""
+"""Units of force, converted to newtons [N]; g and kg are weights at standard gravity."""
 
 LARGEST_N = 1e6
-"""A larger value is no tension of a tendon [N]."""
+"""Values above this limit are implausible as tension of a tendon [N]."""
 
 FEW_SAMPLES = 16
-"""Trials of fewer samples are pointed out: a spectrum of them has eight lines at most."""
+"""Shorter trials cause a warning, because their spectrum has at most eight components."""
 
-LAYOUT = """an archive holds, with one entry a trial where not said otherwise:
+LAYOUT = """an archive contains the following arrays, with one entry per trial unless stated:
   x        numbers of shape (trials, channels, samples), or (trials, samples); or X
   label    strings or integers; or y
   rate_hz  one number; or fs, or --rate-hz
-  unit     optional, one string: of x, as in N; forces are converted to N
-  channel_names  optional, one string for each channel
+  unit     optional, one string: unit of x, such as N; forces are converted to N
+  channel_names  optional, one string per channel
   and any further columns
-For trials of unequal length, either pad x with anything and add
-  length   samples of each trial that count
-or join the trials, one after another, in x of shape (channels, all samples) and add
+For trials of unequal length, either pad x with any values and add
+  length   number of valid samples of each trial
+or concatenate the trials in x of shape (channels, all samples) and add
   offsets  (trials + 1,): trial i is x[:, offsets[i]:offsets[i + 1]]"""
 
 _OTHER_NAMES = {
@@ -60,12 +61,12 @@ _OTHER_NAMES = {
 }
 
 Channel = int | str
-"""Number of a channel from 0, its name, ``'mean'`` or ``'all'``."""
+"""Index of a channel from 0, its name, ``'mean'`` or ``'all'``."""
 
 Array = npt.NDArray[Any]
 Indices = npt.NDArray[np.intp]
 
-_MAX_FACTOR = 10_000  # of a resampling: the filter has ten times as many taps on each side
+_MAX_FACTOR = 10_000  # limits the resampling filter to 100,000 taps on each side
 
 
 def _no_numbers() -> Indices:
@@ -74,7 +75,7 @@ def _no_numbers() -> Indices:
 
 @dataclasses.dataclass(frozen=True)
 class Skipped:
-    """A trial that was left out: its row in the archive, from 0, and why."""
+    """A trial that was left out: its row in the archive, from 0, and the reason."""
 
     row: int
     reason: str
@@ -82,30 +83,30 @@ class Skipped:
 
 @dataclasses.dataclass(frozen=True)
 class LabelledTrials:
-    """Raw signals of many trials, with what is known about each.
+    """Raw signals and metadata of many trials.
 
     Attributes
     ----------
     x : ndarray of shape (trials, channels, samples)
-        Signals, in ``unit``.
+        Signals in ``unit``.
     label : ndarray of str, shape (trials,)
     rate_hz : float
         Sample rate [Hz].
     columns : mapping of str to ndarray of shape (trials,)
     lengths : ndarray of int, shape (trials,)
-        Samples of each trial that count; what follows is padding. Left out: all.
+        Number of valid samples of each trial; the rest is padding. Default: all samples.
     rows : ndarray of int, shape (trials,)
-        The row of each trial in the archive, from 0. Left out: these trials are all.
+        Row of each trial in the archive, from 0. Default: consecutive numbers.
     skip_bad : bool
-        Leave out trials that cannot be used; otherwise the first one is an error.
+        Leave out unusable trials; otherwise an unusable trial raises an error.
     skipped : tuple of Skipped
-        The trials that were left out.
+        Trials that were left out.
     steps : tuple of str
-        What was done to the signals, in words.
+        Descriptions of the processing steps.
     unit : str
-        Of the signals, such as ``N``; empty: not known.
+        Unit of the signals, such as ``N``; empty if unknown.
     channels : tuple of str
-        Names of the channels. Left out: ``channel_0`` and so on.
+        Names of the channels. Default: ``channel_0`` and so on.
     """
 
     x: Array
@@ -143,9 +144,8 @@ class LabelledTrials:
         if name.isdecimal() and int(name) < len(self.channels):
             return self.channels[int(name)]
         raise DatasetError(
-            f'there is no channel {name}; there are {len(self.channels)}: '
-            f'{", ".join(self.channels)}. Take one by its name, or by its number from 0; or '
-            f'"{MEAN}" or "{ALL}"'
+            f'there is no channel {name}; the {len(self.channels)} channels are '
+            f'{", ".join(self.channels)}: give a name, a number from 0, "{MEAN}" or "{ALL}"'
         )
 
     def signal(self, channel: Channel = 0) -> npt.NDArray[np.float64]:
@@ -157,11 +157,11 @@ class LabelledTrials:
         if name == MEAN:
             return np.asarray(self.x.mean(axis=1, dtype=np.float64))
         if name == ALL:
-            raise DatasetError('a signal is that of one channel, or the mean of all')
+            raise DatasetError('choose one channel, or the mean of all channels')
         return self.x[:, self.channels.index(name)].astype(np.float64)
 
     def where(self, column: str, value: object = True) -> LabelledTrials:
-        """Return the trials whose column has this value.
+        """Select the trials with this value in a column.
 
         Raises DatasetError when there is no such column, or no such trial.
         """
@@ -185,9 +185,9 @@ class LabelledTrials:
         )
 
     def drop(self, bad: Mapping[int, str]) -> LabelledTrials:
-        """Return the trials without those that are bad, by place among these, and remember why.
+        """Remove the trials with the given indices; store the reasons in ``skipped``.
 
-        Raises DatasetError when ``skip_bad`` is not set, or no trial is left.
+        Raises DatasetError if ``skip_bad`` is not set, or no trial remains.
         """
         if not bad:
             return self
@@ -205,9 +205,9 @@ class LabelledTrials:
         return dataclasses.replace(self.take(keep), skipped=(*self.skipped, *skipped))
 
     def between(self, start_s: float, stop_s: float) -> LabelledTrials:
-        """Return the samples from ``start_s`` up to, not including, ``stop_s``.
+        """Cut all trials to the time from ``start_s`` to ``stop_s``, excluding ``stop_s``.
 
-        Raises DatasetError when no trial lasts so long, no sample is left, or single trials are
+        Raises DatasetError if all trials are shorter, no sample remains, or some trials are
         shorter and ``skip_bad`` is not set.
         """
         longest = int(self.lengths.max())
@@ -215,10 +215,10 @@ class LabelledTrials:
         if not 0 <= first < last <= longest:
             raise DatasetError(
                 f'the trials last {longest / self.rate_hz:.6g} s; '
-                f'{start_s:g} to {stop_s:g} s is not a part of them'
+                f'{start_s:g} to {stop_s:g} s is outside'
             )
         short = {
-            int(i): f'it lasts {self.lengths[i] / self.rate_hz:.6g} s, not {stop_s:g} s'
+            int(i): f'it lasts {self.lengths[i] / self.rate_hz:.6g} s; {stop_s:g} s are needed'
             for i in np.flatnonzero(self.lengths < last)
         }
         kept = self.drop(short)
@@ -227,7 +227,7 @@ class LabelledTrials:
         return dataclasses.replace(kept, x=x, lengths=np.full(len(x), end - begin))
 
     def cut_to_shortest(self) -> LabelledTrials:
-        """Return all trials cut to the samples of the shortest one, from their begin."""
+        """Cut all trials to the length of the shortest one, from their first sample."""
         shortest = int(self.lengths.min())
         if shortest == self.x.shape[2]:
             return self
@@ -243,27 +243,27 @@ class LabelledTrials:
         )
 
     def resample(self, rate_hz: float) -> LabelledTrials:
-        """Return the trials at another rate, by `scipy.signal.resample_poly`.
+        """Resample the trials with `scipy.signal.resample_poly`.
 
-        Its low-pass against aliasing has linear phase and no delay: a Kaiser window with beta 5,
-        ten periods of the slower rate on each side. Beyond both ends, the line through the first
-        and last sample goes on. Raises DatasetError when the rates have no ratio of whole numbers
-        up to 10,000.
+        The anti-aliasing filter has linear phase and no delay: a Kaiser window with beta 5, ten
+        periods of the slower rate on each side. Beyond both ends, the signal is extrapolated by
+        the line through its first and last sample. Raises DatasetError if the ratio of the rates
+        is not a ratio of integers up to 10,000.
         """
-        from scipy.signal import resample_poly  # half a second
+        from scipy.signal import resample_poly  # takes half a second to import
 
         ratio = Fraction(rate_hz / self.rate_hz).limit_denominator(_MAX_FACTOR)
         up, down = ratio.numerator, ratio.denominator
         if not 0 < up <= _MAX_FACTOR or abs(self.rate_hz * up / down / rate_hz - 1) > 1e-9:
             raise DatasetError(
-                f'cannot resample from {self.rate_hz:g} to {rate_hz:g} Hz: their ratio must be '
-                f'that of two whole numbers up to {_MAX_FACTOR}'
+                f'cannot resample from {self.rate_hz:g} to {rate_hz:g} Hz: the ratio must be '
+                f'a ratio of two integers up to {_MAX_FACTOR}'
             )
         if up == down:
             return self
         lengths = -(-self.lengths * up // down)
         if self.x[:, :, :1].nbytes // self.x.itemsize * 8 * int(lengths.max()) > MAX_ARCHIVE_BYTES:
-            raise DatasetError(f'at {rate_hz:g} Hz the trials take more than the limit of memory')
+            raise DatasetError(f'at {rate_hz:g} Hz the trials exceed the memory limit')
         x = np.zeros((*self.x.shape[:2], int(lengths.max())))
         for count in np.unique(self.lengths):
             same = self.lengths == count
@@ -292,26 +292,26 @@ def load_archive(
     ----------
     path : str or Path
     folds : int
-        Trials of one label only are refused, because they cannot be cross-validated. 0: trials
-        that are not for that.
+        Number of cross-validation folds. If it is not 0, archives with only one label are refused,
+        because they cannot be cross-validated.
     skip_bad : bool
-        Leave out trials that cannot be used, with the reason in ``skipped``.
+        Leave out unusable trials; the reasons are stored in ``skipped``.
     rate_hz : float, optional
-        Sample rate, where the archive states none [Hz].
+        Sample rate if the archive contains none [Hz].
 
     Raises
     ------
     DatasetError
-        With a sentence that says what is wrong with the file.
+        If the file is invalid; the message gives the reason.
     """
     path = Path(path)
     return trials_from_arrays(path, read_arrays(path), folds, skip_bad=skip_bad, rate_hz=rate_hz)
 
 
 def read_arrays(path: Path) -> dict[str, Array]:
-    """Return the arrays of an archive by name, unchecked.
+    """Return the arrays of an archive by name, without checking their contents.
 
-    Raises DatasetError when it is no archive, too large, or holds pickled objects.
+    Raises DatasetError if the file is not an archive, is too large, or contains pickled objects.
     """
     try:
         with zipfile.ZipFile(path) as archive:
@@ -322,7 +322,7 @@ def read_arrays(path: Path) -> dict[str, Array]:
         raise DatasetError(f'{path} does not exist') from None
     except DatasetError:
         raise
-    except Exception as error:  # zipfile, zlib and NumPy each have their own
+    except Exception as error:  # zipfile, zlib and NumPy raise different exceptions
         raise DatasetError(f'{path} is not a readable .npz archive: {error}') from error
 
 
@@ -340,7 +340,7 @@ def save_archive(path: Path, trials: LabelledTrials) -> None:
         arrays['channel_names'] = np.array(trials.channels)
     if (trials.lengths != trials.x.shape[2]).any():
         arrays['length'] = trials.lengths
-    # Not by numpy.savez: it cannot hold a column that is named as one of its arguments.
+    # numpy.savez does not accept columns that have the name of one of its arguments.
     with zipfile.ZipFile(path, 'w', zipfile.ZIP_DEFLATED) as archive:
         for name, array in arrays.items():
             with archive.open(f'{name}.npy', 'w', force_zip64=True) as member:
@@ -349,19 +349,19 @@ def save_archive(path: Path, trials: LabelledTrials) -> None:
 
 
 def _check_headers(path: Path, archive: zipfile.ZipFile) -> None:
-    """Refuse what must not be loaded, by what the headers announce."""
+    """Check sizes and types from the headers; raise DatasetError before unsafe data is loaded."""
     total = 0
     for member in archive.infolist():
         if not member.filename.endswith('.npy'):
-            raise DatasetError(f'{path} holds {member.filename}, which is not an array')
+            raise DatasetError(f'{path} contains {member.filename}, which is not an array')
         name = member.filename.removesuffix('.npy')
         with archive.open(member) as stream:
             shape, dtype = _read_header(stream)
         if dtype.hasobject:
             raise DatasetError(
-                f'array {name} in {path} holds pickled objects, which are never loaded: '
+                f'array {name} in {path} contains pickled objects, which are never loaded: '
                 'save it with a numeric, boolean or string type'
-                + (f'; {LAYOUT}' if name == 'x' else f', as in {name}.astype(str)')
+                + (f'; {LAYOUT}' if name == 'x' else f', for example as {name}.astype(str)')
             )
         total += math.prod(shape) * dtype.itemsize
     if total > MAX_ARCHIVE_BYTES:
@@ -390,10 +390,10 @@ def trials_from_arrays(
     unit: str = '',
     needs_label: bool = True,
 ) -> LabelledTrials:
-    """Return the trials of arrays as `load_archive` does; ``path`` names their source.
+    """Return the trials of arrays, like `load_archive`; ``path`` is the source in messages.
 
-    ``unit`` is that of the signals, where it is stated. Forces are converted to N. Without
-    ``needs_label``, trials may have no label, which is empty then, and hold no signal.
+    ``unit`` is the unit of the signals, if known. Forces are converted to N. Without
+    ``needs_label``, trials may lack a label, which is then empty, and constant trials are allowed.
     """
     x, label, rate, steps = _find_arrays(path, arrays, rate_hz, needs_label=needs_label)
     x, lengths = _unpack_signals(path, x, arrays)
@@ -402,12 +402,12 @@ def trials_from_arrays(
     if label.shape != (trials,) or label.dtype.kind not in 'Uiu':
         raise DatasetError(
             f'label in {path} is {label.dtype} of shape {label.shape}; '
-            f'it must be strings or integers of shape ({trials},), one a trial'
+            f'it must be strings or integers of shape ({trials},), one per trial'
         )
     channels = _take_channels(path, arrays, x.shape[1])
     own_unit = _take_unit(path, arrays)
     if unit and own_unit not in ('', unit):
-        raise DatasetError(f'{path} is in {own_unit}, and --unit is {unit}; leave the option out')
+        raise DatasetError(f'{path} is in {own_unit}, but --unit is {unit}: omit the option')
     unit = unit or own_unit
     if unit in NEWTONS and unit != 'N':
         x, steps = x * NEWTONS[unit], (*steps, f'force: converted from {unit} to N')
@@ -435,7 +435,7 @@ def trials_from_arrays(
     )
     loaded = loaded.drop(_find_unusable(path, x, lengths, unit))
     if folds and len(np.unique(loaded.label)) < 2:
-        raise DatasetError(f'{path} has one class only, "{loaded.label[0]}"; record at least two')
+        raise DatasetError(f'{path} has only one class, "{loaded.label[0]}": record at least two')
     if not needs_label:
         return loaded
     doubts = _format_doubts(path, loaded.x, loaded.lengths, loaded.rows)
@@ -449,10 +449,11 @@ def _find_arrays(
     *,
     needs_label: bool = True,
 ) -> tuple[Array, Array, Array, tuple[str, ...]]:
-    """Take signals, labels and rate out of the arrays, under our names or other usual ones.
+    """Remove signals, labels and rate from the arrays and return them.
 
-    With them come sentences on what was taken for what. ``rate_hz`` stands in where the arrays
-    state none. Raises DatasetError when one is missing, or the rate is stated twice.
+    Other common names of the arrays are accepted; a sentence is returned for each of them.
+    ``rate_hz`` is used if the arrays contain no rate. Raises DatasetError if an array is missing
+    or the rate is given twice.
     """
     named = {key: _find_name(key, arrays) for key in ('x', 'label', 'rate_hz')}
     if rate_hz is not None and not named['rate_hz']:
@@ -465,44 +466,44 @@ def _find_arrays(
     if missing:
         text = f'{path} has no {" and no ".join(missing)}'
         if missing == ['rate_hz']:
-            text += '; state the sample rate with --rate-hz'
+            text += '; give the sample rate with --rate-hz'
         raise DatasetError(f'{text}\n{LAYOUT}')
     x, label, rate = (arrays.pop(name) for name in named.values())
-    steps = [f'took {name} of {path.name} as {key}' for key, name in named.items() if name != key]
+    steps = [f'{path.name}: {name} used as {key}' for key, name in named.items() if name != key]
     if rate_hz is not None and not (rate.size == 1 and is_same_rate(float(rate.item()), rate_hz)):
         own, stated = (
             format_rates(float(rate.item()), rate_hz) if rate.size == 1 else (rate, rate_hz)
         )
         raise DatasetError(
-            f'{path} says {named["rate_hz"]} = {own}, and --rate-hz says {stated}; '
-            'to change the rate, use --resample-hz'
+            f'{path} has {named["rate_hz"]} = {own}, but --rate-hz is {stated}: '
+            'use --resample-hz to change the rate'
         )
     if x.ndim == 2 and 'offsets' not in arrays:
-        steps.append(f'took the {x.shape} numbers of {path.name} as trials x samples, one channel')
+        steps.append(f'{path.name}: shape {x.shape} read as trials x samples, one channel')
         x = x[:, np.newaxis, :]
     return x, label, rate, tuple(steps)
 
 
 def _take_unit(path: Path, arrays: dict[str, Array]) -> str:
-    """Take the unit of the signals out of the arrays; a column of units stays."""
+    """Remove the unit of the signals from the arrays and return it; a column of units stays."""
     if 'unit' not in arrays or arrays['unit'].ndim:
         return ''
     unit = _decode_text(path, 'unit', arrays.pop('unit'))
     if unit.dtype.kind != 'U':
-        raise DatasetError(f'unit in {path} must be one string, as in N')
+        raise DatasetError(f'unit in {path} must be one string, such as N')
     return str(unit.item())
 
 
 def _take_channels(path: Path, arrays: dict[str, Array], count: int) -> tuple[str, ...]:
-    """Take the names of the channels out of the arrays; none: they are not named."""
+    """Remove the channel names from the arrays and return them; empty if there are none."""
     if 'channel_names' not in arrays:
         return ()
     names = _decode_text(path, 'channel_names', arrays.pop('channel_names'))
     different = set(names.ravel().tolist()) - {'', MEAN, ALL}
     if names.shape != (count,) or names.dtype.kind != 'U' or len(different) < count:
         raise DatasetError(
-            f'channel_names in {path} must be {count} different strings, one for each channel, '
-            f'and none of them "{MEAN}" or "{ALL}"'
+            f'channel_names in {path} must be {count} different strings, one per channel, '
+            f'other than "{MEAN}" and "{ALL}"'
         )
     return tuple(names.tolist())
 
@@ -512,10 +513,10 @@ def _find_name(key: str, arrays: dict[str, Array]) -> str:
 
 
 def _unpack_signals(path: Path, x: Array, arrays: dict[str, Array]) -> tuple[Array, Indices]:
-    """Return signals of shape (trials, channels, samples) and the samples of each that count.
+    """Return signals of shape (trials, channels, samples), and the number of valid samples.
 
-    Takes ``length`` and ``offsets`` out of the arrays. A ``length`` that is not of integers is an
-    ordinary column and stays.
+    Removes ``length`` and ``offsets`` from the arrays. A ``length`` that does not hold integers is
+    an ordinary column and stays.
     """
     if 'offsets' in arrays:
         return _unpack_joined(path, x, arrays.pop('offsets'))
@@ -531,8 +532,8 @@ def _unpack_signals(path: Path, x: Array, arrays: dict[str, Array]) -> tuple[Arr
     del arrays['length']
     if length.shape != (trials,) or length.min() < 1 or length.max() > samples:
         raise DatasetError(
-            f'length in {path} must be {trials} numbers of samples from 1 to {samples}, one a '
-            'trial; a column of another meaning needs another name'
+            f'length in {path} must be {trials} numbers of samples from 1 to {samples}, one per '
+            'trial; rename the column if it has another meaning'
         )
     return x, length.astype(np.intp)
 
@@ -549,8 +550,8 @@ def _unpack_joined(path: Path, x: Array, offsets: Array) -> tuple[Array, Indices
     lengths = np.diff(bounds)
     if not fits or bounds[0] != 0 or bounds[-1] != joined.shape[1] or lengths.min() < 1:
         raise DatasetError(
-            f'offsets in {path} must be integers that rise from 0 to {joined.shape[1]}, the '
-            'samples in x, one more than there are trials'
+            f'offsets in {path} must be increasing integers from 0 to {joined.shape[1]}, the '
+            'number of samples in x, one more than the number of trials'
         )
     shape = (len(lengths), len(joined), int(lengths.max()))
     total = math.prod(shape) * joined.dtype.itemsize
@@ -566,58 +567,58 @@ def _unpack_joined(path: Path, x: Array, offsets: Array) -> tuple[Array, Indices
 
 
 def _decode_text(path: Path, name: str, column: Array) -> Array:
-    """Return a column of byte strings as text; others as they are."""
+    """Decode a column of byte strings; return other columns unchanged."""
     if column.dtype.kind != 'S':
         return column
     try:
         return np.char.decode(column, 'utf-8')
     except UnicodeDecodeError as error:
         raise DatasetError(
-            f'{name} in {path} holds bytes that are not UTF-8: {error.object!r}; '
+            f'{name} in {path} contains bytes that are not UTF-8: {error.object!r}; '
             'save it as strings'
         ) from error
 
 
 def _find_unusable(path: Path, x: Array, lengths: Indices, unit: str) -> dict[int, str]:
-    """Return why trials cannot be used, by row; padding does not count."""
+    """Return the reason for each unusable trial, by row; padding is ignored."""
     if x.dtype.kind != 'f' and unit != 'N':
         return {}
     unusable = {}
     for row, (trial, count) in enumerate(zip(x, lengths.tolist(), strict=True)):
-        # As Python's floats: a limit of 1e100 is beyond float32 and would warn there.
+        # Converted to Python floats, because a limit of 1e100 overflows float32.
         low, high = float(trial[:, :count].min()), float(trial[:, :count].max())
         if not (math.isfinite(low) and math.isfinite(high)):
             bad = ~np.isfinite(trial[:, :count])
             channel, sample = (int(i) for i in np.argwhere(bad)[0])
             unusable[row] = (
-                f'x in {path.name} is not finite at {bad.sum()} of {bad.size} samples, first '
+                f'x in {path.name} is not finite at {bad.sum()} of {bad.size} samples, first in '
                 f'channel {channel}, sample {sample}'
             )
         elif unit == 'N' and max(-low, high) > LARGEST_N:
             unusable[row] = (
-                f'x in {path.name} goes to {max(-low, high):.6g} N, and no tendon carries more '
-                f'than {LARGEST_N:g} N; is its unit right?'
+                f'x in {path.name} reaches {max(-low, high):.6g} N, more than the {LARGEST_N:g} N '
+                'that are plausible for a tendon: check its unit'
             )
         elif max(-low, high) > MAX_MAGNITUDE:
             unusable[row] = (
-                f'x in {path.name} goes beyond {MAX_MAGNITUDE:g}, whose squares would overflow; '
+                f'x in {path.name} exceeds {MAX_MAGNITUDE:g}, so its squares would overflow: '
                 'scale it'
             )
     return unusable
 
 
 def _format_doubts(path: Path, x: Array, lengths: Indices, rows: Indices) -> tuple[str, ...]:
-    """Return what is odd about trials that can be used; raise DatasetError if all hold nothing."""
-    # A channel that keeps its first value up to the trial's end is constant.
+    """Return warnings about usable trials; raise DatasetError if no trial contains a signal."""
+    # A channel is constant if it keeps its first value until the end of the trial.
     padding = np.arange(x.shape[2]) >= lengths[:, None, None]
     constant = ((x == x[:, :, :1]) | padding).all(axis=2)
     if constant.all():
-        raise DatasetError(f'{path}: every trial is constant, so it holds no signal')
+        raise DatasetError(f'{path}: all trials are constant and contain no signal')
     same = lengths[0] == lengths.min() == lengths.max()
     if same and len(x) > 1 and all(np.array_equal(x[0], trial) for trial in x[1:]):
         raise DatasetError(
-            f'{path}: all {len(x)} trials hold the same samples, so they were read or written '
-            'wrongly; look at the columns that were taken, and at the separator of a text table'
+            f'{path}: all {len(x)} trials contain the same samples: check the selected columns, '
+            'and the separator of a text table'
         )
     doubts = [
         f'warning: channel {channel} is constant in {_name_rows(rows[flat])}'

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Objections to an evaluation: copies, repeats of conditions, labels tied to groups."""
+"""Problems that bias an evaluation: copies, repeated conditions, labels confounded with groups."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ GROUPS = ('session_id', 'mounting_id', 'specimen', 'bag')
 """Columns that say which trials share a state of the rig."""
 
 _NUMBERS = ('repetition', 'trial', 'trial_id', 'trial_block', 'window_start_ns', 'window_end_ns')
-"""Columns that number the trials, and so say nothing of the conditions."""
+"""Columns that number the trials and therefore do not describe conditions."""
 
 MOST_NAMED = 5
-"""Copies that a warning names."""
+"""Number of copies listed in a warning."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Cells:
-    """Trials of the same label under the same conditions.
+    """Cells: trials of the same label under the same conditions.
 
     ``columns`` define the conditions; ``cell`` is the cell of each trial, shape (trials,).
     """
@@ -35,25 +35,25 @@ class Cells:
     def average(
         self, values: npt.NDArray[np.float64]
     ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.intp]]:
-        """Return the mean of each cell of one value a trial, and each cell's trials."""
+        """Return the mean of ``values`` (one per trial) in each cell, and the trials per cell."""
         sizes = np.bincount(self.cell)
         return np.bincount(self.cell, values) / sizes, sizes
 
     @property
     def warning(self) -> str:
-        """One sentence about random folds and repeats."""
+        """One sentence about repeats in random folds."""
         same = ' and '.join(map(plain_name, self.columns))
         return (
-            f'random folds test repeats of what they train on: the {len(self.cell)} trials are '
+            f'random folds test repeats of training trials: the {len(self.cell)} trials form '
             f'{self.cell.max() + 1} groups of the same label and {same}. '
-            f'A new {same} may do worse. Intervals are over these groups'
+            f'Accuracy may be lower for a new {same}. Intervals are over these groups'
         )
 
 
 def find_cells(table: FeatureTable) -> Cells | None:
-    """Return the cells of near copies, or None when most trials have a cell of their own.
+    """Return the cells of repeated conditions, or None if most cells contain a single trial.
 
-    A condition is a column with several values for one label; `_NUMBERS` are none.
+    A condition is a column with several values for one label, except the columns in `_NUMBERS`.
     """
     cell = np.unique(table.labels, return_inverse=True)[1]
     columns: list[str] = []
@@ -70,13 +70,13 @@ def find_cells(table: FeatureTable) -> Cells | None:
 
 
 def cells_of_copies(copies: npt.NDArray[np.intp]) -> Cells | None:
-    """Return copies as cells without conditions, or None when all numbers differ."""
+    """Return copies as cells without conditions, or None if there are no copies."""
     cell = np.unique(copies, return_inverse=True)[1]
     return Cells((), cell) if cell.max() + 1 < len(cell) else None
 
 
 def describe_copies(table: FeatureTable) -> list[str]:
-    """Return a warning that names the copies of a table; none if it has none."""
+    """Return a warning that lists the copies in a table; empty if there are none."""
     (copied,) = np.nonzero(table.copies != np.arange(len(table)))
     if not len(copied):
         return []
@@ -86,13 +86,13 @@ def describe_copies(table: FeatureTable) -> list[str]:
     one = len(copied) == 1
     return [
         f'{len(copied)} of {len(table)} trials {"is a copy" if one else "are copies"} of '
-        f'{"another one" if one else "other ones"}: {", ".join(named)}{more}. Folds keep copies '
-        'together; leave them out of the recordings'
+        f'{"another trial" if one else "other trials"}: {", ".join(named)}{more}. Copies are kept '
+        'in the same fold; exclude them from the recordings'
     ]
 
 
 def find_strata(table: FeatureTable) -> npt.NDArray[np.intp] | None:
-    """Return the session of each trial, for tests within sessions; None where there is one."""
+    """Return the session of each trial for tests within sessions; None with only one session."""
     if 'session_id' not in table.columns:
         return None
     codes = np.unique(table.columns['session_id'], return_inverse=True)[1]
@@ -100,11 +100,12 @@ def find_strata(table: FeatureTable) -> npt.NDArray[np.intp] | None:
 
 
 def find_mountings(table: FeatureTable) -> npt.NDArray[np.intp] | None:
-    """Return the mounting of each trial, for tests of means of mountings.
+    """Return the mounting of each trial for tests of means of mountings, or None.
 
-    Trials of one mounting share how the plate or object was fixed, and are no independent samples.
-    A mounting belongs to one label and one session. Where mountings are not stated for all trials,
-    each label counts as mounted once a session. None: neither mountings nor sessions are stated.
+    Trials of one mounting share the position of the plate or object and are not independent
+    samples. A mounting belongs to one label and one session. If mountings are not known for all
+    trials, one mounting per label and session is assumed. Returns None if neither mountings nor
+    sessions are known.
     """
     columns = [
         table.columns[name] for name in ('session_id', 'mounting_id') if name in table.columns
@@ -120,18 +121,18 @@ def find_mountings(table: FeatureTable) -> npt.NDArray[np.intp] | None:
 
 
 def states_mountings(table: FeatureTable) -> bool:
-    """Return True if each trial states its mounting."""
+    """Return True if the mounting of every trial is known."""
     mountings = table.columns.get('mounting_id')
     return mountings is not None and not (mountings.astype(str) == '').any()
 
 
 def find_tied_labels(table: FeatureTable) -> list[str]:
-    """Return a warning for each grouping column in which labels and groups coincide.
+    """Return warnings for grouping columns that are confounded with the labels.
 
-    A label is tied when all its trials are of one group that has no other label. What is learnt
-    then may be the group: random folds flatter, and with that group held out nobody knows the
-    label. A label of one group that other labels share has the second fault alone, and is told,
-    too.
+    A label is tied if all its trials belong to one group that contains no other label. A model may
+    then learn the group, random folds overestimate the accuracy, and the label is unknown if that
+    group is held out. If a group with several labels contains all trials of a label, only the
+    latter applies; this is also reported.
     """
     labels, label = np.unique(table.labels, return_inverse=True)
     warnings = []
@@ -149,19 +150,19 @@ def find_tied_labels(table: FeatureTable) -> list[str]:
             warnings.append(
                 f'{what} and label coincide for {_count(labels, tied)}: a '
                 f'model may learn the {what} instead of the label, and random '
-                f'folds cannot show it; record each label in several'
+                f'folds do not show this; record each label in several'
             )
         shared = once & ~tied
         if shared.any() and together.shape[1] > 1 and name != 'bag':
             warnings.append(
-                f'one {what} holds all trials of {_count(labels, shared)}: how they do in another '
+                f'one {what} contains all trials of {_count(labels, shared)}: accuracy in another '
                 f'{what} cannot be tested; record each label in several'
             )
     return warnings
 
 
 def _count(labels: npt.NDArray[np.str_], chosen: npt.NDArray[np.bool_]) -> str:
-    """Return how many labels are chosen, and the names of the first."""
+    """Return the number of chosen labels and the first names as text."""
     names = labels[chosen]
     more = ' and more' if len(names) > 6 else ''
     return f'{len(names)} of {len(labels)} labels ({", ".join(map(str, names[:6]))}{more})'

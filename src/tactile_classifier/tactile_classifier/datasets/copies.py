@@ -1,25 +1,25 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Copies: trials whose features are equal, or nearer to each other than two repetitions can be.
+"""Copies: trials whose features are equal, or closer than independent repetitions can be.
 
-A copy in the test part of a fold makes accuracy too high: a classifier that remembers its training
-trials predicts its label. Copies come from a file that is read twice, a recording that was
-exported again with other digits, or added noise (augmentation).
+A copy in the test part of a fold makes the accuracy too high, because a classifier that memorizes
+its training trials predicts its label. Copies arise if a file is read twice, if a recording is
+exported again with fewer digits, or by data augmentation with noise.
 
 Two trials are copies if their features are equal. Two trials of one label are also copies if they
 are nearly equal: each feature is divided by its standard deviation within the label, and the root
 mean square of the differences is less than a tenth of the smallest distance that independent
-repetitions are likely to have. That distance follows from the variation of the trials themselves.
-If the features of one label are normal with eigenvalues ``l_1 >= ... >= l_k`` of their correlation
+repetitions are likely to have. This distance is estimated from the variation of the trials. If the
+features of one label are normal with eigenvalues ``l_1 >= ... >= l_k`` of their correlation
 matrix, the squared distance of two trials is at least ``2 l_j / k`` times a chi-squared variable
-of ``j`` degrees of freedom, for every ``j``. Its quantile is taken at 1e-6 divided by the number
-of pairs: one table in a million has an honest pair below it. The tenth and the millionth leave
-room for features that are not normal, such as those of repetitions that are much closer to each
-other within a mounting than between mountings. With many independent features (the spectrum of
-noise) the limit is about 0.05; with three (a regression) about 1e-5 to 1e-4, because two of many
-trials agree in three numbers by chance. Repetitions on a smooth plate differ by the noise of the
-sensor, and this noise is what their features are divided by: they are no copies.
+of ``j`` degrees of freedom, for every ``j``. The quantile at 1e-6 divided by the number of pairs
+is used, so one table in a million contains an independent pair below it. The factors of a tenth
+and a millionth allow for features that are not normal, for example repetitions that are much
+closer within a mounting than between mountings. With many independent features (the spectrum of
+noise) the limit is about 0.05. With three features (a regression) it is about 1e-5 to 1e-4,
+because among many trials two may agree in three numbers. Repetitions on a smooth plate are not
+copies: they differ by the noise of the sensor, and the features are divided by this noise.
 """
 
 from __future__ import annotations
@@ -34,25 +34,25 @@ IndexArray = npt.NDArray[np.intp]
 Matrix = npt.NDArray[np.float64]
 
 DIGEST_BITS = 20
-"""Bits of a trial's largest feature that its digest sees."""
+"""Resolution of a digest: number of bits of the largest feature of a trial."""
 
 CHANCE = 1e-6
-"""Expected number of honest pairs in a table below the smallest likely distance."""
+"""Expected number of independent pairs in a table below the smallest likely distance."""
 
 FRACTION = 0.1
-"""Largest distance of copies, as a fraction of the smallest likely distance of repetitions."""
+"""Maximum distance of copies, as a fraction of the smallest likely distance of repetitions."""
 
 LEAST_DEVIATION = 1e-3
-"""Smallest deviation of a feature within a label, as a fraction of its mean over the labels.
+"""Lower limit of the deviation of a feature within a label, relative to its mean over the labels.
 
-A label whose trials are all copies has a smaller one.
+A label whose trials are all copies has a smaller deviation.
 """
 
 SAMPLED = 500
-"""Trials from which the eigenvalues are estimated, at most."""
+"""Maximum number of trials for estimating the eigenvalues."""
 
 BLOCK = 2**20
-"""Distances that are computed at the same time."""
+"""Number of distances computed per block."""
 
 
 def digest_rows(values: Matrix) -> list[str]:
@@ -63,9 +63,9 @@ def digest_rows(values: Matrix) -> list[str]:
 
 
 def find_copies(values: Matrix, labels: npt.NDArray[np.str_]) -> IndexArray:
-    """Return for each trial the first trial that it is a copy of; its own index if none.
+    """Return the index of the original of each trial; its own index if it is not a copy.
 
-    Copies of copies are copies of the same first trial.
+    The original is the first of the trials that are copies of each other, also indirectly.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def find_copies(values: Matrix, labels: npt.NDArray[np.str_]) -> IndexArray:
     ndarray of int, shape (trials,)
     """
     seen: dict[bytes, int] = {}
-    rows_in_order = enumerate(values + 0.0)  # 0.0 equals -0.0
+    rows_in_order = enumerate(values + 0.0)  # replaces -0.0 by 0.0
     first = np.array([seen.setdefault(row.tobytes(), i) for i, row in rows_in_order], np.intp)
     code = np.unique(labels, return_inverse=True)[1]
     scaled = _scale_within_labels(values, code)
@@ -89,13 +89,13 @@ def find_copies(values: Matrix, labels: npt.NDArray[np.str_]) -> IndexArray:
         if not len(rows):
             continue
         for near, other in _find_near(scaled[rows], limit):
-            if len(near) > len(np.unique(near)):  # each row is near itself
+            if len(near) > len(np.unique(near)):  # each row is a neighbour of itself
                 first = _join(first, rows[near], rows[other])
     return first
 
 
 def _scale_within_labels(values: Matrix, code: IndexArray) -> Matrix:
-    """Return the differences from the label's mean in standard deviations within the label."""
+    """Standardize the features within each label."""
     counts = np.bincount(code)
     scaled = np.empty_like(values)
     deviations = np.empty((len(counts), values.shape[1]))
@@ -106,14 +106,14 @@ def _scale_within_labels(values: Matrix, code: IndexArray) -> Matrix:
         deviations[label] = np.sqrt(square / max(1, count - 1))
     least = LEAST_DEVIATION * deviations.mean(axis=0)
     deviations = np.maximum(deviations, least)
-    deviations[deviations == 0.0] = np.inf  # a constant feature tells nothing
+    deviations[deviations == 0.0] = np.inf  # ignore constant features
     scaled /= deviations[code]
     return scaled
 
 
 def _compute_limit(scaled: Matrix, labels: int, pairs: float) -> float:
     """Return the squared distance, summed over the features, below which trials are copies."""
-    from scipy.special import gammaincinv  # a model file is read without SciPy
+    from scipy.special import gammaincinv  # not needed for reading a model file
 
     trials = len(scaled)
     freedom = trials - labels
@@ -121,7 +121,7 @@ def _compute_limit(scaled: Matrix, labels: int, pairs: float) -> float:
         return 0.0
     sample = scaled[np.linspace(0, trials - 1, min(trials, SAMPLED)).astype(int)]
     squares = np.linalg.svd(sample, compute_uv=False) ** 2
-    # A table of few trials says nothing of more dimensions than it has degrees of freedom.
+    # With few trials, no more eigenvalues than degrees of freedom can be estimated.
     largest = squares[: min(freedom, len(squares))] / (len(sample) * freedom / trials)
     freedoms = np.arange(1, len(largest) + 1)
     quantiles = 2.0 * gammaincinv(freedoms / 2.0, CHANCE / pairs)  # of chi-squared
@@ -129,7 +129,7 @@ def _compute_limit(scaled: Matrix, labels: int, pairs: float) -> float:
 
 
 def _find_near(scaled: Matrix, limit: float) -> Iterator[tuple[IndexArray, IndexArray]]:
-    """Yield the pairs of rows within a squared distance, in blocks of distances."""
+    """Yield the pairs of rows within a squared distance, block by block."""
     square = np.square(scaled).sum(axis=1)
     step = max(1, BLOCK // len(scaled))
     for start in range(0, len(scaled), step):
@@ -140,7 +140,7 @@ def _find_near(scaled: Matrix, limit: float) -> Iterator[tuple[IndexArray, Index
 
 
 def _join(first: IndexArray, a: IndexArray, b: IndexArray) -> IndexArray:
-    """Return ``first`` after trials ``a`` have become copies of trials ``b``."""
+    """Update ``first``: trials ``a`` are copies of trials ``b``."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 

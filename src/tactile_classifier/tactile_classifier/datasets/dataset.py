@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables of features with labels: what training and evaluation work on."""
+"""Tables of features with labels, the input of training and evaluation."""
 
 from __future__ import annotations
 
@@ -30,23 +30,23 @@ _CHANNEL = 'channel_'
 
 @dataclasses.dataclass(frozen=True)
 class FeatureTable:
-    """The features of many trials, what they mean, and what lay under the finger.
+    """Features, labels and metadata of many trials.
 
     Attributes
     ----------
     values : ndarray of shape (trials, k)
-        Features in the order and units of ``spec``.
+        Features, in the order and units of ``spec``.
     labels : ndarray of str, shape (trials,)
     spec : FeatureSpec
     columns : mapping of str to ndarray of shape (trials,)
-        What else is known of each trial, such as ``trial_id``, ``session_id``,
-        ``contact`` and ``simulated``. A column ``session`` becomes ``session_id``, and
-        ``mounting`` ``mounting_id``, unless the table has both.
+        Metadata of each trial, such as ``trial_id``, ``session_id``, ``contact`` and
+        ``simulated``. Columns ``session`` and ``mounting`` are renamed to ``session_id`` and
+        ``mounting_id`` unless these exist.
 
     Raises
     ------
     DatasetError
-        When shapes do not fit or a value is not finite.
+        If shapes are inconsistent, a value is not finite, or a label is empty.
     """
 
     values: npt.NDArray[np.float64]
@@ -73,7 +73,7 @@ class FeatureTable:
         for name, column in [('labels', labels), *columns.items()]:
             if column.shape != (len(values),):
                 raise DatasetError(
-                    f'{name} has shape {column.shape}; it must be ({len(values)},), one a trial'
+                    f'{name} has shape {column.shape}; it must be ({len(values)},), one per trial'
                 )
         bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
         if len(bad):
@@ -95,7 +95,7 @@ class FeatureTable:
 
     @property
     def channels(self) -> int:
-        """Number of channels that the features are of; those of each stand together."""
+        """Number of channels; the features are ordered by channel."""
         return (
             len({name.partition('__')[0] for name in self.spec.names if name.startswith(_CHANNEL)})
             or 1
@@ -103,12 +103,12 @@ class FeatureTable:
 
     @property
     def is_waveform(self) -> bool:
-        """True when the features of a channel are values of one signal in their order."""
+        """True if the features of each channel are consecutive samples of a signal."""
         found = find_feature_set(self.spec.feature_set)
         return found is not None and found.is_waveform
 
     def column(self, name: str) -> npt.NDArray[Any]:
-        """Return a column; ``session`` and ``mounting`` name those with ``_id``, too.
+        """Return a column; ``session`` and ``mounting`` also find the names with ``_id``.
 
         Raises DatasetError when there is none.
         """
@@ -120,7 +120,7 @@ class FeatureTable:
         return self.columns[found]
 
     def take(self, keep: npt.NDArray[Any]) -> FeatureTable:
-        """Return the trials that a mask or an index array selects."""
+        """Select trials with a mask or an index array."""
         return FeatureTable(
             self.values[keep],
             self.labels[keep],
@@ -129,7 +129,7 @@ class FeatureTable:
         )
 
     def compute_sha256(self) -> str:
-        """Return the digest of specification, labels and the bits of the values."""
+        """Return the digest of specification, labels and exact values."""
         digest = hashlib.sha256()
         text = json.dumps([self.spec.to_dict(), self.labels.tolist()], sort_keys=True)
         digest.update(text.encode())
@@ -139,29 +139,30 @@ class FeatureTable:
     def digest_trials(self) -> list[str]:
         """Return a digest of the features of each trial, 16 hex digits.
 
-        The features are rounded to about a millionth of the trial's largest one. A trial keeps its
-        digest on a computer that rounds differently, and new trials differ by more.
+        The features are rounded to about a millionth of the largest feature of the trial. The
+        digest is therefore the same on computers that round differently, but differs between
+        trials.
         """
         return digest_rows(self.values)
 
     @cached_property
     def copies(self) -> npt.NDArray[np.intp]:
-        """The first trial that each trial is a copy of, shape (trials,); see `find_copies`."""
+        """Index of the original of each trial, shape (trials,); see `find_copies`."""
         return find_copies(self.values, self.labels)
 
 
 def divide_groups(group: npt.NDArray[np.intp], column: npt.NDArray[Any]) -> npt.NDArray[np.intp]:
-    """Return the group of each trial, numbered from 0, after a column has divided the groups."""
+    """Divide groups by the values of a column; return the new group of each trial, from 0."""
     codes = np.unique(column, return_inverse=True)[1]
     return np.asarray(np.unique(group * (codes.max() + 1) + codes, return_inverse=True)[1])
 
 
 _OUR_NAMES = {'session': 'session_id', 'mounting': 'mounting_id'}
-"""Names that recordings of others have for our columns."""
+"""Alternative names of columns in imported recordings."""
 
 
 def find_column(columns: Mapping[str, Any], name: str) -> str:
-    """Return the name under which a column stands among some, if it is there."""
+    """Return the name, or alternative name, of a column in ``columns``."""
     return name if name in columns else _OUR_NAMES.get(name, name)
 
 
@@ -174,7 +175,7 @@ _TITLES = {
 
 
 def plain_name(column: str) -> str:
-    """Return the name of one of our columns for people; a column of others keeps its name."""
+    """Return the display name of a standard column; other names are returned unchanged."""
     return _TITLES.get(column, column)
 
 
@@ -186,30 +187,30 @@ def table_from_trials(
     config: FeatureConfig | None = None,
     speeds_m_s: npt.NDArray[Any] | None = None,
 ) -> FeatureTable:
-    """Return the features of one channel, or of all, of ready-cut trials.
+    """Compute the features of one or all channels of trials that are already cut.
 
-    Their units are those of the trials; newton, where these state none. With ``skip_bad`` set,
-    trials that give none are left out: see `usable_table`.
+    The units follow from the unit of the trials, or newton if it is unknown. If ``skip_bad`` is
+    set, trials without features are left out: see `usable_table`.
 
     Parameters
     ----------
     task : str
         ``texture`` or ``stiffness``.
     trials : LabelledTrials
-        Each trial one window: crop with `LabelledTrials.between` before. A feature set over
-        distance takes the middle of each.
+        Each trial is one window: cut trials with `LabelledTrials.between` first. A feature set
+        over distance uses the middle of each trial.
     channel : int or str
-        Number of the channel, from 0, or its name. ``'all'`` takes the features of each channel,
-        one after another; ``'mean'`` those of the mean of all.
+        Index of the channel, from 0, or its name. ``'all'`` concatenates the features of all
+        channels; ``'mean'`` uses the mean of all channels.
     config : FeatureConfig, optional
-        Names the feature set and its options; the defaults where not given.
+        Feature set and options; default values if omitted.
     speeds_m_s : ndarray of shape (trials,), optional
-        Sliding speed of each trial [m/s]; for sets that need it.
+        Sliding speed of each trial [m/s], for feature sets that need it.
 
     Raises
     ------
     DatasetError
-        When the channel does not exist or a trial gives no features.
+        If the channel does not exist, or a trial has no features.
     """
     return usable_table(task, trials, channel, config=config, speeds_m_s=speeds_m_s)[0]
 
@@ -222,7 +223,7 @@ def usable_table(
     config: FeatureConfig | None = None,
     speeds_m_s: npt.NDArray[Any] | None = None,
 ) -> tuple[FeatureTable, LabelledTrials]:
-    """Return the features as `table_from_trials` does, and the trials that gave them."""
+    """Like `table_from_trials`; also return the trials that have features."""
     trials = trials.cut_to_shortest()
     channel, channels = trials.name_channel(channel), trials.channels
     while True:
@@ -252,7 +253,7 @@ def usable_table(
 
 
 def _in_unit(spec: FeatureSpec, unit: str) -> FeatureSpec:
-    """Return the specification of features of signals in another unit than newton."""
+    """Return the specification for signals in ``unit`` instead of newton."""
     if unit in ('', 'N'):
         return spec
     units = tuple(re.sub(r'\bN\b', lambda _: unit, each) for each in spec.units)
@@ -262,7 +263,7 @@ def _in_unit(spec: FeatureSpec, unit: str) -> FeatureSpec:
 def _join(
     found: Sequence[tuple[npt.NDArray[np.float64], FeatureSpec]],
 ) -> tuple[npt.NDArray[np.float64], FeatureSpec]:
-    """Return the features of several channels as those of one table."""
+    """Concatenate the features of several channels."""
     spec = found[0][1]
     names = tuple(f'{_CHANNEL}{i:03d}__{name}' for i in range(len(found)) for name in spec.names)
     spec = dataclasses.replace(spec, names=names, units=spec.units * len(found))

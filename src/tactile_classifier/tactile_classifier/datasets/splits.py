@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Splits: trials to train on and trials to test on."""
+"""Splits into training and test trials."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from tactile_classifier.errors import EvaluationError
 
 IndexArray = npt.NDArray[np.intp]
 Fold = tuple[IndexArray, IndexArray]
-"""Trials to train on, trials to test on."""
+"""Indices of the training trials and of the test trials."""
 
 FOLDS = 6
 REPETITIONS = 10
-"""Folds and how often the trials are divided anew, as in the paper (section IV)."""
+"""Number of folds and of repetitions of cross-validation, as in the paper (section IV)."""
 
 _INNER_FOLDS = 3
 
@@ -31,12 +31,12 @@ LEAST_TO_TRAIN = 3
 
 @dataclasses.dataclass(frozen=True)
 class Split:
-    """The trials divided once or several times.
+    """One or more divisions of the trials into folds.
 
-    ``name`` stands beside every result. ``repeats`` are the folds of each repetition, within which
-    each trial is tested once. ``groups``, shape (trials,), is the group of each trial where whole
-    groups are held out. ``copies``, shape (trials,), is `FeatureTable.copies`: trials with equal
-    numbers stay in one fold.
+    ``name`` is shown with every result. ``repeats`` holds the folds of each repetition; a
+    repetition tests each trial once. ``groups``, shape (trials,), is the group of each trial if
+    whole groups are held out. ``copies``, shape (trials,), is `FeatureTable.copies`; trials with
+    equal numbers stay in one fold.
     """
 
     name: str
@@ -46,21 +46,21 @@ class Split:
 
     @property
     def tested(self) -> IndexArray:
-        """The trials that each repetition tests, in order."""
+        """Sorted indices of the trials that each repetition tests."""
         return np.sort(np.concatenate([test for _, test in self.repeats[0]]))
 
     @property
     def spread_of(self) -> str:
-        """``groups``, or ``repetitions``: what a spread of accuracies is over."""
+        """Source of the spread of accuracies: ``groups`` or ``repetitions``."""
         return 'repetitions' if self.groups is None else 'groups'
 
     def once(self) -> Split:
-        """Return the split with its first repetition alone."""
+        """Return the split with only its first repetition."""
         name = self.name if self.groups is not None else f'{self.name.split(",")[0]}, once'
         return dataclasses.replace(self, name=name, repeats=self.repeats[:1])
 
     def take(self, keep: npt.NDArray[np.bool_]) -> Split:
-        """Return the split of the trials that a mask selects, without folds that test none."""
+        """Return the split of the trials selected by a mask, without folds that become empty."""
         place = np.cumsum(keep) - 1
         repeats = tuple(
             tuple(
@@ -81,11 +81,12 @@ class Split:
         random_state: int,
         folds: int = _INNER_FOLDS,
     ) -> list[Fold]:
-        """Divide the trials of one fold's training once more, to choose something on them.
+        """Divide the training trials of a fold into inner folds, for nested cross-validation.
 
-        A split that holds groups out is divided by whole groups, otherwise trials are divided at
-        random. Indices are into the table. Folds whose training part lacks a class are left out.
-        Raises EvaluationError when too few groups, or too few trials of a class, are left.
+        If the split holds out groups, the inner folds consist of whole groups; otherwise trials
+        are divided at random. Indices refer to the table. Folds whose training part lacks a class
+        are left out. Raises EvaluationError if too few groups, or too few trials of a class,
+        remain.
         """
         if self.groups is None:
             copies = train if self.copies is None else self.copies[train]
@@ -103,8 +104,8 @@ def _divide_trials(
     fewest = int(counts.min())
     if fewest < 2:
         raise EvaluationError(
-            f'one trial of class "{names[counts.argmin()]}" is left to train on, so '
-            'nothing can be chosen by it: record more of it'
+            f'only one training trial of class "{names[counts.argmin()]}" remains in a fold, too '
+            'few for inner folds: record more trials of this class'
         )
     return divide_stratified(labels, copies, min(folds, fewest), random_state)
 
@@ -119,7 +120,7 @@ def _divide_groups(
     names = np.unique(groups)
     inner: list[Fold] = []
     if len(names) > 1:
-        # As GroupKFold(shuffle=True), which scikit-learn has from 1.6 on.
+        # Equals GroupKFold(shuffle=True), which requires scikit-learn 1.6.
         splitter = KFold(min(folds, len(names)), shuffle=True, random_state=random_state)
         held_out = [np.isin(groups, names[test]) for _, test in splitter.split(names)]
         known = len(np.unique(labels))
@@ -130,29 +131,29 @@ def _divide_groups(
         ]
     if len(inner) < 2:
         raise EvaluationError(
-            'too few groups are left to train on to hold out some of them again: record more '
-            'groups with all labels'
+            'too few training groups remain in a fold for inner folds: record more groups with '
+            'all labels'
         )
     return inner
 
 
 LARGE_TABLE = 2_000_000_000
-"""Trials squared times features above which `choose_repetitions` saves time [1]."""
+"""Trials squared times features above which `choose_repetitions` uses one repetition [1]."""
 
 
 def choose_repetitions(table: FeatureTable, wanted: int | None) -> tuple[int, str]:
-    """Return how often the trials are divided anew, and a sentence where that is less than usual.
+    """Return the number of repetitions, and a sentence if it is less than the default.
 
     The time of a fit grows with trials squared times features, and with many trials a repetition
-    changes the mean little. ``wanted`` counts where stated; else `REPETITIONS` do, or 1 for a
-    table beyond `LARGE_TABLE`.
+    changes the mean little. ``wanted`` is returned if given; otherwise `REPETITIONS`, or 1 for a
+    table larger than `LARGE_TABLE`.
     """
     trials, features = table.values.shape
     if wanted is not None or trials**2 * features <= LARGE_TABLE:
         return wanted or REPETITIONS, ''
     return 1, (
         f'large table ({trials} trials x {features} features): cross-validation runs once instead '
-        f'of {REPETITIONS} times; --repetitions {REPETITIONS} does all, which takes long'
+        f'of {REPETITIONS} times; use --repetitions {REPETITIONS} for all, which takes longer'
     )
 
 
@@ -162,21 +163,21 @@ def stratified_split(
     repetitions: int = REPETITIONS,
     random_state: int = 0,
 ) -> Split:
-    """Return random folds in which each class has its share, several times.
+    """Return a stratified k-fold split with several repetitions.
 
-    With fewer trials of a class than folds there are as many folds as it has trials. Where these
-    would leave fewer than three trials to train on, each trial is held out in turn, once. The name
-    of the split says so. Raises EvaluationError when a class has one trial only.
+    If a class has fewer trials than ``folds``, the number of folds is reduced to its number of
+    trials. If fewer than three training trials would remain, leave-one-out is used, once. The name
+    of the split states this. Raises EvaluationError if a class has only one trial.
     """
     if folds < 2 or repetitions < 1:
-        raise EvaluationError('cross-validation takes two folds or more, once or more often')
+        raise EvaluationError('cross-validation needs at least two folds and one repetition')
     _check_classes(table)
     names, counts = count_different(table.labels, table.copies)
     fewest, rarest = int(counts.min()), names[counts.argmin()]
     if fewest < 2:
         raise EvaluationError(
-            f'class "{rarest}" has one trial only, which would be tested without one to train on: '
-            'record more of it, or leave it out'
+            f'class "{rarest}" has only one trial, so none would be left for training: '
+            'record more trials of this class, or leave it out'
         )
     why = f' ("{rarest}" has {fewest} trials)' if fewest < folds else ''
     folds = min(folds, fewest)
@@ -195,7 +196,7 @@ def stratified_split(
 def count_different(
     labels: npt.NDArray[np.str_], copies: IndexArray
 ) -> tuple[npt.NDArray[np.str_], IndexArray]:
-    """Return the labels, and how many trials of each are no copies of another one."""
+    """Return the labels and the number of trials of each, without copies."""
     different = np.unique(copies, return_index=True)[1]
     return np.unique(labels[different], return_counts=True)
 
@@ -203,10 +204,10 @@ def count_different(
 def divide_stratified(
     labels: npt.NDArray[np.str_], copies: IndexArray, folds: int, random_state: int
 ) -> list[Fold]:
-    """Return random folds in which each class has its share; copies are in one fold.
+    """Return stratified random folds; copies stay in one fold.
 
-    Without copies they are scikit-learn's `StratifiedKFold`. ``copies``, shape (trials,): equal
-    numbers are copies.
+    Without copies they equal the folds of scikit-learn's `StratifiedKFold`. In ``copies``, shape
+    (trials,), copies have equal numbers.
     """
     numbers, different = np.unique(copies, return_index=True)
     splitter = StratifiedKFold(folds, shuffle=True, random_state=random_state)
@@ -216,9 +217,9 @@ def divide_stratified(
 
 
 def grouped_split(table: FeatureTable, columns: Sequence[str]) -> Split:
-    """Return a split that holds out each group of trials that agree in all columns, in turn.
+    """Return a leave-one-group-out split; a group is all trials with equal values in the columns.
 
-    A copy of a trial of an earlier group is tested with that group.
+    A copy of a trial in an earlier group is tested with that group.
 
     Raises EvaluationError when there is one group only, or a class is in one group only, and
     DatasetError when there is no such column.
@@ -232,14 +233,14 @@ def grouped_split(table: FeatureTable, columns: Sequence[str]) -> Split:
     groups = np.unique(groups[table.copies], return_inverse=True)[1]
     if groups.max() < 1:
         raise EvaluationError(
-            f'all trials have the same {name}{" or are copies" * bool(several)}: there is nothing '
-            'to hold out'
+            f'all trials have the same {name}{" or are copies" * bool(several)}: no group can be '
+            'held out'
         )
     for label in np.unique(table.labels):
         if len(np.unique(groups[table.labels == label])) < 2:
             raise EvaluationError(
-                f'all trials of class "{label}" have the same {name}: with that held out, '
-                'no model can know the class'
+                f'all trials of class "{label}" have the same {name}: if it is held out, '
+                'no training trial of the class remains'
             )
     folds = tuple(LeaveOneGroupOut().split(table.values, table.labels, groups))
     return _checked(Split(f'one {name} held out', (folds,), groups, table.copies))
@@ -252,32 +253,33 @@ def stated_split(
     train_is: str,
     test_is: str,
 ) -> Split:
-    """Return a split that trains on some trials, by a mask, and tests on others, once.
+    """Return a split with one fold, from masks of the training and test trials.
 
-    ``train_is`` and ``test_is`` name them in words. Raises EvaluationError when a trial is in
-    both, a class is in ``test`` only, or there is one class to train on.
+    ``train_is`` and ``test_is`` describe the trials in messages. Raises EvaluationError if a trial
+    is in both masks, a class occurs only in ``test``, or ``train`` contains only one class.
     """
     both = np.flatnonzero(train & test)
     if len(both):
         raise EvaluationError(
-            f'{len(both)} trials are in both: trained on {train_is}, tested on {test_is}'
+            f'{len(both)} trials are in both the training trials ({train_is}) and the test trials '
+            f'({test_is})'
         )
     leaked = train & np.isin(table.copies, table.copies[test])
     if leaked.any():
         raise EvaluationError(
             f'{leaked.sum()} trials with {train_is} are copies of trials with {test_is}, such as '
-            f'number {leaked.argmax()}: leave them out of one of the two'
+            f'trial {leaked.argmax()}: exclude one trial of each pair'
         )
     known = np.unique(table.labels[train])
     new = np.setdiff1d(table.labels[test], known)
     if len(new):
         raise EvaluationError(
-            f'class "{new[0]}" has trials with {test_is} and none with {train_is}: no model can '
-            'know it'
+            f'class "{new[0]}" has trials with {test_is}, but no training trials with {train_is}: '
+            'add some, or leave the class out of the test'
         )
     if len(known) < 2:
         raise EvaluationError(
-            f'the trials with {train_is} are all of one class; choose at least two'
+            f'all trials with {train_is} are of one class: choose at least two classes'
         )
     fold = (np.flatnonzero(train), np.flatnonzero(test))
     name = f'trained on {train_is} ({train.sum()} trials), tested on {test_is}'
@@ -287,7 +289,7 @@ def stated_split(
 def _check_classes(table: FeatureTable) -> None:
     classes = np.unique(table.labels)
     if len(classes) < 2:
-        raise EvaluationError(f'there is one class only, "{classes[0]}"; record at least two')
+        raise EvaluationError(f'there is only one class, "{classes[0]}": record at least two')
 
 
 def _checked(split: Split) -> Split:
@@ -299,5 +301,5 @@ def _check_training_size(folds: Sequence[Fold]) -> None:
     smallest = min(len(train) for train, _ in folds)
     if smallest < LEAST_TO_TRAIN:
         raise EvaluationError(
-            f'{smallest} trials would be left to train on; three neighbours need three'
+            f'a fold has only {smallest} training trials; at least three are needed'
         )

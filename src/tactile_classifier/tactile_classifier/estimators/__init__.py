@@ -1,4 +1,4 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The four classifiers and random convolutions."""
+"""The four classifiers of the paper, and random convolutions."""

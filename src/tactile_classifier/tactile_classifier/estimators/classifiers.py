@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The four classifiers of the paper and random convolutions, by name."""
+"""Classifiers by name: the four classifiers of the paper, and random convolutions."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ from tactile_classifier.records import (
 )
 
 DEFAULT_SCALING = {'texture': 'none', 'stiffness': 'standard'}
-"""The scaling of a task when none is asked for.
+"""Default scaling of each task.
 
-All texture features are amplitudes in newtons: their sizes are information, and scaling would give
-components that hold only noise the weight of the others. Of stiffness, slope [N/s], intercept [N]
-and correlation [1] are in different units: without scaling the unit of force would decide which of
-them counts.
+All texture features are amplitudes in newtons. Their magnitudes carry information, and scaling
+would give components that contain only noise the same weight as the others. The stiffness features
+slope [N/s], intercept [N] and correlation [1] have different units. Without scaling, the unit of
+force would determine their weights.
 """
 
 SCORE_KINDS = {
@@ -46,44 +46,44 @@ SCORE_KINDS = {
     'tree': VOTES,
     ROCKET: MARGIN,
 }
-"""Kind of the scores of each classifier before calibration; see Classification.msg."""
+"""Kind of the uncalibrated scores of each classifier; see Classification.msg."""
 
 NEIGHBOURS = 3
 
 RANDOM_STATE = 0
 
 MAX_SVM_STEPS = 1_000_000
-"""Steps of an SVM's solver for one pair of labels. The most that any of our recordings,
-real or simulated, scaled or not, has needed is 58 499; large features that no border parts
-could take any number."""
+"""Maximum number of solver steps of an SVM for one pair of labels. Real and simulated recordings
+needed at most 58 499 steps. With large features and classes that are not separable, the solver may
+never converge."""
 
 
 class NearestNeighbours(KNeighborsClassifier):  # type: ignore[misc]
-    """scikit-learn's classifier of three neighbours, which refuses fewer trials when fitted."""
+    """scikit-learn's nearest-neighbour classifier; `fit` refuses too few trials."""
 
     def fit(self, X: Any, y: Any) -> NearestNeighbours:  # noqa: N803
-        """Fit; raise TooFewTrialsError when there are fewer trials than neighbours."""
+        """Fit; raise TooFewTrialsError if there are fewer trials than neighbours."""
         super().fit(X, y)
         if self.n_samples_fit_ < self.n_neighbors:
             raise TooFewTrialsError(
-                f'{self.n_neighbors} neighbours are asked of {self.n_samples_fit_} training '
-                'trials: record more'
+                f'{self.n_neighbors} neighbours need at least {self.n_neighbors} training trials, '
+                f'not {self.n_samples_fit_}: record more'
             )
         return self
 
 
 class SupportVectorMachine(SVC):  # type: ignore[misc]
-    """scikit-learn's `SVC`, which says in our words when its answers are not to be relied on."""
+    """scikit-learn's `SVC`; `fit` warns with a remedy if the solver does not converge."""
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None) -> SupportVectorMachine:  # noqa: N803
-        """Fit; warn when `MAX_SVM_STEPS` were not enough."""
+        """Fit; warn if the solver has not converged after `MAX_SVM_STEPS`."""
         with warnings.catch_warnings():
             warnings.simplefilter('ignore', ConvergenceWarning)
             super().fit(X, y, sample_weight)
         if self.fit_status_:
             warnings.warn(
-                f'the {self.kernel} support vector machine was stopped after {self.max_iter:,} '
-                'steps, before it had converged: its answers depend on where it stopped; '
+                f'the {self.kernel} support vector machine has not converged after '
+                f'{self.max_iter:,} steps, so its predictions are unreliable: '
                 'use the scaling "standard", or another classifier',
                 ConvergenceWarning,
                 stacklevel=2,
@@ -92,23 +92,23 @@ class SupportVectorMachine(SVC):  # type: ignore[misc]
 
 
 def warn_of_labels_never_given(estimator: Pipeline, values: Any) -> None:
-    """Warn when a support vector machine never gives a label, not even to its training trials."""
+    """Warn if a support vector machine never predicts a label, even for its training trials."""
     machine = estimator[-1]
     if not isinstance(machine, SVC):
         return
     never = sorted(set(machine.classes_) - set(estimator.predict(values)))
     if never:
         warnings.warn(
-            f'the {machine.kernel} support vector machine never answers {", ".join(never)}, not '
-            'even to its training trials: the number of trials of each label counts more for it '
-            'than the features; use the scaling "standard", another classifier, or equally many '
-            'trials of each label',
+            f'the {machine.kernel} support vector machine never predicts {", ".join(never)}, even '
+            'for its training trials, because the numbers of trials per label outweigh the '
+            'features: use the scaling "standard", another classifier, or the same number of '
+            'trials for each label',
             stacklevel=2,
         )
 
 
 def default_scaling(task: str, classifier: str) -> str:
-    """Return the scaling when none is asked for."""
+    """Return the default scaling."""
     return 'none' if classifier == ROCKET else DEFAULT_SCALING[task]
 
 
@@ -125,7 +125,7 @@ def build_estimator(
     classifier : str
         One of `ALL_CLASSIFIERS`.
     scaling : str
-        One of `SCALINGS`; random convolutions take ``none`` alone.
+        One of `SCALINGS`; random convolutions only accept ``none``.
     channels : int
         The features are those of so many channels, one after another.
     parameters : mapping, optional
@@ -134,7 +134,7 @@ def build_estimator(
     Raises
     ------
     ValueError
-        When a name is not known, or the two do not go together.
+        If a name is unknown, or the combination is not supported.
     """
     if scaling not in SCALINGS:
         raise ValueError(f'scaling is "{scaling}"; it must be one of {", ".join(SCALINGS)}')
@@ -150,21 +150,21 @@ def build_estimator(
 def compute_raw_scores(
     estimator: Pipeline, values: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
-    """Return one score a label, before calibration, of windows of shape (windows, k)."""
+    """Return uncalibrated scores, shape (windows, labels), of windows of shape (windows, k)."""
     if hasattr(estimator, 'predict_proba'):
         return np.asarray(estimator.predict_proba(values))
     scores = np.asarray(estimator.decision_function(values))
-    # Of two labels, scikit-learn gives one value, positive for the second.
+    # For two labels, scikit-learn returns one value, positive for the second label.
     return np.stack([-scores, scores], axis=1) if scores.ndim == 1 else scores
 
 
 def _classifier(name: str, channels: int) -> Any:
     if name == 'knn':
-        # A tree of one leaf: distances are sums of squared differences, compared in the order of
-        # the trials. With algorithm='brute' large offsets cost digits.
+        # A tree with a single leaf computes distances from differences and compares them in the
+        # order of the trials. algorithm='brute' is less accurate with large offsets.
         return NearestNeighbours(NEIGHBOURS, algorithm='kd_tree', leaf_size=2**31 - 1)
     if name in ('svm_linear', 'svm_rbf'):
-        # break_ties: the label is the one with the largest decision value, always.
+        # break_ties: always predict the label with the largest decision value.
         return SupportVectorMachine(
             kernel=name.removeprefix('svm_'),
             break_ties=True,
@@ -183,16 +183,16 @@ _Result = TypeVar('_Result')
 
 
 def on_one_thread(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
-    """Decorate a function so that linear algebra keeps to one thread while it runs.
+    """Decorate a function to run linear algebra on one thread.
 
-    Matrices are small here. OpenBLAS shares even these out among threads, which wait for each
-    other: on two busy cores that took five times as long. One thread also gives the same bits
-    whatever the number of cores.
+    OpenBLAS distributes even small matrices over several threads that wait for each other; this
+    took five times as long on two busy cores. With one thread, results are also identical for any
+    number of cores.
     """
 
     @functools.wraps(function)
     def limited(*args: _Arguments.args, **options: _Arguments.kwargs) -> _Result:
-        # scikit-learn requires threadpoolctl, so it is there wherever that is.
+        # threadpoolctl is a dependency of scikit-learn.
         with threadpool_limits(1, user_api='blas'):
             return function(*args, **options)
 

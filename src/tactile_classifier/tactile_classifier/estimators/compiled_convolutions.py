@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The loops of random convolutions, compiled by numba; `convolutions` has the same in NumPy.
+"""Loops of random convolutions, compiled by numba; `convolutions` has the NumPy version.
 
-Each addition is rounded to single precision, in the order written here: no reordering, no
-contraction to fused operations.
+Each addition is rounded to single precision, in the given order. Additions must not be reordered
+or contracted to fused operations.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ _OPTIONS: Any = {
 
 @njit(**_OPTIONS)
 def _shift(x: Any, dilation: Any, order: Any, common: Any, extra: Any) -> None:
-    """Fill what all kernels have in common, and what a weight of 2 adds to it, for one signal.
+    """Compute the common part of all kernels, and the contribution of each weight of 2.
 
-    The signal has shape (channels, samples); ``order`` is that in which the weights of -1 are
-    added. ``common``, of the same shape, becomes the sum with each of the nine weights -1, and
-    ``extra``, shape (channels, 9, samples), three times the sample under each weight; zero beyond
-    the ends. All are float32.
+    The signal has shape (channels, samples); ``order`` is the order in which the weights of -1 are
+    added. The result ``common``, of the same shape, is the convolution with nine weights of -1.
+    The result ``extra``, shape (channels, 9, samples), is three times the sample at each weight.
+    The signal is zero beyond its ends. All arrays are float32.
     """
     channels, samples = x.shape
     taps = extra.shape[1]
@@ -52,7 +52,7 @@ def _shift(x: Any, dilation: Any, order: Any, common: Any, extra: Any) -> None:
 
 @njit(**_OPTIONS)
 def _add(common: Any, extra: Any, source: Any, kernel: Any, fitting: Any, sums: Any) -> None:
-    """Fill the sums of one kernel over its channels, shape (samples,)."""
+    """Compute the sums of one kernel over its channels, shape (samples,)."""
     a, b, c = kernel[0], kernel[1], kernel[2]
     sums[:] = 0.0
     for channel in source:
@@ -76,10 +76,11 @@ def _add(common: Any, extra: Any, source: Any, kernel: Any, fitting: Any, sums: 
 def add_chosen(
     x: Any, rows: Any, dilation: Any, sources: Any, kernels: Any, order: Any, sums: Any
 ) -> None:
-    """Fill each kernel's sums, shape (kernels, samples), on the signal chosen for it.
+    """Compute the sums of each kernel, shape (kernels, samples), on the signal chosen for it.
 
-    Signals ``x`` have shape (trials, channels, samples), float32; ``rows`` is the signal of each
-    kernel, ``sources`` its channels and ``kernels`` its weights of 2; ``order`` as in `_shift`.
+    Signals ``x`` have shape (trials, channels, samples), float32. ``rows`` is the index of the
+    signal of each kernel, ``sources`` holds its channels and ``kernels`` the positions of its
+    weights of 2. See `_shift` for ``order``.
     """
     channels, samples = x.shape[1:]
     common = np.empty((channels, samples), dtype=np.float32)
@@ -94,10 +95,10 @@ def count_above(
     x: Any, dilation: Any, parity: Any, biases: Any, sources: Any, kernels: Any, order: Any,
     shares: Any,
 ) -> None:  # fmt: skip
-    """Fill the shares of samples above each bias, shape (trials, kernels, biases).
+    """Compute the fraction of samples above each bias, shape (trials, kernels, biases).
 
-    Kernels with the remainder ``parity`` by two count all samples, the others those where the
-    kernel does not reach over an end; the other arguments as in `add_chosen`.
+    Kernels whose index modulo two equals ``parity`` use all samples. The other kernels only use
+    samples where the kernel lies within the signal. See `add_chosen` for the other arguments.
     """
     channels, samples = x.shape[1:]
     edge = (9 // 2) * dilation

@@ -1,17 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Random convolutions of a signal, the features of MiniRocket, as plain NumPy.
+"""Random convolutions of a signal, the features of MiniRocket, in NumPy.
 
 Dempster, Schmidt and Webb (2021), "MiniRocket", KDD, doi:10.1145/3447548.3467231. Each of 84
 kernels of nine weights, three of them 2 and six of them -1, is applied to the signal at several
-dilations. A feature is the share of samples at which the result exceeds a bias. The weights of a
-kernel add up to zero, so the level of a signal counts only at its ends, where the kernel reaches
-over them and meets zeros.
+dilations. A feature is the fraction of samples at which the result exceeds a bias. The weights of
+a kernel add up to zero. The level of a signal therefore only matters at its ends, where the kernel
+extends beyond the signal and uses zeros.
 
-Convolutions are computed in single precision with the additions in a fixed order, that of the
-library aeon: a share is a count, and a last digit can change a count. `compiled_convolutions`
-holds the same additions for numba, and gives the same bits.
+Convolutions are computed in single precision, with the additions in the same order as in the
+library aeon, because rounding can change the count of samples above a bias.
+`compiled_convolutions` performs the same additions with numba, with identical results.
 """
 
 from __future__ import annotations
@@ -28,28 +28,28 @@ from tactile_classifier.errors import DatasetError
 
 TAPS = 9
 MIN_SAMPLES = TAPS
-"""Fewest samples of a signal: those of a kernel without dilation."""
+"""Minimum number of samples of a signal: the length of a kernel without dilation."""
 
 KERNELS = np.array(list(combinations(range(TAPS), 3)))
-"""The three of the nine weights that are 2, for each of the 84 kernels."""
+"""Positions of the three weights of 2 in each of the 84 kernels."""
 
 MAX_CHANNELS = 9
-"""Most channels that one kernel adds up."""
+"""Maximum number of channels that a kernel adds up."""
 
 ADDED = (0, 1, 2, 3, 5, 6, 7, 8)
-"""The order in which the weights of -1 are added to that in the middle."""
+"""Order in which the weights of -1 are added, after the weight in the middle."""
 
 LARGEST = float(np.finfo(np.float32).max) / (12 * MAX_CHANNELS)
-"""Bound on the values of a signal: nine weights have a magnitude of 12 in all, and up to nine
+"""Bound on the values of a signal. The magnitudes of the nine weights add up to 12, and up to nine
 channels are added."""
 
 MANY_SIGNALS = 16
-"""From this number of signals on, the compiled loops are worth loading numba, which takes 0.5 s
-and 178 MB: training and evaluation use them, a node with one window at a time does not."""
+"""Minimum number of signals for using the compiled loops. Loading numba takes 0.5 s and 178 MB, so
+the loops are used for training and evaluation, but not in a node with one window at a time."""
 
 _ORDER = np.array(ADDED)
 _PAIRS, _pair_of = np.unique(KERNELS[:, :2], axis=0, return_inverse=True)
-_PAIR_OF = _pair_of.ravel()  # its shape depends on the version of NumPy
+_PAIR_OF = _pair_of.ravel()  # ravel: its shape depends on the version of NumPy
 
 Single = npt.NDArray[np.float32]
 Matrix = npt.NDArray[np.float64]
@@ -60,9 +60,9 @@ Indices = npt.NDArray[np.int64]
 class RandomConvolutions:
     """Kernels with dilations and biases, fitted to signals of one length.
 
-    The features are in the order of aeon: by dilation, then kernel, then bias. Each dilation has
-    ``biases`` of shape (84, biases) [unit of the signal], and ``sources`` of shape (84, 9): the
-    channels that each kernel adds up; -1 fills the rest.
+    The features are ordered by dilation, then kernel, then bias, as in aeon. Each dilation has
+    ``biases`` of shape (84, biases) [unit of the signal], and ``sources`` of shape (84, 9) with
+    the channels that each kernel adds up, padded with -1.
     """
 
     samples: int
@@ -73,25 +73,25 @@ class RandomConvolutions:
 
     @property
     def feature_count(self) -> int:
-        """Number of features of a signal."""
+        """Number of features per signal."""
         return sum(biases.size for biases in self.biases)
 
     def transform(self, signals: npt.ArrayLike) -> Matrix:
         """Return the features, shape (trials, features), of signals (trials, channels, samples).
 
-        A signal gives the same bits alone and among others. Raises DatasetError when a signal is
-        not finite in single precision, or the shape is not that of the fit.
+        The features of a signal do not depend on other signals in the batch. Raises DatasetError
+        if a signal is not finite in single precision, or the shape differs from the fit.
         """
         x = to_single(signals)
         if x.shape[1:] != (self.channels, self.samples):
             raise DatasetError(
-                f'the signals have {x.shape[1]} channels of {x.shape[2]} samples; the '
-                f'convolutions were fitted to {self.channels} of {self.samples}'
+                f'the signals have {x.shape[1]} channels of {x.shape[2]} samples, but the '
+                f'convolutions were fitted to {self.channels} channels of {self.samples} samples'
             )
         return self.compute(x)
 
     def compute(self, x: Single) -> Matrix:
-        """Return the features of signals whose shape is known to fit; see `transform`."""
+        """Like `transform`, without checking the shape of the signals."""
         count_above = load_loops(len(x)).count_above
         values = np.empty((len(x), self.feature_count))
         first = 0
@@ -105,7 +105,7 @@ class RandomConvolutions:
     def sum_chosen(self, x: Single, rows: Indices, at: int) -> Single:
         """Return the sums of each kernel on the signal chosen for it, shape (84, samples).
 
-        ``rows`` are the signals of the kernels, ``at`` the position of the dilation.
+        ``rows`` holds the index of the signal of each kernel, ``at`` the index of the dilation.
         """
         sums = np.empty((len(KERNELS), self.samples), dtype=np.float32)
         arguments = x, rows, self.dilations[at], self.sources[at], KERNELS, _ORDER, sums
@@ -114,7 +114,7 @@ class RandomConvolutions:
 
 
 def to_single(signals: npt.ArrayLike) -> Single:
-    """Return signals, shape (trials, channels, samples), in single precision; check them."""
+    """Check signals of shape (trials, channels, samples); return them in single precision."""
     with np.errstate(over='ignore'):
         x = np.asarray(signals).astype(np.float32)
     if x.ndim != 3 or not x.size or x.shape[2] < MIN_SAMPLES:
@@ -123,12 +123,12 @@ def to_single(signals: npt.ArrayLike) -> Single:
             f'(trials, channels, samples) with {MIN_SAMPLES} samples or more'
         )
     if not np.abs(x).max() < LARGEST:
-        raise DatasetError('the signals hold values that are not finite in single precision')
+        raise DatasetError('the signals contain values that are not finite in single precision')
     return x
 
 
 def load_loops(signals: int) -> Any:
-    """Return the loops to use for a number of signals: the compiled ones, or this module's."""
+    """Return the compiled loops, or this module for few signals or without numba."""
     compiled = 'tactile_classifier.estimators.compiled_convolutions'
     if signals < MANY_SIGNALS and compiled not in sys.modules:
         return sys.modules[__name__]
@@ -140,10 +140,11 @@ def load_loops(signals: int) -> Any:
 
 
 def _shift(x: Single, dilation: int) -> tuple[Single, Single]:
-    """Return what all kernels have in common, and what a weight of 2 adds to it, of one signal.
+    """Return the common part of all kernels, and the contribution of each weight of 2.
 
-    The first, shape (channels, samples), is the sum with each of the nine weights -1; the second,
-    shape (channels, 9, samples), three times the sample under each weight; zero beyond the ends.
+    The first array, shape (channels, samples), is the convolution with nine weights of -1. The
+    second, shape (channels, 9, samples), is three times the sample at each weight. The signal is
+    zero beyond its ends.
     """
     (channels, samples), edge = x.shape, (TAPS // 2) * dilation
     padded = np.zeros((channels, samples + 2 * edge), dtype=np.float32)
@@ -160,8 +161,8 @@ def _shift(x: Single, dilation: int) -> tuple[Single, Single]:
 def add_chosen(
     x: Any, rows: Any, dilation: Any, sources: Any, kernels: Any, order: Any, sums: Any
 ) -> None:
-    """Fill each kernel's sums; see `compiled_convolutions.add_chosen`."""
-    del order  # `ADDED`, always
+    """Compute the sums of each kernel; see `compiled_convolutions.add_chosen`."""
+    del order  # always `ADDED`
     for i, (a, b, c) in enumerate(kernels):
         common, extra = _shift(x[rows[i]], int(dilation))
         sums[i] = 0.0
@@ -174,13 +175,13 @@ def count_above(
     x: Any, dilation: Any, parity: Any, biases: Any, sources: Any, kernels: Any, order: Any,
     shares: Any,
 ) -> None:  # fmt: skip
-    """Fill the shares of samples above each bias; see `compiled_convolutions.count_above`."""
+    """Compute the fraction of samples above each bias; see `compiled_convolutions.count_above`."""
     del order
     channels, samples = x.shape[1:]
     edge, pairs = (TAPS // 2) * int(dilation), len(_PAIRS)
     for trial, signal in enumerate(x):
         common, extra = _shift(signal, int(dilation))
-        # ((common + one) + two) + three, in the order of the compiled loops; kernels share pairs.
+        # ((common + one) + two) + three, as in the compiled loops; kernels share the first two.
         two = common[:, np.newaxis] + extra[:, _PAIRS[:, 0]]
         two += extra[:, _PAIRS[:, 1]]
         two, three = two.reshape(channels * pairs, samples), extra.reshape(-1, samples)

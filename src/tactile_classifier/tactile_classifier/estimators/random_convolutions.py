@@ -3,8 +3,9 @@
 
 """Fitting of random convolutions, and a ridge classifier on their features.
 
-Biases are those of aeon's `MiniRocket` of the same seed to the last bit. Shares are its shares in
-double precision. docs/decisions/0007-random-convolutions.md says why aeon itself is not used.
+Biases are identical to the biases of aeon's `MiniRocket` with the same seed. Features equal its
+features in double precision. docs/decisions/0007-random-convolutions.md explains why aeon is not
+used.
 """
 
 from __future__ import annotations
@@ -39,17 +40,17 @@ MAX_DILATIONS = 32
 def fit_convolutions(
     signals: npt.ArrayLike, features: int = 10_000, random_state: int = 0
 ) -> RandomConvolutions:
-    """Choose channels by chance, and biases as quantiles of what training signals give.
+    """Choose channels at random, and biases as quantiles of convolved training signals.
 
     Signals have shape (trials, channels, samples); ``features`` is rounded down to a multiple
-    of 84. Raises DatasetError when a signal is too short or not finite in single precision.
+    of 84. Raises DatasetError if a signal is too short or not finite in single precision.
     """
     x = to_single(signals)
     trials, channels, samples = x.shape
     dilations, counts = _choose_dilations(samples, features // len(KERNELS))
     quantiles = _golden(len(KERNELS) * int(counts.sum()))
     sources = _choose_channels(channels, len(dilations), random_state)
-    # A generator of its own, from the same seed, as in aeon.
+    # A separate generator with the same seed, as in aeon.
     chosen = np.random.RandomState(random_state).randint(
         trials, size=(len(dilations), len(KERNELS))
     )
@@ -64,7 +65,7 @@ def fit_convolutions(
 
 
 def _choose_dilations(samples: int, count: int) -> tuple[Indices, Indices]:
-    """Return the dilations, and how many biases a kernel has at each; ``count`` in all."""
+    """Return the dilations, and the number of biases per kernel at each, ``count`` in total."""
     exponents = np.logspace(
         0, np.log2((samples - 1) / (TAPS - 1)), min(count, MAX_DILATIONS), base=2
     )
@@ -78,7 +79,7 @@ def _choose_dilations(samples: int, count: int) -> tuple[Indices, Indices]:
 
 @lru_cache(maxsize=16)
 def _choose_channels(channels: int, dilations: int, random_state: int) -> tuple[Indices, ...]:
-    """Return the channels of each kernel at each dilation, shapes (84, 9), filled up by -1."""
+    """Return the channels of each kernel at each dilation, shape (84, 9), padded with -1."""
     random = np.random.RandomState(random_state)
     size = dilations * len(KERNELS)
     counts = 2 ** random.uniform(0, np.log2(min(channels, MAX_CHANNELS) + 1), size)
@@ -89,7 +90,7 @@ def _choose_channels(channels: int, dilations: int, random_state: int) -> tuple[
 
 
 def _golden(count: int) -> Single:
-    """Return a low-discrepancy sequence of shares between 0 and 1, by the golden ratio."""
+    """Return a low-discrepancy sequence between 0 and 1, from the golden ratio."""
     golden = (np.sqrt(5) + 1) / 2
     return np.asarray(np.arange(1, count + 1) * golden % 1, dtype=np.float32)
 
@@ -106,23 +107,23 @@ def _quantiles(values: Single, share: Single) -> Single:
 
 
 ALPHAS = np.logspace(-3, 3, 10)
-"""Strengths of the ridge penalty, of which leave-one-out on the training trials chooses one."""
+"""Candidate strengths of the ridge penalty; chosen by leave-one-out on the training trials."""
 
 FEATURES = 4998
-"""Features against each of the two references."""
+"""Number of features for each of the two references."""
 
 
 class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
     """Two sets of random convolutions, and a linear classifier of their features.
 
-    The features of a trial are waveforms of equal length, one a channel, one after another. Beyond
-    the ends of a waveform a kernel meets zeros, and so the level of the waveform counts. Zero is
-    no tension for one half of the kernels, and the mean of the training trials for the other half:
-    that one keeps its digits under any offset, and tells levels apart that differ little against
-    their mean.
+    The features of a trial are the concatenated waveforms of its channels, of equal length. Beyond
+    the ends of a waveform a kernel uses zeros, so the level of the waveform matters. Half of the
+    kernels process the waveform itself. The other half processes the waveform minus the mean of
+    the training trials. This half keeps its precision with any offset, and distinguishes levels
+    whose differences are small relative to their mean.
 
-    ``references_``, shape (2, channels), is what each half of ``convolutions_`` subtracts;
-    ``coef_``, shape (labels, features), has one row, for the second label, where there are two.
+    ``references_``, shape (2, channels), is subtracted before each half of ``convolutions_``.
+    ``coef_`` has shape (labels, features); for two labels it has one row, for the second label.
     """
 
     def __init__(self, channels: int = 1, random_state: int = 0) -> None:
@@ -180,10 +181,10 @@ class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: igno
         labels: npt.NDArray[np.str_],
         folds: Sequence[tuple[Indices, Indices]],
     ) -> list[npt.NDArray[np.str_]]:
-        """Return the answers on the tests of each fold, by a linear classifier of its own.
+        """Fit a linear classifier per fold; return the predictions for its test trials.
 
-        The convolutions stay those of this classifier, which have seen the tests' waveforms, not
-        their labels.
+        The convolutions of this classifier are not fitted again. They were fitted to the
+        waveforms, but not to the labels, of the test trials.
         """
         shares = self._transform(self._check(values))
         answers = []
@@ -199,7 +200,9 @@ class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: igno
     def _divide(self, rows: Matrix) -> Matrix:
         """Return waveforms of shape (trials, channels, samples)."""
         if rows.shape[1] % self.channels:
-            raise ValueError(f'{rows.shape[1]} values are not {self.channels} waveforms')
+            raise ValueError(
+                f'{rows.shape[1]} values are not divisible by {self.channels} channels'
+            )
         return np.asarray(rows.reshape(len(rows), self.channels, -1))
 
     def _transform(self, rows: Matrix) -> Matrix:
@@ -211,9 +214,9 @@ class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: igno
 
 
 def _fit_ridge(shares: Matrix, labels: npt.ArrayLike) -> tuple[RidgeClassifierCV, Matrix]:
-    """Return the linear classifier of features, and what each of them is divided by."""
-    # Divided by the spread alone: without its mean a feature gives the same classifier.
+    """Return the linear classifier, and the divisor of each feature."""
+    # The mean is not subtracted, because this does not change the classifier.
     spread = shares.std(axis=0)
-    # Of equal shares the spread is the rounding of their mean, such as 5e-17, and not 0.
+    # For equal values, the computed spread is a rounding error such as 5e-17 instead of 0.
     spread[(shares == shares[0]).all(axis=0)] = 1.0
     return RidgeClassifierCV(alphas=ALPHAS).fit(shares / spread, labels), spread

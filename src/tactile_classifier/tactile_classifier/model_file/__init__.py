@@ -1,4 +1,4 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The model file: manifest, container, graphs, inference."""
+"""Model files: manifest, arrays, and prediction."""

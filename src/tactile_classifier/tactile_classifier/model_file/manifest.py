@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The manifest of a model file, as JSON in the file, and its card for people."""
+"""Manifest of a model file, stored as JSON, and the model card as text."""
 
 from __future__ import annotations
 
@@ -33,16 +33,17 @@ from tactile_features.spec import FeatureSpec
 from tactile_ros.errors import plain_text
 
 KNOWN_NOVELTY = 'held_out_novelty'
-"""Entry of a manifest's ``calibration``."""
+"""Name of an entry in ``calibration`` of a manifest."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Confidence:
-    """Probabilities and thresholds of the answers.
+    """Calibration and novelty threshold of a model.
 
-    ``novelty_threshold`` is the novelty above which the answer is "unknown" [1]; negative: none.
-    ``slope`` and ``offset`` are those of the `Calibration`; negative: scores are raw. Calibration
-    errors (expected) and accuracy are on held-out trials [1]; negative: not calibrated.
+    ``novelty_threshold`` is the novelty above which a window is "unknown" [1]; negative without a
+    threshold. ``slope`` and ``offset`` are the parameters of `Calibration`; negative if scores are
+    raw. Expected calibration errors and accuracy are measured on held-out trials [1]; negative if
+    not calibrated.
     """
 
     novelty_threshold: float = -1.0
@@ -57,8 +58,8 @@ class Confidence:
 class TrainingTrials:
     """Conditions under which the training trials were recorded.
 
-    How many sessions, mountings and speeds they name (0: none), the sliding speeds [m/s]
-    (negative: none is stated), and how many trials were simulated.
+    Numbers of sessions, mountings and speeds (0 if not recorded), range of sliding speeds [m/s]
+    (negative if not recorded), and number of simulated trials.
     """
 
     sessions: int = 0
@@ -71,44 +72,44 @@ class TrainingTrials:
 
 @dataclasses.dataclass(frozen=True)
 class Manifest:
-    """Facts about a model: its answers, its features and its origin.
+    """Description of a model: labels, features, training trials and accuracy.
 
     Attributes
     ----------
     contact : str
-        Empty when the model was trained on both or on neither.
+        Flexion or abduction; empty if the training trials contained both, or did not state it.
     spec : FeatureSpec
-        The features that it takes.
+        Specification of the features.
     labels : tuple of str
-        What it can answer, in the order of its scores.
+        Labels, in the order of the scores.
     score_kind : str
         See Classification.msg.
     simulated : bool
-        True when any of the training trials was simulated.
+        True if any training trial was simulated.
     training_sha256 : str
-        Digest of the training table, see `FeatureTable.compute_sha256`.
+        Digest of the training table; see `FeatureTable.compute_sha256`.
     trials : int
-        How many trials it was trained on.
+        Number of training trials.
     trial_digests : tuple of str
-        Digests of the training trials in any order, see `FeatureTable.digest_trials`.
+        Digests of the training trials in any order; see `FeatureTable.digest_trials`.
     versions : mapping of str to str
         Library versions.
     cross_validation : mapping
-        ``mean``, ``spread``, ``spread_of``, ``split`` and ``interval``; empty when not evaluated.
-        ``choice``: choice of features and classifier (`FeatureChoice.summarise`), if the folds
-        chose them; the other entries are then those of its nested score.
+        ``mean``, ``spread``, ``spread_of``, ``split`` and ``interval``; empty if not evaluated.
+        ``choice`` describes the automatic choice of features and classifier, if any
+        (`FeatureChoice.summarise`); the other entries then describe its nested score.
     created : str
-        When it was trained (ISO 8601, UTC).
+        Time of training (ISO 8601, UTC).
     confidence : Confidence
     calibration : mapping
-        ``split``, ``groups``, ``trials`` and ``held_out``, the columns that make a group, of the
-        held-out trials behind the threshold and the probabilities, and ``strict``, whether the
-        threshold is the strict one; or ``reason`` why there are none. ``held_out_novelty``: the
-        novelties of held-out trials, by group (`HeldOutNovelty`).
-        ``surplus``: stated probability minus accuracy, by group (`Surplus`). ``unlearned``:
-        rejection of labels left out in turn (`UnlearnedLabels`).
+        The held-out trials used for threshold and probabilities: ``split``, ``groups``, ``trials``
+        and ``held_out`` (the columns that define a group). ``strict`` is true for the strict
+        threshold. If there is no calibration, ``reason`` states why. ``held_out_novelty``:
+        novelties of held-out trials by group (`HeldOutNovelty`). ``surplus``: stated probability
+        minus accuracy, by group (`Surplus`). ``unlearned``: rejection of labels that were left out
+        of the training (`UnlearnedLabels`).
     false_alarm_rate : float
-        Share of windows of known labels that the threshold rejects [1]; negative: no
+        Fraction of windows of known labels that the threshold rejects [1]; negative without a
         threshold.
     parameters : mapping
         Parameters of the classifier that differ from those of ``tactile train``, such as ``C``.
@@ -135,7 +136,7 @@ class Manifest:
     parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the manifest as what JSON can hold."""
+        """Return the manifest as a dictionary for JSON."""
         fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         fields['spec'] = self.spec.to_dict()
         fields['labels'] = list(self.labels)
@@ -161,7 +162,7 @@ class Manifest:
 
     def _check(self) -> None:
         if len(self.labels) < 2 or len(set(self.labels)) < len(self.labels) or '' in self.labels:
-            raise ModelFileError('its labels are not two or more different names')
+            raise ModelFileError('its labels must be two or more different names')
         for name, value, choices in (
             ('score_kind', self.score_kind, (VOTES, MARGIN, PROBABILITY)),
             ('classifier', self.classifier, ALL_CLASSIFIERS),
@@ -186,7 +187,7 @@ _Entry = TypeVar('_Entry', Confidence, TrainingTrials)
 
 
 def _read_entry(name: str, entry: Any, absent: _Entry) -> _Entry:
-    """Return an entry with the fields and types of another; no number is below -1."""
+    """Check that an entry has the fields and types of ``absent`` and no number below -1."""
     defaults = dataclasses.asdict(absent)
     if not isinstance(entry, dict) or set(entry) != set(defaults):
         raise ModelFileError(f'its manifest has no valid entry "{name}"')
@@ -202,7 +203,7 @@ def _check_types(fields: dict[str, Any]) -> None:
         if type(fields.get(name)) is not expected:
             raise ModelFileError(f'its manifest has no valid entry "{name}"')
     if not -1 <= fields['false_alarm_rate'] <= 1:
-        raise ModelFileError('its manifest has a rate that is not between 0 and 1')
+        raise ModelFileError('its manifest has a false alarm rate that is not between 0 and 1')
     for name in ('labels', 'trial_digests'):
         if not all(type(text) is str for text in fields[name]):
             raise ModelFileError(f'its manifest has no valid entry "{name}"')
@@ -212,17 +213,17 @@ def _check_types(fields: dict[str, Any]) -> None:
 
 
 MAX_LINE = 500
-"""Characters of a line; the rest is cut off."""
+"""Maximum length of a line in characters; longer lines are truncated."""
 
 MAX_LABELS = 40
-"""Labels that are listed; the others are counted."""
+"""Maximum number of labels listed; further labels are counted."""
 
 
 KNN_TIES = 'broken in favour of the earlier trial'
 
 
 def format_card(manifest: Manifest) -> str:
-    """Return the card as text for people, in Markdown; errors as in `list_facts`."""
+    """Return the model card in Markdown; raises the same errors as `list_facts`."""
     facts = (f'- {name}: {value}' for name, value in list_facts(manifest).items())
     limits = (f'- {sentence}' for sentence in list_limits(manifest))
     lines = ('# Model card', '', *facts, '', '## Limits', '', *limits)
@@ -230,7 +231,7 @@ def format_card(manifest: Manifest) -> str:
 
 
 def format_features(spec: FeatureSpec) -> str:
-    """Return which feature set it is, with its options."""
+    """Return the name of the feature set with its options."""
     found = find_feature_set(spec.feature_set)
     options = [name for name in (found.options if found else ()) if name in spec.parameters]
     stated = [f'{name} {spec.parameters[name]}' for name in options]
@@ -239,7 +240,7 @@ def format_features(spec: FeatureSpec) -> str:
 
 @refuse_damage('an entry of its manifest is')
 def list_facts(manifest: Manifest) -> dict[str, str]:
-    """Return the facts of the card by name; raise ModelFileError when an entry is damaged."""
+    """Return the facts of the card by name; raise ModelFileError if an entry is damaged."""
     confidence = manifest.confidence
     score, calibration, spec = manifest.cross_validation, manifest.calibration, manifest.spec
     more = len(manifest.labels) - MAX_LABELS
@@ -280,20 +281,20 @@ def list_facts(manifest: Manifest) -> dict[str, str]:
 
 
 def read_known_novelty(manifest: Manifest) -> HeldOutNovelty | None:
-    """Return the novelties of held-out trials, or None when the manifest states none."""
+    """Return the novelties of held-out trials, or None if the manifest contains none."""
     entry = manifest.calibration.get(KNOWN_NOVELTY)
     return None if entry is None else HeldOutNovelty.read(entry)
 
 
 MAX_SESSIONS = 12
-"""Sessions that are listed; the others are counted."""
+"""Maximum number of sessions listed; further sessions are counted."""
 
 
 @refuse_damage('an entry of its manifest is')
 def describe_thresholds(manifest: Manifest) -> dict[str, str]:
-    """Return what held-out trials say of the threshold for unknown objects, and of the other one.
+    """Return the false rejection of the default and the strict threshold on held-out trials.
 
-    False rejection of a session is by the threshold of the other sessions.
+    The false rejection rate of a session is measured with the threshold of the other sessions.
     """
     threshold, calibration = manifest.confidence.novelty_threshold, manifest.calibration
     if threshold < 0.0:
@@ -303,7 +304,7 @@ def describe_thresholds(manifest: Manifest) -> dict[str, str]:
     known = read_known_novelty(manifest)
     scope = ''
     if known is not None and known.names:
-        scope = f' in {"most new" if is_strict else "the mean over"} {things}'
+        scope = f' in most new {things}' if is_strict else f' on average over {things}'
     facts = {
         'unknown': f'above novelty {threshold:.2f}, for {100 * rate:g} % false rejection{scope}'
     }
@@ -318,15 +319,15 @@ def describe_thresholds(manifest: Manifest) -> dict[str, str]:
     if 'unlearned' in calibration:
         without = calibration['unlearned']
         facts['unlearned labels'] = (
-            f'{100 * without["miss_rate"]:.0f} % of their trials get a known name by the mean '
-            f'threshold, {100 * without["strict_miss_rate"]:.0f} % by the strict one: each of '
-            f'{without["labels"]} labels left out in turn'
+            f'{100 * without["miss_rate"]:.0f} % of their trials receive a known label with the '
+            f'mean threshold, {100 * without["strict_miss_rate"]:.0f} % with the strict threshold '
+            f'(each of {without["labels"]} labels left out once)'
         )
     return facts
 
 
 def _format_shares(shares: Sequence[float], names: Sequence[str]) -> str:
-    """Return the mean of some shares, the largest one, and each with its name."""
+    """Return the mean of the rates, the largest rate, and each rate with its name."""
     worst = max(range(len(shares)), key=lambda i: shares[i])
     listed = ', '.join(
         f'{name} {100 * share:.0f}'
@@ -334,7 +335,7 @@ def _format_shares(shares: Sequence[float], names: Sequence[str]) -> str:
     )
     more = len(shares) - MAX_SESSIONS
     return (
-        f'{100 * sum(shares) / len(shares):.1f} % in the mean, at most '
+        f'{100 * sum(shares) / len(shares):.1f} % on average, at most '
         f'{100 * shares[worst]:.0f} % ({names[worst]}); {listed}'
         + f' and {more} more'
         * (more > 0)
@@ -342,10 +343,11 @@ def _format_shares(shares: Sequence[float], names: Sequence[str]) -> str:
 
 
 def _format_accuracy(manifest: Manifest) -> str:
-    """Return the one accuracy of the card.
+    """Return the accuracy for the card.
 
-    It is the cross-validated one, which is nested if the folds chose the classifier; without a
-    cross-validation, the accuracy on the held-out trials of the calibration.
+    The cross-validated accuracy is used; it is nested if the classifier was chosen inside the
+    folds. Without cross-validation, the accuracy on the held-out trials of the calibration is
+    used.
     """
     score, calibration = manifest.cross_validation, manifest.calibration
     if score:
@@ -363,14 +365,14 @@ def _format_accuracy(manifest: Manifest) -> str:
 
 
 def _format_choice(choice: Mapping[str, Any] | None) -> str:
-    """Return how features and classifier were chosen, and the runner-up with its cost."""
+    """Describe the choice of features and classifier, and the runner-up with its cost."""
     if choice is None:
-        return 'features and classifier as stated, not by the folds'
-    text = f'from {choice["candidates"]} sets of features with classifiers'
+        return 'features and classifier as given, not chosen automatically'
+    text = f'from {choice["candidates"]} combinations of features and classifier'
     if choice.get('has_few_groups'):
         text += (
-            f'; {choice["groups"]} groups are too few to choose by: the most robust one is '
-            'preferred, record more groups'
+            f'; {choice["groups"]} groups are too few for a choice by accuracy, so the most '
+            'robust combination is preferred: record more groups'
         )
     other = choice.get('runner_up')
     if other is None:
@@ -378,73 +380,83 @@ def _format_choice(choice: Mapping[str, Any] | None) -> str:
     title = CLASSIFIER_TITLES[other['classifier']]
     return (
         f'{text}; runner-up: {other["feature_set"]}, {title}, '
-        f'{100 * other["difference"]:+.1f} points, {other["time_ratio"]:.2g} times the time'
+        f'{100 * other["difference"]:+.1f} points, {format_time_ratio(other["time_ratio"])}'
     )
 
 
+def format_time_ratio(ratio: float) -> str:
+    """Return a ratio of computing times in words, such as "230 times slower"."""
+    if not ratio > 0.0:
+        return 'time not measured'
+    factor = max(ratio, 1.0 / ratio)
+    if factor < 1.1:
+        return 'equally fast'
+    return f'{factor:.{0 if factor >= 10 else 1}f} times {"slower" if ratio > 1.0 else "faster"}'
+
+
 def format_scores(manifest: Manifest) -> str:
-    """Return what the scores of a model are."""
+    """Describe the scores of a model."""
     if manifest.score_kind == PROBABILITY:
         return 'calibrated probabilities'
     return f'raw ({manifest.score_kind}), not calibrated'
 
 
 def list_limits(manifest: Manifest) -> list[str]:
-    """Return what the model was not tested on, in sentences."""
+    """Return the limits of the evaluation, one sentence each."""
     training = manifest.training
     limits = []
     if manifest.simulated:
-        limits.append('SIMULATED trials say nothing of a real finger.')
+        limits.append('SIMULATED trials do not predict the accuracy with a real finger.')
     limits.append(_format_sessions(manifest))
     if training.mountings == 1:
-        limits.append('All trials are of one mounting: another mounting was not tested.')
+        limits.append('All trials have the same mounting: other mountings were not tested.')
     elif training.mountings == 0:
-        limits.append('The trials name no mounting: another mounting was not tested.')
+        limits.append('The mountings are not recorded: other mountings were not tested.')
     if training.speeds == 1:
         limits.append(
-            f'All glides were at {1e3 * training.slowest_m_s:g} mm/s: another sliding speed was '
+            f'All glides were at {1e3 * training.slowest_m_s:g} mm/s: other sliding speeds were '
             'not tested.'
         )
     elif manifest.task == 'texture' and training.speeds < 1:
-        limits.append('The trials state no sliding speed: another speed was not tested.')
+        limits.append('The sliding speeds are not recorded: other speeds were not tested.')
     limits.append(
-        'Specimens of one label were not told apart: another plate or object of that name was '
-        'not tested.'
+        'Specimens of the same label are not distinguished: other plates or objects with the same '
+        'label were not tested.'
     )
     if manifest.confidence.novelty_threshold >= 0.0:
-        limits.append('An unknown object that feels like a known one is given its name.')
+        limits.append('An unknown object that feels like a known object receives its label.')
     else:
-        limits.append('It never answers "unknown": every object is given a name.')
+        limits.append('Without a threshold for "unknown", every object receives a known label.')
     if manifest.score_kind != PROBABILITY:
-        limits.append('Its scores are no probabilities.')
+        limits.append('The scores are not probabilities.')
     else:
         limits += warn_of_few_groups(manifest)
     return limits
 
 
 FEWEST_GROUPS = 5
-"""With fewer groups held out, the card warns of the probabilities whatever their interval is."""
+"""With fewer held-out groups, the card always warns that the probabilities are uncertain."""
 
 WIDEST_SURPLUS = 0.1
-"""Half-width of the surplus' interval above which the card warns of the probabilities [1]."""
+"""Half-width of the interval of `Surplus` above which the card warns [1]."""
 
 
 @refuse_damage('an entry of its manifest is')
 def warn_of_few_groups(manifest: Manifest) -> list[str]:
-    """Return a warning where groups are too few to know how good the probabilities are."""
+    """Return a warning if there are too few groups to assess the probabilities."""
     calibration = manifest.calibration
     things = format_groups(calibration)
     if 'surplus' not in calibration:
         return [
-            f'WARNING: without several {things} held out, it is not known how good the '
-            'probabilities are in a new one. Record more of them.'
+            f'WARNING: several held-out {things} are needed to assess the probabilities. '
+            f'Record more {things}.'
         ]
     groups = int(calibration['groups'])
     if groups >= FEWEST_GROUPS and calibration['surplus']['half_width'] <= WIDEST_SURPLUS:
         return []
     return [
-        f'WARNING: {groups} {things} are too few to know how good the probabilities are in a new '
-        f'one: they may be wrong by {_format_surplus(calibration)} points. Record more of them.'
+        f'WARNING: {groups} {things} are too few to assess the probabilities: they may be wrong '
+        f'by {_format_surplus(calibration)} points. Record more {things}.'
     ]
 
 
@@ -458,7 +470,7 @@ def _format_surplus(calibration: Mapping[str, Any]) -> str:
 
 
 def format_groups(calibration: Mapping[str, Any]) -> str:
-    """Return the plural of the things that the calibration held out, such as "sessions"."""
+    """Return the plural name of the held-out groups, such as "sessions"."""
     columns = calibration.get('held_out') or ['session_id']
     if columns == ['session_id']:
         return 'sessions'
@@ -471,28 +483,34 @@ def _format_sessions(manifest: Manifest) -> str:
     things = format_groups(calibration)
     groups = calibration.get('groups', 0)
     if isinstance(groups, int) and groups > 0:
-        return f'{groups} {things} were held out in turn. {describe_scope(manifest)}'
+        return f'Each of {groups} {things} was held out once. {describe_scope(manifest)}'
     if 'reason' in calibration:
-        return f'No session was held out: {calibration["reason"]}. A new session may do worse.'
+        return (
+            f'No session was held out: {calibration["reason"]}. '
+            'Accuracy may be lower in a new session.'
+        )
     if things != 'sessions':
-        return f'No {things} were held out: the trials do not allow it. A new one may do worse.'
+        return (
+            f'No {things} were held out, because the trials do not allow it. '
+            'Accuracy may be lower in new ones.'
+        )
     if manifest.training.sessions > 1:
         return (
-            'No session was held out: the trials do not allow it, because a label occurs in one '
-            'session only. A new session may do worse.'
+            'No session was held out, because a label occurs in one session only. '
+            'Accuracy may be lower in a new session.'
         )
-    return 'No session was held out: a new session may do worse.'
+    return 'No session was held out: accuracy may be lower in a new session.'
 
 
 @refuse_damage('an entry of its manifest is')
 def describe_scope(manifest: Manifest) -> str:
-    """Return in which new sessions the threshold for unknown objects holds, as a sentence."""
+    """Return a sentence that states for which new sessions the novelty threshold holds."""
     calibration = manifest.calibration
     things, groups = format_groups(calibration), calibration.get('groups', 0)
     if not isinstance(groups, int) or groups < 1:
         return (
-            'The threshold for unknown objects holds for trials like these; no group was held '
-            'out, and a new session may differ.'
+            'The threshold for unknown objects holds for trials of these sessions. No group was '
+            'held out, so a new session may differ.'
         )
     if calibration.get('strict') is True:
         share = rank_of_sessions(groups) / (groups + 1)
@@ -501,8 +519,8 @@ def describe_scope(manifest: Manifest) -> str:
             'these.'
         )
     return (
-        f'The threshold for unknown objects holds in the mean over new {things} like these: one '
-        'of them may reject more.'
+        f'The threshold for unknown objects holds on average over new {things} like these; '
+        'the false rejection rate of a single one may be higher.'
     )
 
 
@@ -516,7 +534,7 @@ def _format_origin(manifest: Manifest) -> str:
 def _format_conditions(manifest: Manifest) -> str:
     training = manifest.training
     parts = [
-        f'{number} {what}{"s" * (number != 1)}' if number > 0 else f'no {what} named'
+        f'{number} {what}{"s" * (number != 1)}' if number > 0 else f'no {what} recorded'
         for number, what in ((training.sessions, 'session'), (training.mountings, 'mounting'))
     ]
     if training.speeds == 1:
@@ -528,6 +546,6 @@ def _format_conditions(manifest: Manifest) -> str:
 
 
 def _clean(line: str) -> str:
-    """Return a line without what a terminal would obey, and not too long."""
+    """Remove terminal control characters from a line, and truncate it."""
     text = plain_text(line)
     return text if len(text) <= MAX_LINE else text[: MAX_LINE - 3] + '...'

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A model file in use: checked when loaded, then one answer a window."""
+"""Loaded model files: checks, and classification of windows."""
 
 from __future__ import annotations
 
@@ -42,24 +42,26 @@ _REMEDY = 'name its file in the parameter models of the feature node, or train i
 
 @dataclasses.dataclass(frozen=True)
 class Answer:
-    """Answer of a model on one window of samples.
+    """Result of a model for one window of samples.
 
     Attributes
     ----------
     label : str
-        One of the model's labels, ``'unknown'`` (unlike all training trials) or ``'no answer'``.
+        A label of the model, ``'unknown'`` (unlike all training trials) or ``'no answer'``.
     reason : str
-        One sentence when the label is none of the model's; empty otherwise.
+        One sentence if the label is ``'unknown'`` or ``'no answer'``; otherwise empty.
     probabilities : mapping of str to float
-        By label, calibrated on held-out trials; empty: see ``missing``.
+        Probability of each label, calibrated on held-out trials. If empty, ``missing`` states why.
     scores : mapping of str to float
-        By label, larger is likelier; of a calibrated model the probabilities.
+        Score of each label; a higher score is more likely. Equal to ``probabilities`` for a
+        calibrated model.
     novelty, novelty_threshold : float or None
-        Distance to the training trials, and that above which a window is unknown [1].
+        Distance to the training trials, and threshold above which a window is unknown [1].
     p_value : float or None
-        Share of held-out trials of known labels that are at least as novel [1]: small is novel.
+        Fraction of held-out trials of known labels that are at least as novel [1]; small values
+        mean that the window is novel.
     missing : tuple of str
-        One sentence for each of probabilities, novelty and p-value that there is none of.
+        One sentence for each of probabilities, novelty and p-value that is not available.
     """
 
     label: str
@@ -73,7 +75,7 @@ class Answer:
 
 
 class _Judged(NamedTuple):
-    """Outcome on one window of features; no scores and a novelty of -1 where there is none."""
+    """Result for one window of features; without scores, or with novelty -1, if not available."""
 
     outcome: Outcome
     label: str = ''
@@ -83,19 +85,19 @@ class _Judged(NamedTuple):
 
 
 def load_model(path: str | Path) -> TactileModel:
-    """Return the model in a file; it is read and checked.
+    """Read and check a model file.
 
     Raises
     ------
     ModelFileError
-        With a sentence that says why the file is not used.
+        If the file cannot be used; the message gives the reason.
     """
     with refusals_of(path):
         return TactileModel(read_limited(Path(path)), str(Path(path).resolve()))
 
 
 class TactileModel:
-    """A trained classifier, ready to answer; `load_model` reads it from its file.
+    """A trained classifier; use `load_model` to read it from a file.
 
     >>> model = load_model('texture.npz')
     >>> answer = model.classify(tension_n, rate_hz=60)
@@ -105,21 +107,21 @@ class TactileModel:
     Parameters
     ----------
     data : bytes
-        The model file.
+        Contents of the model file.
     path : str
-        Path of the file; empty: it was not written yet.
+        Path of the file; empty if it has not been written.
 
     Attributes
     ----------
     sha256 : str
-        Of the file, in hex digits.
+        Digest of the file, in hexadecimal digits.
     manifest : Manifest
     card : str
-        The facts of the manifest, as text for people.
+        Description of the model as text.
     spec : FeatureSpec
-        The features that it takes.
+        Specification of the features.
     labels : tuple of str
-        What it can answer, in the order of its scores.
+        Labels, in the order of the scores.
     model_id : str
         Task, contact, classifier and the first 12 digits of ``sha256``.
     predictor : Predictor
@@ -154,26 +156,23 @@ class TactileModel:
         return self.manifest.contact
 
     def check_fits(self, spec: FeatureSpec) -> None:
-        """Raise ModelFileError when features of ``spec`` are not those it was trained on."""
+        """Raise ModelFileError if features of ``spec`` differ from the training features."""
         reason = self.spec.mismatch(spec)
         if reason:
-            raise ModelFileError(
-                f'model {self.model_id} does not fit the features: {reason} '
-                '(here: the model, there: the features)'
-            )
+            raise ModelFileError(f'model {self.model_id} was trained on other features: {reason}')
 
     def set_specifications(self, specs: Iterable[FeatureSpec]) -> None:
-        """Take in the specifications of the windows to come, as the feature node announces them.
+        """Store the specifications of future windows, as announced by the feature node.
 
-        A model of ready-cut windows does not state how they were cut: it answers those of each
-        announced specification that does not contradict its own; of any while none is announced.
-        Others answer those of their own digest, or of an announced one that differs in its rate by
-        less than `SAME_RATE`.
+        A model trained on windows that were already cut does not state how they were cut. It
+        accepts every announced specification that does not contradict its own, and all windows
+        before the first announcement. Other models accept windows with their own digest, or of an
+        announced specification whose rate differs by less than `SAME_RATE`.
         """
         self._announced = {spec.digest: spec for spec in specs}
 
     def fits(self, digest: str) -> bool:
-        """Return whether the features of a specification are those it was trained on."""
+        """Return True if the digest denotes the features that the model was trained on."""
         if digest == self.spec.digest:
             return True
         if not self._announced:
@@ -181,7 +180,7 @@ class TactileModel:
         return digest in self._announced and not self.spec.mismatch(self._announced[digest])
 
     def compute(self, values: npt.ArrayLike) -> Predictions:
-        """Return the predictions on many windows.
+        """Return the predictions for many windows.
 
         Parameters
         ----------
@@ -191,7 +190,7 @@ class TactileModel:
         Raises
         ------
         DatasetError
-            When the values have another shape.
+            If the values have another shape.
         """
         rows = np.asarray(values, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] != len(self.spec.names):
@@ -208,30 +207,30 @@ class TactileModel:
     def classify(
         self, samples: npt.ArrayLike, rate_hz: float, *, speed_m_s: float = 0.0, cut: bool = False
     ) -> Answer:
-        """Return the answer on one window of samples, as the live classifier gives it.
+        """Classify one window of samples, with the same result as the live classifier.
 
         Parameters
         ----------
         samples : array_like of shape (n,)
             Tension in the unit of the training [N], evenly spaced: the part of a trial that the
-            model was trained on (``spec.sample_count`` samples; 0: of any length). A model that
-            was trained on recordings with several channels takes all of them, shape
-            (channels, n); unless it uses all, also the channel that it uses, ``spec.channel``.
+            model was trained on (``spec.sample_count`` samples; 0 for any length). A model
+            trained on recordings with several channels takes all channels, shape (channels, n).
+            If it uses only one channel, ``spec.channel``, this channel can be passed instead.
         rate_hz : float
-            Must be the model's, ``spec.rate_hz`` [Hz], with a difference of less than 0.1 %.
+            Sample rate [Hz]; must equal ``spec.rate_hz`` within 0.1 %.
         speed_m_s : float
             Sliding speed, for features that need it [m/s].
         cut : bool
-            Take the window out of more samples, as training does from whole trials: from where the
-            model states that windows begin, else from the first sample; over distance the middle.
+            Cut the window from a longer signal, as in training. The window begins at the time
+            that the model states, or else at the first sample. Feature sets over distance use the
+            middle of the signal.
 
         Raises
         ------
         DatasetError
-            When shape, length, rate or speed are not those of the model's windows; the message
-            tells the remedy.
+            If shape, length, rate or speed do not fit the model; the message gives the remedy.
         ModelFileError
-            When this installation computes other features than the model was trained on.
+            If this installation cannot compute the features that the model was trained on.
         """
         try:
             found = self._samples.compute(samples, rate_hz, speed_m_s, cut=cut)
@@ -406,12 +405,12 @@ class TactileModel:
         return found
 
     def accepts(self, window: FeatureWindow) -> bool:
-        """Return whether the window is of its feature set and of no other contact."""
+        """Return True if feature set and contact of the window fit the model."""
         is_of_set = window.feature_set == self.spec.feature_set
         return is_of_set and contacts_agree(self.contact, window.contact)
 
     def classify_window(self, window: FeatureWindow) -> ClassificationResult:
-        """Return the answer on one window of features, or why there is none.
+        """Classify one window of features; the result contains the reason if there is no label.
 
         A window whose novelty is above the threshold is unknown.
         """
@@ -437,7 +436,7 @@ class TactileModel:
         )
 
     def answer(self, window: FeatureWindow) -> Answer:
-        """Return the answer of `classify_window` in the form of `classify`."""
+        """Like `classify_window`, but returns the same type as `classify`."""
         return self._answer_of(self._judge_window(window))
 
     def _judge_window(self, window: FeatureWindow) -> _Judged:
@@ -447,18 +446,18 @@ class TactileModel:
         return self._judge(window.values)
 
     def _judge(self, values: npt.NDArray[np.float64]) -> _Judged:
-        """Return the answer on the features of one window, shape (k,)."""
+        """Classify the features of one window, shape (k,)."""
         threshold = self.manifest.confidence.novelty_threshold
         found = self.compute(values[np.newaxis])
         scores = tuple(found.scores[0].tolist())
         novelty = float(found.novelty[0]) if len(found.novelty) else -1.0
         if not all(map(math.isfinite, (*scores, novelty))):
-            reason = 'the model gives no finite scores for these features'
+            reason = 'the scores of these features are not finite'
             return _Judged(Outcome.NO_FEATURES, reason=reason)
         if novelty > threshold >= 0.0:
             reason = (
-                f'unlike all that the model was trained on: novelty {novelty:.3g}, '
-                f'the threshold is {threshold:.3g}'
+                f'unlike all training trials: novelty {novelty:.3g} exceeds the threshold '
+                f'{threshold:.3g}'
             )
             return _Judged(Outcome.UNKNOWN, reason=reason, scores=scores, novelty=novelty)
         label = self.labels[int(found.answer[0])]
@@ -475,10 +474,10 @@ class TactileModel:
         return ''
 
     def format_mismatch(self, window: FeatureWindow) -> str:
-        """Return why a window has features of another specification, or an empty string.
+        """Return the difference between the specification of a window and the model, or ''.
 
-        When the digest alone differs, the difference is named if the window's specification is
-        announced; otherwise all parameters of the model are.
+        If only the digest differs, the message names the difference, provided that the
+        specification of the window was announced; otherwise it lists all parameters of the model.
         """
         spec = self.spec
         pairs = [
@@ -498,13 +497,13 @@ class TactileModel:
         if self.fits(digest):
             return ''
         if digest in self._announced and (reason := spec.mismatch(self._announced[digest])):
-            return f'{reason} (here: the model, there: the features): {_REMEDY}'
+            return f'{reason}; {_REMEDY}'
         values = ', '.join(
             f'{name} {value if isinstance(value, str) else format(value, "g")}'
             for name, value in sorted(spec.parameters.items())
         )
         return (
-            'the features were made by another specification than the model was trained on '
+            'the specification of the features differs from the training features '
             f'(digest {digest} instead of {spec.digest}, with {values}): {_REMEDY}'
         )
 
@@ -523,7 +522,7 @@ class TactileModel:
             if not has_novelty:
                 missing.append(f'no novelty, never unknown: {calibration.get("reason", "")}')
             elif p_value is None:
-                missing.append('no p-value, the file states no held-out novelties: train it again')
+                missing.append('no p-value, the file has no held-out novelties: train it again')
         names = {Outcome.UNKNOWN: UNKNOWN, Outcome.NO_FEATURES: NO_ANSWER}
         return Answer(
             label=names.get(judged.outcome, judged.label),

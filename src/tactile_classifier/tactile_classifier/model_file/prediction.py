@@ -1,14 +1,15 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Prediction in NumPy: each classifier as a few arrays and a function of them.
+"""Prediction in NumPy: each classifier is a set of arrays with a function to compute its scores.
 
-The scores are those of the scikit-learn estimators that the arrays come from, apart from rounding.
-Each window is computed by itself, so it gets the same bits alone and among others.
+The scores equal the scores of the original scikit-learn estimators, apart from rounding. Windows
+are computed separately, so the result of a window does not depend on the size of the batch.
 
-``SHAPES`` of a class names the dimensions of each of its arrays, for the model file: ``k``
-features and ``labels`` are those of the model, a number is itself, and other names are free.
-`check` of a class raises ModelFileError when values of its arrays do not fit together.
+``SHAPES`` of a class contains the dimensions of its arrays, for checking model files. ``k`` is the
+number of features and ``labels`` the number of labels of the model. A number is a fixed dimension;
+arrays that share another name have equal dimensions. `check` of a class raises ModelFileError if
+the values of its arrays are inconsistent.
 """
 
 from __future__ import annotations
@@ -35,8 +36,8 @@ from tactile_classifier.estimators.convolutions import (
 NEIGHBOURS = 3
 
 MAX_COMPARISONS = 2**26
-"""Most comparisons of the convolutions of one window with a bias: 40 times those of 180 samples
-by our own models, and 64 MiB of memory."""
+"""Maximum number of comparisons with a bias for the convolutions of one window. The limit is 40
+times the number for 180 samples in models of this package, and needs 64 MiB of memory."""
 
 Matrix = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -44,12 +45,12 @@ Single = npt.NDArray[np.float32]
 
 
 class Predictions(NamedTuple):
-    """Predictions on many windows of one length.
+    """Predictions for many windows of the same length.
 
-    ``answer``, shape (windows,), is the position of the first largest score before calibration. Of
-    ``scores``, shape (windows, labels), the larger is likelier; ``score_kind`` of the manifest
-    names them. They are not a number where features are not finite. ``novelty``, shape (windows,),
-    is empty when the model has none.
+    ``answer``, shape (windows,), is the index of the first largest score before calibration.
+    ``scores`` has shape (windows, labels); a higher score is more likely. Their kind is
+    ``score_kind`` of the manifest, and they are NaN if features are not finite. ``novelty``, shape
+    (windows,), is an empty array if the model has no novelty measure.
     """
 
     answer: npt.NDArray[np.intp]
@@ -63,18 +64,18 @@ class Classifier(Protocol):
     SHAPES: ClassVar[dict[str, tuple[str | int, ...]]]
 
     def check(self, features: int, labels: int) -> None:
-        """Raise ModelFileError when values do not fit together."""
+        """Raise ModelFileError if values are inconsistent."""
 
     def compute(self, row: Matrix) -> Matrix:
-        """Return the raw scores of one window of features, shape (k,), shape (labels,)."""
+        """Return the raw scores, shape (labels,), of one window of features, shape (k,)."""
 
     def find_margin(self, row: Matrix) -> float:
-        """Return how far one window is from a tie, relative to the numbers that are compared."""
+        """Return the distance of one window from a tie, relative to the compared numbers."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scaling:
-    """Division of each feature's difference to its mean by its scale, both in its unit."""
+    """Standardization of features; mean and scale are in the units of the features."""
 
     SHAPES: ClassVar[dict[str, tuple[str | int, ...]]] = {'mean': ('k',), 'scale': ('k',)}
 
@@ -86,7 +87,7 @@ class Scaling:
         return np.asarray((row - self.mean) / self.scale)
 
     def check(self, features: int, labels: int) -> None:
-        """Raise ModelFileError when a scale is not positive."""
+        """Raise ModelFileError if a scale is not positive."""
         _require(bool((self.scale > 0.0).all()), 'scale')
 
 
@@ -94,8 +95,8 @@ class Scaling:
 class Predictor:
     """Scaling, classifier, calibration and novelty measure of one model.
 
-    Without a scaling, the classifier takes the features themselves. Without a calibration, the
-    scores are the raw ones.
+    Without scaling, the classifier uses the unscaled features. Without calibration, the scores are
+    raw.
     """
 
     classifier: Classifier
@@ -104,7 +105,7 @@ class Predictor:
     novelty: NoveltyMeasure | None = None
 
     def compute(self, values: Matrix) -> Predictions:
-        """Return the predictions on windows of features, shape (windows, k)."""
+        """Return the predictions for windows of features, shape (windows, k)."""
         raw = self.compute_raw_scores(values)
         answer = raw.argmax(axis=1)
         with np.errstate(all='ignore'):
@@ -118,7 +119,7 @@ class Predictor:
             return np.array([self._compute_one(row) for row in values])
 
     def scale(self, row: Matrix) -> Matrix:
-        """Return the features of one window as the classifier takes them, shape (k,)."""
+        """Return the scaled features of one window, shape (k,)."""
         return row if self.scaling is None else self.scaling.compute(row)
 
     def _compute_one(self, row: Matrix) -> Matrix:
@@ -128,10 +129,10 @@ class Predictor:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Neighbours:
-    """The three nearest training trials vote; Euclidean distance.
+    """Majority vote of the three nearest training trials, by Euclidean distance.
 
-    Ties are broken in favour of the earlier trial. ``votes`` has 1 for the label of each
-    trial and 0 for the others.
+    Ties are broken in favour of the earlier trial. ``votes`` contains 1 for the label of each
+    trial and 0 for other labels.
     """
 
     SHAPES: ClassVar[dict[str, tuple[str | int, ...]]] = {
@@ -149,13 +150,13 @@ class Neighbours:
         squares = self.compute_squares(row)
         votes = np.zeros(self.votes.shape[1])
         for _ in range(NEIGHBOURS):
-            nearest = squares.argmin()  # the earlier one of equals
+            nearest = squares.argmin()  # first index in case of ties
             votes += self.votes[nearest]
             squares[nearest] = np.inf
         return np.asarray(votes / NEIGHBOURS)
 
     def compute_squares(self, row: Matrix) -> Matrix:
-        """Return the squared distance of each trial to one row."""
+        """Return the squared distance of each trial from one row."""
         change = self.trials - row
         return np.asarray(np.einsum('ij,ij->i', change, change))
 
@@ -168,7 +169,7 @@ class Neighbours:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class LinearMachine:
-    """Support vector machine with a linear kernel, one row of coefficients a pair of labels."""
+    """Support vector machine with a linear kernel; one row of coefficients per pair of labels."""
 
     SHAPES: ClassVar[dict[str, tuple[str | int, ...]]] = {
         'coefficients': ('pairs', 'k'),
@@ -197,7 +198,7 @@ class LinearMachine:
 class RadialMachine:
     """Support vector machine with a Gaussian kernel: exp(-gamma * squared distance).
 
-    ``weights`` are those of each support vector in each pair of labels.
+    ``weights`` holds the weight of each support vector in each pair of labels.
     """
 
     SHAPES: ClassVar[dict[str, tuple[str | int, ...]]] = {
@@ -228,7 +229,7 @@ class RadialMachine:
 
     def compute_kernel(self, row: Matrix) -> Matrix:
         """Return the kernel of one window with each support vector."""
-        # Differences first: expanding the square would lose them under a large offset.
+        # The square is not expanded, because this loses precision with a large offset.
         change = self.vectors - row
         return np.asarray(np.exp(-self.gamma * np.einsum('ij,ij->i', change, change)))
 
@@ -236,10 +237,9 @@ class RadialMachine:
 def count_votes(pairs: Matrix) -> Matrix:
     """Return the score of each label from the decision values of the pairs of labels.
 
-    A label's votes, and its confidence as a fraction of a vote, as in scikit-learn's
-    `_ovr_decision_function`: a value of 0 or more is a vote for the first of a pair, and
-    confidences are bounded by a third of a vote. The value of two labels alone is positive for
-    the second, and is its score.
+    The score is the number of votes plus a confidence of at most a third of a vote, as in
+    scikit-learn's `_ovr_decision_function`. A value of 0 or more is a vote for the first label of
+    a pair. With only two labels, the single value is the score of the second label.
     """
     if len(pairs) == 1:
         return np.concatenate([-pairs, pairs])
@@ -250,9 +250,10 @@ def count_votes(pairs: Matrix) -> Matrix:
 
 @lru_cache(maxsize=64)
 def _make_ballots(pairs: int) -> tuple[Matrix, Matrix]:
-    """Return the votes of each label if it won all pairs that it is the first of, and a matrix.
+    """Return arrays for counting votes.
 
-    The matrix, shape (pairs, labels), has 1 for the first label of a pair and -1 for the second.
+    The first is the number of pairs in which each label is the first. The second, shape
+    (pairs, labels), has 1 for the first label of a pair and -1 for the second.
     """
     labels = round((1 + math.sqrt(1 + 8 * pairs)) / 2)
     first, second = np.triu_indices(labels, 1)
@@ -261,7 +262,7 @@ def _make_ballots(pairs: int) -> tuple[Matrix, Matrix]:
 
 
 def _find_vote_margin(pairs: Matrix, sizes: Matrix) -> float:
-    """Return the margin of decision values that are sums of terms of the given sizes."""
+    """Return the margin of decision values, which are sums of terms with the given sizes."""
     *_, second, first = np.sort(count_votes(pairs))
     of_pairs = (_compare(value, 0.0, size) for value, size in zip(pairs, sizes, strict=True))
     return min(*of_pairs, _compare(first, second, abs(first)), np.inf)
@@ -278,10 +279,10 @@ def _check_pairs(intercept: Matrix, labels: int) -> None:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Tree:
-    """Decision tree; each node compares one feature, in single precision as in scikit-learn.
+    """Decision tree; a node compares one feature in single precision, as in scikit-learn.
 
-    ``below`` and ``above`` are the next nodes of a node, both -1 at a leaf; ``shares`` are those
-    of the labels among the training trials of a node.
+    ``below`` and ``above`` are the child nodes, both -1 at a leaf. ``shares`` holds the fraction
+    of each label among the training trials of a node.
     """
 
     SHAPES: ClassVar[dict[str, tuple[str | int, ...]]] = {
@@ -304,7 +305,7 @@ class Tree:
         _require(len(nodes) > 0, 'feature')
         _require(bool((self.feature[inner] >= 0).all()), 'feature')
         _require(bool((self.feature[inner] < features).all()), 'feature')
-        # Next nodes have larger numbers: no path is endless.
+        # Child nodes must have larger indices, which excludes endless paths.
         for name, after in (('below', self.below), ('above', self.above)):
             _require(bool(((after > nodes) & (after < len(nodes)))[inner].all()), name)
 
@@ -317,7 +318,7 @@ class Tree:
         return np.array(self.shares[self._find_leaf(row.astype(np.float32).tolist())])
 
     def find_margin(self, row: Matrix) -> float:
-        return np.inf  # thresholds are compared without rounding
+        return np.inf  # thresholds are compared exactly
 
     def _find_leaf(self, row: list[float]) -> int:
         nodes, at = self._nodes, 0
@@ -331,9 +332,9 @@ class Tree:
 class Convolutions:
     """Two sets of random convolutions with a linear classifier; see `RandomConvolutions`.
 
-    A set takes the waveforms minus ``references``, one number a channel [unit of the waveform].
-    ``biases`` are in the order of the features; ``counts`` is how many a kernel has at each
-    dilation. Of two labels ``coefficients`` has one row, positive for the second.
+    Each set processes the waveforms minus ``references``, one value per channel [unit of the
+    waveform]. ``biases`` are in the order of the features; ``counts`` is the number of biases per
+    kernel at each dilation. For two labels, ``coefficients`` has one row, for the second label.
     """
 
     SHAPES: ClassVar[dict[str, tuple[str | int, ...]]] = {
@@ -370,7 +371,7 @@ class Convolutions:
         _require(bool((self.sources[..., 0] >= 0).all()), 'sources')
         if 2 * shares * samples > MAX_COMPARISONS:
             raise ModelFileError(
-                f'its convolutions compare {2 * shares * samples:,} values for one window; the '
+                f'its convolutions need {2 * shares * samples:,} comparisons for one window; the '
                 f'limit is {MAX_COMPARISONS:,}'
             )
 
@@ -410,4 +411,4 @@ class Convolutions:
 
 def _require(is_fitting: bool, name: str) -> None:
     if not is_fitting:
-        raise ModelFileError(f'values of its array "{name}" do not fit its other arrays')
+        raise ModelFileError(f'values of its array "{name}" are inconsistent with other arrays')

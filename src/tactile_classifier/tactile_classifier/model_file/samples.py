@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One window of samples to the features that a model was trained on."""
+"""Computation of the features of a model from one window of samples."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from tactile_features.spec import FeatureSpec, format_rates, is_same_rate, MEAN,
 Matrix = npt.NDArray[np.float64]
 
 CHANNEL_0 = 'channel_000__'
-"""Before the names of the features of the first channel, where there are several."""
+"""Prefix of the feature names of the first of several channels."""
 
 
 class Found(NamedTuple):
-    """Features of one window, shape (k,), or one sentence why there are none."""
+    """Features of one window, shape (k,), or the reason why there are none."""
 
     values: Matrix
     reason: str = ''
 
 
 class SampleWindow:
-    """The window of a specification, of one or several channels.
+    """Window of a specification with one or several channels.
 
-    Raises FeatureError when this installation computes other features.
+    Raises FeatureError if this installation cannot compute these features.
     """
 
     def __init__(self, task: str, spec: FeatureSpec) -> None:
@@ -52,11 +52,11 @@ class SampleWindow:
     def compute(
         self, samples: npt.ArrayLike, rate_hz: float, speed_m_s: float, *, cut: bool = False
     ) -> Found:
-        """Return the features of evenly spaced samples, shape (n,) or (channels, n).
+        """Compute the features of evenly spaced samples, shape (n,) or (channels, n).
 
-        The rate is that of the specification [Hz]; a sliding speed of 0 is not known [m/s]. With
-        ``cut``, more samples than a window has are cut. Raises DatasetError when shape, length,
-        rate or speed do not fit; the message tells the remedy.
+        ``rate_hz`` must equal the rate of the specification [Hz]. A sliding speed of 0 means that
+        it is unknown [m/s]. With ``cut``, the window is cut from a longer signal. Raises
+        DatasetError if shape, length, rate or speed do not fit; the message gives the remedy.
         """
         rows = self._check(samples, rate_hz)
         whole = self._count(speed_m_s)
@@ -66,7 +66,7 @@ class SampleWindow:
         if whole and count != whole:
             raise DatasetError(self._format_length(count, whole))
         if not np.isfinite(rows).all():
-            return Found(np.empty(0), 'the samples are not all finite')
+            return Found(np.empty(0), 'not all samples are finite')
         times_ns = np.rint(np.arange(count) * (1e9 / rate_hz)).astype(np.int64)
         try:
             found = [
@@ -81,7 +81,7 @@ class SampleWindow:
         return Found(values, '' if is_finite else 'the features are not finite')
 
     def _check(self, samples: npt.ArrayLike, rate_hz: float) -> Matrix:
-        """Return samples of shape (channels, n)."""
+        """Check samples and rate; return samples of shape (channels, n)."""
         rows = np.array(samples, dtype=np.float64, order='C')
         channels = self._spec.channels
         if self._channels == 1 and channels and rows.ndim == 2 and len(rows) == len(channels):
@@ -93,23 +93,23 @@ class SampleWindow:
             wanted = '(n,)' if self._channels == 1 else f'({self._channels}, n)'
             raise DatasetError(
                 f'the samples have shape {np.shape(samples)}; one window has shape {wanted}: '
-                'for many windows call it once for each'
+                'call this method once per window'
             )
         if not is_same_rate(rate_hz, self._spec.rate_hz):
             given, wanted = format_rates(rate_hz, self._spec.rate_hz)
             raise DatasetError(
-                f'the rate is {given} Hz; it was trained at {wanted} Hz: '
+                f'the rate is {given} Hz, but the model was trained at {wanted} Hz: '
                 'resample the samples (--resample-hz, LabelledTrials.resample)'
             )
         return rows
 
     def _count(self, speed_m_s: float) -> int:
-        """Return the samples of a whole window; 0: any number."""
+        """Return the number of samples of a full window; 0 if windows have any length."""
         if not self._set.needs_speed:
             return self._spec.sample_count
         if not speed_m_s > 0.0:
             raise DatasetError(
-                f'{self._spec.feature_set} needs the sliding speed: give speed_m_s, above 0'
+                f'{self._spec.feature_set} needs a sliding speed above 0: give speed_m_s'
             )
         try:
             return self._set.window(self._spec.rate_hz, speed_m_s).sample_count
@@ -117,28 +117,28 @@ class SampleWindow:
             raise DatasetError(f'no features from these samples: {error}') from error
 
     def _format_length(self, count: int, whole: int) -> str:
-        """Return why so many samples are no window, with the remedy."""
+        """Return why ``count`` samples are not a window of ``whole`` samples, with the remedy."""
         rate_hz = self._spec.rate_hz
         text = f'{count} samples; a window has {whole} ({whole / rate_hz:g} s at {rate_hz:g} Hz)'
         if count < whole:
-            return f'{text}: give that many'
+            return f'{text}: give exactly {whole} samples'
         crop_s = self._crop_s
         if crop_s is None:
-            return f'{text}: give the part that the training trials were cut to'
+            return f'{text}: give the same part of the trial as in training'
         first = math.ceil(crop_s * rate_hz)
         return (
-            f'{text}: give that part; the live node takes samples[{first}:{first + whole}] of a '
+            f'{text}: give that part; the live node uses samples[{first}:{first + whole}] of a '
             f'glide, from {crop_s:g} s after its start'
         )
 
     @property
     def _crop_s(self) -> float | None:
-        """Time after the start of a glide at which a window begins [s]; None: not stated."""
+        """Time from the start of a glide to the start of a window [s]; None if unknown."""
         crop_s = self._spec.parameters.get('texture_crop_start_s')
         return crop_s if isinstance(crop_s, float) else None
 
     def _cut(self, rows: Matrix, whole: int) -> Matrix:
-        """Return the window of ``whole`` samples, or all samples where they are too few."""
+        """Return the window of ``whole`` samples, or all samples if there are fewer."""
         spare = rows.shape[1] - whole
         first = math.ceil((self._crop_s or 0.0) * self._spec.rate_hz)
         if self._set.needs_speed:

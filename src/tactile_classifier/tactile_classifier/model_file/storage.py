@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The contents of a model file: a manifest, its card, and arrays, written and read.
+"""Reading and writing model files: a manifest, a card, and arrays.
 
-Names of arrays are ``classifier.trials``, ``scaling.mean``, ``novelty.centre`` and so on: the
-part, and the array of its class in `prediction`.
+Arrays are named after the part and the field of its class in `prediction`, for example
+``classifier.trials``, ``scaling.mean`` and ``novelty.centre``.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from tactile_classifier.records import PROBABILITY, ROCKET
 from tactile_features.model_container import open_container, pack_container
 
 MAX_CARD_BYTES = 64 * 2**10
-"""A file with a larger card is refused [byte]."""
+"""Files with a larger card are refused [byte]."""
 
 CARD = 'card'
 
@@ -61,7 +61,7 @@ class ModelContents:
 
 
 def pack_model(manifest: Manifest, predictor: Predictor) -> bytes:
-    """Return the bytes of a model file. Raises ModelFileError when it would be too large."""
+    """Return the bytes of a model file; raise ModelFileError if it would be too large."""
     arrays: Arrays = {}
     for name in ('classifier', 'scaling', 'novelty'):
         part = getattr(predictor, name)
@@ -71,21 +71,21 @@ def pack_model(manifest: Manifest, predictor: Predictor) -> bytes:
 
 
 def open_model(data: bytes) -> ModelContents:
-    """Return the contents of a model file, or raise ModelFileError.
+    """Return the contents of a model file; raise ModelFileError if it is invalid.
 
-    Types, shapes and values are checked, and all numbers are finite: whatever an array holds,
-    prediction ends after a time that is bounded by the size of the file.
+    Types, shapes and values are checked, and all numbers must be finite. The time of a prediction
+    is therefore bounded by the size of the file.
     """
     entries, arrays = open_container(data)
     card = entries.pop(CARD, '')
     if not isinstance(card, str) or not card.replace('\n', '').isprintable():
-        raise ModelFileError('its card is no plain text')  # a terminal might obey it
+        raise ModelFileError('its card is not plain text')  # could contain terminal commands
     if len(card.encode()) > MAX_CARD_BYTES:
         raise ModelFileError(f'its card has more than {MAX_CARD_BYTES >> 10} KiB')
     manifest = Manifest.from_dict(entries)
     predictor = _read_predictor(manifest, arrays)
     if arrays:
-        raise ModelFileError(f'it has the array "{min(arrays)}", which belongs to no part of it')
+        raise ModelFileError(f'it contains the unexpected array "{min(arrays)}"')
     return ModelContents(manifest, card, predictor)
 
 
@@ -101,7 +101,7 @@ def _read_predictor(manifest: Manifest, arrays: Arrays) -> Predictor:
     """Return the predictor; its arrays are removed from ``arrays``."""
     stated = manifest.confidence
     if (manifest.score_kind == PROBABILITY) != (stated.slope > 0.0):
-        raise ModelFileError('its calibration does not go with its kind of scores')
+        raise ModelFileError('its calibration and its kind of scores are inconsistent')
     sizes: dict[str | int, int] = {'k': len(manifest.spec.names), 'labels': len(manifest.labels)}
 
     def read(kind: type[_Part], name: str) -> _Part:
@@ -132,8 +132,8 @@ def _read_part(
         shape = tuple(d if isinstance(d, int) else sizes.get(d, -1) for d in dimensions)
         if array.shape != shape:
             raise ModelFileError(
-                f'its array "{prefix}{name}" has the shape {array.shape}; it must be {shape}, '
-                f'which is ({", ".join(map(str, dimensions))})'
+                f'its array "{prefix}{name}" has shape {array.shape}; it must be {shape}, '
+                f'that is ({", ".join(map(str, dimensions))})'
             )
         if not np.isfinite(array).all():
             raise ModelFileError(f'its array "{prefix}{name}" has values that are not finite')

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Choice of the set of features and of the classifier inside the folds."""
+"""Automatic choice of feature set and classifier by nested cross-validation."""
 
 from __future__ import annotations
 
@@ -37,25 +37,25 @@ from tactile_classifier.records import ROCKET
 from tactile_features.feature_sets.registry import find_feature_set
 
 INNER_FOLDS, INNER_REPEATS = 6, 3
-"""Folds inside a fold, and how often its training trials are divided: with three folds, once,
-the choice on 60 trials was 6 points worse than the best set; docs/evaluation.md has the numbers.
+"""Number of inner folds, and repetitions of the inner cross-validation. With three folds and one
+repetition, the choice on 60 trials was 6 points worse than the best set; see docs/evaluation.md.
 """
 
 FEW_TRIALS = 'svm_linear'
-"""The classifier where trials are too few to choose by, with its usual scaling."""
+"""Classifier and scaling if there are too few trials for a choice."""
 
 MANY_TRIALS = 300
-"""More trials than these are divided once: more repetitions would change little."""
+"""Above this number of trials one repetition is used; more would change little."""
 
 ROUNDING = 1e-9
-"""Difference of accuracies that is rounding."""
+"""Differences of accuracies below this are rounding errors."""
 
 Matrix = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
 
 class Candidate(NamedTuple):
-    """A set of features, and a classifier with its scaling."""
+    """Combination of feature set, classifier and scaling."""
 
     feature_set: str
     classifier: str
@@ -72,23 +72,23 @@ ROBUST = (
     ('svm_linear', 'none'),
     ('svm_rbf', 'none'),
 )
-"""Classifiers and scalings by robustness in new groups, the most robust one first.
+"""Classifiers and scalings, ordered by robustness in new groups, most robust first.
 
-Machines without scaling come last: they depend on the unit of force. With two training groups of
-public and generated recordings, random convolutions were 6 points better on average than the
-candidate with the best accuracy in these two groups.
+Support vector machines without scaling come last, because they depend on the unit of force. With
+two training groups of public and generated recordings, random convolutions were on average 6
+points better than the candidate with the best accuracy in these two groups.
 """
 
 FEWEST_GROUPS = 3
-"""With fewer held-out groups the most robust candidate is taken, whatever their accuracies."""
+"""With fewer held-out groups, the most robust candidate is chosen regardless of accuracy."""
 
 
 @dataclasses.dataclass(frozen=True)
 class CandidateScore(Result):
-    """Score of a candidate under the split that chose.
+    """Score of a candidate on the split that was used for the choice.
 
-    Of the best candidate the score is too good on average. ``fold_s`` is the mean time to train
-    and test a fold, without the features [s].
+    The score of the best candidate is optimistic on average. ``fold_s`` is the mean time of
+    training and testing a fold, without computing features [s].
     """
 
     candidate: Candidate
@@ -96,7 +96,7 @@ class CandidateScore(Result):
     fold_s: float
 
     def to_dict(self) -> dict[str, Any]:
-        """Return candidate, accuracy and time as what JSON can hold."""
+        """Return candidate, accuracy and time as a dictionary for JSON."""
         return {
             **self.candidate._asdict(),
             'accuracy': self.score.mean,
@@ -106,24 +106,24 @@ class CandidateScore(Result):
 
 @dataclasses.dataclass(frozen=True)
 class FeatureChoice(Result):
-    """The choice, and the candidates that it was made from.
+    """Chosen candidate, with the scores of all candidates.
 
     Attributes
     ----------
     chosen : Candidate
     ranking : tuple of CandidateScore
-        All candidates, the most accurate first.
+        All candidates, sorted by accuracy in descending order.
     nested : Score
-        Score of such a choice: the training trials of each fold choose for that fold (nested
-        cross-validation; Varma and Simon 2006).
+        Score of the selection procedure: the choice is repeated on the training trials of each
+        fold (nested cross-validation; Varma and Simon 2006).
     evaluation : Evaluation
-        Scores of the classifiers with the chosen set.
+        Scores of all classifiers with the chosen feature set.
     picks : tuple of (Candidate, int)
-        Choices inside the folds, and the number of folds of each.
+        Candidates chosen inside the folds, with the number of folds for each.
     groups : int
-        Held-out groups that chose; 0: random folds.
+        Number of held-out groups used for the choice; 0 for random folds.
     left_out : tuple of str
-        One sentence for each candidate that could not be fitted.
+        One sentence per candidate that could not be fitted.
     """
 
     chosen: Candidate
@@ -136,7 +136,7 @@ class FeatureChoice(Result):
 
     @property
     def has_few_groups(self) -> bool:
-        """True where there are too few groups for a choice, inside the folds at least."""
+        """True if there are too few groups for a choice by accuracy inside the folds."""
         return 0 < self.groups <= FEWEST_GROUPS
 
     def find_score(self, candidate: Candidate) -> CandidateScore:
@@ -144,13 +144,13 @@ class FeatureChoice(Result):
         return next(each for each in self.ranking if each.candidate == candidate)
 
     def find_runner_up(self) -> CandidateScore | None:
-        """Return the best of another set than the chosen one, else of its other classifiers."""
+        """Return the best candidate with another feature set, or else with another classifier."""
         others = [each for each in self.ranking if each.candidate != self.chosen]
         elsewhere = [e for e in others if e.candidate.feature_set != self.chosen.feature_set]
         return next(iter(elsewhere or others), None)
 
     def summarise(self) -> dict[str, Any]:
-        """Return what a model file states of the choice."""
+        """Return the description of the choice for the model file."""
         score = self.find_score(self.chosen)
         summary: dict[str, Any] = {
             'candidates': len(self.ranking),
@@ -167,7 +167,7 @@ class FeatureChoice(Result):
         return summary
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the choice as what JSON can hold."""
+        """Return the choice as a dictionary for JSON."""
         return {
             'chosen': self.chosen._asdict(),
             'ranking': [each.to_dict() for each in self.ranking],
@@ -180,35 +180,37 @@ class FeatureChoice(Result):
 
 
 class ChoicePlan:
-    """The choice among tables of the same trials, by feature set; a `Plan`.
+    """`Plan` that chooses among tables of the same trials with different feature sets.
 
-    Its result is a tuple with one `FeatureChoice` a part. The choice is made by the folds of all
-    repetitions. Folds inside each fold's training trials choose for that fold in the same way,
-    which gives the nested score (first repetition). A candidate that is more robust (`ROBUST`) is
-    preferred unless another is better by more than the standard error of their difference.
-    Where the training trials of a random fold cannot be divided once more, there is no choice: the
-    only candidate is `FEW_TRIALS` on the first table, and ``no_choice`` says why.
+    Its result is a tuple with one `FeatureChoice` per part. The choice uses the folds of all
+    repetitions. For the nested score, the choice is repeated on inner folds of the training trials
+    of each fold (first repetition only). A more robust candidate (`ROBUST`) is preferred unless
+    another is better by more than the standard error of their difference.
+
+    If the training trials of a random fold cannot be divided again, nothing is chosen: the only
+    candidate is `FEW_TRIALS` on the first table, and ``no_choice`` gives the reason.
 
     Parameters
     ----------
     tables : mapping of str to FeatureTable
-        Of tables with equally robust classifiers the first is preferred, so cheap ones come first.
+        Tables by feature set. The first of equally robust tables is preferred, so tables that are
+        cheap to compute should come first.
     split : Split
-        Of the trials of each table.
+        Split of the trials of all tables.
     random_state : int
-        Seed of the folds inside the folds.
+        Seed of the inner folds.
     scaling : str
-        The only scaling that is tried; empty: all.
+        The only scaling to try; if empty, all scalings are tried.
     parts : ndarray of int, shape (trials,), optional
-        Trials of different parts, such as flexion and abduction, have models of their own, which
-        share a candidate.
+        Part of each trial, such as flexion or abduction. A separate model is trained for each
+        part, all with the same candidate.
 
     Raises
     ------
     DatasetError
-        When the tables are not of the same trials.
+        If the tables do not contain the same trials.
     EvaluationError
-        When no candidate can be fitted (`finish`).
+        If no candidate can be fitted (`finish`).
     """
 
     def __init__(
@@ -224,7 +226,7 @@ class ChoicePlan:
         self._parts = np.zeros(len(self._first), dtype=np.intp) if parts is None else parts
         for name, table in tables.items():
             if not np.array_equal(table.labels, self._first.labels):
-                raise DatasetError(f'the table of {name} is not of the same trials')
+                raise DatasetError(f'the table of {name} contains other trials')
         repeats = INNER_REPEATS if len(self._first) <= MANY_TRIALS else 1
         self._candidates = [
             Candidate(name, *pair)
@@ -244,12 +246,12 @@ class ChoicePlan:
             self.no_choice = f'nothing is chosen: {error}'
 
     def _divide(self, train: Indices, repeats: int, random_state: int) -> list[Fold]:
-        """Return the folds inside a fold; none where too few groups are left."""
-        # Each part must know its own labels.
+        """Return the inner folds of a fold; empty if too few groups remain."""
+        # All labels of a part must occur in its training trials.
         labels = np.char.add(self._parts.astype(str), np.char.add(' ', self._first.labels))
         groups = self._split.groups
         if groups is not None and len(np.unique(groups[train])) <= INNER_FOLDS:
-            repeats = 1  # each group is held out once, whatever the seed
+            repeats = 1  # holding out each group once does not depend on the seed
         seeds = range(random_state, random_state + repeats)
         try:
             divisions = [
@@ -262,7 +264,7 @@ class ChoicePlan:
         return [fold for division in divisions for fold in division]
 
     def tasks(self) -> list[Task]:
-        """Return one task a candidate and fold."""
+        """Return one task per candidate and fold."""
         folds = [fold for repeat in self._split.repeats for fold in repeat]
         inner = [*self._inner, *[[] for _ in folds[len(self._inner) :]]]
         return [
@@ -275,7 +277,7 @@ class ChoicePlan:
         ]
 
     def finish(self, answers: Sequence[FoldAnswers | str]) -> tuple[FeatureChoice, ...]:
-        """Return the choice for each part, among the candidates that could be fitted."""
+        """Return the choice for each part from the candidates that could be fitted."""
         folds = [fold for repeat in self._split.repeats for fold in repeat]
         candidates, found, left_out = list[Candidate](), list[list[FoldAnswers]](), list[str]()
         for i, candidate in enumerate(self._candidates):
@@ -286,7 +288,7 @@ class ChoicePlan:
                 found.append(fitted)
             else:
                 reason = next(answer for answer in of_it if isinstance(answer, str))
-                left_out.append(f'{", ".join(candidate)} is left out: {reason}')
+                left_out.append(f'{", ".join(candidate)} left out: {reason}')
         if not candidates:
             raise EvaluationError(f'no classifier can be fitted: {left_out[0]}')
         true = self._first.labels
@@ -305,14 +307,14 @@ class ChoicePlan:
         )
 
     def _pick(self, candidates: Sequence[Candidate], right: Matrix, rows: Indices) -> int:
-        """Return the number of the candidate that some trials choose.
+        """Return the index of the candidate chosen on a subset of the trials.
 
-        It is the most robust one that is not worse than the best by more than the standard error
-        of their difference over the held-out groups, or over trials where folds are random (the
-        rule of one standard error; Breiman et al. 1984).
+        The one-standard-error rule (Breiman et al. 1984) is used: the most robust candidate that
+        is not worse than the best by more than the standard error of their difference. The
+        standard error is computed over held-out groups, or over trials for random folds.
 
-        ``right``, shape (candidates, trials), is how often each candidate named a trial correctly
-        [1], NaN where it was not tested.
+        ``right``, shape (candidates, trials), is the fraction of correct predictions of each
+        candidate for each trial [1]; NaN if it was not tested.
         """
         by_robustness = sorted(range(len(candidates)), key=lambda i: _rank(candidates[i]))
         rows = rows[np.isfinite(right[0, rows])]
@@ -337,7 +339,7 @@ class ChoicePlan:
         picks: Sequence[int],
         left_out: Sequence[str],
     ) -> FeatureChoice:
-        """Return the choice with the scores of one part."""
+        """Return the `FeatureChoice` with the scores of one part."""
         split, first = self._split.take(keep), self._first.take(keep)
 
         def score(candidate: Candidate, whole: Split, each: Sequence[FoldAnswers]) -> Score:
@@ -372,11 +374,11 @@ class ChoicePlan:
 
 @dataclasses.dataclass(frozen=True)
 class FoldAnswers:
-    """One candidate in one fold.
+    """Predictions of a candidate in one fold.
 
-    ``said`` are the answers on its tests. ``inner_right``, shape (trials,), is how often the folds
-    inside named each training trial correctly [1], NaN where they did not test it. ``time_s`` is
-    the time of training and tests [s].
+    ``said`` holds the predictions for the test trials. ``inner_right``, shape (trials,), is the
+    fraction of correct predictions for each training trial in the inner folds [1]; NaN if it was
+    not tested. ``time_s`` is the time of training and testing [s].
     """
 
     said: npt.NDArray[np.str_]
@@ -387,10 +389,10 @@ class FoldAnswers:
 def answer_fold(
     candidate: Candidate, table: FeatureTable, parts: Indices, fold: Fold, inner: Sequence[Fold]
 ) -> FoldAnswers | str:
-    """Return the answers of a candidate in one fold and in those inside it; one model a part.
+    """Train and test a candidate in one fold and its inner folds, with one model per part.
 
-    Random convolutions are fitted once to the fold's training trials; the folds inside share them.
-    Returns one sentence if the candidate cannot be fitted to these trials.
+    Random convolutions are fitted once to the training trials of the fold and reused for its inner
+    folds. Returns the reason if the candidate cannot be fitted to these trials.
     """
     try:
         return _answer_fold(candidate, table, parts, fold, inner)
@@ -427,9 +429,10 @@ def _answer_fold(
 
 
 def _rank(candidate: Candidate) -> tuple[int, bool]:
-    """Return a number that is lower for a more robust candidate.
+    """Return a sort key that is lower for more robust candidates.
 
-    Sets over the surface come first: on public recordings they are better in new conditions.
+    Feature sets over distance come first, because they were better in new conditions on public
+    recordings.
     """
     found = find_feature_set(candidate.feature_set)
     return ROBUST.index(candidate[1:]), not getattr(found, 'needs_speed', False)
@@ -441,9 +444,10 @@ def _select(keep: npt.NDArray[np.bool_], fold: Fold) -> Fold:
 
 
 def _list_pairs(table: FeatureTable, scaling: str) -> list[tuple[str, str]]:
-    """Return classifiers and scalings; a tree compares, and so no scaling changes it.
+    """Return the classifiers and scalings to try for a table.
 
-    The four classifiers on a waveform itself take its samples for features of any order.
+    Decision trees are only tried once, because they do not depend on scaling. The four classifiers
+    of the paper ignore the order of the samples of a waveform.
     """
     pairs = list_pairs(table, [ROCKET] if table.is_waveform else None)
     pairs = [pair for pair in pairs if pair != ('tree', 'standard')]

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writes a trained classifier as a model file; its labels are compared with scikit-learn's."""
+"""Write a trained classifier to a model file, and compare its labels with scikit-learn."""
 
 from __future__ import annotations
 
@@ -36,34 +36,35 @@ if TYPE_CHECKING:
     from sklearn.svm import SVC
 
 POINTS_NEAR_BORDERS = 1_000
-"""Points between training trials of different labels at which labels are compared."""
+"""Number of points near decision boundaries at which labels are compared."""
 
 BISECTIONS = 4
-"""Halvings of the way between two trials: a point is within 1/16 of it from the border."""
+"""Bisections between two trials; the point is within 1/16 of their distance from the boundary."""
 
 ROUNDING = 1e-9
-"""Largest relative difference of the deciding distances or decision values at which a label may
-differ from scikit-learn's: rounding decides such ties."""
+"""Maximum relative margin of distances or decision values at which a label may differ from
+scikit-learn, because rounding errors decide such ties."""
 
 Matrix = npt.NDArray[np.float64]
 
 
 def write_model(path: str | Path, trained: Trained) -> TactileModel:
-    """Write a model whose labels are those of scikit-learn; return it as loaded from the bytes.
+    """Write a model file; return the model as loaded from the written bytes.
 
-    Labels are compared at every training trial and at points near the borders between labels.
+    Labels are compared with scikit-learn at all training trials and at points near decision
+    boundaries.
 
     Parameters
     ----------
     path : str or Path
-        Replaced at once when the model is complete; never half written.
+        Replaced atomically when the model is complete.
     trained : Trained
-        From `train`.
+        Result of `train`.
 
     Raises
     ------
     ModelFileError
-        When a label differs that rounding does not explain, or the file cannot be written.
+        If a label differs by more than rounding, or the file cannot be written.
     """
     try:
         data = pack_trained(trained)
@@ -84,40 +85,40 @@ def pack_trained(trained: Trained) -> bytes:
 def _check_names(trained: Trained) -> None:
     labels = trained.manifest.labels
     if list(trained.estimator.classes_) != list(labels):
-        raise ModelFileError("the labels of the manifest are not the estimator's")
+        raise ModelFileError('the labels of manifest and estimator differ')
     taken = sorted({UNKNOWN, NO_ANSWER} & set(labels))
     if taken:
         raise ModelFileError(
-            f'the label "{taken[0]}" is the name of an answer without a label; rename it'
+            f'the label "{taken[0]}" is reserved for windows without a label: rename it'
         )
 
 
 @on_one_thread
 def check_labels(predictor: Predictor, estimator: Pipeline, values: Matrix) -> None:
-    """Raise ModelFileError when a label is another than the estimator's.
+    """Raise ModelFileError if predicted labels differ between predictor and estimator.
 
-    Compared are the training trials, shape (trials, k), and points near the borders between them.
+    Labels are compared at the training trials, shape (trials, k), and near decision boundaries.
     """
     near = _find_points_near_borders(predictor, values)
-    for rows, name in ((values, 'training trials'), (near, 'points near borders')):
+    for rows, name in ((values, 'training trials'), (near, 'points near boundaries')):
         answers = predictor.compute_raw_scores(rows).argmax(axis=1)
         differs = estimator.classes_[answers] != estimator.predict(rows)
         for i in np.flatnonzero(differs):
             margin = predictor.classifier.find_margin(predictor.scale(rows[i]))
             if margin > ROUNDING:
                 raise ModelFileError(
-                    f'{np.count_nonzero(differs)} of {len(rows)} {name} get another label than by '
-                    f'scikit-learn, number {i} with a margin of {margin:.1e}; please report this, '
-                    'and choose another classifier'
+                    f'the labels of {np.count_nonzero(differs)} of {len(rows)} {name} differ from '
+                    f'scikit-learn, first at index {i} with a margin of {margin:.1e}: report this '
+                    'as a bug, and choose another classifier'
                 )
 
 
 def _find_points_near_borders(predictor: Predictor, values: Matrix) -> Matrix:
-    """Return points between training trials near which the label changes, shape (points, k)."""
+    """Return points near decision boundaries between training trials, shape (points, k)."""
     rng = np.random.default_rng(RANDOM_STATE)
     answers = predictor.compute_raw_scores(values).argmax(axis=1)
     first, second = rng.integers(len(values), size=(2, 20 * POINTS_NEAR_BORDERS))
-    # Pairs of different answers come first, so that others only fill up.
+    # Pairs with different predictions come first; others are only used if these are too few.
     order = np.argsort(answers[first] == answers[second], kind='stable')[:POINTS_NEAR_BORDERS]
     low, high = values[first[order]], values[second[order]]
     of_low = answers[first[order]]
@@ -130,7 +131,7 @@ def _find_points_near_borders(predictor: Predictor, values: Matrix) -> Matrix:
 
 
 def make_predictor(trained: Trained) -> Predictor:
-    """Return the arrays of what was fitted."""
+    """Return the fitted parts as a `Predictor`."""
     scaling = None
     if 'scale' in trained.estimator.named_steps:
         scaler = trained.estimator.named_steps['scale']
@@ -159,7 +160,7 @@ def _take_classifier(estimator: Any) -> Classifier:
 def _take_pair_weights(machine: SVC) -> Matrix:
     """Return the weight of each support vector in each pair of labels, shape (pairs, vectors).
 
-    libsvm keeps, for each vector of one label, its weights against the others.
+    libsvm stores the weights of each support vector against the other labels.
     """
     labels, dual = len(machine.classes_), machine.dual_coef_
     if labels == 2:
@@ -188,7 +189,7 @@ def _take_convolutions(estimator: RandomConvolutionClassifier) -> Convolutions:
 
 
 def replace_file(path: Path, data: bytes) -> None:
-    """Write a file at once, so that it is never half written."""
+    """Write a file atomically."""
     temporary = None
     try:
         with tempfile.NamedTemporaryFile(
@@ -198,7 +199,7 @@ def replace_file(path: Path, data: bytes) -> None:
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
-        os.chmod(temporary, 0o644)  # others may not read a temporary file
+        os.chmod(temporary, 0o644)  # temporary files are only readable by their owner
         os.replace(temporary, path)
     except OSError as error:
         if temporary is not None:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fitting a classifier to a table of features, with the manifest of its model file."""
+"""Train a classifier on a table of features, and create the manifest of its model file."""
 
 from __future__ import annotations
 
@@ -50,10 +50,10 @@ LIBRARIES = ('numpy', 'scikit-learn')
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Trained:
-    """The fitted parts of a model, and what its file will say of them.
+    """Fitted parts of a model, and its manifest.
 
-    ``values``, shape (trials, k), are the features that the estimator was fitted on. Without a
-    calibration raw scores are given.
+    ``values``, shape (trials, k), holds the training features. Without a calibration, the model
+    returns raw scores.
     """
 
     estimator: Pipeline
@@ -76,28 +76,31 @@ def train(
     hold_out: Sequence[str] = ('session_id',),
     parameters: Mapping[str, Any] | None = None,
 ) -> Trained:
-    """Fit a classifier to all the trials of a table, and calibrate its answers.
+    """Fit a classifier to all trials of a table, and calibrate its scores.
 
-    Thresholds and probabilities come from trials that are held out in turn, whole groups of
-    ``hold_out`` where there are several (`make_group_folds`); the classifier in the file is then
-    fitted to all trials. Too few trials: no novelty, no probabilities, and the manifest says why.
+    Threshold and probabilities are computed from held-out trials: whole groups of ``hold_out`` if
+    there are several (`make_group_folds`). The classifier in the file is fitted to all trials.
+    With too few trials, the model has no novelty and no probabilities, and the manifest states
+    why.
 
     Parameters
     ----------
     table : FeatureTable
-        Its columns ``contact``, ``simulated`` and ``session_id``, where present, count.
+        Training trials. The columns ``contact``, ``simulated`` and ``session_id`` are used if
+        present.
     classifier, scaling : str
-        See `build_estimator`; an empty scaling means the task's default.
+        See `build_estimator`; an empty scaling selects the default of the task.
     false_alarm_rate : float
-        Share of windows of known labels that may be rejected as unknown, in the mean over
+        Fraction of windows of known labels that may be rejected as unknown, on average over
         sessions [1].
     strict : bool
-        Take the largest of the sessions' thresholds: the share then holds in most new sessions,
-        and fewer unknown objects are found.
+        Use the strict threshold of `HeldOutNovelty`, which holds in most new sessions but detects
+        fewer unknown objects.
     score : Score, optional
         Cross-validated score of the same classifier and scaling.
     choice : FeatureChoice, optional
-        Choice of features, classifier and scaling; the card then states its nested score.
+        Automatic choice of features, classifier and scaling; the card then contains its nested
+        score.
     hold_out : sequence of str
         Columns whose groups probabilities and thresholds are to hold for.
     parameters : mapping, optional
@@ -106,10 +109,10 @@ def train(
     Raises
     ------
     DatasetError
-        When there are too few trials or one class only, when a column is missing, or when the
-        model file would be too large.
+        If there are too few trials or only one class, if a column is missing, or if the model file
+        would be too large.
     ValueError
-        When a name is not known, the rate is not between 0 and 1, or the score is of another
+        If a name is unknown, the rate is not between 0 and 1, or the score belongs to another
         classifier.
     """
     scaling = scaling or default_scaling(table.task, classifier)
@@ -117,20 +120,20 @@ def train(
         score = choice.nested
     if score is not None and (score.classifier, score.scaling) != (classifier, scaling):
         raise ValueError(
-            f'the score is of {score.classifier} with scaling {score.scaling}, '
-            f'not of {classifier} with scaling {scaling}'
+            f'the score belongs to {score.classifier} with scaling {score.scaling}, '
+            f'not to {classifier} with scaling {scaling}'
         )
     if not 0.0 < false_alarm_rate < 1.0:
-        raise ValueError(f'the rate is {false_alarm_rate}; it must lie between 0 and 1')
+        raise ValueError(f'false_alarm_rate is {false_alarm_rate}; it must be between 0 and 1')
     if classifier == ROCKET and not table.is_waveform:
         raise DatasetError(
-            f'random convolutions need a waveform, and {table.spec.feature_set} is none: take '
+            f'random convolutions need a waveform, not {table.spec.feature_set}: use '
             'glide_waveform, spatial_waveform or hold_waveform'
         )
     check_size(table)
     labels = np.unique(table.labels)
     if len(labels) < 2:
-        raise DatasetError(f'there is one class only, "{table.labels[0]}"; record at least two')
+        raise DatasetError(f'there is only one class, "{table.labels[0]}": record at least two')
     if len(table) < 3:
         raise DatasetError('training needs three trials at least')
     held_out, stated = _calibrate(
@@ -179,18 +182,18 @@ def train(
 
 
 def check_size(table: FeatureTable) -> None:
-    """Raise DatasetError when a model of so many trials and features would be too large a file.
+    """Raise DatasetError if the model file of a table would be too large.
 
-    Most of a file are the two matrices of the novelty measure, and the trials of this measure and
-    of the nearest neighbours.
+    The largest arrays are the two matrices of the novelty measure, and the training trials of the
+    measure and of the nearest-neighbour classifier.
     """
     (trials, features), labels = table.values.shape, len(np.unique(table.labels))
     size = 8 * (2 * features**2 + trials * (2 * features + labels))
     if size > MAX_MODEL_BYTES - MAX_MANIFEST_BYTES:
         raise DatasetError(
-            f'{trials} trials of {features} features ({table.spec.feature_set}) would give a '
-            f'model file of {size / 2**20:.0f} MiB, the limit is {MAX_MODEL_BYTES >> 20} MiB: '
-            'take fewer trials, one channel, or shorter windows'
+            f'{trials} trials of {features} features ({table.spec.feature_set}) need a model file '
+            f'of {size / 2**20:.0f} MiB; the limit is {MAX_MODEL_BYTES >> 20} MiB: '
+            'use fewer trials, one channel, or shorter windows'
         )
 
 
@@ -203,9 +206,9 @@ def _calibrate(
     strict: bool,
     hold_out: Sequence[str],
 ) -> tuple[HeldOutCalibration | None, dict[str, Any]]:
-    """Return the calibration and the manifest's entry; None, and the reason, if there is none."""
+    """Return the calibration and its manifest entry; None and the reason if it is impossible."""
     columns = [find_column(table.columns, name) for name in hold_out]
-    if columns != ['session_id']:  # a table may have no sessions, and then trials are held out
+    if columns != ['session_id']:  # the default: without sessions, trials are held out
         for name in columns:
             table.column(name)
     try:
@@ -238,7 +241,7 @@ def _calibrate(
 
 
 def describe_training(table: FeatureTable) -> TrainingTrials:
-    """Return under how many conditions the trials were recorded, as their columns say."""
+    """Return the recording conditions of the trials, from the columns of the table."""
     speeds = _different(table, 'glide_speed_m_s')
     speeds = [speed for speed in speeds if np.isfinite(speed) and speed > 0.0]
     return TrainingTrials(
@@ -252,7 +255,7 @@ def describe_training(table: FeatureTable) -> TrainingTrials:
 
 
 def _different(table: FeatureTable, name: str) -> list[Any]:
-    """Return the values of a column, none where there is no such column; no empty text."""
+    """Return the distinct, non-empty values of a column; empty if there is no such column."""
     found = table.columns.get(name, np.empty(0))
     return [value for value in np.unique(found).tolist() if value != '']
 

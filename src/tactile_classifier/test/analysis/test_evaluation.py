@@ -90,9 +90,9 @@ def test_groups_of_two_columns(noisy_table):
 @pytest.mark.parametrize(
     ('trials', 'options', 'message'),
     [
-        (np.arange(12), {}, 'one class only, "pla"'),
-        (np.r_[0, 12:36], {}, 'class "pla" has one trial only'),
-        (np.arange(36), {'folds': 1}, 'two folds or more'),
+        (np.arange(12), {}, 'only one class, "pla"'),
+        (np.r_[0, 12:36], {}, 'class "pla" has only one trial'),
+        (np.arange(36), {'folds': 1}, 'at least two folds'),
         (np.arange(36), {'hold_out': ['all']}, 'all trials have the same all'),
         (np.arange(36), {'hold_out': ['speed']}, 'no column "speed"'),
         (np.r_[0:24, 25:36:2], {'hold_out': ['day']}, 'class "sponge" have the same day'),

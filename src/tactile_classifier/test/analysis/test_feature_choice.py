@@ -138,7 +138,7 @@ def test_with_two_sessions_nothing_is_chosen_by_trials_of_the_session_that_train
     values[:, 0] += 4.0 * np.where(is_b ^ (session == 1), 1.0, -1.0)
     table = FeatureTable(values, labels, spec, {'session_id': session})
     split = grouped_split(table, ['session_id'])
-    with pytest.raises(EvaluationError, match='too few groups are left to train on'):
+    with pytest.raises(EvaluationError, match='too few training groups remain'):
         split.divide_again(split.repeats[0][0][0], labels, 0)
     choice = choose({'texture_spectrum': table}, split)
     most_robust = Candidate('texture_spectrum', *ROBUST[1])
@@ -212,7 +212,7 @@ SPECTRUM, WAVEFORM = ('texture_spectrum', 'svm_rbf', 'none'), ('glide_waveform',
         ([1.0, 1.0, 0.5, 1.0, 0.5], [0.5, 0.5, 1.0, 1.0, 0.75], WAVEFORM),
         # Better in every group.
         ([1.0] * 5, [0.75, 0.5, 0.75, 0.75, 0.5], SPECTRUM),
-        # Two groups are too few to choose by.
+        # Two groups are too few for a choice by accuracy.
         ([1.0] * 2, [0.75, 0.5], WAVEFORM),
     ],
 )

@@ -251,7 +251,7 @@ def test_what_is_no_waveform_or_is_scaled_is_refused(texture_table):
     labels = ['a', 'a', 'b', 'b']
     with pytest.raises(ValueError, match='use the scaling "none"'):
         build_estimator('rocket', 'standard')
-    with pytest.raises(DatasetError, match='texture_spectrum is none: take glide_waveform'):
+    with pytest.raises(DatasetError, match='not texture_spectrum: use glide_waveform'):
         train(texture_table, 'rocket')
     with pytest.raises(DatasetError, match='9 samples or more'):
         RandomConvolutionClassifier().fit(np.zeros((4, 8)), labels)

@@ -149,7 +149,7 @@ def test_a_parameter_of_the_feature_node_alone_is_noticed(
     finger.play(*make_trials())
     finger.spin_until(lambda: len(finger.heard) == 2)
     log = capfd.readouterr().err
-    assert 'announces no features that model texture-flexion-svm_linear' in log
+    assert 'does not compute the features of model texture-flexion-svm_linear' in log
     assert f'give its parameter models {model_path}' in log
     for answer in finger.answers:
         assert (answer.outcome, answer.label) == (Outcome.NO_FEATURES, '')

@@ -72,7 +72,7 @@ def test_values_of_another_shape_are_refused(model, small_table):
         ({'sample_count': 90}, 'window in samples is 90; the model was trained on 180'),
         ({'values': np.zeros(90)}, 'number of features is 90; the model was trained on 91'),
         ({'values': np.full(91, np.nan)}, 'the features are not finite'),
-        ({'values': np.full(91, 1.7e308)}, 'the model gives no finite scores'),
+        ({'values': np.full(91, 1.7e308)}, 'scores of these features are not finite'),
     ],
 )
 def test_window_that_gives_no_answer_says_why(model, make_window, changes, reason):
@@ -143,7 +143,7 @@ def test_too_few_trials_give_raw_scores_and_the_reason(stiffness_table, tmp_path
     table = stiffness_table.take(np.r_[0:6, 12:18, 24:30])
     trained = train(table, 'svm_linear')
     assert trained.manifest.calibration == {
-        'reason': '18 trials cannot bound false rejection at 0.05; 19 are needed'
+        'reason': 'a threshold with a false rejection rate of 0.05 needs 19 trials, has 18'
     }
     model = write_model(tmp_path / 'm.npz', trained)
     found = model.compute(table.values)
@@ -193,7 +193,7 @@ def test_an_early_answer_has_probabilities_and_an_unknown_of_its_own(
     result = early_model.classify_window(early_window(0, values=early_table.values[0] + 1.0))
     assert (result.outcome, result.label) == (Outcome.UNKNOWN, '')
     assert result.novelty > result.novelty_threshold > 0.0
-    assert 'unlike all that the model was trained on' in result.reason
+    assert 'unlike all training trials' in result.reason
     assert (len(result.scores), result.false_alarm_rate) == (4, 0.05)
     silent = early_window(0, values=np.full(31, np.nan))
     assert early_model.classify_window(silent).outcome == Outcome.NO_FEATURES

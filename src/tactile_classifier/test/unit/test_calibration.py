@@ -190,7 +190,7 @@ def test_trials_or_conditions_are_folds_where_sessions_do_not_allow_it():
     # A label with one condition alone would be held out whole.
     once = table.take((table.labels == 'a') | (table.column('speed') == 0))
     assert make_group_folds(once).split == 'stratified 3-fold over trials'
-    with pytest.raises(DatasetError, match='label "b" has one trial only'):
+    with pytest.raises(DatasetError, match='label "b" has only one trial'):
         make_group_folds(make_table(['a', 'a', 'b']))
 
 

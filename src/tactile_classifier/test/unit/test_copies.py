@@ -43,7 +43,7 @@ def test_each_trial_twice_leaves_noise_at_chance_and_is_named():
     assert once.score('knn', 'none').mean < 0.5
     assert twice.score('knn', 'none').mean < 0.5  # 0.94 while copies were divided
     (warning,) = twice.warnings
-    assert warning.startswith('60 of 120 trials are copies of other ones: 60 of 0, 61 of 1, ')
+    assert warning.startswith('60 of 120 trials are copies of other trials: 60 of 0, 61 of 1, ')
     assert twice.score('knn', 'none').interval.method.endswith('over 60 groups of repeats')
     assert not once.warnings
 
@@ -177,7 +177,7 @@ def test_few_different_trials_have_fewer_folds_and_a_stated_split_between_copies
     assert all(hold_together(folds, table.copies) for folds in split.repeats)
     few = double(spectra(4), name_labels(4, 2))  # each trial is held out with its copy
     assert [len(test) for _, test in stratified_split(few).repeats[0]] in ([2] * 4, [4, 4])
-    with pytest.raises(EvaluationError, match='has one trial only'):
+    with pytest.raises(EvaluationError, match='has only one trial'):
         stratified_split(double(spectra(3), name_labels(3)))
     first = np.arange(24) < 12
     with pytest.raises(EvaluationError, match='12 trials with a are copies of trials with b'):

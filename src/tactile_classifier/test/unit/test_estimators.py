@@ -88,7 +88,9 @@ def test_labels_at_all_midpoints_of_91_features_are_those_of_scikit_learn(
 
 
 def test_fewer_trials_than_neighbours_are_refused():
-    with pytest.raises(TooFewTrialsError, match='3 neighbours are asked of 2 training trials'):
+    with pytest.raises(
+        TooFewTrialsError, match='3 neighbours need at least 3 training trials, not 2'
+    ):
         build_estimator('knn', 'none').fit([[0.0], [1.0]], ['a', 'b'])
 
 
@@ -106,7 +108,7 @@ def test_machine_that_does_not_converge_says_so(monkeypatch):
     monkeypatch.setattr(classifiers, 'MAX_SVM_STEPS', 1_000)
     rng = np.random.default_rng(1)
     values, labels = rng.normal(300.0, 100.0, (60, 3)), np.tile(['a', 'b'], 30)
-    with pytest.raises(ConvergenceWarning, match=r'linear .* was stopped after 1,000 steps'):
+    with pytest.raises(ConvergenceWarning, match=r'linear .* has not converged after 1,000 steps'):
         build_estimator('svm_linear', 'none').fit(values, labels)
     build_estimator('svm_linear', 'none').fit(np.where(labels == 'a', 1.0, 2.0)[:, None], labels)
 
@@ -116,7 +118,7 @@ def test_machine_that_never_gives_a_label_says_so():
     labels = np.repeat(['a', 'b'], [20, 19])
     values = 1e-3 * (labels == 'a')[:, None]  # as small as amplitudes in newtons can be
     silent = build_estimator('svm_linear', 'none').fit(values, labels)  # as in a fold
-    with pytest.raises(UserWarning, match=r'linear .* never answers b,'):
+    with pytest.raises(UserWarning, match=r'linear .* never predicts b,'):
         warn_of_labels_never_given(silent, values)
     for classifier, scaling, first in (
         ('svm_linear', 'none', 1), ('svm_linear', 'standard', 0), ('tree', 'none', 0)

@@ -25,7 +25,7 @@ def test_threshold_of_the_fewest_trials_is_their_largest(rate, needed):
     novelty = np.random.default_rng(0).permutation(needed) + 1.0
     assert trials_needed(rate) == needed
     assert HeldOutNovelty((novelty,)).compute_threshold(rate) == needed
-    with pytest.raises(ValueError, match=f'{needed} are needed'):
+    with pytest.raises(ValueError, match=f'needs {needed} trial'):
         HeldOutNovelty((novelty[:-1],)).compute_threshold(rate)
 
 
@@ -57,7 +57,7 @@ def test_thresholds_of_known_numbers():
     # Of all 240 trials, 12 of 241 may lie above with the new one: 11 do.
     assert known.compute_threshold(0.05) == 128.0
     assert known.reject_sessions(0.05) == (0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
-    with pytest.raises(ValueError, match='99 are needed'):
+    with pytest.raises(ValueError, match='needs 99 trials'):
         by_session(novelty[:2]).compute_threshold(0.01)
 
 

@@ -174,14 +174,18 @@ SEVERAL = TrainingTrials(3, 3, 2, 0.02, 0.03, 0)
 @pytest.mark.parametrize(
     ('changes', 'present', 'absent'),
     [
-        ({'simulated': True}, ['SIMULATED trials say nothing of a real finger.'], []),
+        (
+            {'simulated': True},
+            ['SIMULATED trials do not predict the accuracy with a real finger.'],
+            [],
+        ),
         (
             {'training': ONE, 'calibration': {}},
             [
                 '1 session, 1 mounting, 20 mm/s',
-                'No session was held out: a new session may do worse.',
-                'All trials are of one mounting: another mounting was not tested.',
-                'at 20 mm/s: another sliding speed was not tested.',
+                'No session was held out: accuracy may be lower in a new session.',
+                'All trials have the same mounting: other mountings were not tested.',
+                'at 20 mm/s: other sliding speeds were not tested.',
             ],
             ['SIMULATED'],
         ),
@@ -189,14 +193,14 @@ SEVERAL = TrainingTrials(3, 3, 2, 0.02, 0.03, 0)
             {'training': SEVERAL},
             [
                 '3 sessions, 3 mountings, 2 sliding speeds from 20 to 30 mm/s',
-                '3 sessions were held out in turn. The threshold for unknown objects holds in 75',
+                'Each of 3 sessions was held out once. The threshold for unknown objects holds in',
             ],
-            ['another mounting', 'speed was not tested'],
+            ['other mountings', 'speeds were not tested'],
         ),
         (
             {'calibration': {**GOOD.calibration, 'strict': False}},
             [
-                'The threshold for unknown objects holds in the mean over new sessions like these',
+                'The threshold for unknown objects holds on average over new sessions like these',
             ],
             [],
         ),
@@ -208,14 +212,14 @@ SEVERAL = TrainingTrials(3, 3, 2, 0.02, 0.03, 0)
         # Too few trials for the rate: that is the reason, not the sessions.
         (
             {'training': SEVERAL, 'calibration': {'reason': '12 trials cannot'}},
-            ['No session was held out: 12 trials cannot. A new'],
+            ['No session was held out: 12 trials cannot. Accuracy'],
             ['one session only'],
         ),
         (
             {'confidence': Confidence(), 'score_kind': 'votes'},
             [
                 'raw (votes), not calibrated',
-                'It never answers "unknown": every object is given a name.',
+                'Without a threshold for "unknown", every object receives a known label.',
             ],
             ['An unknown object that feels'],
         ),
@@ -254,7 +258,7 @@ def test_the_card_says_what_was_chosen_and_what_unlearned_labels_do(texture_tabl
     facts = list_facts(manifest)
     runner_up = choice.find_runner_up()
     assert facts['chosen'].startswith(
-        'from 4 sets of features with classifiers; '
+        'from 4 combinations of features and classifier; '
         f'runner-up: texture_spectrum, {CLASSIFIER_TITLES[runner_up.candidate.classifier]}, '
     )
     # One accuracy: the nested one. Neither that of the best candidate nor of the calibration.
@@ -266,24 +270,26 @@ def test_the_card_says_what_was_chosen_and_what_unlearned_labels_do(texture_tabl
     few = {**manifest.cross_validation['choice'], 'groups': 2, 'has_few_groups': True}
     stated = {**manifest.cross_validation, 'choice': few}
     warned = list_facts(dataclasses.replace(manifest, cross_validation=stated))['chosen']
-    assert '2 groups are too few to choose by' in warned
+    assert '2 groups are too few for a choice by accuracy' in warned
     assert 'too few' not in facts['chosen']
     unlearned = manifest.calibration['unlearned']
     assert facts['unlearned labels'] == (
-        f'{100 * unlearned["miss_rate"]:.0f} % of their trials get a known name by the mean '
-        f'threshold, {100 * unlearned["strict_miss_rate"]:.0f} % by the strict one: each of 8 '
-        'labels left out in turn'
+        f'{100 * unlearned["miss_rate"]:.0f} % of their trials receive a known label with the '
+        f'mean threshold, {100 * unlearned["strict_miss_rate"]:.0f} % with the strict threshold '
+        '(each of 8 labels left out once)'
     )
-    assert list_facts(GOOD)['chosen'] == 'features and classifier as stated, not by the folds'
+    assert (
+        list_facts(GOOD)['chosen'] == 'features and classifier as given, not chosen automatically'
+    )
 
 
 @pytest.mark.parametrize(
     ('groups', 'half_width', 'warning'),
     [
-        (4, 0.02, '4 sessions are too few to know how good the probabilities are'),
+        (4, 0.02, '4 sessions are too few to assess the probabilities'),
         (6, 0.22, r'6 sessions are too few .* wrong by -16 to \+28 points'),
         (6, 0.05, None),
-        (0, None, 'without several sessions held out, it is not known how good the prob'),
+        (0, None, 'several held-out sessions are needed to assess the prob'),
     ],
 )
 def test_the_card_warns_where_groups_are_too_few_for_probabilities(groups, half_width, warning):
@@ -310,15 +316,14 @@ def test_the_card_states_both_thresholds_by_session_with_the_worst_one():
     manifest = dataclasses.replace(GOOD, calibration=calibration, false_alarm_rate=0.1)
     facts = list_facts(manifest)
     assert (
-        facts['unknown']
-        == 'above novelty 1.50, for 10 % false rejection in the mean over sessions'
+        facts['unknown'] == 'above novelty 1.50, for 10 % false rejection on average over sessions'
     )
     assert facts['false rejection, mean threshold'] == (
-        '8.3 % in the mean, at most 20 % (wed); mon 0, tue 5, wed 20 (sessions held out; above '
+        '8.3 % on average, at most 20 % (wed); mon 0, tue 5, wed 20 (sessions held out; above '
         'novelty 19.00)'
     )
-    assert facts['false rejection, strict threshold'].startswith('5.0 % in the mean, at most 15 %')
-    assert '20 % of their trials get a known name by the mean' in facts['unlearned labels']
+    assert facts['false rejection, strict threshold'].startswith('5.0 % on average, at most 15 %')
+    assert '20 % of their trials receive a known label with the mean' in facts['unlearned labels']
     strict = dataclasses.replace(manifest, calibration={**calibration, 'strict': True})
     assert list_facts(strict)['unknown'].endswith('false rejection in most new sessions')
 
@@ -328,7 +333,7 @@ def test_files_hold_the_card_of_their_manifest(model_path):
     card = load_model(model_path).card
     assert card == format_card(manifest)
     assert '- answers: texture, flexion: plate 0, plate 1, plate 2\n' in card
-    assert '3 sessions were held out in turn.' in list_limits(manifest)[1]
+    assert 'Each of 3 sessions was held out once.' in list_limits(manifest)[1]
 
 
 def test_the_card_of_many_long_and_strange_labels_stays_short_plain_text(small_table, tmp_path):

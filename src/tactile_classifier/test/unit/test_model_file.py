@@ -75,14 +75,14 @@ def test_a_model_that_changes_labels_is_not_written(small_table, tmp_path):
     path = tmp_path / 'm.npz'
     path.write_bytes(b'the old one')
     manifest = dataclasses.replace(trained.manifest, labels=trained.manifest.labels[::-1])
-    with pytest.raises(ModelFileError, match='labels of the manifest'):
+    with pytest.raises(ModelFileError, match='labels of manifest and estimator'):
         write_model(path, dataclasses.replace(trained, manifest=manifest))
     labels = np.where(small_table.labels == 'plate 0', UNKNOWN, small_table.labels)
-    with pytest.raises(ModelFileError, match='the label "unknown" is the name of an answer'):
+    with pytest.raises(ModelFileError, match='the label "unknown" is reserved'):
         write_model(path, train(dataclasses.replace(small_table, labels=labels), 'knn'))
     # Other labels on the same neighbours, as a fault in our prediction would give.
     trained.estimator[-1].predict = lambda values: np.full(len(values), 'plate 0')
-    with pytest.raises(ModelFileError, match='24 of 36 training trials get another label than by'):
+    with pytest.raises(ModelFileError, match='labels of 24 of 36 training trials differ from'):
         write_model(path, trained)
     assert path.read_bytes() == b'the old one'
     assert list(tmp_path.iterdir()) == [path]
@@ -106,7 +106,7 @@ def test_a_fault_that_shows_only_near_borders_is_found(small_table, classifier, 
         return np.where(is_near, [turned[label] for label in found], found)
 
     trained.estimator.predict = predict
-    with pytest.raises(ModelFileError, match='1 of 1000 points near borders get another label'):
+    with pytest.raises(ModelFileError, match='labels of 1 of 1000 points near boundaries differ'):
         check_labels(predictor, trained.estimator, trained.values)
 
 
@@ -226,7 +226,7 @@ LINEAR = {
     [
         ('classifier.coefficients', lambda a: None, 'has no array "classifier.coefficients"'),
         ('novelty.within', lambda a: None, 'it has no array "novelty.within"'),
-        ('classifier.trials', lambda a: np.zeros(3), '"classifier.trials", which belongs to no'),
+        ('classifier.trials', lambda a: np.zeros(3), 'unexpected array "classifier.trials"'),
         ('60.classifier.intercept', lambda a: np.zeros(3), '"60.classifier.intercept", which'),
         ('classifier.intercept', lambda a: a.astype(np.float32), 'holds float32, not float64'),
         ('classifier.intercept', lambda a: np.arange(3), 'holds int64, not float64'),
@@ -257,12 +257,12 @@ def test_arrays_under_the_manifest_of_another_model_are_refused(model_path):
     for changes, message in (
         ({'labels': ('a', 'b', 'c', 'd')}, 'values of its array "intercept" do not fit'),
         ({'spec': half}, r'it must be \(3, 46\)'),
-        ({'confidence': Confidence()}, 'calibration does not go with its kind of scores'),
+        ({'confidence': Confidence()}, 'its calibration and its kind of scores are inconsistent'),
         ({'scaling': 'standard'}, 'has no array "scaling.mean"'),
         ({'classifier': 'tree'}, 'has no array "classifier.feature"'),
         (
             {'confidence': dataclasses.replace(manifest.confidence, novelty_threshold=-1.0)},
-            'has the array "novelty.centre", which belongs to no part',
+            'unexpected array "novelty.centre"',
         ),
     ):
         with pytest.raises(ModelFileError, match=message):
@@ -271,8 +271,8 @@ def test_arrays_under_the_manifest_of_another_model_are_refused(model_path):
 
 def test_a_card_that_a_terminal_would_obey_is_refused(model_path):
     for card, message in (
-        ('\x1b[2J', 'no plain text'),
-        (3, 'no plain text'),
+        ('\x1b[2J', 'not plain text'),
+        (3, 'not plain text'),
         ('a' * 70_000, 'KiB'),
     ):
         with pytest.raises(ModelFileError, match=message):
@@ -297,7 +297,7 @@ def tree_path(small_table, tmp_path_factory):
 )
 def test_a_tree_without_an_end_is_refused(tree_path, name, edit):
     old = open_container(tree_path.read_bytes()).arrays[f'classifier.{name}']
-    with pytest.raises(ModelFileError, match=f'"{name}" do not fit its other arrays'):
+    with pytest.raises(ModelFileError, match=f'"{name}" are inconsistent with other arrays'):
         TactileModel(change(tree_path, {f'classifier.{name}': edit(old)}))
 
 
@@ -331,7 +331,7 @@ def rocket_path(small_table, tmp_path_factory):
 def test_convolutions_that_do_not_fit_are_refused(rocket_path, name, edit):
     assert load_model(rocket_path).manifest.classifier == 'rocket'
     old = open_container(rocket_path.read_bytes()).arrays[f'classifier.{name}']
-    with pytest.raises(ModelFileError, match='do not fit its other arrays'):
+    with pytest.raises(ModelFileError, match='are inconsistent with other arrays'):
         TactileModel(change(rocket_path, {f'classifier.{name}': edit(old)}))
 
 
@@ -362,7 +362,7 @@ def test_scores_that_are_not_finite_name_nothing(rocket_path, make_window):
     for each in (window, dataclasses.replace(window, values=window.values * 1e40)):
         answer = model.classify_window(each)
         assert (answer.outcome, answer.label) == (Outcome.NO_FEATURES, '')
-        assert 'no finite scores' in answer.reason
+        assert 'are not finite' in answer.reason
 
 
 def test_a_loaded_model_needs_neither_scikit_learn_nor_numba(rocket_path, model_path):

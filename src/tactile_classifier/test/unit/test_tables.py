@@ -144,11 +144,15 @@ def test_without_repeated_conditions_there_are_no_cells(columns):
     [
         ('mounting_id', 'aaaabbbbcccc', ['mounting and label coincide for 3 of 3 labels (a, b, ']),
         ('session_id', 'ababababcccc', ['session and label coincide for 1 of 3 labels (c)']),
-        ('session_id', 'aaaaaaaaabab', ['one session holds all trials of 2 of 3 labels (a, b)']),
+        (
+            'session_id',
+            'aaaaaaaaabab',
+            ['one session contains all trials of 2 of 3 labels (a, b)'],
+        ),
         (
             'session_id',
             'aaaaaabbcccc',
-            ['coincide for 1 of 3 labels (c)', 'holds all trials of 1 of 3 labels (a)'],
+            ['coincide for 1 of 3 labels (c)', 'contains all trials of 1 of 3 labels (a)'],
         ),
         ('session_id', 'ssssssssssss', []),
         ('mounting_id', 'aabbccddeeff', []),  # each label has two: holding one out is a test
@@ -175,7 +179,7 @@ def make_near_copies(noise, step):
 def test_random_folds_over_near_copies_say_so():
     table = make_near_copies(0.01, 0.0)
     found = evaluate(table, ['tree'], ['none'], repetitions=1)
-    assert any('repeats of what they train on' in warning for warning in found.warnings)
+    assert any('repeats of training trials' in warning for warning in found.warnings)
     held_out = evaluate(table, ['tree'], ['none'], hold_out=['session_id'])
     assert not held_out.warnings
     assert held_out.scores[0].mean < found.scores[0].mean
@@ -205,7 +209,7 @@ def check_folds(split, labels, seed):
             assert sorted([*train, *test]) == sorted(trials)
     for train, _ in split.repeats[0]:
         if len(train) < 6 and len(set(labels)) == 2:  # of a half three neighbours cannot be fitted
-            with pytest.raises(EvaluationError, match='2 trials would be left to train on'):
+            with pytest.raises(EvaluationError, match='only 2 training trials'):
                 split.divide_again(train, labels, seed)
             continue
         for a, b in split.divide_again(train, labels, seed):
@@ -234,7 +238,7 @@ def test_groups_stay_whole_in_folds_and_in_folds_of_folds(data, groups, seed):
     assert all(len(set(group[test])) == 1 for _, test in split.repeats[0])
     if groups == 2:  # one is left to train on
         for train, _ in split.repeats[0]:
-            with pytest.raises(EvaluationError, match='too few groups are left to train on'):
+            with pytest.raises(EvaluationError, match='too few training groups remain'):
                 split.divide_again(train, labels, 0)
         return
     for a, b in check_folds(split, labels, 0):
@@ -253,7 +257,7 @@ def test_inner_folds_whose_training_part_lacks_a_class_are_left_out():
 def test_one_trial_of_a_class_cannot_be_divided_again():
     labels = np.repeat(['a', 'b'], 8)
     split = stratified_split(make_table(labels), 2, 1)
-    with pytest.raises(EvaluationError, match='one trial of class "a" is left to train on'):
+    with pytest.raises(EvaluationError, match='one training trial of class "a"'):
         split.divide_again(np.array([0, 15]), labels, 0)
 
 
@@ -282,9 +286,14 @@ def test_a_stated_split_trains_on_the_one_and_tests_on_the_other():
     ('labels', 'train', 'test', 'message'),
     [
         ('abab', 'yyyn', 'nnyy', '1 trials are in both'),
-        ('ababcb', 'yyyynn', 'nnnnyy', 'class "c" has trials with test and none with train'),
+        (
+            'ababcb',
+            'yyyynn',
+            'nnnnyy',
+            'class "c" has trials with test, but no training trials with train',
+        ),
         ('aaaaaa', 'yyyynn', 'nnnnyy', 'all of one class'),
-        ('abab', 'yynn', 'nnyy', '2 trials would be left'),
+        ('abab', 'yynn', 'nnyy', 'only 2 training trials'),
     ],
 )
 def test_a_stated_split_that_cannot_be_is_refused(labels, train, test, message):

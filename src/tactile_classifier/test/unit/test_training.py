@@ -45,7 +45,7 @@ def test_manifest_states_what_was_trained(small_table):
 def test_a_label_that_the_model_never_gives_is_told_once(small_table):
     table = dataclasses.replace(small_table, values=1e-9 * small_table.values)
     table = table.take(np.arange(1, 36))
-    with pytest.warns(UserWarning, match='never answers') as told:
+    with pytest.warns(UserWarning, match='never predicts') as told:
         train(table, 'svm_linear', 'none')
     assert len(told) == 1
 
@@ -61,9 +61,9 @@ def test_contact_is_empty_when_mixed_or_unknown(small_table, stiffness_table):
 
 def test_what_cannot_be_trained_is_refused(small_table):
     score = evaluate(small_table, ['knn'], ['standard'], repetitions=1).scores[0]
-    with pytest.raises(ValueError, match='the score is of knn with scaling standard'):
+    with pytest.raises(ValueError, match='the score belongs to knn with scaling standard'):
         train(small_table, 'knn', 'none', score=score)
-    with pytest.raises(DatasetError, match='one class only'):
+    with pytest.raises(DatasetError, match='only one class'):
         train(small_table.take(np.arange(5)), 'knn')
     with pytest.raises(DatasetError, match='three trials'):
         train(small_table.take([0, 20]), 'tree')
@@ -74,7 +74,9 @@ def test_what_cannot_be_trained_is_refused(small_table):
 def test_only_too_few_trials_are_a_reason_for_no_probabilities(small_table, monkeypatch):
     few = small_table.take(np.arange(36) % 3 == 0)
     stated = train(few, 'knn', false_alarm_rate=0.01).manifest.calibration
-    assert stated == {'reason': '12 trials cannot bound false rejection at 0.01; 99 are needed'}
+    assert stated == {
+        'reason': 'a threshold with a false rejection rate of 0.01 needs 99 trials, has 12'
+    }
 
     def fail(*_, **__):
         raise ValueError('a fault')

@@ -170,7 +170,7 @@ def _describe_trial(number: int, trial: 'Trial') -> dict[str, Any]:
         'mounting': trial.mounting_id,
         'seconds': length_s,
         'ended': ended,
-        'does not count': trial.why_not,
+        'excluded': trial.why_not,
         'simulated': trial.simulated,
         'trial_id': trial.name,
     }
@@ -294,7 +294,7 @@ def _split_columns(trials: Sequence[dict[str, Any]]) -> tuple[list[str], str]:
 
 
 def _format_cell(name: str, value: Any) -> Cell:
-    return Prose(value) if name == 'does not count' else _format_value(value)
+    return Prose(value) if name == 'excluded' else _format_value(value)
 
 
 def _format_value(value: Any) -> str:

@@ -42,7 +42,7 @@ def save(tmp_path):
 def test_training_on_one_day_and_testing_on_the_other_equals_a_fit_by_hand(save):
     path, _ = save()
     said = hear_tactile('evaluate', path, *HOLDS, '--train-where', 'day=1', code=2)
-    assert 'give both' in said
+    assert 'must be given together' in said
     stated = ('--train-where', 'day=2', '--test-where', 'day=1')
     (found,) = ask_tactile('evaluate', path, *HOLDS, *stated)['sets']
     plain, held_out, stated = found['evaluations']
@@ -117,10 +117,10 @@ def test_columns_select_by_value_by_values_or_by_truth():
         assert select_trials(columns, text, 'where').tolist() == [bool(e) for e in expected]
     for text, sentence in {
         'night': '--where: there is no column "night"; there are: day',
-        'day=north': 'no value of column day',
+        'day=north': 'not a valid value of column day',
         'day=4': 'no trial has day=4',
-        'place': 'not true or false; write place=VALUE',
-        'good=maybe': 'no value of column good',
+        'place': 'not boolean; write place=VALUE',
+        'good=maybe': 'not a valid value of column good',
     }.items():
         with pytest.raises(TactileError, match=sentence):
             select_trials(columns, text, 'where')
@@ -197,7 +197,7 @@ def test_no_possible_split_is_one_sentence(tmp_path):
     x = np.random.default_rng(1).normal(size=(12, 60))
     np.savez(tmp_path / 'few.npz', x=x, label=label, rate_hz=60.0)
     said = hear_tactile('evaluate', tmp_path / 'few.npz', '--task', 'texture', *ONCE, code=2)
-    assert 'class "b" has one trial only' in said
+    assert 'class "b" has only one trial' in said
 
 
 def test_groups_that_are_too_small_to_choose_by_leave_the_most_robust_candidate(tmp_path):
@@ -210,14 +210,14 @@ def test_groups_that_are_too_small_to_choose_by_leave_the_most_robust_candidate(
     (found,) = document['sets']
     (pick,) = found['feature_choice']['picks']
     assert (pick['classifier'], pick['folds']) == ('rocket', 3)
-    assert '3 groups are too few to choose by' in said
+    assert '3 groups are too few for a choice by accuracy' in said
 
 
 def test_a_candidate_that_cannot_be_fitted_is_left_out_with_one_line(tmp_path):
     x = np.random.default_rng(0).normal(size=(16, 6))  # too short for random convolutions
     np.savez(tmp_path / 'short.npz', x=x, label=['a', 'b'] * 8, rate_hz=50.0)
     said = hear_tactile('evaluate', tmp_path / 'short.npz', '--task', 'texture', *ONCE)
-    assert said.count('glide_waveform, rocket, none is left out: ') == 1
+    assert said.count('glide_waveform, rocket, none left out: ') == 1
     assert 'This model: texture_spectrum with' in said
 
 

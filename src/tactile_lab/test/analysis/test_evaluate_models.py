@@ -100,7 +100,7 @@ def test_trials_of_a_session_with_training_trials_are_pointed_out(bags, tables, 
     write_model(path, train(table.take(half), 'knn'))
     found = evaluate(bags[0], models=[path])
     assert found['trials'] == found['beside_training'] == int((~half).sum())
-    assert 'in sessions that a model was trained on' in found['warnings'][0]
+    assert 'from sessions used in training' in found['warnings'][0]
 
 
 def test_the_digest_of_a_trial_survives_rounding_and_tells_trials_apart(tables):
@@ -193,7 +193,7 @@ def test_archives_with_other_rates_tasks_and_unusable_trials(archives, bags, tra
     assert 'needs samples at 100 Hz, slow.npz has 50 Hz' in said
     assert '--resample-hz 100' in said
     said = hear(bags[1], models=[model])
-    assert 'needs samples at 100 Hz, texture_flexion has 60 Hz: train' in said
+    assert 'needs samples at 100 Hz, not 60 Hz as in texture_flexion: train' in said
     said = hear(new, models=[model], options=('--task', 'stiffness'))
     assert 'is a model for texture trials; --task is stiffness' in said
     (stiffness,) = trained.glob('*.npz')

@@ -34,18 +34,19 @@ def test_train_chooses_features_and_classifier_and_names_the_runner_up(texture_b
     assert stated['choice']['candidates'] == 16  # two sets of features, and two waveforms
     nested = f'{100 * stated["mean"]:.1f}'
     for text in (
-        'times the time of training and tests',
+        'in training and testing',
         f'texture, flexion: {model.spec.feature_set} with',
-        'with set and classifier chosen inside the folds (one session held out',
-        'the runner-up is',
-        f'accuracy {nested} %',
+        'runner-up: ',
+        f'accuracy of this selection procedure: {nested} % (one session held out',
         # The table has the accuracies by held-out sessions.
         'accuracy in %: one session held out',
     ):
         assert text in said
-    table = said[said.index('accuracy [%]' if 'accuracy [%]' in said else 'chosen inside') :]
+    table = said[
+        said.index('accuracy [%]' if 'accuracy [%]' in said else 'this selection procedure') :
+    ]
     assert 'stratified' not in said
-    assert f'chosen inside the folds {nested}' in ' '.join(table.split())
+    assert f'this selection procedure {nested}' in ' '.join(table.split())
     # A card states this accuracy and no other.
     assert 'cross-validation' not in model.card
     assert 'named correctly' not in model.card
@@ -144,7 +145,7 @@ def test_of_noise_the_accuracy_of_the_choice_is_told_with_its_own_chance(tmp_pat
     sentence = f'{right} (30 trials of 3 groups; '
     assert sentence in report.read_text()
     assert sentence in said
-    nested = f'accuracy {100 * mean:.1f} % with set and classifier chosen'
+    nested = f'accuracy of this selection procedure: {100 * mean:.1f} %'
     assert choice['ranking'][0]['accuracy'] >= mean
     assert (choice['groups'], choice['nested']['split']) == (3, 'one part held out')
     # First where it is chosen, and again below the first sentence.
@@ -229,7 +230,7 @@ def test_few_trials_to_train_on_choose_by_fewer_folds(tmp_path):
         *('evaluate', archive, '--task', 'texture', '--features', 'auto', '--repetitions', 1),
         *('--train-where', 'part=0', '--test-where', 'part=1,2'),
     )
-    assert 'chosen inside the folds (stratified 4-fold' in said
+    assert '% (stratified 4-fold' in said
 
 
 def test_folds_choose_among_sets_over_the_surface_where_speeds_are_stated(tmp_path):

@@ -210,7 +210,7 @@ def test_first_sentence_has_trials_interval_chance_and_what_was_held_out(
 def test_the_headline_is_that_of_the_choice_or_of_the_stated_trials(easy_holds):
     nested = easy_holds.recordings.choice.choice.nested
     assert easy_holds.headline is nested
-    assert format_accuracy(easy_holds).startswith(f'accuracy {100 * nested.mean:.1f} % with set')
+    assert format_accuracy(easy_holds).startswith('accuracy of this selection procedure')
     assert name_candidate(easy_holds.recordings.choice.choice.chosen) in format_model(easy_holds)
     stated = dataclasses.replace(easy_holds.plain, scores=easy_holds.plain.scores[:1])
     result = dataclasses.replace(easy_holds, stated=stated)
@@ -313,7 +313,7 @@ def test_simulated_trials_are_marked_in_every_figure_and_table(stiffness_bag):
 def test_summary_states_accuracy_chance_and_confusion_in_one_line(textures, easy_holds):
     line = format_accuracy(textures)
     nested = textures.recordings.choice.choice.nested
-    assert line.startswith(f'accuracy {100 * nested.mean:.1f} % with set and classifier chosen')
+    assert line.startswith(f'accuracy of this selection procedure: {100 * nested.mean:.1f} % (')
     assert '(one day held out; ' in line
     assert f'chance {100 * textures.plain.chance:.1f} %; balanced accuracy ' in line
     assert '; most frequent confusion: ' in line

@@ -63,7 +63,7 @@ def test_a_wrong_answer_is_explained_by_sessions_held_out(trained):
 
 def test_an_unknown_answer_says_its_reason(trained):
     (sentence,) = explain_misses([live(trained, 'pla', [99.0, 99.0, 99.0])], [trained])
-    assert 'unlike all that the model was trained on' in sentence
+    assert 'unlike all training trials' in sentence
 
 
 def test_the_trials_are_spread_over_the_kinds_and_have_names_of_their_own():

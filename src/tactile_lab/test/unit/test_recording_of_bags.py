@@ -183,7 +183,7 @@ def test_the_journal_of_an_experiment_says_what_counts(stiffness_bag, tmp_path):
             f'{name}/{session}' for name in ('one', 'two') for session in sessions
         }
     shown = ask_tactile('show', one, '--plot', tmp_path / 'all.svg')
-    assert [each['does not count'] for each in shown['trials']] == why_not
+    assert [each['excluded'] for each in shown['trials']] == why_not
     assert shown['facts']['do not count'] == '3'
     assert 'excluded' in (tmp_path / 'all.svg').read_text()
     (tmp_path / 'recordings.txt').write_text('one\ntwo\n')

@@ -57,7 +57,7 @@ def event(number, phase, label='R1', trial='t1'):
 
 def answer(label='R1', outcome=Answered.LABEL, trial='t1', model='m', **fields):
     is_label = outcome == Answered.LABEL
-    reason = '' if is_label else 'unlike all that the model was trained on'
+    reason = '' if is_label else 'unlike all training trials'
     return ClassificationResult(
         'texture', trial, 'flexion', model, True, outcome, label if is_label else '', reason,
         ('C1', 'R1'), (0.1, 0.9), 'probability', -1.0, -1.0, START_NS, START_NS + 1, '', **fields,
