@@ -4,7 +4,7 @@
 # %%
 # # Classify your own recordings
 #
-# From arrays to a model file, in Python and without ROS. SIMULATED trials stand in for yours: six sessions of six
+# From arrays to a model file, in Python and without ROS. SIMULATED trials replace your recordings: six sessions of six
 # glides over each of eight plates.
 import tempfile
 from pathlib import Path
@@ -30,8 +30,8 @@ parts = [
 # %%
 # ## The archive
 #
-# One NumPy file with `x` (trials, channels, samples), `label` and `rate_hz`; any other array is a column. Here `session`
-# says which trials belong together.
+# One NumPy file with `x` (trials, channels, samples), `label` and `rate_hz`; any other array is a column. Here the column
+# `session` identifies trials of the same session.
 tensions, labels, sessions = [], [], []
 for label, session, trials in parts:
     for tension_n in trials.tension_n:
@@ -46,13 +46,14 @@ np.savez(folder / 'trials.npz', x=np.array(tensions)[:, None, :], label=labels, 
 # %%
 # ## Features and accuracy
 #
-# Each trial is one window of two seconds. The features are those of the live node.
+# Each trial is one window of two seconds. The live node computes the same features.
 trials = load_archive(folder / 'trials.npz')
 table = table_from_trials('texture', trials)
 print(len(table), 'trials,', table.values.shape[1], 'features, such as', table.spec.names[1])
 
 # %%
-# Whole sessions are held out in turn. This is the number to believe: random folds test near copies of what they train on.
+# Accuracy with random folds, and with whole sessions held out. Use the latter: with random folds, the test trials are
+# similar to training trials of the same session.
 for hold_out in ((), ('session',)):
     score = evaluate(table, ['knn'], ['none'], hold_out=hold_out).scores[0]
     print(f'{score.split}: {100 * score.mean:.0f} %')
@@ -60,8 +61,8 @@ for hold_out in ((), ('session',)):
 # %%
 # ## The model file
 #
-# It states its features, its calibration and its limits. It is what the live classifier loads. This one learns from five
-# sessions and is asked about the sixth. Windows that are unlike all training trials are `unknown`.
+# The file contains features, classifier, calibration and a model card; the live classifier loads the same file. This
+# model is trained on five sessions and tested on the sixth. Windows unlike all training trials are `unknown`.
 is_last = table.column('session') == 5
 write_model(folder / 'texture.npz', train(table.take(~is_last), 'knn'))
 model = load_model(folder / 'texture.npz')
@@ -69,4 +70,4 @@ later = table.take(is_last)
 answers = model.predict_or_unknown(later.values)
 print(model.labels)
 right, unknown = np.mean(answers == later.labels), np.mean(answers == 'unknown')
-print(f'of {len(later)} trials of the sixth session {right:.1%} named correctly, {unknown:.1%} unknown')
+print(f'{len(later)} trials of the sixth session: {right:.1%} correct, {unknown:.1%} unknown')

@@ -4,8 +4,8 @@
 # %%
 # # From file to label
 #
-# One window of samples in, a label out; no ROS. Put your files in place of these SIMULATED ones: `touches.npz` holds the
-# trials to learn from ([how to make it](../your_data.md#recordings-of-others)), `touch.csv` one new window.
+# Classify one window of samples, without ROS. Replace the SIMULATED files by your own: `touches.npz` contains the training
+# trials ([how to make it](../your_data.md#recordings-of-others)), `touch.csv` one new window.
 import tempfile
 from pathlib import Path
 
@@ -37,7 +37,7 @@ write_model(folder / 'texture.npz', train(table, 'knn'))
 # %%
 # ## Classify
 #
-# `tactile train` writes the same file, and the live classifier gives the same numbers for the same window.
+# `tactile train` writes the same file, and the live classifier returns the same numbers for the same window.
 from tactile_classifier import load_model
 
 model = load_model(folder / 'texture.npz')
@@ -45,13 +45,12 @@ answer = model.classify(np.loadtxt(folder / 'touch.csv'), rate_hz=60)
 print(answer.label, {label: round(p, 2) for label, p in answer.probabilities.items()})
 
 # %%
-# A window that is unlike all training trials is unknown. `p_value` is the share of held-out known trials that are as novel.
+# A window unlike all training trials is unknown. `p_value` is the fraction of held-out known trials that are as novel.
 strange = model.classify(touch(20.0), rate_hz=60)
 print(f'{strange.label}, p = {strange.p_value:.2f}: {strange.reason}')
 
 # %%
-# A window that gives no features has the label `no answer` and the reason. Another rate or length is an error that tells
-# the remedy.
+# A window without features has the label `no answer` and a reason. A wrong rate or length raises an error with a remedy.
 from tactile_classifier import DatasetError
 
 try:

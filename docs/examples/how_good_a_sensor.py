@@ -4,8 +4,8 @@
 # %%
 # # How good must my sensor be?
 #
-# Simulated trials answer before anything is bought: the same glides are sensed with more and more noise. All numbers
-# here are SIMULATED. the benchmark `robustness` does this for five conditions of sensor and rig.
+# Use simulated trials to choose a sensor: the same glides are measured with increasing noise. All numbers on this page
+# are SIMULATED. The benchmark `robustness` repeats this for five conditions of sensor and rig.
 from dataclasses import replace
 
 import numpy as np
@@ -26,8 +26,8 @@ print(f'the load cell of the simulated rig: {rig.load_cell.noise_n:g} N of noise
 # %%
 # ## Trials with another sensor
 #
-# Eight glides over each plate in each of four sessions. The same seed gives the same motion; only the sensing differs.
-# The features are those of three seconds, 0.6 s after the glide began.
+# Eight glides over each plate in each of four sessions. The same seed gives the same motion; only the sensor differs.
+# Features are computed from three seconds, starting 0.6 s after the start of the glide.
 
 
 def simulate(noise_n):
@@ -50,8 +50,8 @@ def simulate(noise_n):
 # %%
 # ## Accuracy
 #
-# A k-nearest-neighbours classifier is trained in two sessions and tested in two others, with the same noise in both.
-# Eight plates: guessing gives 12.5 %.
+# A k-nearest-neighbours classifier is trained on two sessions and tested on two others, with the same noise in both.
+# With eight plates, chance is 12.5 %.
 noises_n = [0.003, 0.01, 0.03, 0.1, 0.3]
 accuracies = []
 for noise_n in noises_n:
