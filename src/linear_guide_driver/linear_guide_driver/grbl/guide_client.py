@@ -483,7 +483,7 @@ class LinearGuideClient:
             raise MotionFailedError(
                 f'Stopping lost the position: {self.trouble or Refusal("no report", HOME)}'
             )
-        return f'Stopped at {position_m:.4f} m on the way to {target}; the position is known.'
+        return f'Stopped at {position_m:.4f} m on the way to {target}; the guide is still homed.'
 
     def _fail_move(self, target_m: float, reason: str) -> str:
         self._give_up(reason)

@@ -137,7 +137,7 @@ def test_a_stop_brakes_and_keeps_the_position(guide, grbl):
         move = Background(guide.move_to, 0.15, 0.05, lambda _: None, flag.is_set)
         wait_until(lambda before=before: grbl.is_moving and grbl.mpos > before + 2)
         stop()
-        move.ends_by(MotionStoppedError, 'the position is known')
+        move.ends_by(MotionStoppedError, 'the guide is still homed')
         assert not grbl.is_moving
         assert guide.trouble is None
         assert guide.state.position_m == pytest.approx(0.2 + grbl.mpos / 1e3, abs=1e-6)
@@ -176,7 +176,7 @@ def test_a_stop_between_the_lines_of_a_move_sends_no_move(guide, grbl):
     move = Background(guide.move_to, 0.1, 0.05)
     wait_until(lambda: grbl.lines[-1].startswith('G21'))
     assert guide.request_stop()
-    move.ends_by(MotionStoppedError, 'the position is known')
+    move.ends_by(MotionStoppedError, 'the guide is still homed')
     assert not any('G1' in line for line in grbl.lines)
 
 

@@ -297,11 +297,12 @@ def recorder_node(bag: Path, namespace: str = '', **parameters: Any) -> NodeDesc
 def require_package(name: str, purpose: str) -> None:
     """Raise `TactileError` if a package in `NEEDED_BY`, or one of its libraries, is missing."""
     libraries = NEEDED_BY[name]
-    missing = ', '.join(module for module in (name, *libraries) if find_spec(module) is None)
+    missing = [module for module in (name, *libraries) if find_spec(module) is None]
     if missing:
         pip = f', and run: pip install {" ".join(libraries)}' if libraries else ''
         raise TactileError(
-            f'{purpose} needs {missing}, which is not installed: build {name} in this '
+            f'{purpose} needs {" and ".join(missing)}, which '
+            f'{"is" if len(missing) == 1 else "are"} not installed: build {name} in this '
             f'workspace{pip}'
         )
 

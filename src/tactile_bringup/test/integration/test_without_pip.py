@@ -99,8 +99,8 @@ def test_a_replay_says_what_to_install():
         (
             ('tactile_bags', 'mcap'),
             "graph.recorder_parameters('bag')",
-            'a recording needs tactile_bags, mcap, which is not installed: build tactile_bags in '
-            'this workspace, and run: pip install mcap rosbags',
+            'a recording needs tactile_bags and mcap, which are not installed: build tactile_bags '
+            'in this workspace, and run: pip install mcap rosbags',
         ),
         (
             ('tactile_sim',),
