@@ -22,7 +22,8 @@ ROOT = Path(__file__).resolve().parent.parent
 
 MODULES = """
 import sys
-import tactile_analysis, tactile_bags, tactile_classifier, tactile_features, tactile_lab, tactile_sim
+import tactile_analysis, tactile_bags, tactile_classifier
+import tactile_features, tactile_lab, tactile_sim
 from tactile_bags.bag_reader import TactileBag
 from tactile_classifier import load_model
 from tactile_analysis import read_tables

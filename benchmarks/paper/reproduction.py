@@ -135,7 +135,8 @@ def _list_accuracies(results: dict[tuple[str, str], Result]) -> list[Row]:
             more = {'published': PUBLISHED[task][i]}
             for scaling, accuracies in result.accuracies.items():
                 mean, spread = 100 * accuracies[i].mean(), 100 * accuracies[i].std()
-                more[scaling] = f'{mean:.1f} ± {spread:.1f}'
+                several = accuracies.shape[1] > 1
+                more[scaling] = f'{mean:.1f} ± {spread:.1f}' if several else f'{mean:.1f}'
             rows.append(Row(f'{task}, {contact}: {classifier}', more=more))
     return rows
 

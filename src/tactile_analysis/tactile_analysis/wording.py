@@ -50,7 +50,14 @@ def format_nested(choice: FeatureChoice) -> str:
 def format_mean(score: Score) -> str:
     """Return a mean accuracy in %, with its spread if there are several groups or repetitions."""
     mean = f'{100 * score.mean:.1f}'
-    return f'{mean} ± {100 * score.spread:.1f}' if score.fold_accuracies.size > 1 else mean
+    return f'{mean} ± {100 * score.spread:.1f}' if _has_spread(score) else mean
+
+
+def _has_spread(score: Score) -> bool:
+    """Return True if the spread is over several groups or repetitions, not a single one."""
+    if score.spread_of == 'groups':
+        return score.fold_accuracies.size > 1
+    return len(score.fold_accuracies) > 1
 
 
 def format_coverage(spread_of: str) -> str:
@@ -68,7 +75,7 @@ def accuracy_caption(evaluation: Evaluation, *, intervals: bool = False) -> str:
         f'accuracy in %: {evaluation.split}, {evaluation.trials} trials',
         f'chance {100 * evaluation.chance:.1f}',
     ]
-    if first.fold_accuracies.size > 1:
+    if _has_spread(first):
         parts.insert(1, f'± standard deviation over {first.spread_of}')
     if intervals and any(not score.interval.reason for score in evaluation.scores):
         parts.insert(-1, f'in brackets the 95 % interval{format_coverage(first.spread_of)}')

@@ -38,25 +38,25 @@ Answers = list[npt.NDArray[np.str_]]
 
 @dataclasses.dataclass(frozen=True)
 class Score(Result):
-    """Accuracy of one classifier with one scaling under one split.
+    """Accuracy of one classifier with one scaling for one split.
 
     Attributes
     ----------
     split : str
-        How the trials were divided, in words.
+        Description of the split.
     fold_accuracies : ndarray of shape (repetitions, folds)
-        Share of the held-out trials that were named correctly [1].
+        Accuracy on the held-out trials of each fold [1].
     mean : float
         Mean of ``fold_accuracies`` [1].
     spread : float
-        Standard deviation of what ``spread_of`` says [1].
+        Standard deviation over the groups or repetitions in ``spread_of`` [1].
     spread_of : str
         ``repetitions`` (of their mean accuracies) or ``groups`` (each held out once).
     interval : Interval
-        Of the mean, over groups where they are held out; otherwise over cells of near copies
-        where there are any, and over trials where not.
+        Interval of the mean, over held-out groups. Without groups, it is over cells of repeats if
+        there are any, and otherwise over trials.
     confusion : ndarray of int, shape (labels, labels)
-        Counts over all repetitions; row: true label, column: answer.
+        Counts over all repetitions; row: true label, column: prediction.
     """
 
     classifier: str
@@ -72,9 +72,9 @@ class Score(Result):
 
     @property
     def recall(self) -> npt.NDArray[np.float64]:
-        """Share of the trials of each label that were named correctly, shape (labels,) [1].
+        """Fraction of correct predictions for each label, shape (labels,) [1].
 
-        NaN for a label without tests.
+        NaN for a label that was not tested.
         """
         with np.errstate(invalid='ignore'):
             return np.asarray(np.diag(self.confusion) / self.confusion.sum(axis=1))
@@ -101,7 +101,7 @@ class Evaluation(Result):
     Attributes
     ----------
     chance : float
-        Accuracy of always naming the commonest label [1].
+        Accuracy of always predicting the most frequent label [1].
     warnings : tuple of str
         Objections to these numbers by the columns of the table, one sentence each.
     """
@@ -115,7 +115,7 @@ class Evaluation(Result):
     warnings: tuple[str, ...] = ()
 
     def score(self, classifier: str, scaling: str) -> Score:
-        """Return the score of one classifier with one scaling; KeyError when not evaluated."""
+        """Return the score of a classifier with a scaling; raise KeyError if not evaluated."""
         for score in self.scores:
             if (score.classifier, score.scaling) == (classifier, scaling):
                 return score
@@ -123,7 +123,7 @@ class Evaluation(Result):
 
 
 class AccuracyPlan:
-    """The cross-validation of a table under one split; a `Plan` of an `Evaluation`."""
+    """`Plan` that cross-validates a table with one split; its result is an `Evaluation`."""
 
     def __init__(
         self,
@@ -136,10 +136,10 @@ class AccuracyPlan:
         self._split = split
         self._pairs = list_pairs(table, classifiers, scalings)
         for pair in self._pairs:
-            build_estimator(*pair)  # a wrong name fails here, not in a worker
+            build_estimator(*pair)  # raise errors of names here, not in a worker
 
     def tasks(self) -> list[Task]:
-        """Return one task a classifier, scaling and repetition."""
+        """Return one task per classifier, scaling and repetition."""
         table = self._table
         return [
             (predict_folds, (*pair, table.values, table.labels, folds, table.channels))
@@ -148,7 +148,7 @@ class AccuracyPlan:
         ]
 
     def finish(self, answers: Sequence[Answers]) -> Evaluation:
-        """Return the scores."""
+        """Return the scores computed from the predictions."""
         repeats = len(self._split.repeats)
         scores = [
             make_score(*pair, self._table, self._split, answers[i * repeats : (i + 1) * repeats])
@@ -158,7 +158,7 @@ class AccuracyPlan:
 
 
 def make_evaluation(table: FeatureTable, split: Split, scores: Sequence[Score]) -> Evaluation:
-    """Return an evaluation of some scores under one split, with chance and warnings."""
+    """Return the evaluation of several scores for one split, with chance level and warnings."""
     cells = find_tested_cells(table, split)
     is_random = split.groups is None and len(split.tested) == len(table)
     repeats = [cells.warning] if cells is not None and cells.columns and is_random else []
@@ -176,7 +176,7 @@ def make_evaluation(table: FeatureTable, split: Split, scores: Sequence[Score]) 
 def make_score(
     classifier: str, scaling: str, table: FeatureTable, split: Split, answers: Sequence[Answers]
 ) -> Score:
-    """Return the score of a classifier from its answers on each test of each repetition."""
+    """Return the score of a classifier from its predictions in each repetition."""
     true = table.labels
     labels = tuple(str(name) for name in np.unique(true))
     accuracies = np.zeros((len(split.repeats), len(split.repeats[0])))
@@ -207,7 +207,7 @@ def make_score(
 def find_tested_cells(table: FeatureTable, split: Split) -> Cells | None:
     """Return the cells of repeats that a split tests, otherwise of copies.
 
-    None where it holds groups out, or each trial is independent of the others.
+    Returns None if the split holds out groups, or if all trials are independent.
     """
     if split.groups is not None:
         return None
@@ -216,13 +216,13 @@ def find_tested_cells(table: FeatureTable, split: Split) -> Cells | None:
 
 
 def chance_level(table: FeatureTable, split: Split) -> float:
-    """Return the accuracy of always naming the commonest label that a split tests [1]."""
+    """Return the accuracy of always predicting the most frequent tested label [1]."""
     counts = np.unique(table.labels[split.tested], return_counts=True)[1]
     return float(counts.max() / counts.sum())
 
 
 def split_interval(split: Split, cells: Cells | None, right: npt.NDArray[np.float64]) -> Interval:
-    """Return the interval of a mean accuracy under a split; see `split_parts`."""
+    """Return the interval of a mean accuracy for a split; see `split_parts`."""
     return accuracy_interval(*split_parts(split, cells, right))
 
 
@@ -231,9 +231,10 @@ def split_parts(
 ) -> tuple[npt.NDArray[np.float64], str, npt.NDArray[np.intp] | None]:
     """Return the independent parts of a mean accuracy, their name, and their trials.
 
-    The parts are held-out groups, cells of near copies (`find_tested_cells`), or else trials; the
-    trials of each part are its weight, None: equal weights. ``right`` is how often each trial of
-    the table was named correctly, shape (trials,) [1], or the difference of two classifiers.
+    The parts are held-out groups, cells of repeats (`find_tested_cells`), or trials. The weights
+    are the numbers of trials in the parts, or None for equal weights. ``right``, shape (trials,),
+    is the fraction of correct predictions for each trial [1], or the difference of two
+    classifiers.
     """
     if split.groups is not None:
         return np.array([right[test].mean() for _, test in split.repeats[0]]), 'groups', None
@@ -267,17 +268,17 @@ def evaluate(
     folds, repetitions : int
         Number of stratified folds, and how often the trials are divided.
     hold_out : sequence of str
-        Columns. When given, each group of trials that agree in all of them is held
-        out once, and ``folds`` and ``repetitions`` do not apply.
+        Columns that define groups. If given, each group is held out once, and ``folds`` and
+        ``repetitions`` are ignored.
     jobs : int or None
-        Workers to share the work; -1 is all cores.
+        Number of workers; -1 uses all cores.
     progress : callable
-        ``progress(done, total)`` after each part of the work.
+        Called as ``progress(done, total)`` after each part of the work.
 
     Raises
     ------
     EvaluationError
-        When the trials do not allow the split.
+        If the trials do not allow the split.
     """
     if hold_out:
         split = grouped_split(table, hold_out)
@@ -294,9 +295,9 @@ def list_pairs(
     classifiers: Sequence[str] | None = None,
     scalings: Sequence[str] = SCALINGS,
 ) -> list[tuple[str, str]]:
-    """Return the pairs of classifier and scaling that go with a table.
+    """Return the pairs of classifier and scaling to evaluate for a table.
 
-    Unless others are named: the four of the paper, and random convolutions for waveforms.
+    The default is the four classifiers of the paper, and random convolutions for waveforms.
     """
     if classifiers is None:
         classifiers = ALL_CLASSIFIERS if table.is_waveform else CLASSIFIERS
@@ -315,11 +316,11 @@ def predict_folds(
     folds: Sequence[Fold],
     channels: int = 1,
 ) -> Answers:
-    """Return the answers on the test trials of each fold, fitted to its training trials."""
-    names, codes = np.unique(labels, return_inverse=True)  # texts take scikit-learn longer
+    """Fit to the training trials of each fold; return the predictions for its test trials."""
+    names, codes = np.unique(labels, return_inverse=True)  # scikit-learn is slower with strings
     answers = []
     for train, test in folds:
-        # Step by step: what a pipeline checks takes longer than a small fit.
+        # The steps are called directly, because the checks of a pipeline take longer than a fit.
         *scalers, estimator = (
             step for _, step in build_estimator(classifier, scaling, channels).steps
         )

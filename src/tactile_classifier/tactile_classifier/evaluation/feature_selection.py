@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Accuracy with only the features of the lowest mean rank-sum p (section IV).
+"""Accuracy with only the features with the lowest mean rank-sum p (section IV).
 
-The ranking and the number of features kept are chosen on the training trials of each fold
-alone: chosen on all trials, they would have seen those of the test.
+Ranking and number of features are chosen on the training trials of each fold only, so that the
+choice does not use test trials.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ Matrix = npt.NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True)
 class SelectionResult(Result):
-    """One classifier with all features, and with those selected inside each fold.
+    """Comparison of a classifier with all features, and with selected features.
 
-    ``chosen_counts`` are the features kept in each fold, ``all_mean`` and ``selected_mean`` the
-    accuracies [1], ``difference`` the second less the first, paired over trials or held-out
-    groups. ``p`` is the p-value of no difference, corrected by Holm for all classifiers and
-    scalings of the split.
+    ``chosen_counts`` holds the number of selected features in each fold. ``all_mean`` and
+    ``selected_mean`` are the accuracies [1]. ``difference`` is the interval of the second minus
+    the first, paired over trials or held-out groups. ``p`` is the p-value of no difference, with
+    Holm's correction for all classifiers and scalings of the split.
     """
 
     classifier: str
@@ -61,20 +61,20 @@ class SelectionResult(Result):
 
     @property
     def verdict(self) -> str:
-        """``helps`` or ``hurts`` where ``p`` is at most 5 %; else ``no clear difference``."""
+        """``helps`` or ``hurts`` if ``p`` is at most 5 %; otherwise ``no clear difference``."""
         if self.p > 1.0 - LEVEL:
             return 'no clear difference'
         return 'helps' if self.difference.low + self.difference.high > 0 else 'hurts'
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fields and the verdict by name as what JSON can hold."""
+        """Return the fields and the verdict as a dictionary for JSON."""
         return {**super().to_dict(), 'verdict': self.verdict}
 
 
 class SelectionPlan:
-    """The comparison under one split; a `Plan` of a tuple of `SelectionResult`.
+    """`Plan` of the comparison for one split; its result is a tuple of `SelectionResult`.
 
-    The table has two features or more; of the split the first repetition is used.
+    The table must have at least two features. Only the first repetition of the split is used.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class SelectionPlan:
         self.counts = choose_counts(table.values.shape[1])
 
     def tasks(self) -> list[Task]:
-        """Return one task a fold."""
+        """Return one task per fold."""
         table, strata = self._table, find_strata(self._table)
         return [
             (
@@ -106,7 +106,7 @@ class SelectionPlan:
         ]
 
     def finish(self, answers: Sequence[list[FoldSelection]]) -> tuple[SelectionResult, ...]:
-        """Return one result a classifier and scaling."""
+        """Return one result per classifier and scaling."""
         cells = find_tested_cells(self._table, self._split)
         results, p_values = [], []
         for i, (classifier, scaling) in enumerate(self._pairs):
@@ -136,7 +136,7 @@ class SelectionPlan:
 
 @dataclasses.dataclass(frozen=True)
 class FoldSelection:
-    """One fold of one classifier: the features kept, and which tests were right (1 or 0)."""
+    """One fold of a classifier: number of selected features, and correct predictions (1 or 0)."""
 
     count: int
     all_right: Matrix
@@ -144,7 +144,7 @@ class FoldSelection:
 
 
 def choose_counts(features: int) -> tuple[int, ...]:
-    """Return the numbers of features to choose from: a twentieth to half, doubling, and all."""
+    """Return the candidate numbers of features: from a twentieth to half, doubling, and all."""
     doubling = (1, 2, 5, 10, 20, 40, 80, 160, 320, 640)
     most = features - 1 if features < 10 else 0.6 * features
     return (*(count for count in doubling if features / 20 <= count <= most), features)
@@ -159,9 +159,10 @@ def compare_selection(
     counts: Sequence[int],
     strata: npt.NDArray[np.intp] | None = None,
 ) -> list[FoldSelection]:
-    """Return what selection does in one fold, for each classifier and scaling.
+    """Compare all features with selected features in one fold, per classifier and scaling.
 
-    The count with the best accuracy over the inner folds is kept, the smallest of the best.
+    The number of features with the best accuracy over the inner folds is used; in case of ties,
+    the smallest.
     """
     train, _ = fold
     strata = np.zeros(len(labels), dtype=np.intp) if strata is None else strata

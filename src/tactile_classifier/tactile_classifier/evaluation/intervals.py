@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Results of an evaluation, and confidence intervals over the trials or groups behind them."""
+"""Results of an evaluation, and confidence intervals over trials or groups."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ import numpy.typing as npt
 from scipy.special import stdtr, stdtrit
 
 LEVEL = 0.95
-"""Share of such intervals that are meant to hold the true value [1]."""
+"""Nominal coverage of the intervals [1]."""
 
 COVERAGE_WITH_TRAINING = (0.84, 0.95)
-"""Least and largest measured coverage of intervals over held-out groups [1], with training inside:
-the folds train on other groups, and share most of them. See docs/evaluation.md."""
+"""Minimum and maximum measured coverage of intervals over held-out groups [1]. It is below the
+nominal coverage, because the folds share most of their training trials; see docs/evaluation.md."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """Base of the records that reports and ``--json`` print."""
+    """Base class of results in reports and ``--json``."""
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fields by name as what JSON can hold."""
+        """Return the fields as a dictionary for JSON."""
         return {f.name: _to_plain(getattr(self, f.name)) for f in dataclasses.fields(self)}
 
 
@@ -40,10 +40,10 @@ def _to_plain(value: Any) -> Any:
 
 @dataclasses.dataclass(frozen=True)
 class Interval(Result):
-    """A 95 % interval, or one sentence why there is none.
+    """A 95 % interval, or the reason why there is none.
 
-    ``low`` and ``high`` are 0 where there is a ``reason``; ``method`` names the method and what it
-    counts.
+    ``low`` and ``high`` are 0 if there is a ``reason``. ``method`` is the name of the method and
+    of the independent parts.
     """
 
     low: float
@@ -52,7 +52,7 @@ class Interval(Result):
     reason: str = ''
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the interval as what JSON can hold; no numbers where there are none."""
+        """Return the interval as a dictionary for JSON, without numbers if there is a reason."""
         if self.reason:
             return {'reason': self.reason}
         return {'low': self.low, 'high': self.high, 'level': LEVEL, 'method': self.method}
@@ -69,12 +69,12 @@ def accuracy_interval(
     for the choice of tested parts, but not for the variation of the training: see
     `COVERAGE_WITH_TRAINING`.
 
-    Parts that are all right, or all wrong, have no spread: their interval is the exact binomial
-    one over the parts. The trials of a group count as one, so that it holds even if the trials of
-    a group always agree. Other parts without spread get none.
+    If all parts are completely correct, or completely wrong, the exact binomial interval over the
+    parts is used. Each group counts as one trial, so the interval is valid even if all trials of a
+    group have equal results. For other parts without spread there is no interval.
 
-    ``parts_are`` is ``trials``, or names the parts, such as ``groups``. ``weights`` are the trials
-    in each part, where the mean is over trials.
+    ``parts_are`` is the name of the parts, such as ``trials`` or ``groups``. ``weights`` are the
+    numbers of trials in the parts, if the mean is over trials.
     """
     values, share = _shares(parts, weights)
     count, mean = len(values), float(share @ values)
@@ -121,7 +121,7 @@ def difference_p_value(
 ) -> float:
     """Return the two-sided p-value of no mean difference; see `difference_interval`.
 
-    It is below 0.05 when the interval excludes zero, and 1 where there is no interval.
+    It is below 0.05 if and only if the interval excludes zero, and 1 if there is no interval.
     """
     values, share = _shares(differences, weights)
     if np.ptp(values) == 0.0:
@@ -131,14 +131,14 @@ def difference_p_value(
 
 
 def _quantile(freedom: float) -> float:
-    """Return Student's quantile of the two-sided level."""
+    """Return the quantile of Student's t for the two-sided level."""
     return float(stdtrit(freedom, 0.5 * (1.0 + LEVEL)))
 
 
 def _shares(
     parts: npt.ArrayLike, weights: npt.ArrayLike | None
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Return the parts' values and their shares of the mean, which add to 1."""
+    """Return the values of the parts and their weights, which add up to 1."""
     values = np.asarray(parts, dtype=np.float64)
     size = np.ones(len(values)) if weights is None else np.asarray(weights, dtype=np.float64)
     return values, size / size.sum()
@@ -147,7 +147,7 @@ def _shares(
 def _spread(
     values: npt.NDArray[np.float64], share: npt.NDArray[np.float64]
 ) -> tuple[float, float]:
-    """Return the variance of the weighted mean, from the parts, and its degrees of freedom.
+    """Return the variance of the weighted mean and its degrees of freedom.
 
     Without bias, and with Satterthwaite's degrees of freedom, for parts of equal variance (Bell
     and McCaffrey 2002); with equal shares these are Student's. A part with a large share pulls the

@@ -30,7 +30,7 @@ from tactile_classifier.evaluation.intervals import Interval, Result
 
 @dataclasses.dataclass(frozen=True)
 class UnknownLabel(Result):
-    """Answers on the trials of one label that was left out of training.
+    """Rejection of the trials of one label that was left out of the training.
 
     ``auroc`` is the probability that a trial of it is more novel than one of a known label, mean
     over the folds, and ``interval`` its interval (see `auroc_interval`). ``miss_rate`` is the
@@ -46,7 +46,7 @@ class UnknownLabel(Result):
 
 @dataclasses.dataclass(frozen=True)
 class OpenSetEvaluation(Result):
-    """Rejection of unknown labels and calibration of scores, under one split.
+    """Rejection of unknown labels and calibration of scores for one split.
 
     Attributes
     ----------
@@ -104,23 +104,23 @@ def evaluate_open_set(
     Parameters
     ----------
     table : FeatureTable
-        Three labels or more.
+        Table with at least three labels.
     classifier, scaling : str
-        See `build_estimator`; an empty scaling means the task's default.
+        See `build_estimator`; an empty scaling selects the default of the task.
     hold_out : sequence of str
-        Columns; trials that agree in all of them are held out together, see
-        `calibration.make_group_folds`. Where they do not allow it, trials are divided at random,
-        and ``split`` says so.
+        Columns; trials with equal values in all columns are held out together, see
+        `make_group_folds`. If this is not possible, trials are divided at random, which ``split``
+        states.
     false_alarm_rate : float
-        Share of trials of known labels that may be rejected [1].
+        Fraction of trials of known labels that may be rejected [1].
     strict : bool
-        Take the strict threshold of `HeldOutNovelty.compute_threshold`.
+        Use the strict threshold of `HeldOutNovelty.compute_threshold`.
 
     Raises
     ------
     EvaluationError
-        When there are too few labels or trials, or a label is never held out together
-        with another one.
+        If there are too few labels or trials, or a label is never held out together with another
+        label.
     """
     scaling = scaling or default_scaling(table.task, classifier)
     labels = np.unique(table.labels)
@@ -167,7 +167,7 @@ def evaluate_open_set(
 
 
 class _Part(NamedTuple):
-    """Answers of one fold; arrays over its trials."""
+    """Predictions of one fold; arrays over its trials."""
 
     rejected: npt.NDArray[np.bool_]
     right: npt.NDArray[np.bool_]

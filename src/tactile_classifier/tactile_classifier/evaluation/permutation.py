@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Accuracy on permuted labels, under the folds of the accuracy that it is compared with."""
+"""Accuracy on permuted labels, with the same folds as the accuracy to compare with."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ PERMUTATIONS = 20
 class PermutationBaseline(Result):
     """Accuracy of a classifier on permuted labels.
 
-    ``mean`` and ``largest`` are over the permutations [1]. ``p_value`` is the share of
-    permutations that reach the accuracy on the true labels, with these as one of them (Phipson and
-    Smyth 2010) [1].
+    ``mean`` and ``largest`` are computed over the permutations [1]. ``p_value`` is the fraction of
+    permutations that reach the accuracy on the true labels, which count as one permutation
+    (Phipson and Smyth 2010) [1].
     """
 
     classifier: str
@@ -40,7 +40,7 @@ class PermutationBaseline(Result):
 
 
 class PermutationPlan:
-    """The baseline of one classifier under the first repetition of a split; a `Plan`.
+    """`Plan` of the baseline of one classifier, with the first repetition of a split.
 
     Labels are permuted within the held-out groups, so that each group keeps its number of trials
     of each label (as in scikit-learn's ``permutation_test_score``), or see `permute_labels`.
@@ -59,7 +59,7 @@ class PermutationPlan:
         self._random_state = random_state
 
     def tasks(self) -> list[Task]:
-        """Return one task."""
+        """Return the only task."""
         return [(_permute, (self._pair, self._table, self._split, self._random_state))]
 
     def finish(self, answers: Sequence[npt.NDArray[np.float64]]) -> PermutationBaseline:

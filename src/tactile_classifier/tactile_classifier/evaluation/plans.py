@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Work of several kinds as one list, for one pool of workers and one progress bar."""
+"""Several analyses as one list of tasks, for one pool of workers and one progress bar."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ INTERRUPTED_S = 10.0
 
 
 class Plan(Protocol[Result]):
-    """An analysis that knows its parts before it begins."""
+    """An analysis whose tasks are known before it starts."""
 
     def tasks(self) -> list[Task]:
-        """Return the parts; none depends on another."""
+        """Return the tasks, which are independent of each other."""
 
     def finish(self, answers: Sequence[Any]) -> Result:
         """Return the result; the answers are in the order of the tasks."""
@@ -40,14 +40,14 @@ def run_plans(
     jobs: int | None = 1,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[Any]:
-    """Run the parts of all plans and return the plans' results, in their order.
+    """Run the tasks of all plans; return the results of the plans in their order.
 
     joblib uses threads unless `joblib.parallel_config` says otherwise: most of the time is spent
     in compiled code, and processes would need seconds to import it. Linear algebra uses one thread
     meanwhile, because its threads would compete with the pool.
 
-    ``jobs`` is as joblib takes it: -1 is all cores. ``progress(done, total)`` is called after each
-    part.
+    ``jobs`` is the number of workers as in joblib; -1 uses all cores. ``progress(done, total)`` is
+    called after each task.
     """
     parts = [plan.tasks() for plan in plans]
     total = sum(map(len, parts))
@@ -70,13 +70,13 @@ def run_plans(
 
 
 def _run(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-    """Run one part; scikit-learn's checks of our own parameters take long beside a small fit."""
+    """Run one task without scikit-learn's parameter checks, which are slower than a small fit."""
     with sklearn.config_context(skip_parameter_validation=True):
         return function(*arguments)
 
 
 def _end_pool(coming: Generator[Any, None, None], before: set[threading.Thread]) -> None:
-    """End joblib's generator, and wait for the threads that were not there before.
+    """End joblib's generator, and wait for its threads.
 
     Python kills daemon threads when it exits; a thread that is in C++ code then aborts the
     process.

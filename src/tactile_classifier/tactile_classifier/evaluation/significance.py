@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Significance of each feature alone: rank-sum tests of all pairs of classes."""
+"""Significance of single features: rank-sum tests of all pairs of classes."""
 
 from __future__ import annotations
 
@@ -16,33 +16,33 @@ from tactile_classifier.errors import DatasetError
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
-# So that the tables of a block of features stay within the cache.
+# Chosen so that the tables of a block of features fit in the cache.
 _BLOCK_NUMBERS = 200_000
 
 
 @dataclass(frozen=True)
 class RankSum:
-    """P-values of the rank-sum tests between every two classes, and effect sizes.
+    """P-values of the rank-sum tests of all pairs of classes, and effect sizes.
 
     Attributes
     ----------
     labels : tuple of str
-        The classes, sorted: the order of rows and columns of ``p``.
+        Sorted classes, in the order of the rows and columns of ``p``.
     p : ndarray of shape (k, classes, classes)
-        Two-sided p-value per feature and pair, symmetric; 1 on the diagonal, which is no test.
+        Two-sided p-value per feature and pair; symmetric, with 1 on the diagonal.
     mean_p : ndarray of shape (k,)
-        Mean over the pairs of two different classes: the paper's significance measure of
-        a feature. Low where the feature tells most pairs apart.
+        Mean over the pairs of different classes, the significance measure of the paper. Low if the
+        feature distinguishes most pairs.
     auc : ndarray of shape (k, classes, classes)
         Effect size: probability that a trial of the row's class has a larger value than a trial
         of the column's class in the same stratum, ties counted half [1]. 0.5 on the diagonal and
         for classes that share no stratum. Cliff's delta is ``2 * auc - 1``.
     strata : int
-        Sessions that trials were compared within; 1: all trials with all.
+        Number of sessions within which trials were compared; 1 without sessions.
     counts : tuple of int
-        Tested values of each class: its units, or its trials where these are independent.
+        Number of tested values of each class: units, or trials if these are independent.
     least_p : float
-        The largest, over the pairs, of the smallest p-value that so many values allow.
+        Smallest p-value possible with these numbers of values; maximum over the pairs.
     """
 
     labels: tuple[str, ...]
@@ -55,7 +55,7 @@ class RankSum:
 
     @property
     def separation(self) -> FloatArray:
-        """Mean of the larger of AUC and 1 - AUC over the pairs of classes, shape (k,) [1]."""
+        """Mean of max(AUC, 1 - AUC) over the pairs of classes, shape (k,) [1]."""
         pairs = np.triu_indices(len(self.labels), 1)
         auc = self.auc[:, pairs[0], pairs[1]]
         return np.asarray(np.maximum(auc, 1.0 - auc).mean(axis=1))
@@ -67,31 +67,32 @@ def rank_sum_p_values(
     strata: ArrayLike | None = None,
     units: ArrayLike | None = None,
 ) -> RankSum:
-    """Return the p-value of Wilcoxon's rank-sum test of all pairs of classes, per feature.
+    """Return the p-values of Wilcoxon's rank-sum test for all pairs of classes and all features.
 
-    The test takes values as independent. Trials of one mounting are not: with ``units``, the means
-    of each unit are tested instead of single trials. With plates that are mounted once a session,
-    tests of single trials find p < 0.05 in 24 to 53 % of the pairs without any effect of the label
-    (ten trials a mounting; standard deviation between mountings 0.5 to 2 of that between trials).
+    The test assumes independent values, but trials of one mounting are not independent. If
+    ``units`` are given, the means of units are tested instead of single trials. If plates are
+    mounted once per session, tests of single trials find p < 0.05 in 24 to 53 % of the pairs
+    without any effect of the label (ten trials per mounting; standard deviation between mountings
+    0.5 to 2 times the standard deviation between trials).
 
-    The normal approximation with the corrections for ties and for continuity, which is
+    The normal approximation is used, with corrections for ties and continuity, as in
     ``scipy.stats.mannwhitneyu(a, b, method='asymptotic')`` for each pair.
-    (``scipy.stats.ranksums`` has neither correction, and so gives p-values that are
-    somewhat smaller.) Where all values of two classes are equal, as in the component at
-    0 Hz, nothing tells them apart, and p is 1.
+    (``scipy.stats.ranksums`` uses neither correction, so its p-values are slightly smaller.) If
+    all values of two classes are equal, as in the component at 0 Hz, p is 1.
 
-    The paper (section IV) names the test without its variant, and averages "elements of"
-    the matrix. Its averages lie below 0.05 for most components; with ones on the
-    diagonal no average could be below one over the number of classes, so the mean here
-    is that of the pairs.
+    The paper (section IV) does not state the variant of the test, and averages "elements of" the
+    matrix. Its averages are below 0.05 for most components. With ones on the diagonal, an average
+    could not be smaller than 1 / number of classes. The mean is therefore computed over the pairs.
 
-    With strata it is van Elteren's (1960) test: trials are compared within their stratum alone,
-    and a stratum of n trials of the two classes weighs 1 / (n + 1). What all trials of a
-    session share then neither hides a difference nor makes one. The correction for continuity is
-    half the smallest weight. Two classes that share no stratum are not compared, and p is 1.
+    With strata, van Elteren's (1960) test is used: trials are only compared within their stratum,
+    and a stratum with n trials of the two classes has the weight 1 / (n + 1). Differences between
+    sessions then neither hide nor cause a difference between classes. The correction for
+    continuity is half the smallest weight. If two classes share no stratum, p is 1.
 
-    One sort per feature and stratum serves all pairs: with ``c_b(x)`` the number of values of
-    class b below x, and half of those equal to it, ``U_ab`` is the sum of ``c_b`` over class a.
+    One sort per feature and stratum is sufficient for all pairs: ``c_b(x)`` is the number of
+    values of class b below x plus half the number of equal values. ``U_ab`` is the sum of ``c_b``
+    over
+    class a.
 
     Parameters
     ----------
@@ -99,15 +100,16 @@ def rank_sum_p_values(
         Features.
     labels : array_like of str, shape (trials,)
     strata : array_like of shape (trials,), optional
-        Such as the session of each trial.
+        Stratum of each trial, such as its session.
     units : array_like of shape (trials,), optional
-        Such as the mounting of each trial. A unit has trials of one class and one stratum.
+        Unit of each trial, such as its mounting. A unit contains trials of one class and one
+        stratum.
 
     Raises
     ------
     DatasetError
-        When shapes do not fit, a value is not finite, there are fewer than two classes, or a unit
-        has trials of several classes or strata.
+        If shapes are inconsistent, a value is not finite, there are fewer than two classes, or a
+        unit contains trials of several classes or strata.
     """
     table = np.asarray(values, dtype=np.float64)
     names = np.asarray(labels)
@@ -149,18 +151,18 @@ def rank_features(
 ) -> IntArray:
     """Return the columns of ``values`` from the lowest to the highest mean p of single trials.
 
-    Columns with the same mean keep their order. Inside a cross-validation this belongs
-    into each fold: ranked on all trials, it has seen those of the test. Errors as in
-    `rank_sum_p_values`.
+    Columns with the same mean keep their order. In cross-validation, rank the features on the
+    training trials of each fold, because a ranking on all trials uses the test trials. Raises the
+    same errors as `rank_sum_p_values`.
     """
     return np.argsort(rank_sum_p_values(values, labels, strata).mean_p, kind='stable')
 
 
 def correct_holm(p_values: ArrayLike) -> FloatArray:
-    """Return p-values corrected for their number by Holm (1979), shape (n,).
+    """Return p-values with Holm's (1979) correction for multiple tests, shape (n,).
 
-    Among corrected values up to 0.05, the chance of any false one is at most 5 %, however the
-    tests depend on each other.
+    The probability of any false positive among corrected values up to 0.05 is at most 5 %, for any
+    dependence between the tests.
     """
     p = np.asarray(p_values, dtype=np.float64)
     order = np.argsort(p)
@@ -195,12 +197,12 @@ def _count_classes(index: IntArray, stratum: IntArray) -> tuple[IntArray, FloatA
     )
     pooled = sizes[:, :, None] + sizes[:, None, :]
     weights = np.where(sizes[:, :, None] * sizes[:, None, :] > 0, 1.0 / (pooled + 1.0), 0.0)
-    # Of a single stratum the weight is 1, and the result SciPy's to the last digit.
+    # With a single stratum the weight is 1, and the result is identical to SciPy's.
     return sizes, weights / np.maximum(weights.max(axis=0), 1e-300)
 
 
 def _find_least_p(index: IntArray, stratum: IntArray) -> float:
-    """Return the p-value of classes that no value mixes, of the pair with the fewest values."""
+    """Return the p-value of completely separated classes, for the pair with the fewest values."""
     sizes, weights = _count_classes(index, stratum)
     product = sizes[:, :, None] * sizes[:, None, :]
     pooled = sizes[:, :, None] + sizes[:, None, :]
@@ -224,7 +226,7 @@ def _test_pairs(
         u, ties = _count_pairs(values[:, inside], index[inside], classes)
         product, n = np.multiply.outer(sizes[h], sizes[h]), np.add.outer(sizes[h], sizes[h])
         surplus += weight * (u - product / 2)
-        # In the order of SciPy's operations, for the same last digits.
+        # The same order of operations as in SciPy, for identical results.
         variance += weight**2 * (product / 12 * ((n + 1) - ties / np.maximum(n * (n - 1), 1)))
         larger += u
     p = _compute_p(surplus, variance, weights)
@@ -236,7 +238,7 @@ def _test_pairs(
 
 
 def _compute_p(surplus: FloatArray, variance: FloatArray, weights: FloatArray) -> FloatArray:
-    """Return two-sided p-values of shape (..., classes, classes); 1 without any variance."""
+    """Return two-sided p-values of shape (..., classes, classes); 1 without variance."""
     smallest = np.where(weights > 0.0, weights, np.inf).min(axis=0)
     step = np.where(np.isfinite(smallest), smallest, 1.0)
     with np.errstate(divide='ignore', invalid='ignore'):
@@ -265,17 +267,17 @@ def _count_pairs(
 
 
 def _count_ties(below: FloatArray, new: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
-    """Return the counts below each value with half of its equals, and the ties of the pairs.
+    """Return the counts below each value plus half of the equal values, and the ties of the pairs.
 
-    Ties are the sum of t^3 - t over the groups of t = a + b equal values, a and b of the two
-    classes. All numbers are integers or halves, and so exact. ``below`` are running counts in the
-    order of the values, shape (k, trials + 1, classes); ``new`` tells, of all but the first,
-    whether a value differs from the one before.
+    Ties are the sum of t^3 - t over the groups of t = a + b equal values, with a and b values of
+    the two classes. All numbers are integers or halves, so the results are exact. ``below`` holds
+    cumulative counts in the order of the values, shape (k, trials + 1, classes). ``new`` is true
+    for each value, except the first, that differs from the previous value.
     """
     k, n = below.shape[0], below.shape[1] - 1
     begins, ends = np.ones((k, n), dtype=bool), np.ones((k, n), dtype=bool)
     begins[:, 1:] = ends[:, :-1] = new
-    # One row a group of equal values, of all features after another.
+    # One row per group of equal values, for all features consecutively.
     group = np.cumsum(begins.ravel()) - 1
     low, high = below[:, :-1][begins], below[:, 1:][ends]
     counts = (0.5 * (low + high))[group].reshape(k, n, -1)
