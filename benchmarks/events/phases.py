@@ -24,7 +24,7 @@ from tactile_classifier.records import CLASSIFIERS, CONTACTS
 from tactile_features.config import FeatureConfig
 from tactile_features.extraction.extractor import TrialFeatureExtractor
 from tactile_features.phases import find_phases
-from tactile_features.records import FeatureWindow, Outcome, TrialEvent
+from tactile_features.records import FeatureWindow, TrialEvent, WindowOutcome
 from tactile_ros.strain import StrainBlock
 
 MARK = {'stiffness': 'hold', 'texture': 'glide'}
@@ -174,7 +174,7 @@ def _tables(protocol: str, contact: str, trials: int, disturbance: Disturbance) 
                 usable = [
                     w.values
                     for w in windows
-                    if w.outcome == Outcome.OK
+                    if w.outcome == WindowOutcome.OK
                     and trial.start_ns <= w.window_start_ns < trial.end_ns
                 ]
                 table[0].append(usable[0] if len(usable) == 1 else None)

@@ -23,7 +23,12 @@ from tactile_bringup.trial_protocols import glide_speed_m_s, TrialConfig, TrialR
 from tactile_classifier.estimators.classifiers import build_estimator, DEFAULT_SCALING
 from tactile_features.config import FeatureConfig
 from tactile_features.extraction.extractor import TrialFeatureExtractor
-from tactile_features.records import Outcome, PROTOCOL_STIFFNESS, PROTOCOL_TEXTURE, TrialEvent
+from tactile_features.records import (
+    PROTOCOL_STIFFNESS,
+    PROTOCOL_TEXTURE,
+    TrialEvent,
+    WindowOutcome,
+)
 from tactile_lab.simulation.simulated_trials import EPOCH_NS, plan_trial
 from tactile_ros.strain import StrainBlock
 from tactile_sim.descriptions.catalogue import Catalogue, default_catalogue
@@ -252,5 +257,5 @@ class CleanTrials:
             block = StrainBlock(stamp_ns, first, period_ns, tension_n[first:end])
             windows += extractor.add_block(block)
         windows += extractor.finish()
-        usable = [window.values for window in windows if window.outcome == Outcome.OK]
+        usable = [window.values for window in windows if window.outcome == WindowOutcome.OK]
         return usable[0] if usable else None

@@ -20,7 +20,7 @@ from tactile_bags.bag_reader import BagMessage, TactileBag
 from tactile_bags.message_records import read_records
 from tactile_bags.recorded_setup import RecordedFeatures
 from tactile_classifier.answering import ModelSet
-from tactile_classifier.records import ClassificationResult
+from tactile_classifier.records import WindowPrediction
 from tactile_features.conversions import event_from_msg
 from tactile_features.extraction.extractor import TrialFeatureExtractor
 from tactile_features.records import (
@@ -44,10 +44,10 @@ class TactileResults:
     """
 
     windows: list[FeatureWindow] = field(default_factory=list)
-    classifications: list[ClassificationResult] = field(default_factory=list)
+    classifications: list[WindowPrediction] = field(default_factory=list)
     made_at_ns: dict[int, int] = field(default_factory=dict)
 
-    def all(self) -> list[FeatureWindow | ClassificationResult]:
+    def all(self) -> list[FeatureWindow | WindowPrediction]:
         """Return windows and classifications."""
         return [*self.windows, *self.classifications]
 
@@ -189,7 +189,7 @@ ROUNDING = 1e-9
 TAIL_S = 1.0
 """Length of the end of a recording in which completed results may be missing [s]."""
 
-Result = FeatureWindow | ClassificationResult
+Result = FeatureWindow | WindowPrediction
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_classifier.records import ClassificationResult
+from tactile_classifier.records import WindowPrediction
 from tactile_features.records import TrialEvent
 
 
@@ -82,7 +82,7 @@ class Trial:
     events: tuple[TrialEvent, ...] = ()
     begin_ns: int | None = None
     load_signal: Callable[[], Signal] | None = field(default=None, repr=False)
-    load_answers: Callable[[], tuple[ClassificationResult, ...]] = field(default=tuple, repr=False)
+    load_answers: Callable[[], tuple[WindowPrediction, ...]] = field(default=tuple, repr=False)
 
     @cached_property
     def signal(self) -> Signal:
@@ -91,7 +91,7 @@ class Trial:
         return self.load_signal()
 
     @cached_property
-    def answers(self) -> tuple[ClassificationResult, ...]:
+    def answers(self) -> tuple[WindowPrediction, ...]:
         """The recorded classifications, in bags of this package."""
         return self.load_answers()
 

@@ -3,7 +3,7 @@
 
 """Classification of each window by every model that fits it.
 
-`ModelSet` holds the models of a finger; `Answering` classifies with them and counts the results.
+`ModelSet` holds the models of a finger; `WindowClassifier` uses it and counts the results.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pathlib import Path
 
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.model import load_model, TactileModel
-from tactile_classifier.records import ClassificationResult, ModelInfo
+from tactile_classifier.records import ModelInfo, WindowPrediction
 from tactile_features.model_contract import load_usable
 from tactile_features.records import contacts_agree, FeatureWindow
 from tactile_features.spec import FeatureSpec, FeatureSpecifications
@@ -89,7 +89,7 @@ class ModelSet:
         for model in self.models:
             model.set_specifications(announced)
 
-    def classify(self, window: FeatureWindow) -> list[ClassificationResult]:
+    def classify(self, window: FeatureWindow) -> list[WindowPrediction]:
         """Return the results for one window, in the order of the models.
 
         A model classifies the windows that have its specification. If a window matches no model,
@@ -126,7 +126,7 @@ def _info_of(model: TactileModel, contact: str) -> ModelInfo:
     )
 
 
-class Answering:
+class WindowClassifier:
     """Classifies windows with a `ModelSet` and counts the results.
 
     Attributes
@@ -158,7 +158,7 @@ class Answering:
         self.models.set_specifications(announced.specs)
         return self.models.unfed
 
-    def answer(self, window: FeatureWindow) -> list[ClassificationResult]:
+    def answer(self, window: FeatureWindow) -> list[WindowPrediction]:
         """Return the results for one window."""
         results = self.models.classify(window)
         self.counts['windows'] += 1

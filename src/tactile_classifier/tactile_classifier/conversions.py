@@ -9,7 +9,7 @@ import dataclasses
 from typing import Any
 
 from tactile_classifier.errors import ClassifierError
-from tactile_classifier.records import ClassificationResult, ModelInfo, ModelInfos, Outcome
+from tactile_classifier.records import ModelInfo, ModelInfos, PredictionOutcome, WindowPrediction
 from tactile_ros.errors import MessageError
 from tactile_ros.message_classes import time_to_msg
 
@@ -54,13 +54,13 @@ _CONVERTED = ('outcome', 'labels', 'scores', 'frame_id')
 _TIMES = ('window_start_ns', 'window_end_ns')
 _AS_THEY_ARE = tuple(
     field.name
-    for field in dataclasses.fields(ClassificationResult)
+    for field in dataclasses.fields(WindowPrediction)
     if field.name not in (*_CONVERTED, *_TIMES)
 )
 """Fields with the same name and type in result and message."""
 
 
-def classification_to_msg(result: ClassificationResult) -> Any:
+def classification_to_msg(result: WindowPrediction) -> Any:
     """Convert a result to a tactile_msgs/Classification message."""
     from std_msgs.msg import Header
 
@@ -77,7 +77,7 @@ def classification_to_msg(result: ClassificationResult) -> Any:
     )
 
 
-def classification_from_msg(message: Any) -> ClassificationResult:
+def classification_from_msg(message: Any) -> WindowPrediction:
     """Convert a Classification message of rclpy or rosbags to a result.
 
     Raises MessageError if the outcome is unknown, or the numbers of scores and labels differ.
@@ -87,7 +87,7 @@ def classification_from_msg(message: Any) -> ClassificationResult:
             f'scores has {len(message.scores)} entries and labels {len(message.labels)}; '
             'the numbers must be equal'
         )
-    return ClassificationResult(
+    return WindowPrediction(
         outcome=_read_outcome(message.outcome),
         labels=tuple(message.labels),
         scores=tuple(float(score) for score in message.scores),
@@ -98,11 +98,11 @@ def classification_from_msg(message: Any) -> ClassificationResult:
     )
 
 
-def _read_outcome(value: Any) -> Outcome:
+def _read_outcome(value: Any) -> PredictionOutcome:
     try:
-        return Outcome(value)
+        return PredictionOutcome(value)
     except ValueError:
-        names = ', '.join(f'{outcome.value} ({outcome.name})' for outcome in Outcome)
+        names = ', '.join(f'{outcome.value} ({outcome.name})' for outcome in PredictionOutcome)
         raise MessageError(f'outcome is {value}; it must be one of {names}') from None
 
 
@@ -126,7 +126,7 @@ def vision_from_msg(answer: Any) -> Any:
     from vision_msgs.msg import ObjectHypothesis
 
     message = vision_class()(header=answer.header)
-    if answer.outcome == Outcome.LABEL:
+    if answer.outcome == PredictionOutcome.LABEL:
         ranked = sorted(zip(answer.labels, answer.scores, strict=True), key=lambda pair: -pair[1])
         message.results = [
             ObjectHypothesis(class_id=label, score=score) for label, score in ranked

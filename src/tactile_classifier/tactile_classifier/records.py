@@ -42,7 +42,7 @@ UNKNOWN, NO_ANSWER = 'unknown', 'no answer'
 """Replace the label if the window is too novel, or has no features or no finite scores."""
 
 
-class Outcome(IntEnum):
+class PredictionOutcome(IntEnum):
     """Result of the classification of one window."""
 
     LABEL = 0
@@ -51,15 +51,15 @@ class Outcome(IntEnum):
 
 
 @dataclasses.dataclass(frozen=True)
-class ClassificationResult:
+class WindowPrediction:
     """Result of one model for one window of features.
 
     Attributes
     ----------
     label : str
-        Predicted label; empty unless ``outcome`` is ``Outcome.LABEL``.
+        Predicted label; empty unless ``outcome`` is ``PredictionOutcome.LABEL``.
     reason : str
-        One sentence if ``outcome`` is not ``Outcome.LABEL``; empty otherwise.
+        One sentence if ``outcome`` is not ``PredictionOutcome.LABEL``; empty otherwise.
     labels, scores : tuple
         One score per label; a higher score is more likely. No scores without features.
     score_kind : str
@@ -78,7 +78,7 @@ class ClassificationResult:
     contact: str
     model_id: str
     simulated: bool
-    outcome: Outcome
+    outcome: PredictionOutcome
     label: str
     reason: str
     labels: tuple[str, ...]

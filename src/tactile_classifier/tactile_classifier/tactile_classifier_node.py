@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from tactile_classifier.answering import Answering, ModelSet
+from tactile_classifier.answering import ModelSet, WindowClassifier
 from tactile_classifier.conversions import (
     classification_to_msg,
     model_infos_to_msg,
@@ -46,7 +46,7 @@ class ClassifierStage(Stage):
         self._node = node
         vision = vision_class() if config.vision_messages else None
         models = ModelSet.load(config.models, config.contact)
-        self.answering = Answering(models)
+        self.answering = WindowClassifier(models)
         self._log_models(models)
         self._publishers = [
             RecordPublisher(
@@ -149,7 +149,7 @@ class TactileClassifierNode(StageNode):
         return ClassifierStage(self, config)
 
     @property
-    def answering(self) -> Answering | None:
+    def answering(self) -> WindowClassifier | None:
         """Models and counters; None if the node is not configured."""
         stage: ClassifierStage | None = self.stage
         return stage.answering if stage is not None else None

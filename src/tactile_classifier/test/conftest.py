@@ -19,7 +19,7 @@ from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
-from tactile_features.records import FeatureWindow, Outcome
+from tactile_features.records import FeatureWindow, WindowOutcome
 from tactile_features.spec import spec_for
 
 
@@ -117,7 +117,7 @@ def make_window(small_table):
             'trial_id': f'trial-{trial}',
             'contact': 'flexion',
             'simulated': False,
-            'outcome': Outcome.OK,
+            'outcome': WindowOutcome.OK,
             'reason': '',
             'values': small_table.values[trial],
             'window_start_ns': 10**18 + 1,

@@ -19,7 +19,7 @@ import numpy as np
 
 from tactile_features import records
 from tactile_features.errors import FeatureError
-from tactile_features.records import FeatureWindow, Outcome, TrialEvent
+from tactile_features.records import FeatureWindow, TrialEvent, WindowOutcome
 from tactile_features.spec import FeatureSpec, FeatureSpecifications
 from tactile_ros.errors import MessageError
 from tactile_ros.message_classes import time_to_msg
@@ -269,11 +269,11 @@ def _header(stamp_ns: int, frame_id: str = '') -> Any:
     return Header(stamp=time_to_msg(stamp_ns), frame_id=frame_id)
 
 
-def _outcome_from_msg(value: Any) -> Outcome:
+def _outcome_from_msg(value: Any) -> WindowOutcome:
     try:
-        return Outcome(int(value))
+        return WindowOutcome(int(value))
     except ValueError:
-        names = ', '.join(f'{outcome.value} ({outcome.name})' for outcome in Outcome)
+        names = ', '.join(f'{outcome.value} ({outcome.name})' for outcome in WindowOutcome)
         raise MessageError(f'outcome is {value}; it must be one of {names}') from None
 
 

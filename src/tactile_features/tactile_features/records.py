@@ -44,7 +44,7 @@ def contacts_agree(first: str, second: str) -> bool:
     return len({first, second} - {''}) < 2
 
 
-class Outcome(IntEnum):
+class WindowOutcome(IntEnum):
     """Result of cutting one window."""
 
     OK = 0
@@ -86,9 +86,9 @@ class FeatureWindow:
     ----------
     values : ndarray of shape (k,)
         The features in the order and units of the `FeatureSpec`; empty if ``outcome`` is not
-        ``Outcome.OK``.
+        ``WindowOutcome.OK``.
     reason : str
-        One sentence if ``outcome`` is not ``Outcome.OK``, else an empty string.
+        One sentence if ``outcome`` is not ``WindowOutcome.OK``, else an empty string.
     window_start_ns, window_end_ns : int
         Times of the first and the last sample [ns]; start and end of the phase if the window
         has no samples.
@@ -107,7 +107,7 @@ class FeatureWindow:
     trial_id: str
     contact: str
     simulated: bool
-    outcome: Outcome
+    outcome: WindowOutcome
     reason: str
     values: NDArray[np.float64]
     window_start_ns: int

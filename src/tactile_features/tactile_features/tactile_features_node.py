@@ -23,7 +23,7 @@ from tactile_features.errors import FeatureError
 from tactile_features.extraction.extractor import SampleTimeout, TrialFeatureExtractor
 from tactile_features.feature_sets.feature_set import RATE_TOLERANCE
 from tactile_features.model_contract import plan_features
-from tactile_features.records import FeatureWindow, Outcome, PHASE_ABORTED, TrialEvent
+from tactile_features.records import FeatureWindow, PHASE_ABORTED, TrialEvent, WindowOutcome
 from tactile_features.spec import FeatureSpecifications
 from tactile_msgs.msg import FeatureSpecifications as FeatureSpecificationsMsg
 from tactile_msgs.msg import StrainBlock, TactileFeatures
@@ -194,7 +194,7 @@ class FeaturesStage(Stage):
 
     def _publish(self, windows: Iterable[FeatureWindow]) -> None:
         for window in windows:
-            if window.outcome != Outcome.OK:
+            if window.outcome != WindowOutcome.OK:
                 self._node.get_logger().warning(
                     plain_text(f'no features of trial {window.trial_id}: {window.reason}')
                 )
@@ -214,7 +214,7 @@ class FeaturesStage(Stage):
                 'blocks': blocks,
                 'events': self.extractor.event_count,
                 'windows': sum(windows.values()),
-                'windows without features': sum(windows.values()) - windows[Outcome.OK],
+                'windows without features': sum(windows.values()) - windows[WindowOutcome.OK],
                 'specifications': len(self.extractor.specifications),
                 'refused model files': len(self._refused),
                 'active': self._node.is_active,

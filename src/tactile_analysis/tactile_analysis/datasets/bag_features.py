@@ -35,10 +35,10 @@ from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.registry import task_of
 from tactile_features.records import (
     FeatureWindow,
-    Outcome,
     PHASE_ABORTED,
     PHASE_DONE,
     TrialEvent,
+    WindowOutcome,
 )
 from tactile_features.spec import FeatureSpec
 
@@ -181,17 +181,19 @@ def _collect(
     for event in replayed.events:
         events[event.trial_id].append(event)
     # An early window is refused later if its phase ended within the window.
-    refused = {_identify(window) for window in replayed.windows if window.outcome != Outcome.OK}
+    refused = {
+        _identify(window) for window in replayed.windows if window.outcome != WindowOutcome.OK
+    }
     for window in replayed.windows:
         event = event_before(window, events[window.trial_id])
         end = _end_after(window, events[window.trial_id])
         # The task follows from the features: a trial may have a window of the other protocol.
         key = task_of(window.feature_set), event.contact, window.specification_digest
-        if window.outcome == Outcome.OK and _identify(window) in refused:
+        if window.outcome == WindowOutcome.OK and _identify(window) in refused:
             continue
         if window.trial_id in dropped:
             left_out.append(f'{window.trial_id}: {dropped[window.trial_id]}')
-        elif window.outcome != Outcome.OK:
+        elif window.outcome != WindowOutcome.OK:
             left_out.append(f'{window.trial_id}: {window.reason}')
             refused_trials[key] += bool(event.object_label)
         elif end is not None and end.phase == PHASE_ABORTED:

@@ -24,7 +24,7 @@ from tactile_bags.replay import replay_phases
 from tactile_classifier.answering import ModelSet
 from tactile_classifier.datasets.archive import LabelledTrials
 from tactile_classifier.errors import DatasetError
-from tactile_classifier.model_file.model import Answer, TactileModel
+from tactile_classifier.model_file.model import Prediction, TactileModel
 from tactile_classifier.records import NO_ANSWER
 from tactile_features.records import TrialEvent
 from tactile_features.spec import ALL
@@ -43,7 +43,7 @@ class ClassifiedTrial:
     source: str
     label: str
     model: TactileModel
-    answer: Answer
+    answer: Prediction
 
     def to_dict(self) -> dict[str, Any]:
         """Return a dictionary for JSON."""
@@ -153,7 +153,7 @@ def _classify_trials(
                 cut=True,
             )
         except DatasetError as error:
-            answer = Answer(NO_ANSWER, str(error))
+            answer = Prediction(NO_ANSWER, str(error))
         yield ClassifiedTrial(str(names[i]), str(sources[i]), str(trials.label[i]), model, answer)
 
 

@@ -18,9 +18,9 @@ from tactile_features import (
     FeatureConfig,
     FeatureSpecifications,
     FeatureWindow,
-    Outcome,
     records,
     TrialFeatureExtractor,
+    WindowOutcome,
 )
 from tactile_features.conversions import (
     event_from_msg,
@@ -68,7 +68,7 @@ events = records_of(
 windows = records_of(
     FeatureWindow,
     contact=contacts,
-    outcome=st.sampled_from(Outcome),
+    outcome=st.sampled_from(WindowOutcome),
     values=st.lists(st.floats(allow_nan=False), max_size=5).map(np.array),
     window_start_ns=stamps_ns,
     window_end_ns=stamps_ns,

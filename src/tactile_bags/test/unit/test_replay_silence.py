@@ -19,7 +19,7 @@ from tactile_bags.replay import (
     ROUNDING,
     TactileResults,
 )
-from tactile_features import FeatureConfig, Outcome, TrialEvent, TrialFeatureExtractor
+from tactile_features import FeatureConfig, TrialEvent, TrialFeatureExtractor, WindowOutcome
 from tactile_features.conversions import (
     event_to_msg,
     feature_window_to_msg,
@@ -113,7 +113,7 @@ def test_a_replay_gives_up_what_the_node_gave_up(tmp_path, inputs, end_s, count)
     assert len(recorded.windows) == count
     assert compare(recorded, core, NAMES).first_difference == ''
     if count:
-        assert recorded.windows[0].outcome == Outcome.GAP
+        assert recorded.windows[0].outcome == WindowOutcome.GAP
 
 
 @pytest.mark.parametrize(
@@ -143,8 +143,10 @@ def test_features_are_computed_at_the_rate_of_the_samples(tmp_path, rate_hz):
     write_bag(tmp_path / 'bag', [samples, *HOLD], GIVEN_UP_S, 60.0)
     with TactileBag(tmp_path / 'bag') as bag:
         (recorded,) = replay_phases(bag, recorded_features(bag), finish=True).windows
-        assert recorded.outcome == (Outcome.OK if rate_hz == 60 else Outcome.BAD_SIGNAL)
+        assert recorded.outcome == (
+            WindowOutcome.OK if rate_hz == 60 else WindowOutcome.BAD_SIGNAL
+        )
         features = computable_features(bag)
         (window,) = replay_phases(bag, features, finish=True).windows
-    assert window.outcome == Outcome.OK
+    assert window.outcome == WindowOutcome.OK
     assert {spec.rate_hz for spec in features.specifications} == {float(rate_hz)}

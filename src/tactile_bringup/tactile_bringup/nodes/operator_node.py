@@ -20,7 +20,7 @@ from linear_guide_driver.motion_node import STATES, stop_state_from_msg, STOP_TO
 from linear_guide_driver.stop_latch import StopState
 from tactile_bringup.trial_protocols import longest_trial_s, TrialConfig, TrialRequest
 from tactile_classifier.conversions import classification_from_msg, model_infos_from_msg
-from tactile_classifier.records import ClassificationResult, ModelInfo
+from tactile_classifier.records import ModelInfo, WindowPrediction
 from tactile_msgs.action import HomeGuide, RunTrial
 from tactile_msgs.msg import Classification, ModelInfos
 from tactile_msgs.msg import StopState as StopStateMsg
@@ -90,7 +90,7 @@ class OperatorNode(Node):  # type: ignore[misc]
         self.create_service(Trigger, '~/stop', self._on_stop)
         self._stop_state = StopState()  # state of the rig
         self._arrived = threading.Condition()
-        self._answers: list[ClassificationResult] = []
+        self._answers: list[WindowPrediction] = []
         self._models: tuple[ModelInfo, ...] | None = None
         guard = MessageGuard(self)
         take_stop = guard.wrap(STOP_TOPIC, self._on_stop_state)
@@ -176,10 +176,10 @@ class OperatorNode(Node):  # type: ignore[misc]
 
     def wait_for_answers(
         self, trial_id: str, models: Collection[str]
-    ) -> tuple[ClassificationResult, ...]:
+    ) -> tuple[WindowPrediction, ...]:
         """Wait for the classifications of a trial by the models with these ``model_id``."""
 
-        def found() -> dict[str, ClassificationResult]:
+        def found() -> dict[str, WindowPrediction]:
             of_trial = (answer for answer in self._answers if answer.trial_id == trial_id)
             return {answer.model_id: answer for answer in of_trial if answer.model_id in models}
 

@@ -23,25 +23,24 @@ from tactile_classifier.model_file.prediction import Predictions
 from tactile_classifier.model_file.samples import SampleWindow
 from tactile_classifier.model_file.storage import open_model
 from tactile_classifier.records import (
-    ClassificationResult,
     NO_ANSWER,
-    Outcome,
+    PredictionOutcome,
     PROBABILITY,
     UNKNOWN,
+    WindowPrediction,
 )
 from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.registry import find_feature_set
 from tactile_features.model_container import read_limited
 from tactile_features.model_contract import refusals_of
-from tactile_features.records import contacts_agree, FeatureWindow
-from tactile_features.records import Outcome as FeatureOutcome
+from tactile_features.records import contacts_agree, FeatureWindow, WindowOutcome
 from tactile_features.spec import FeatureSpec, format_rates, is_same_rate
 
 _REMEDY = 'name its file in the parameter models of the feature node, or train it again'
 
 
 @dataclasses.dataclass(frozen=True)
-class Answer:
+class Prediction:
     """Result of a model for one window of samples.
 
     Attributes
@@ -77,7 +76,7 @@ class Answer:
 class _Judged(NamedTuple):
     """Result for one window of features; without scores, or with novelty -1, if not available."""
 
-    outcome: Outcome
+    outcome: PredictionOutcome
     label: str = ''
     reason: str = ''
     scores: tuple[float, ...] = ()
@@ -206,7 +205,7 @@ class TactileModel:
 
     def classify(
         self, samples: npt.ArrayLike, rate_hz: float, *, speed_m_s: float = 0.0, cut: bool = False
-    ) -> Answer:
+    ) -> Prediction:
         """Classify one window of samples, with the same result as the live classifier.
 
         Parameters
@@ -237,7 +236,7 @@ class TactileModel:
         except DatasetError as error:
             raise DatasetError(f'model {self.model_id}: {error}') from error
         if found.reason:
-            judged = _Judged(Outcome.NO_FEATURES, reason=found.reason)
+            judged = _Judged(PredictionOutcome.NO_FEATURES, reason=found.reason)
         else:
             judged = self._judge(found.values)
         return self._answer_of(judged)
@@ -409,13 +408,13 @@ class TactileModel:
         is_of_set = window.feature_set == self.spec.feature_set
         return is_of_set and contacts_agree(self.contact, window.contact)
 
-    def classify_window(self, window: FeatureWindow) -> ClassificationResult:
+    def classify_window(self, window: FeatureWindow) -> WindowPrediction:
         """Classify one window of features; the result contains the reason if there is no label.
 
         A window whose novelty is above the threshold is unknown.
         """
         judged = self._judge_window(window)
-        return ClassificationResult(
+        return WindowPrediction(
             task=self.manifest.task,
             trial_id=window.trial_id,
             contact=window.contact,
@@ -435,14 +434,14 @@ class TactileModel:
             false_alarm_rate=self.manifest.false_alarm_rate,
         )
 
-    def answer(self, window: FeatureWindow) -> Answer:
+    def answer(self, window: FeatureWindow) -> Prediction:
         """Like `classify_window`, but returns the same type as `classify`."""
         return self._answer_of(self._judge_window(window))
 
     def _judge_window(self, window: FeatureWindow) -> _Judged:
         reason = self._why_not(window)
         if reason:
-            return _Judged(Outcome.NO_FEATURES, reason=reason)
+            return _Judged(PredictionOutcome.NO_FEATURES, reason=reason)
         return self._judge(window.values)
 
     def _judge(self, values: npt.NDArray[np.float64]) -> _Judged:
@@ -453,19 +452,21 @@ class TactileModel:
         novelty = float(found.novelty[0]) if len(found.novelty) else -1.0
         if not all(map(math.isfinite, (*scores, novelty))):
             reason = 'the scores of these features are not finite'
-            return _Judged(Outcome.NO_FEATURES, reason=reason)
+            return _Judged(PredictionOutcome.NO_FEATURES, reason=reason)
         if novelty > threshold >= 0.0:
             reason = (
                 f'unlike all training trials: novelty {novelty:.3g} exceeds the threshold '
                 f'{threshold:.3g}'
             )
-            return _Judged(Outcome.UNKNOWN, reason=reason, scores=scores, novelty=novelty)
+            return _Judged(
+                PredictionOutcome.UNKNOWN, reason=reason, scores=scores, novelty=novelty
+            )
         label = self.labels[int(found.answer[0])]
-        return _Judged(Outcome.LABEL, label, '', scores, novelty)
+        return _Judged(PredictionOutcome.LABEL, label, '', scores, novelty)
 
     def _why_not(self, window: FeatureWindow) -> str:
-        if window.outcome != FeatureOutcome.OK:
-            return window.reason or f'the window ended with {FeatureOutcome(window.outcome).name}'
+        if window.outcome != WindowOutcome.OK:
+            return window.reason or f'the window ended with {WindowOutcome(window.outcome).name}'
         reason = self.format_mismatch(window)
         if reason:
             return reason
@@ -486,7 +487,7 @@ class TactileModel:
         ]
         if not is_same_rate(window.rate_hz, spec.rate_hz):
             pairs.append(('rate in Hz', *format_rates(window.rate_hz, spec.rate_hz)))
-        if window.outcome == FeatureOutcome.OK:
+        if window.outcome == WindowOutcome.OK:
             if spec.sample_count:
                 pairs.append(('window in samples', window.sample_count, spec.sample_count))
             pairs.append(('number of features', len(window.values), len(spec.names)))
@@ -507,7 +508,7 @@ class TactileModel:
             f'(digest {digest} instead of {spec.digest}, with {values}): {_REMEDY}'
         )
 
-    def _answer_of(self, judged: _Judged) -> Answer:
+    def _answer_of(self, judged: _Judged) -> Prediction:
         calibration = self.manifest.calibration
         threshold = self.manifest.confidence.novelty_threshold
         scores = dict(zip(self.labels, judged.scores, strict=False))
@@ -515,7 +516,7 @@ class TactileModel:
         has_novelty = judged.novelty >= 0.0
         p_value = self._compute_p_value(judged.novelty) if has_novelty else None
         missing = []
-        if judged.outcome != Outcome.NO_FEATURES:
+        if judged.outcome != PredictionOutcome.NO_FEATURES:
             why = calibration.get('reason', 'the raw scores were better in held-out sessions')
             if not is_probability:
                 missing.append(f'no probabilities, scores are {self.manifest.score_kind}: {why}')
@@ -523,8 +524,8 @@ class TactileModel:
                 missing.append(f'no novelty, never unknown: {calibration.get("reason", "")}')
             elif p_value is None:
                 missing.append('no p-value, the file has no held-out novelties: train it again')
-        names = {Outcome.UNKNOWN: UNKNOWN, Outcome.NO_FEATURES: NO_ANSWER}
-        return Answer(
+        names = {PredictionOutcome.UNKNOWN: UNKNOWN, PredictionOutcome.NO_FEATURES: NO_ANSWER}
+        return Prediction(
             label=names.get(judged.outcome, judged.label),
             reason=judged.reason,
             probabilities=scores if is_probability else {},

@@ -14,12 +14,12 @@ from rclpy.parameter import Parameter
 from tactile_classifier.conversions import model_infos_from_msg
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.model_file.model import load_model
-from tactile_classifier.records import Outcome
+from tactile_classifier.records import PredictionOutcome
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features import FeatureConfig, read_contracts, spec_for, TrialFeatureExtractor
 from tactile_features.conversions import event_from_msg, strain_block_from_msg
-from tactile_features.records import Outcome as FeatureOutcome
+from tactile_features.records import WindowOutcome
 from tactile_msgs.msg import ModelInfos
 from tactile_ros.qos import LATEST
 
@@ -36,7 +36,7 @@ def test_windows_are_classified_over_the_wire(make_finger, model_path, make_wind
         make_window(20, contact='abduction'),
         make_window(0, feature_set='stiffness_regression'),
         make_window(3, rate_hz=100.0),
-        make_window(4, outcome=FeatureOutcome.GAP, reason='12 samples are missing'),
+        make_window(4, outcome=WindowOutcome.GAP, reason='12 samples are missing'),
         make_window(30),
     ]
     finger.send(*windows)
@@ -113,9 +113,9 @@ def test_answers_are_said_in_the_standard_message_too(make_finger, make_window):
     window, answer = next(  # one that the model does not take for unknown
         (window, answer)
         for window in map(make_window, range(30))
-        if (answer := model.classify_window(window)).outcome == Outcome.LABEL
+        if (answer := model.classify_window(window)).outcome == PredictionOutcome.LABEL
     )
-    finger.send(window, make_window(1, outcome=FeatureOutcome.GAP, reason='12 are missing'))
+    finger.send(window, make_window(1, outcome=WindowOutcome.GAP, reason='12 are missing'))
     finger.spin_until(lambda: len(heard) == 2)
     scores = {result.class_id: result.score for result in heard[0].results}
     assert heard[0].results[0].class_id == answer.label
@@ -136,7 +136,7 @@ def test_equal_parameters_or_the_same_models_are_answered(
     finger.bring_up()
     finger.play(*make_trials())
     finger.spin_until(lambda: finger.heard)
-    assert finger.answers[0].outcome in (Outcome.LABEL, Outcome.UNKNOWN)
+    assert finger.answers[0].outcome in (PredictionOutcome.LABEL, PredictionOutcome.UNKNOWN)
     assert finger.answering.counts['windows of another specification'] == 0
 
 
@@ -152,7 +152,7 @@ def test_a_parameter_of_the_feature_node_alone_is_noticed(
     assert 'does not compute the features of model texture-flexion-svm_linear' in log
     assert f'give its parameter models {model_path}' in log
     for answer in finger.answers:
-        assert (answer.outcome, answer.label) == (Outcome.NO_FEATURES, '')
+        assert (answer.outcome, answer.label) == (PredictionOutcome.NO_FEATURES, '')
         assert difference in answer.reason
         assert 'name its file in the parameter models of the feature node' in answer.reason
     status = finger.wait_for_count('windows of another specification', '2')

@@ -13,11 +13,11 @@ from tactile_classifier.errors import DatasetError, ModelFileError
 from tactile_classifier.estimators.classifiers import compute_raw_scores
 from tactile_classifier.model_file.manifest import Manifest
 from tactile_classifier.model_file.model import load_model
-from tactile_classifier.records import CLASSIFIERS, NO_ANSWER, Outcome, UNKNOWN
+from tactile_classifier.records import CLASSIFIERS, NO_ANSWER, PredictionOutcome, UNKNOWN
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
-from tactile_features.records import Outcome as FeatureOutcome
+from tactile_features.records import WindowOutcome
 from tactile_features.spec import array_spec, spec_for
 
 
@@ -28,7 +28,7 @@ def model(model_path):
 
 def test_classification_repeats_the_window_and_names_the_model(model, make_window, small_table):
     result = model.classify_window(make_window(30))
-    assert (result.outcome, result.label) == (Outcome.LABEL, small_table.labels[30])
+    assert (result.outcome, result.label) == (PredictionOutcome.LABEL, small_table.labels[30])
     assert (result.labels, result.reason) == (model.labels, '')
     assert result.label == result.labels[int(np.argmax(result.scores))]
     assert sum(result.scores) == pytest.approx(1.0)
@@ -60,8 +60,8 @@ def test_values_of_another_shape_are_refused(model, small_table):
 @pytest.mark.parametrize(
     ('changes', 'reason'),
     [
-        ({'outcome': FeatureOutcome.GAP, 'reason': '3 samples are missing'}, '3 samples are'),
-        ({'outcome': FeatureOutcome.ABORTED}, 'the window ended with ABORTED'),
+        ({'outcome': WindowOutcome.GAP, 'reason': '3 samples are missing'}, '3 samples are'),
+        ({'outcome': WindowOutcome.ABORTED}, 'the window ended with ABORTED'),
         ({'feature_set_version': 99}, 'version of the feature set is 99; the model was'),
         (
             {'rate_hz': 100.0},
@@ -77,7 +77,7 @@ def test_values_of_another_shape_are_refused(model, small_table):
 )
 def test_window_that_gives_no_answer_says_why(model, make_window, changes, reason):
     result = model.classify_window(make_window(**changes))
-    assert result.outcome == Outcome.NO_FEATURES
+    assert result.outcome == PredictionOutcome.NO_FEATURES
     assert reason in result.reason
     assert (result.label, result.scores, result.labels) == ('', (), model.labels)
 
@@ -104,7 +104,7 @@ def test_ready_cut_windows_take_their_specification_from_whoever_asks(
 def test_accepts_and_fits_its_own_features_alone(model, make_window):
     assert model.accepts(make_window())
     assert model.accepts(make_window(contact=''))
-    assert model.accepts(make_window(outcome=FeatureOutcome.GAP))
+    assert model.accepts(make_window(outcome=WindowOutcome.GAP))
     assert not model.accepts(make_window(contact='abduction'))
     assert not model.accepts(make_window(feature_set='stiffness_regression'))
     model.check_fits(spec_for('texture', FeatureConfig()))
@@ -117,7 +117,7 @@ def test_answers_on_many_windows_are_those_on_each(small_table, make_window, tmp
     model = write_model(tmp_path / 'm.npz', train(small_table, classifier))
     generator = np.random.default_rng(2)
     values = small_table.values * generator.uniform(0.2, 5.0, (len(small_table), 1))
-    outcomes = {Outcome.UNKNOWN: UNKNOWN, Outcome.NO_FEATURES: NO_ANSWER}
+    outcomes = {PredictionOutcome.UNKNOWN: UNKNOWN, PredictionOutcome.NO_FEATURES: NO_ANSWER}
     expected, alone = [], []
     for row in values:
         result = model.classify_window(make_window(0, values=row))
@@ -187,16 +187,16 @@ def test_an_early_answer_has_probabilities_and_an_unknown_of_its_own(
     early_model, early_window, early_table
 ):
     result = early_model.classify_window(early_window(0))
-    assert (result.outcome, result.label) == (Outcome.LABEL, early_table.labels[0])
+    assert (result.outcome, result.label) == (PredictionOutcome.LABEL, early_table.labels[0])
     assert sum(result.scores) == pytest.approx(1.0)
     assert 'the first 60 samples' in early_model.card
     result = early_model.classify_window(early_window(0, values=early_table.values[0] + 1.0))
-    assert (result.outcome, result.label) == (Outcome.UNKNOWN, '')
+    assert (result.outcome, result.label) == (PredictionOutcome.UNKNOWN, '')
     assert result.novelty > result.novelty_threshold > 0.0
     assert 'unlike all training trials' in result.reason
     assert (len(result.scores), result.false_alarm_rate) == (4, 0.05)
     silent = early_window(0, values=np.full(31, np.nan))
-    assert early_model.classify_window(silent).outcome == Outcome.NO_FEATURES
+    assert early_model.classify_window(silent).outcome == PredictionOutcome.NO_FEATURES
 
 
 def test_a_full_window_of_the_same_length_is_no_early_one(early_model, early_window):
@@ -209,10 +209,10 @@ def test_a_full_window_of_the_same_length_is_no_early_one(early_model, early_win
 
 def test_a_refusal_after_an_early_window_is_no_answer(early_model, early_window):
     refusal = early_window(
-        0, outcome=FeatureOutcome.TOO_SHORT, reason='the glide ended', values=np.empty(0)
+        0, outcome=WindowOutcome.TOO_SHORT, reason='the glide ended', values=np.empty(0)
     )
     result = early_model.classify_window(refusal)
-    assert (result.outcome, result.reason) == (Outcome.NO_FEATURES, 'the glide ended')
+    assert (result.outcome, result.reason) == (PredictionOutcome.NO_FEATURES, 'the glide ended')
 
 
 def test_manifest_states_rates_and_how_they_were_found(early_model):

@@ -20,7 +20,7 @@ from tactile_classifier.estimators.classifiers import (
 from tactile_classifier.model_file import prediction
 from tactile_classifier.model_file.manifest import Confidence
 from tactile_classifier.model_file.model import load_model, TactileModel
-from tactile_classifier.records import CLASSIFIERS, Outcome, UNKNOWN
+from tactile_classifier.records import CLASSIFIERS, PredictionOutcome, UNKNOWN
 from tactile_classifier.training import model_writer
 from tactile_classifier.training.model_writer import check_labels, make_predictor, write_model
 from tactile_classifier.training.trainer import train, Trained
@@ -361,7 +361,7 @@ def test_scores_that_are_not_finite_name_nothing(rocket_path, make_window):
     )
     for each in (window, dataclasses.replace(window, values=window.values * 1e40)):
         answer = model.classify_window(each)
-        assert (answer.outcome, answer.label) == (Outcome.NO_FEATURES, '')
+        assert (answer.outcome, answer.label) == (PredictionOutcome.NO_FEATURES, '')
         assert 'are not finite' in answer.reason
 
 

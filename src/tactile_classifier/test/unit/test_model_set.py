@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 import tactile_classifier
-from tactile_classifier.answering import Answering, ModelSet
+from tactile_classifier.answering import ModelSet, WindowClassifier
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.model import load_model
-from tactile_classifier.records import Outcome
+from tactile_classifier.records import PredictionOutcome
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
 from tactile_features.model_contract import read_contracts
-from tactile_features.records import Outcome as FeatureOutcome
+from tactile_features.records import WindowOutcome
 from tactile_features.spec import FeatureSpecifications, spec_for
 
 FULL = spec_for('texture', FeatureConfig())
@@ -94,9 +94,9 @@ def test_each_model_answers_its_windows_as_if_alone(folder, window_of):
     ):
         expected = [alone[name].classify_window(window) for name in names]
         assert models.classify(window) == expected
-    lost = window_of(SHORT, outcome=FeatureOutcome.GAP, reason='lost', values=np.empty(0))
+    lost = window_of(SHORT, outcome=WindowOutcome.GAP, reason='lost', values=np.empty(0))
     (answer,) = models.classify(lost)
-    assert (answer.outcome, answer.reason) == (Outcome.NO_FEATURES, 'lost')
+    assert (answer.outcome, answer.reason) == (PredictionOutcome.NO_FEATURES, 'lost')
 
 
 def test_windows_of_another_contact_are_left_out(folder, window_of):
@@ -114,7 +114,7 @@ def test_windows_of_another_contact_are_left_out(folder, window_of):
 def test_a_window_that_fits_no_model_is_answered_with_the_reason(folder, window_of):
     models = ModelSet.load(folder / 'a.npz')
     (answer,) = models.classify(window_of(GAPS))
-    assert (answer.outcome, answer.label) == (Outcome.NO_FEATURES, '')
+    assert (answer.outcome, answer.label) == (PredictionOutcome.NO_FEATURES, '')
     assert 'another specification' in answer.reason
     models.set_specifications([GAPS])
     (answer,) = models.classify(window_of(GAPS))
@@ -157,7 +157,7 @@ def test_without_a_usable_model_the_sentence_names_the_folder(tmp_path, read):
 
 
 def test_counts_of_answers(folder, window_of):
-    answering = Answering(ModelSet.load(folder, 'flexion'))
+    answering = WindowClassifier(ModelSet.load(folder, 'flexion'))
     wanted = FeatureSpecifications((FULL, SHORT))
     missing = answering.announce(wanted)
     assert len(missing) == 2  # of the hold, and of the early window

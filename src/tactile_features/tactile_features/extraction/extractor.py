@@ -33,6 +33,7 @@ from tactile_features.records import (
     PHASE_HOLD,
     PHASES_STATED,
     TrialEvent,
+    WindowOutcome,
 )
 from tactile_features.spec import (
     array_spec,
@@ -81,11 +82,11 @@ class _Lane:
             self.early.popleft()
         return windows
 
-    def give_up_early(self, outcome: Outcome, reason: str) -> list[FeatureWindow]:
+    def give_up_early(self, outcome: WindowOutcome, reason: str) -> list[FeatureWindow]:
         """Refuse incomplete early windows; drop those whose phase has not ended yet."""
         windows: list[FeatureWindow] = []
         for window in self.early:
-            if not window.is_given and (window.is_ended or outcome == Outcome.BAD_TIME):
+            if not window.is_given and (window.is_ended or outcome == WindowOutcome.BAD_TIME):
                 windows += window.give(window.refuse(outcome, reason))
         self.early.clear()
         return windows
@@ -177,7 +178,7 @@ class TrialFeatureExtractor:
         All specifications that are computed, distinct and complete.
     block_count, sample_count, event_count : int
         Numbers of blocks, samples and events that were added.
-    window_counts : dict of Outcome to int
+    window_counts : dict of WindowOutcome to int
         Number of windows returned, by outcome.
 
     Raises
@@ -193,7 +194,7 @@ class TrialFeatureExtractor:
         self.block_count = 0
         self.sample_count = 0
         self.event_count = 0
-        self.window_counts = dict.fromkeys(Outcome, 0)
+        self.window_counts = dict.fromkeys(WindowOutcome, 0)
         self._buffer_ns = round(config.buffer_s * 1e9)
         self._buffers: dict[tuple[int, int], SampleBuffer] = {}
         self._lanes = self._make_lanes(wanted)
@@ -376,7 +377,7 @@ class TrialFeatureExtractor:
 
     def finish(self) -> list[FeatureWindow]:
         """Return windows for the finished phases that still wait: the stream has ended."""
-        return self._give_up(Outcome.GAP, 'the stream ended before all samples had arrived')
+        return self._give_up(WindowOutcome.GAP, 'the stream ended before all samples had arrived')
 
     def _take_early(self) -> list[FeatureWindow]:
         windows: list[FeatureWindow] = []
@@ -416,7 +417,7 @@ class TrialFeatureExtractor:
         self, phase: _FinishedPhase, windows: Sequence[FeatureWindow]
     ) -> list[FeatureWindow]:
         """Return the windows to publish: refused windows of past phases are skipped."""
-        given = [w for w in windows if w.outcome == Outcome.OK or not phase.is_past]
+        given = [w for w in windows if w.outcome == WindowOutcome.OK or not phase.is_past]
         for window in given:
             self.window_counts[window.outcome] += 1
         return given
@@ -428,18 +429,20 @@ class TrialFeatureExtractor:
     def _forget_past(self, step_ns: int) -> list[FeatureWindow]:
         """Refuse waiting windows, and the phase under way, when the clock is set back."""
         if not step_ns:
-            return self._give_up(Outcome.GAP, f'{_SET_BACK} before its samples arrived')
-        windows = self._give_up(Outcome.BAD_TIME, format_clock_step(step_ns, 'trial'))
+            return self._give_up(WindowOutcome.GAP, f'{_SET_BACK} before its samples arrived')
+        windows = self._give_up(WindowOutcome.BAD_TIME, format_clock_step(step_ns, 'trial'))
         event = self._event
         if event is not None and event.phase in (PHASE_GLIDE, PHASE_HOLD):
             self._event = None  # the end of this phase will be on another clock
             reason = format_clock_step(step_ns, event.phase)
             phase = _FinishedPhase(event, event, self._lanes, is_past=False)
             self._waiting.append(phase)
-            windows += self._end_oldest(lambda window: window.refuse(Outcome.BAD_TIME, reason))
+            windows += self._end_oldest(
+                lambda window: window.refuse(WindowOutcome.BAD_TIME, reason)
+            )
         return windows
 
-    def _give_up(self, outcome: Outcome, reason: str) -> list[FeatureWindow]:
+    def _give_up(self, outcome: WindowOutcome, reason: str) -> list[FeatureWindow]:
         windows: list[FeatureWindow] = []
         for lane in self._lanes:
             windows += self._count_early(lane.give_up_early(outcome, reason))

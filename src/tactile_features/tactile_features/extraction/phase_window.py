@@ -16,9 +16,9 @@ from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.feature_set import RATE_TOLERANCE, WindowSamples
 from tactile_features.records import (
     FeatureWindow,
-    Outcome,
     PHASE_ABORTED,
     TrialEvent,
+    WindowOutcome,
 )
 from tactile_features.spec import spec_of
 from tactile_features.windows import PAUSE_NS, SAMPLE, SampleBuffer, Samples
@@ -129,21 +129,21 @@ class PhaseWindow:
         """Return the refused window if the events already exclude features, or None."""
         if self.end.phase == PHASE_ABORTED:
             reason = f'the trial was aborted: {self.end.message or "no reason given"}'
-            return self.refuse(Outcome.ABORTED, reason)
+            return self.refuse(WindowOutcome.ABORTED, reason)
         if self._no_window:
-            return self.refuse(Outcome.UNDEFINED, self._no_window)
+            return self.refuse(WindowOutcome.UNDEFINED, self._no_window)
         if self.end.stamp_ns < self.start.stamp_ns:
-            return self.refuse(Outcome.BAD_TIME, _format_set_back(self.start, self.end))
+            return self.refuse(WindowOutcome.BAD_TIME, _format_set_back(self.start, self.end))
         if self._to_ns - self._from_ns < self._shortest_ns:
             reason = (
                 f'the {self.start.phase} leaves {(self._to_ns - self._from_ns) / 1e9:.3f} s '
                 f'between its crops; the window needs {self._shortest_ns / 1e9:.3f} s'
             )
-            return self.refuse(Outcome.TOO_SHORT, reason)
+            return self.refuse(WindowOutcome.TOO_SHORT, reason)
         return None
 
     def refuse(
-        self, outcome: Outcome, reason: str, samples: Samples = _NO_SAMPLES
+        self, outcome: WindowOutcome, reason: str, samples: Samples = _NO_SAMPLES
     ) -> FeatureWindow:
         """Return the window without features, with the outcome and the reason."""
         return self._window(outcome, reason, samples, np.empty(0))
@@ -154,7 +154,7 @@ class PhaseWindow:
             f'no samples arrived within {self._config.samples_timeout_s:g} s after the end of the '
             f'{self.start.phase}: the sensor is silent, see its diagnostics'
         )
-        return self.refuse(Outcome.GAP, reason)
+        return self.refuse(WindowOutcome.GAP, reason)
 
     def _is_too_late(self, after: Any) -> bool:
         """Return True if the sample after the window arrived after ``samples_timeout_s``."""
@@ -171,7 +171,7 @@ class PhaseWindow:
             f'the buffer of {self._config.buffer_s:g} s no longer holds the full window; '
             'raise buffer_s'
         )
-        return self.refuse(Outcome.GAP, reason)
+        return self.refuse(WindowOutcome.GAP, reason)
 
     def _first_samples(self) -> _Cut | None:
         """Return the required number of samples, or None while there are fewer."""
@@ -198,24 +198,24 @@ class PhaseWindow:
     def _assess(self, cut: _Cut) -> FeatureWindow:
         samples = cut.samples
         if reason := self._format_step(cut):
-            return self.refuse(Outcome.BAD_TIME, reason, samples)
+            return self.refuse(WindowOutcome.BAD_TIME, reason, samples)
         if reason := self._format_gap(cut):
-            return self.refuse(Outcome.GAP, reason, samples)
+            return self.refuse(WindowOutcome.GAP, reason, samples)
         if len(samples) < self._wanted:
             reason = f'the {self.start.phase} has {len(samples)} of {self._wanted} samples'
-            return self.refuse(Outcome.TOO_SHORT, reason, samples)
+            return self.refuse(WindowOutcome.TOO_SHORT, reason, samples)
         if reason := self._format_stamp_error(samples):
-            return self.refuse(Outcome.BAD_TIME, reason, samples)
+            return self.refuse(WindowOutcome.BAD_TIME, reason, samples)
         if reason := self._format_fault(samples):
-            return self.refuse(Outcome.BAD_SIGNAL, reason, samples)
+            return self.refuse(WindowOutcome.BAD_SIGNAL, reason, samples)
         tension_n = np.ascontiguousarray(samples['tension_n'])
         config = self._config
         of_set = WindowSamples(samples['stamp_ns'], tension_n, config.rate_hz, self._speed_m_s)
         try:
             values = self._set.compute(of_set)
         except FeatureError as error:
-            return self.refuse(Outcome.UNDEFINED, str(error), samples)
-        return self._window(Outcome.OK, '', samples, values)
+            return self.refuse(WindowOutcome.UNDEFINED, str(error), samples)
+        return self._window(WindowOutcome.OK, '', samples, values)
 
     def _format_step(self, cut: _Cut) -> str:
         after_ns = [] if cut.after is None else [cut.after['step_ns']]
@@ -284,7 +284,7 @@ class PhaseWindow:
         return ''
 
     def _window(
-        self, outcome: Outcome, reason: str, samples: Samples, values: NDArray[np.float64]
+        self, outcome: WindowOutcome, reason: str, samples: Samples, values: NDArray[np.float64]
     ) -> FeatureWindow:
         found = len(samples) > 0
         status = int(np.bitwise_or.reduce(samples['status']))
@@ -386,7 +386,7 @@ class EarlyWindow(PhaseWindow):
         """True when the window and a possible refusal have been returned."""
         if self._given is None:
             return False
-        return self._given.outcome != Outcome.OK or self._is_followed
+        return self._given.outcome != WindowOutcome.OK or self._is_followed
 
     def end_phase(self, end: TrialEvent | None) -> None:
         """Store the event that ended the phase; None if another trial began instead."""
@@ -403,14 +403,14 @@ class EarlyWindow(PhaseWindow):
     def give(self, window: FeatureWindow) -> list[FeatureWindow]:
         """Mark the window as returned; return it, unless it is to be skipped."""
         self._given = window
-        if window.outcome != Outcome.OK and self._is_past:
+        if window.outcome != WindowOutcome.OK and self._is_past:
             return []
         return [window, *self._contradict()]
 
     def take(self) -> FeatureWindow | None:
         """Return the window, or None while samples are missing."""
         if self._no_window:
-            return self.refuse(Outcome.UNDEFINED, self._no_window)
+            return self.refuse(WindowOutcome.UNDEFINED, self._no_window)
         cut = self._first_samples()
         if cut is None:
             return None
@@ -427,12 +427,12 @@ class EarlyWindow(PhaseWindow):
             f'the samples did not arrive within {self._config.samples_timeout_s:g} s after the '
             'nominal end of the window: the sensor is silent, see its diagnostics'
         )
-        return self.refuse(Outcome.GAP, reason)
+        return self.refuse(WindowOutcome.GAP, reason)
 
     def _contradict(self) -> list[FeatureWindow]:
         """Return the refusal if the phase ended inside a window that was already returned."""
         given, end = self._given, self._phase_end
-        if given is None or given.outcome != Outcome.OK or end is None:
+        if given is None or given.outcome != WindowOutcome.OK or end is None:
             return []
         start = self.start
         crop_ns = start.stamp_ns - self._to_ns
@@ -441,12 +441,12 @@ class EarlyWindow(PhaseWindow):
         if end.phase == PHASE_ABORTED and end.stamp_ns > self._last_ns:
             return []
         if end.phase == PHASE_ABORTED:
-            outcome = Outcome.ABORTED
+            outcome = WindowOutcome.ABORTED
             reason = f'the trial was aborted inside the window: {end.message or "no reason given"}'
         elif lasted_ns < 0:
-            outcome, reason = Outcome.BAD_TIME, _format_set_back(start, end)
+            outcome, reason = WindowOutcome.BAD_TIME, _format_set_back(start, end)
         elif lasted_ns < needs_ns:
-            outcome = Outcome.TOO_SHORT
+            outcome = WindowOutcome.TOO_SHORT
             reason = (
                 f'the {start.phase} ended after {lasted_ns / 1e9:.3f} s, inside the window, which '
                 f'needs {needs_ns / 1e9:.3f} s'

@@ -12,9 +12,9 @@ from rclpy.serialization import serialize_message
 from tactile_features import (
     FeatureConfig,
     FeatureSpecifications,
-    Outcome,
     records,
     TrialFeatureExtractor,
+    WindowOutcome,
 )
 from tactile_features.conversions import (
     event_from_msg,
@@ -109,7 +109,7 @@ def stream(changes_of_blocks, changes_of_events):
         (TrialEvent, 'CONTACT_', vars(records)),
         (TrialEvent, 'PHASE_', vars(records)),
         (TactileFeatures, 'SET_', vars(records)),
-        (TactileFeatures, 'OUTCOME_', {f'OUTCOME_{o.name}': o.value for o in Outcome}),
+        (TactileFeatures, 'OUTCOME_', {f'OUTCOME_{o.name}': o.value for o in WindowOutcome}),
     ],
 )
 def test_constants_are_those_of_the_messages(message, prefix, ours):

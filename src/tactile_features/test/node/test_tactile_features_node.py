@@ -22,9 +22,9 @@ from std_msgs.msg import Header
 
 from tactile_features import (
     FeatureConfig,
-    Outcome,
     spec_for,
     TrialFeatureExtractor,
+    WindowOutcome,
 )
 from tactile_features.conversions import (
     event_from_msg,
@@ -164,14 +164,14 @@ def test_samples_that_do_not_come_are_told_in_time(make_bench):
     bench.spin_until(lambda: bench.windows)
     wait_until(lambda: 'no features of trial ?[2Jt1: ' in read_stderr())
     (window,) = bench.windows
-    assert window.outcome == Outcome.GAP
+    assert window.outcome == WindowOutcome.GAP
     assert 'no samples arrived within 0.5 s after the end of the hold' in window.reason
     # The sensor comes back: nothing more of this trial, and the next one is whole.
     bench.send_blocks(700, 300)
     for msg in (event(12.0, 'hold', 't2'), event(16.0, 'done', 't2')):
         bench.events.publish(msg)
     bench.spin_until(lambda: len(bench.windows) == 2)
-    assert [w.outcome for w in bench.windows] == [Outcome.GAP, Outcome.OK]
+    assert [w.outcome for w in bench.windows] == [WindowOutcome.GAP, WindowOutcome.OK]
 
 
 def compute_expected(**parameters):
@@ -192,10 +192,10 @@ def test_publishes_the_bits_of_the_core(make_bench, early):
         bench.events.publish(msg)
     bench.spin_until(lambda: len(bench.windows) == 2)
     assert bench.windows == compute_expected(early_windows=early)
-    assert [w.outcome for w in bench.windows] == [Outcome.OK, Outcome.OK]
+    assert [w.outcome for w in bench.windows] == [WindowOutcome.OK, WindowOutcome.OK]
     extractor = bench.node.extractor
     assert (extractor.block_count, extractor.sample_count, extractor.event_count) == (800, 800, 4)
-    assert extractor.window_counts[Outcome.OK] == 2
+    assert extractor.window_counts[WindowOutcome.OK] == 2
 
 
 def test_publishes_the_phases_that_it_finds_itself(make_bench):
@@ -212,7 +212,7 @@ def test_publishes_the_phases_that_it_finds_itself(make_bench):
     assert [e.phase for e in found] == ['contact', 'hold', 'release', 'done']
     assert all(e.detected and e.contact == 'abduction' for e in found)
     (window,) = bench.windows
-    assert (window.outcome, window.trial_id) == (Outcome.OK, found[0].trial_id)
+    assert (window.outcome, window.trial_id) == (WindowOutcome.OK, found[0].trial_id)
     assert found[1].stamp_ns == pytest.approx(START_NS + 1.5e9, abs=4e7)
 
 
@@ -224,7 +224,7 @@ def test_listens_when_configured_speaks_when_active_and_leaves_at_cleanup(make_b
         bench.events.publish(msg)
     bench.send_blocks(0, 500)
     bench.spin_until(lambda: bench.node.extractor.event_count == 6)
-    assert bench.node.extractor.window_counts[Outcome.OK] == 1
+    assert bench.node.extractor.window_counts[WindowOutcome.OK] == 1
     assert bench.node.trigger_activate() == TransitionCallbackReturn.SUCCESS
     bench.send_blocks(500, 200)
     bench.spin_until(lambda: bench.windows)
@@ -233,7 +233,7 @@ def test_listens_when_configured_speaks_when_active_and_leaves_at_cleanup(make_b
     # It stops in the second trial, and says what is missing.
     assert bench.node.trigger_deactivate() == TransitionCallbackReturn.SUCCESS
     bench.spin_until(lambda: len(bench.windows) == 2)
-    assert (bench.windows[1].trial_id, bench.windows[1].outcome) == ('t2', Outcome.GAP)
+    assert (bench.windows[1].trial_id, bench.windows[1].outcome) == ('t2', WindowOutcome.GAP)
     assert bench.node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
     bench.spin_until(lambda: bench.strain.get_subscription_count() == 0)
 
@@ -344,7 +344,7 @@ def test_without_models_the_features_have_the_rate_of_the_sensor(make_bench, is_
             bench.events.publish(msg)
     bench.spin_until(lambda: bench.windows and announced)
     (window,) = bench.windows
-    assert window.outcome == Outcome.OK
+    assert window.outcome == WindowOutcome.OK
     (announced,) = announced
     assert [spec.rate_hz for spec in announced.specs] == [100.0, 100.0]
     texture = announced.specs[0]

@@ -16,10 +16,10 @@ from trials import event, extract, make_block, S
 
 from tactile_features import (
     FeatureConfig,
-    Outcome,
     spec_for,
     TrialEvent,
     TrialFeatureExtractor,
+    WindowOutcome,
 )
 from tactile_features.feature_sets.registry import PHASE_OF_TASK
 from tactile_ros.strain import StrainBlock, StrainStatus
@@ -185,8 +185,8 @@ def of_digests(windows, digests):
     return [w for w in windows if w.specification_digest in digests]
 
 
-full_outcomes: Counter[Outcome] = Counter()
-early_outcomes: Counter[Outcome] = Counter()
+full_outcomes: Counter[WindowOutcome] = Counter()
+early_outcomes: Counter[WindowOutcome] = Counter()
 
 
 # Which outcomes the examples meet is asserted below, so the examples are always the same.
@@ -235,8 +235,14 @@ def test_any_arrival_gives_the_same_bits_and_each_specification_those_it_gives_a
     full_outcomes.clear()
     early_outcomes.clear()
     check_arrival()
-    assert set(full_outcomes) == set(Outcome), full_outcomes
-    expected = {Outcome.OK, Outcome.GAP, Outcome.BAD_SIGNAL, Outcome.BAD_TIME, Outcome.TOO_SHORT}
+    assert set(full_outcomes) == set(WindowOutcome), full_outcomes
+    expected = {
+        WindowOutcome.OK,
+        WindowOutcome.GAP,
+        WindowOutcome.BAD_SIGNAL,
+        WindowOutcome.BAD_TIME,
+        WindowOutcome.TOO_SHORT,
+    }
     assert expected <= set(early_outcomes), early_outcomes
 
 
@@ -264,5 +270,5 @@ def test_a_short_phase_is_called_short_although_another_still_waits_at_the_end()
     wanted = [spec_for('texture', each) for each in (config, short)]
     windows = extract(config, samples, *events, wanted=wanted)
     first, second = (of_digests(windows, {spec.digest}) for spec in wanted)
-    assert [w.outcome for w in first] == [Outcome.TOO_SHORT] * 2
-    assert [w.outcome for w in second] == [Outcome.GAP, Outcome.TOO_SHORT]
+    assert [w.outcome for w in first] == [WindowOutcome.TOO_SHORT] * 2
+    assert [w.outcome for w in second] == [WindowOutcome.GAP, WindowOutcome.TOO_SHORT]

@@ -14,9 +14,9 @@ from tactile_features import (
     compute_spectrum,
     FeatureConfig,
     FeatureError,
-    Outcome,
     spec_for,
     TrialFeatureExtractor,
+    WindowOutcome,
 )
 from tactile_features.extraction.extractor import GRACE_S, LONGEST_STEP_S, SampleTimeout
 from tactile_ros.strain import StrainStatus
@@ -36,7 +36,7 @@ CONFIG = FeatureConfig(
 EARLY = dataclasses.replace(CONFIG, early_windows=True)
 FILLING = dataclasses.replace(CONFIG, max_gap_samples=2)
 TENSION_N = np.random.default_rng(0).normal(5.0, 1.0, 1000)
-OK, GAP, BAD_TIME = Outcome.OK, Outcome.GAP, Outcome.BAD_TIME
+OK, GAP, BAD_TIME = WindowOutcome.OK, WindowOutcome.GAP, WindowOutcome.BAD_TIME
 
 
 def block(sequence, count=1, *, tension_n=TENSION_N, period_ns=PERIOD_NS, **fields):
@@ -112,7 +112,7 @@ def test_one_simulated_sample_makes_a_window_simulated_and_refuses_nothing(first
 @pytest.mark.parametrize('status', [0, StrainStatus.SIMULATED])
 def test_a_window_without_samples_and_an_early_one_are_simulated_where_the_stream_is(status):
     (window,) = run(block(0, 25, status=status), event(2.0, 'glide'), event(2.2, 'aborted'))
-    assert (window.outcome, window.sample_count) == (Outcome.ABORTED, 0)
+    assert (window.outcome, window.sample_count) == (WindowOutcome.ABORTED, 0)
     assert window.simulated is bool(status)
     (window,) = run(event(2.0, 'glide'), block(0, 55, status=status), config=EARLY)
     assert window.simulated is bool(status)
@@ -120,7 +120,7 @@ def test_a_window_without_samples_and_an_early_one_are_simulated_where_the_strea
 
 def test_the_ends_of_a_window_belong_to_it_to_the_nanosecond():
     assert glide(block(0, 50, shift_ns=-1)).first_sequence == 24
-    assert glide(block(0, 50, shift_ns=1)).outcome == Outcome.TOO_SHORT
+    assert glide(block(0, 50, shift_ns=1)).outcome == WindowOutcome.TOO_SHORT
     early, late = hold(block(0, 50, shift_ns=-1)), hold(block(0, 50, shift_ns=1))
     assert (early.first_sequence, early.sample_count) == (23, 17)
     assert (late.first_sequence, late.sample_count) == (22, 17)
@@ -135,7 +135,7 @@ def test_a_window_comes_as_soon_as_no_sample_can_change_it():
 @pytest.mark.parametrize(('start', 'end_s'), [('glide', 3.4), ('glide', 2.1), ('hold', 2.79)])
 def test_a_phase_that_is_too_short_says_so_without_waiting_for_samples(start, end_s):
     (window,) = run(event(2.0, start), event(end_s, 'release'))
-    assert window.outcome == Outcome.TOO_SHORT
+    assert window.outcome == WindowOutcome.TOO_SHORT
     assert 'between its crops' in window.reason
     assert len(window.values) == 0
     assert (window.window_start_ns, window.window_end_ns) == (2 * S, round(end_s * S))
@@ -144,7 +144,7 @@ def test_a_phase_that_is_too_short_says_so_without_waiting_for_samples(start, en
 
 def test_an_aborted_phase_says_why_and_an_abort_after_it_leaves_its_window():
     (window,) = run(event(2.0, 'glide'), event(3.5, 'aborted', message='tension limit'))
-    assert window.outcome == Outcome.ABORTED
+    assert window.outcome == WindowOutcome.ABORTED
     assert window.reason == 'the trial was aborted: tension limit'
     events = event(2.0, 'glide'), event(3.5, 'release'), event(3.6, 'aborted')
     assert run(*events, block(0, 50)) == [glide(block(0, 50))]
@@ -171,13 +171,18 @@ def replaced(value, at=slice(None)):
         (glide, marked(StrainStatus.RECONNECTED, 30), GAP, 'restarted at'),
         (glide, [block(0, 30), block(0, 20, shift_ns=3 * S)], GAP, 'restarted at'),  # a restart
         (glide, [block(0, 30), block(30, 20, lost_before=4)], GAP, 'restarted at'),
-        (glide, marked(StrainStatus.SATURATED), Outcome.BAD_SIGNAL, 'saturated'),
-        (glide, marked(StrainStatus.STUCK), Outcome.BAD_SIGNAL, 'stuck'),
-        (glide, marked(StrainStatus.DEVICE_ERROR), Outcome.BAD_SIGNAL, 'faulty'),
-        (glide, replaced(np.nan, 30), Outcome.BAD_SIGNAL, 'not finite'),
-        (hold, replaced(np.inf, 30), Outcome.BAD_SIGNAL, 'not finite'),
+        (glide, marked(StrainStatus.SATURATED), WindowOutcome.BAD_SIGNAL, 'saturated'),
+        (glide, marked(StrainStatus.STUCK), WindowOutcome.BAD_SIGNAL, 'stuck'),
+        (glide, marked(StrainStatus.DEVICE_ERROR), WindowOutcome.BAD_SIGNAL, 'faulty'),
+        (glide, replaced(np.nan, 30), WindowOutcome.BAD_SIGNAL, 'not finite'),
+        (hold, replaced(np.inf, 30), WindowOutcome.BAD_SIGNAL, 'not finite'),
         *(
-            (make, [block(0, 100, period_ns=S // rate_hz)], Outcome.BAD_SIGNAL, 'features need')
+            (
+                make,
+                [block(0, 100, period_ns=S // rate_hz)],
+                WindowOutcome.BAD_SIGNAL,
+                'features need',
+            )
             for make in (glide, hold)
             for rate_hz in (8, 15)
         ),
@@ -275,9 +280,9 @@ def test_an_early_window_comes_with_its_last_sample_and_ignores_what_the_phase_d
 @pytest.mark.parametrize(
     ('end_s', 'phase', 'outcome', 'word'),
     [
-        (3.39, 'aborted', Outcome.ABORTED, 'aborted inside the window: cable'),
+        (3.39, 'aborted', WindowOutcome.ABORTED, 'aborted inside the window: cable'),
         (3.401, 'aborted', None, ''),
-        (3.49, 'release', Outcome.TOO_SHORT, 'the glide ended after 1.490 s'),
+        (3.49, 'release', WindowOutcome.TOO_SHORT, 'the glide ended after 1.490 s'),
         (3.5, 'release', None, ''),
         (1.9, 'release', BAD_TIME, 'clock was set back'),
     ],

@@ -25,9 +25,9 @@ from tactile_features import (
     FeatureConfig,
     FeatureError,
     features_from_trials,
-    Outcome,
     spec_for,
     UndefinedFeatureError,
+    WindowOutcome,
 )
 from tactile_features.feature_sets.registry import BUILT_IN
 from tactile_features.feature_sets.waveforms import average_parts
@@ -231,7 +231,7 @@ def test_windows_begin_where_the_page_says(feature_set, offset_ns):
         for stamp_ns, phase in ((begin_ns, feature_set.phase), (end_ns, 'release'))
     ]
     (window,) = extract(config, *events, make_block(tension_n, first, period_ns))
-    assert window.outcome == Outcome.OK
+    assert window.outcome == WindowOutcome.OK
     stamps_ns = start_ns + period_ns * np.arange(600)
     crop_s = {'glide': 0.6, 'hold': 0.5}[feature_set.phase]
     count, until_ns = 180, end_ns

@@ -16,9 +16,9 @@ from tactile_features import (
     FeatureConfig,
     FeatureError,
     find_phases,
-    Outcome,
     spec_for,
     TrialFeatureExtractor,
+    WindowOutcome,
 )
 from tactile_features.phases import estimate_noise_n, locate_step, measure_step, SignalPhases
 from tactile_features.windows import SAMPLE
@@ -126,7 +126,7 @@ def test_a_known_sliding_speed_serves_the_features_that_need_one():
     )
     (window,), events = run(config, blocks_of(pull(), Random(0)))
     assert events[1].glide_speed_m_s == window.speed_m_s == 0.015
-    assert window.outcome == Outcome.OK
+    assert window.outcome == WindowOutcome.OK
 
 
 def test_a_trial_without_a_glide_is_aborted_and_says_so():
@@ -258,7 +258,7 @@ def test_features_are_those_of_the_same_events_stated(config):
     windows, events = run(config, blocks)
     stated = dataclasses.replace(config, phases='stated')
     assert extract(stated, *events, *blocks) == windows
-    assert [w.outcome for w in windows] == [Outcome.OK]
+    assert [w.outcome for w in windows] == [WindowOutcome.OK]
 
 
 def test_stated_events_are_passed_over_where_phases_are_found():

@@ -14,8 +14,8 @@ from tactile_features import (
     FeatureConfig,
     FeatureError,
     features_from_trials,
-    Outcome,
     SpatialWindow,
+    WindowOutcome,
 )
 
 RATE_HZ = 62.5
@@ -146,7 +146,7 @@ EARLIEST_END_NS = 288 * PERIOD_NS + 100_000_000
 
 def test_a_glide_gives_one_window_of_its_own_duration():
     window = run(0.015, EARLIEST_END_NS)
-    assert (window.outcome, window.reason, window.speed_m_s) == (Outcome.OK, '', 0.015)
+    assert (window.outcome, window.reason, window.speed_m_s) == (WindowOutcome.OK, '', 0.015)
     assert (window.first_sequence, window.sample_count) == (100, 189)
     want = compute_spatial(TENSION_N[100:289], 0.015, RATE_HZ, STRETCH)
     assert window.values.tobytes() == want.tobytes()
@@ -155,15 +155,15 @@ def test_a_glide_gives_one_window_of_its_own_duration():
 @pytest.mark.parametrize(
     ('speed_m_s', 'end_ns', 'outcome', 'reason'),
     [
-        (0.015, EARLIEST_END_NS - 1, Outcome.TOO_SHORT, '188 of 189 samples'),
-        (0.005, EARLIEST_END_NS, Outcome.TOO_SHORT, '8.8'),
-        (0.0, 8_000_000_000, Outcome.UNDEFINED, 'glide'),
-        (float('nan'), 8_000_000_000, Outcome.UNDEFINED, 'glide'),
-        (0.04, 8_000_000_000, Outcome.UNDEFINED, 'glide'),
+        (0.015, EARLIEST_END_NS - 1, WindowOutcome.TOO_SHORT, '188 of 189 samples'),
+        (0.005, EARLIEST_END_NS, WindowOutcome.TOO_SHORT, '8.8'),
+        (0.0, 8_000_000_000, WindowOutcome.UNDEFINED, 'glide'),
+        (float('nan'), 8_000_000_000, WindowOutcome.UNDEFINED, 'glide'),
+        (0.04, 8_000_000_000, WindowOutcome.UNDEFINED, 'glide'),
     ],
 )
 def test_a_glide_without_a_whole_window_says_why(speed_m_s, end_ns, outcome, reason):
     window = run(speed_m_s, end_ns)
     assert (window.outcome, len(window.values)) == (outcome, 0)
     assert reason in window.reason
-    assert window.speed_m_s == (speed_m_s if outcome == Outcome.TOO_SHORT else 0.0)
+    assert window.speed_m_s == (speed_m_s if outcome == WindowOutcome.TOO_SHORT else 0.0)

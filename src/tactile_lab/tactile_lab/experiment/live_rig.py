@@ -26,14 +26,13 @@ from tactile_bringup.launch_config.graph import ModelChoice, Ports, recorder_nod
 from tactile_bringup.nodes.graph_runner import ros_context, running_graph
 from tactile_bringup.nodes.operator_node import OperatorNode, StoppedError
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_classifier.records import ClassificationResult, ModelInfo
-from tactile_classifier.records import Outcome as AnswerOutcome
+from tactile_classifier.records import ModelInfo, PredictionOutcome, WindowPrediction
 from tactile_features.conversions import (
     feature_window_from_msg,
     specifications_from_msg,
     strain_block_from_msg,
 )
-from tactile_features.records import FeatureWindow, Outcome
+from tactile_features.records import FeatureWindow, WindowOutcome
 from tactile_features.spec import FeatureSpec
 from tactile_lab.experiment.journal import EntryLog, Progress
 from tactile_lab.experiment.loop import (
@@ -79,11 +78,11 @@ class LiveTrial:
     """A trial with the predictions of its models, and the audit of its recording."""
 
     request: TrialRequest
-    answers: tuple[ClassificationResult, ...] = ()
+    answers: tuple[WindowPrediction, ...] = ()
     audit: Audit | None = None
 
     @property
-    def answer(self) -> ClassificationResult | None:
+    def answer(self) -> WindowPrediction | None:
         """The prediction of the first model; None if no model fits this task and contact."""
         return self.answers[0] if self.answers else None
 
@@ -91,7 +90,7 @@ class LiveTrial:
     def is_right(self) -> bool:
         return self.answer is not None and self.is_label(self.answer)
 
-    def is_label(self, answer: ClassificationResult) -> bool:
+    def is_label(self, answer: WindowPrediction) -> bool:
         """Return True if a prediction equals the label of the object under the finger."""
         return answer.label == self.request.object_label
 
@@ -101,7 +100,7 @@ class LiveTrial:
         for answer in self.answers:
             several = len(self.answers) > 1
             name = f' ({answer.model_id}, {answer.window_s:.1f} s)' if several else ''
-            if answer.outcome != AnswerOutcome.LABEL:
+            if answer.outcome != PredictionOutcome.LABEL:
                 lines.append(f'no label: {answer.reason}{name}')
                 continue
             verdict = 'correct' if self.is_label(answer) else 'wrong'
@@ -467,7 +466,7 @@ def judge(
     lack = ''
     if window is None:
         lack = 'the features node published no window; its log has the reason'
-    elif window.outcome != Outcome.OK:
+    elif window.outcome != WindowOutcome.OK:
         lack = f'no features: {window.reason}'
     if lack and needs_features:
         return TrialResult(lack)

@@ -14,12 +14,10 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_classifier.records import ClassificationResult, ModelInfo
-from tactile_classifier.records import Outcome as Answered
+from tactile_classifier.records import ModelInfo, PredictionOutcome, WindowPrediction
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_features.records import (
     FeatureWindow,
-    Outcome,
     PHASE_ABORTED,
     PHASE_DONE,
     PHASE_GLIDE,
@@ -28,6 +26,7 @@ from tactile_features.records import (
     PROTOCOL_STIFFNESS,
     SET_TEXTURE_SPECTRUM,
     TrialEvent,
+    WindowOutcome,
 )
 from tactile_ros.strain import StrainBlock, StrainStatus
 
@@ -166,7 +165,7 @@ class Finger:
         self._samples: NDArray[np.float64] = np.empty(0)  # samples for the spectrum
         self._sample_ns = 0  # time of the last sample
         self._spans: deque[TrialEvent] = deque(maxlen=64)
-        self._answers: dict[str, tuple[ClassificationResult, str]] = {}  # by model
+        self._answers: dict[str, tuple[WindowPrediction, str]] = {}  # by model
         self._models: tuple[ModelInfo, ...] = ()
         self._windows: dict[str, FeatureWindow] = {}  # of the current trial, by specification
         # The last hold that has ended: its start, end and window, and its description.
@@ -230,7 +229,7 @@ class Finger:
         self._models = tuple(models)
         self.version += 1
 
-    def names_model(self, answer: ClassificationResult) -> bool:
+    def names_model(self, answer: WindowPrediction) -> bool:
         """Return True if several models answer the same question, so that names are needed."""
         same = (
             model.task == answer.task and len({model.contact, answer.contact} - {''}) < 2
@@ -238,7 +237,7 @@ class Finger:
         )
         return sum(same) > 1
 
-    def take_answer(self, answer: ClassificationResult) -> str:
+    def take_answer(self, answer: WindowPrediction) -> str:
         """Add the prediction of a model; return the stated label of the object, or ''."""
         stated = (e.object_label for e in reversed(self._spans) if e.trial_id == answer.trial_id)
         true_label = next(stated, '')
@@ -392,7 +391,7 @@ class Finger:
         spectra = (
             window
             for window in reversed(self._windows.values())
-            if window.feature_set == SET_TEXTURE_SPECTRUM and window.outcome == Outcome.OK
+            if window.feature_set == SET_TEXTURE_SPECTRUM and window.outcome == WindowOutcome.OK
         )
         if window := next(spectra, None):
             part = f'window of {window.window_s:.1f} s'
@@ -436,11 +435,11 @@ def rounded(value: float) -> float:
     return float(f'{value:.4g}')
 
 
-def describe_answer(answer: ClassificationResult, true_label: str) -> dict[str, Any]:
+def describe_answer(answer: WindowPrediction, true_label: str) -> dict[str, Any]:
     """Return a prediction as a dictionary for JSON, with the most probable labels first."""
     scores = sorted(zip(answer.labels, answer.scores, strict=False), key=lambda x: -x[1])
     is_right = None
-    if true_label and answer.outcome == Answered.LABEL:
+    if true_label and answer.outcome == PredictionOutcome.LABEL:
         is_right = answer.label == true_label
     return {
         'task': answer.task,
@@ -460,18 +459,18 @@ def describe_answer(answer: ClassificationResult, true_label: str) -> dict[str, 
 
 
 def format_answer(
-    finger: str, answer: ClassificationResult, true_label: str, *, names_model: bool = False
+    finger: str, answer: WindowPrediction, true_label: str, *, names_model: bool = False
 ) -> str:
     """Return one line about a prediction: finger, task, label with its score or *unknown*."""
     parts = [finger] if finger else []
     parts.append(f'{answer.task:9} {answer.contact or "any contact":9}')
     parts.append(f'{answer.window_s:.1f} s')
-    if answer.outcome == Answered.LABEL:
+    if answer.outcome == PredictionOutcome.LABEL:
         score = f'({max(answer.scores):.2f} {answer.score_kind})' if answer.scores else ''
         parts.append(f'{answer.label:13} {score}')
         if true_label:
             parts.append('correct' if answer.label == true_label else f'wrong, it is {true_label}')
-    elif answer.outcome == Answered.UNKNOWN:
+    elif answer.outcome == PredictionOutcome.UNKNOWN:
         parts.append(f'unknown: {answer.reason}')
     else:
         parts.append(f'no label: {answer.reason}')

@@ -11,7 +11,7 @@ import threading
 import time
 from typing import Any
 
-from tactile_classifier.records import ClassificationResult
+from tactile_classifier.records import WindowPrediction
 from tactile_lab.watch.finger import Finger, format_answer
 
 MOST_FINGERS = 16
@@ -90,7 +90,7 @@ class WatchState:
             if finger := self.finger(name):
                 take(finger, *values)
 
-    def take_answer(self, name: str, answer: ClassificationResult) -> None:
+    def take_answer(self, name: str, answer: WindowPrediction) -> None:
         """Add the prediction of a model."""
         with self._lock:
             finger = self.finger(name)

@@ -22,7 +22,7 @@ from tactile_classifier.errors import DatasetError, ModelFileError
 from tactile_classifier.model_file.model import load_model
 from tactile_classifier.model_file.storage import open_model
 from tactile_features.config import FeatureConfig
-from tactile_features.records import Outcome
+from tactile_features.records import WindowOutcome
 from tactile_features.spec import spec_for
 from tactile_lab.commands.train import parse_lengths, train_models
 from tactile_lab.output import Output
@@ -121,7 +121,9 @@ def test_a_trial_whose_early_window_is_refused_later_is_left_out(texture_bag, mo
         window = replayed.windows[0]
         refused.append(window.trial_id)
         reason = 'the glide ended inside the window'
-        late = dataclasses.replace(window, values=(), outcome=Outcome.TOO_SHORT, reason=reason)
+        late = dataclasses.replace(
+            window, values=(), outcome=WindowOutcome.TOO_SHORT, reason=reason
+        )
         replayed.windows.append(late)
         return replayed
 

@@ -18,7 +18,7 @@ from tactile_bags.recorded_setup import recorded_features, recorded_models
 from tactile_bags.replay import recorded_results
 from tactile_bringup.launch_config.graph import Ports
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_classifier.records import Outcome
+from tactile_classifier.records import PredictionOutcome
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_lab.commands.replay import replay_and_compare
@@ -93,7 +93,7 @@ def find_delays_s(recording, digests):
     return [
         (message.received_at_ns - samples[answer.window_end_ns]) / 1e9
         for message, answer in read_records(recording.messages(CLASSIFICATION))
-        if answer.model_id in early and answer.outcome != Outcome.NO_FEATURES
+        if answer.model_id in early and answer.outcome != PredictionOutcome.NO_FEATURES
     ]
 
 

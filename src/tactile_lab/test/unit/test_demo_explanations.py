@@ -11,7 +11,7 @@ from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.model_file.model import load_model
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
-from tactile_features import FeatureConfig, FeatureWindow, Outcome, spec_for
+from tactile_features import FeatureConfig, FeatureWindow, spec_for, WindowOutcome
 from tactile_lab.commands.demo import choose_trials, explain_misses, KINDS
 from tactile_lab.commands.train import TrainedModel
 from tactile_lab.experiment.live_rig import LiveTrial
@@ -35,7 +35,7 @@ def trained(tmp_path_factory):
 def live(trained, label, values):
     spec = trained.table.spec
     window = FeatureWindow(
-        spec.feature_set, spec.version, 't', 'flexion', True, Outcome.OK, '',
+        spec.feature_set, spec.version, 't', 'flexion', True, WindowOutcome.OK, '',
         np.asarray(values), 0, 3_000_000_000, 0, 60.0, 180, 0, 0, '',
         specification_digest=spec.digest,
     )  # fmt: skip

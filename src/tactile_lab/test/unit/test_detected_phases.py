@@ -23,7 +23,7 @@ from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
 from tactile_bags.replay import replay_phases
 from tactile_features.conversions import event_to_msg, strain_block_from_msg
 from tactile_features.extraction.extractor import TrialFeatureExtractor
-from tactile_features.records import Outcome
+from tactile_features.records import WindowOutcome
 
 WITHIN_NS = 50_000_000
 FOUND_TOPIC = dataclasses.replace(EVENT_TOPIC, name='tactile_features/detected_events')
@@ -44,7 +44,7 @@ def check_each_trial_is_found(path, phases):
     stated, detected = windows(path, 'stated'), windows(path, phases)
     assert len(stated) == len(detected)
     for one, other in zip(stated, detected, strict=True):
-        assert one.outcome == other.outcome == Outcome.OK
+        assert one.outcome == other.outcome == WindowOutcome.OK
         assert abs(one.window_start_ns - other.window_start_ns) <= WITHIN_NS
         assert other.trial_id.startswith('detected-')
     return stated, detected

@@ -23,10 +23,10 @@ from tactile_features import (
     FeatureConfig,
     FeatureError,
     features_from_trials,
-    Outcome,
     spec_for,
     TrialEvent,
     TrialFeatureExtractor,
+    WindowOutcome,
 )
 from tactile_features.feature_sets.registry import find_feature_set, GROUP, list_feature_sets
 from tactile_ros.strain import StrainBlock
@@ -78,7 +78,7 @@ def test_stream_and_arrays_give_the_same_bits(roughness):
     check_feature_set(find_feature_set('roughness'), roughness)
     tension_n = np.random.default_rng(1).normal(5.0, 1.0, 300)
     (window,) = stream(roughness, tension_n)
-    assert (window.outcome, window.feature_set) == (Outcome.OK, 'roughness')
+    assert (window.outcome, window.feature_set) == (WindowOutcome.OK, 'roughness')
     first = np.searchsorted(np.arange(300) * PERIOD_NS, 600_000_000)
     part = tension_n[first : first + 120]
     values, spec = features_from_trials('texture', part[None], RATE_HZ, config=roughness)

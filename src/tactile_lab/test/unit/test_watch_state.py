@@ -55,10 +55,10 @@ def event(number, phase, label='R1', trial='t1'):
     return TrialEvent(stamp_ns, trial, 's', 'texture', 'flexion', label, phase, simulated=True)
 
 
-def answer(label='R1', outcome=Answered.LABEL, trial='t1', model='m', **fields):
-    is_label = outcome == Answered.LABEL
+def answer(label='R1', outcome=PredictionOutcome.LABEL, trial='t1', model='m', **fields):
+    is_label = outcome == PredictionOutcome.LABEL
     reason = '' if is_label else 'unlike all training trials'
-    return ClassificationResult(
+    return WindowPrediction(
         'texture', trial, 'flexion', model, True, outcome, label if is_label else '', reason,
         ('C1', 'R1'), (0.1, 0.9), 'probability', -1.0, -1.0, START_NS, START_NS + 1, '', **fields,
     )  # fmt: skip
@@ -66,7 +66,7 @@ def answer(label='R1', outcome=Answered.LABEL, trial='t1', model='m', **fields):
 
 def window(values, feature_set='texture_spectrum', **fields):
     return FeatureWindow(
-        feature_set, 2, 't1', 'flexion', True, Outcome.OK, '', np.array(values), START_NS,
+        feature_set, 2, 't1', 'flexion', True, WindowOutcome.OK, '', np.array(values), START_NS,
         START_NS + 10**9, 0, 60.0, 180, 0, 0, '', **fields,
     )  # fmt: skip
 
@@ -148,8 +148,8 @@ def test_a_trial_is_followed_from_contact_to_label(state):
     ('result', 'right', 'line'),
     [
         (answer('C1'), False, 'wrong, it is R1'),
-        (answer(outcome=Answered.UNKNOWN), None, 'unknown: unlike all'),
-        (answer(outcome=Answered.NO_FEATURES), None, 'no label: '),
+        (answer(outcome=PredictionOutcome.UNKNOWN), None, 'unknown: unlike all'),
+        (answer(outcome=PredictionOutcome.NO_FEATURES), None, 'no label: '),
         (answer(trial='another'), None, 'R1            (0.90 probability)'),
     ],
 )
