@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The `tactile` command: in a test's own process, which saves a second, or in one of its own."""
+"""The `tactile` command, in the process of the test (saves a second) or in a separate one."""
 
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 import io
@@ -23,7 +23,7 @@ SHORT_HOLD = QUICK + '    hold_s: 2.8\n'
 
 
 def tactile(*arguments):
-    """Run the command; return returncode, stdout and stderr, as a process of its own would."""
+    """Run the command; return returncode, stdout and stderr like a separate process."""
     from tactile_lab.program import app
 
     # Not CliRunner: whether it keeps the two streams apart depends on the version of Click.
@@ -36,18 +36,18 @@ def tactile(*arguments):
 
 
 def answer_of(*arguments):
-    """Run the command with ``--json``; return its code and what it answers."""
+    """Run the command with ``--json``; return its exit code and its result."""
     done = tactile(*arguments, '--json')
     return done.returncode, json.loads(done.stdout)
 
 
 def ask_tactile(*arguments):
-    """Run the command with ``--json``, which must succeed; return what it answers."""
+    """Run the command with ``--json``, which must succeed; return its result."""
     return ask_and_hear_tactile(*arguments)[0]
 
 
 def ask_and_hear_tactile(*arguments):
-    """Run the command with ``--json``; return what it answers, and what it says besides."""
+    """Run the command with ``--json``; return its result and its other output."""
     done = tactile(*arguments, '--json')
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout), ' '.join(done.stderr.split())
@@ -76,7 +76,7 @@ def let_rigs_home_fast(set_attribute):
 
 @contextmanager
 def program(*arguments):
-    """Run the command in a process of its own, whose rigs home fast; end it after the block."""
+    """Run the command in a separate process with fast homing; end it after the block."""
     process = subprocess.Popen(
         [sys.executable, __file__, *map(str, arguments)],
         stdout=subprocess.PIPE,

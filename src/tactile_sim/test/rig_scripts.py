@@ -195,7 +195,7 @@ def make_lines(rig, seed):
 
 
 def obey(rig, lines, step, commands):
-    """Carry out the commands of a step; return what the lines say at once."""
+    """Execute the commands of a step; return the immediate replies."""
     said = []
     now_s = step * STEP_S
     for kind, what in commands:

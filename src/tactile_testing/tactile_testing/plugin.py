@@ -34,7 +34,7 @@ def pytest_configure(config):
 def pytest_collection_finish():
     """Keep garbage collections short, as `tactile_ros.process.short_collections` does.
 
-    Nodes under test must not stand still because this process has imported many modules.
+    Nodes under test must not pause because this process has imported many modules.
     """
     gc.collect()
     gc.freeze()
@@ -42,7 +42,7 @@ def pytest_collection_finish():
 
 @pytest.fixture(scope='session', autouse=True)
 def domain_of_programs():
-    """Keep the programs of one test process from hearing those of another."""
+    """Isolate the programs of one test process from other test processes."""
     try:
         from domain_coordinator import domain_id
     except ImportError:  # without ROS
@@ -67,7 +67,7 @@ def parameter_file(tmp_path):
 
 @pytest.fixture
 def context():
-    """Return a ROS context on a domain of its own."""
+    """Return a ROS context on a separate domain."""
     from domain_coordinator import domain_id
     import rclpy
     from rclpy.context import Context

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What holds for a recording of every kind, wherever its trials come from."""
+"""Checks for recordings of all kinds."""
 
 import numpy as np
 

@@ -16,7 +16,7 @@ IDLE, RUN = b'<Idle|MPos:0,0,0|FS:0,0>\r\n', b'<Run|MPos:0,0,0|FS:9,0>\r\n'
 
 
 class Controller(PtyPeer):
-    """Keeps what it hears, and answers a status query."""
+    """Records received bytes, and replies to status queries."""
 
     def __init__(self):
         self.heard = self.answer = b''

@@ -347,7 +347,7 @@ def test_a_driver_killed_in_a_homing_from_a_known_position_leaves_as_little(grbl
     driver.wait()
     killed_at = grbl.mpos
     wait_until(lambda: not grbl.is_moving)
-    assert grbl.mpos > killed_at - 10  # $H sent at once would go on to the switch, 80 mm away
+    assert grbl.mpos > killed_at - 10  # only $H would move to the switch, 80 mm away
     assert grbl.lines.count('$H') == 1
 
 

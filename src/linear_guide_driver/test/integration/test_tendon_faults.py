@@ -133,7 +133,7 @@ def test_slackening_survives_an_outage(connect, servo):
         wait_until(lambda: tendon.trouble, str(begin))
         assert 'by itself' in tendon.trouble.remedy
         end()
-        wait_until(lambda: servo.position == 2048, str(begin))  # nobody commands it
+        wait_until(lambda: servo.position == 2048, str(begin))  # without a command
         wait_until(lambda: not tendon.trouble and tendon.state.displacement_m == 0.0, str(begin))
     tendon.pull_to(0.01)
     feed(tendon.safety, [16.0], time.monotonic_ns())

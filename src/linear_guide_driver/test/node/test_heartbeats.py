@@ -67,7 +67,7 @@ def test_a_guide_whose_poll_hangs_gives_no_sign_of_life(bench, grbl):
         connection = client._connection
         return None if connection is None else connection._link
 
-    while not is_lost:  # a busy computer may have had to connect anew meanwhile
+    while not is_lost:  # a busy computer may have had to reconnect
         link = wait_until(find_link)
         with link._write_lock:  # as a write that blocks holds it
             wait_until(lambda link=link: watch.find_loss() or find_link() is not link)

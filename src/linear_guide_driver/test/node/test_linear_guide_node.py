@@ -188,6 +188,6 @@ def test_ready_says_what_is_missing(guide, grbl, diagnostics):
     assert joints == []
     home(guide)
     wait_until(lambda: readiness[-1].ready and joints)
-    grbl.lose_power()  # told at once
+    grbl.lose_power()  # reported immediately
     wait_until(lambda: diagnostics and HOME in diagnostics[-1].message)
     wait_until(lambda: not readiness[-1].ready)

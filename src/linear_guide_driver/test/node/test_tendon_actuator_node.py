@@ -248,7 +248,7 @@ def test_a_line_that_is_lost_while_holding_is_told_at_once(tendon, servo, sensor
     servo.close()
     wait_until(lambda: any(d.level == ERROR and servo.port in d.message for d in diagnostics))
     wait_until(lambda: tendon.node._client.trouble)
-    tendon.call('/tendon_actuator/stop')  # what was sent before has arrived by now
+    tendon.call('/tendon_actuator/stop')  # earlier messages have arrived by now
     beats.clear()
     for _ in range(3):
         tendon.call('/tendon_actuator/stop')

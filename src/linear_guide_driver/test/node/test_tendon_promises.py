@@ -86,7 +86,7 @@ def test_slackening_is_accepted_whoever_is_silent(bench, servo, peers):
         fall_silent(peers, lost)
         wait_until(lambda: bench.node._client.safety.alarm)
         bench.aborts(pull(bench, 0.006), 'sample' if lost == 'sensor' else 'heart')
-        # Whatever speed and contact are asked for.
+        # For any requested speed and contact.
         assert bench.result(pull(bench, 0.0, speed_m_s, contact=''))[0] == 'succeeded'
         assert is_slack(servo)
         peers.tension_n = 0.0
@@ -205,7 +205,7 @@ def test_a_driver_whose_cable_is_plugged_in_again_is_ready_by_itself(bench, serv
     answer = bench.call('/tendon_actuator/release')
     assert (answer.success, servo.port in answer.message) == (False, True), answer.message
     servo.plug_in()
-    wait_until(lambda: is_slack(servo))  # what was asked for meanwhile
+    wait_until(lambda: is_slack(servo))  # the goal requested meanwhile
     peers.tension_n = 0.0
     wait_until(lambda: not bench.node._find_missing())
     pull_taut(bench, peers)

@@ -174,7 +174,7 @@ class ScriptedGrbl(PtyPeer):
                 self.say(reply)
                 return
         if self.is_deaf or self.state == 'Hold':
-            return  # what is sent into a hold waits there
+            return  # data sent during a hold waits
         if line == '$I':
             self.say(self.build % self.options.encode())
         elif line == '$$':

@@ -20,7 +20,7 @@ TABLE = (
     (68, 1, 2), (132, 4, 2048), (144, 2, 121), (146, 1, 31),
     (220, 4, 250 | 251 << 16),
 )  # fmt: skip
-"""Address, size and value of what is not zero at first."""
+"""Address, size and value of the registers that are initially not zero."""
 
 
 RUN = ((108, 4), (112, 4), (116, 4))

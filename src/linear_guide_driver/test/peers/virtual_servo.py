@@ -123,7 +123,7 @@ class VirtualLine:
         if not self.is_plugged or opened != self.plugs:
             raise serial.SerialException('the line is lost')
         fault = self.faults.popleft() if self.faults else 'fine'
-        # What has arrived before the question is dropped.
+        # Bytes received before the request are dropped.
         answers = deque(answer for answer, at_ns in self._late if at_ns > self.time.now_ns)
         self._late.clear()
         if fault != 'silent':

@@ -149,13 +149,13 @@ def test_a_refused_pull_changes_nothing(safety, pull, text):
 
 
 def test_samples_are_needed_while_taut_and_silence_ends_in_slack(safety):
-    assert safety.decide(0.0, 60_000 * MS) is Order.FOLLOW  # slack and idle, it needs nobody
+    assert safety.decide(0.0, 60_000 * MS) is Order.FOLLOW  # needs no peers: slack and idle
     assert safety.alarm is None
     hold_taut(safety)
     assert safety.decide(TAUT_M, 250 * MS) is Order.FOLLOW
     assert safety.decide(TAUT_M, 251 * MS) is Order.HOLD
     assert 'sample' in safety.reason
-    feed(safety, [1.0], 300 * MS)  # too late: somebody has to command anew
+    feed(safety, [1.0], 300 * MS)  # too late: a new command is needed
     assert safety.decide(TAUT_M, 2250 * MS) is Order.HOLD
     assert safety.decide(TAUT_M, 2251 * MS) is Order.RELEASE
 
@@ -414,7 +414,7 @@ def test_a_zero_is_confirmed_by_a_slack_reading_and_refuted_by_tension():
     assert safety.zero is Zero.KNOWN
     safety.set_zero(Zero.UNCONFIRMED)
     safety.decide(0.0, 0)
-    assert safety.zero is Zero.UNCONFIRMED  # samples from before tell nothing
+    assert safety.zero is Zero.UNCONFIRMED  # earlier samples are ignored
     sense(safety, 2.0, 0.0)
     with pytest.raises(MotionRefusedError, match='wait'):
         safety.admit(Pull(TAUT_M), 0.0, 0)
@@ -491,7 +491,7 @@ def test_a_new_zero_is_judged_anew():
     safety = make_unconfirmed()
     feed(safety, [2.0], 0)
     with pytest.raises(MotionRefusedError, match='wait'):
-        safety.admit(Pull(TAUT_M), 0.0, 0)  # though nobody has polled meanwhile
+        safety.admit(Pull(TAUT_M), 0.0, 0)  # even without a poll in between
     safety.set_zero(Zero.UNCONFIRMED)
     assert safety.tension.live_n(0) is None
     sense(safety, 2.0, 0.0, 500 * MS)

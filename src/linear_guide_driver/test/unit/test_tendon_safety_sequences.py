@@ -284,13 +284,13 @@ class Tendon(RuleBasedStateMachine):
             self.begin(Pull(self.at_m + direction * 0.005, 'abduction', is_homing=True))
 
     def begin(self, pull, speed_m_s=SPEED_M_S):
-        before_m_s = self.speed_m_s  # of a goal that may still be in force
+        before_m_s = self.speed_m_s  # of a goal that may still be active
         self.pull, self.speed_m_s = pull, speed_m_s
         is_latched = self.latch.find_loss(self.now_ns) is not None
         try:
             self.client._begin(pull, speed_m_s)
             self.goal_m = self.client._goal_m
-            self.lost_since_ns = None  # a fresh pull begins the holding time anew
+            self.lost_since_ns = None  # a new pull restarts the holding time
         except MotionRefusedError:
             self.pull, self.speed_m_s = None, before_m_s
             # While the latch is set, or its emergency stop was not heard, only slack is granted.
@@ -304,7 +304,7 @@ class Tendon(RuleBasedStateMachine):
 
     @rule()
     def cancel(self):
-        self.lost_since_ns = None  # a hold that ends a release begins the holding time anew
+        self.lost_since_ns = None  # a hold that ends a release restarts the holding time
         pull = self.pull if self.safety.ending is None else None
         slackens = self.safety.state is State.RELEASING or (pull and pull.slackens)
         with suppress(LinearGuideDriverError):
@@ -559,7 +559,7 @@ class Tendon(RuleBasedStateMachine):
             for field, size in find_fields(address, len(data))
         }
         self.note_wrong(self.check_write, written)
-        if written.get(98) == 0:  # the goal that was locked is in force until the next poll
+        if written.get(98) == 0:  # the locked goal is active until the next poll
             self.strange_since_ns = self.now_ns
         if written.get(64) or 20 in written:
             self.zero_lost_counts = self.servo.lost_counts
@@ -610,7 +610,7 @@ class Tendon(RuleBasedStateMachine):
     def note(self):
         """Note since when something is wrong that the driver can see."""
         is_seen = not (self.monitor.outage or self.line.faults) and self.can_be_reached
-        # Without a zero, a doubtful tare is no loss: nothing tells that the tendon is taut.
+        # Without a zero, a doubtful tare is no loss: it is unknown whether the tendon is taut.
         is_doubted = (
             self.safety.zero is not Zero.UNKNOWN
             and self.safety.tension.find_loss(self.now_ns) is not None

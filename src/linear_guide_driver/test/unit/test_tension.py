@@ -139,7 +139,7 @@ def restart_device(safety, sensor):
 
 def tare(safety, sensor):
     safety.tension.note_tare(1)
-    assert safety.tension.find_loss(0) is None  # what was latched before
+    assert safety.tension.find_loss(0) is None  # the earlier latched value
     safety.tension.note_tare(2)
 
 
@@ -200,7 +200,7 @@ def test_without_a_known_zero_only_homing_confirms_a_tare(safety):
     safety.set_zero(Zero.UNKNOWN, 'the torque went off')
     run(safety, [sensor], 100 * MS, 3000 * MS, 0.0)
     assert 'tare' in str(safety.tension.find_loss(2990 * MS))
-    assert not safety.is_slack(0.0, 2990 * MS)  # the sensor cannot tell either
+    assert not safety.is_slack(0.0, 2990 * MS)  # the sensor does not show this either
     safety.admit(Pull(0.02, 'abduction', is_homing=True), 0.0, 2990 * MS)
     assert run(safety, [sensor], 3000 * MS, 3100 * MS, 0.001)[3090 * MS] is Order.FOLLOW
     safety.set_zero(Zero.KNOWN)

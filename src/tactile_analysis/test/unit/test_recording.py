@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Recordings of any kind as one class: what was written must come back, and be read once."""
+"""Recordings of all kinds as one class: equal to the written data, and read only once."""
 
 import json
 import os

@@ -52,7 +52,7 @@ OF_TYPE = {
 
 
 def records_of(kind, **fields):
-    """Give records; the fields that are not given hold whatever their type can."""
+    """Generate records; fields that are not given have arbitrary values of their type."""
     others = {f.name: OF_TYPE[f.type] for f in dataclasses.fields(kind) if f.name not in fields}
     return st.builds(kind, **others, **fields)
 

@@ -86,7 +86,7 @@ def test_the_line_of_an_audit_holds_nothing_that_a_terminal_obeys():
     seed=st.integers(0, 2**32 - 1),
 )
 def test_order_and_repetition_are_counted(counts, seed):
-    """A shuffled stream has lost nothing; what comes twice is a duplicate."""
+    """A shuffled stream has no losses; repeated samples are duplicates."""
     blocks = blocks_of(counts)
     rng = random.Random(seed)
     first, rest = blocks[0], blocks[1:]
@@ -106,7 +106,7 @@ def second_block(*, at_ns=START_NS + 5 * PERIOD_NS, sequence=5, **fields):
 @pytest.mark.parametrize(
     ('second', 'finding'),
     [
-        (second_block(lost_before=2), '2'),  # the driver alone knows of it
+        (second_block(lost_before=2), '2'),  # only known to the driver
         (second_block(at_ns=START_NS + 10**9, sequence=0), 'restarts'),  # a restart: no duplicate
         (second_block(status=StrainStatus.RECONNECTED), 'reconnections'),
     ],
@@ -156,13 +156,13 @@ def test_a_trial_that_the_samples_do_not_cover_is_found():
 
 @pytest.mark.parametrize('lost', [150, 800, 1_450])
 def test_a_trial_longer_than_events_may_be_late_is_audited_whole(lost):
-    """From 1 s to 15 s: what was lost long ago, and what just now."""
+    """From 1 s to 15 s, with early and recent losses."""
     blocks = [b for i, b in enumerate(blocks_of([1] * 1_600)) if i != lost]
     auditor = FingerAuditor('', 100.0)
     audits = auditor.add_event(event('contact', 1.0))
     for i, block in enumerate(blocks):
         audits += auditor.add_block(block)
-        if i == 1_480:  # its end is told before its last samples come
+        if i == 1_480:  # its end is announced before its last samples arrive
             audits += auditor.add_event(event('done', 15.0))
     (audit,) = audits
     assert audit.sample_count == 1_400

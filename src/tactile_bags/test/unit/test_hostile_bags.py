@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Untrusted bags: whatever is in them, a sentence and no more memory than is stated."""
+"""Untrusted bags cause an error message, and never exceed the stated memory limits."""
 
 from contextlib import suppress
 import os

@@ -42,7 +42,7 @@ def unfinished(tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def files(unfinished, tmp_path_factory):
-    """Return what was left, and where to put what is made of it; both have short names."""
+    """Return a path for the remaining bag, and a path for its copy; both have short names."""
 
     class Left(bytes):
         def __repr__(self):
@@ -104,7 +104,7 @@ def test_the_end_is_read_without_what_comes_before(unfinished):
 
 def test_a_recording_in_small_chunks_opens_in_little_memory(tmp_path):
     path, count = tmp_path / 'small.mcap', 2_000
-    message_store()  # its memory is not that of a file
+    message_store()  # its memory is not backed by a file
     with path.open('wb') as file:
         writer = Writer(file, chunk_size=1, compression=CompressionType.NONE)
         writer.start('ros2')
@@ -163,7 +163,7 @@ def two_channels(tmp_path_factory):
 
 
 def test_a_cut_behind_the_last_chunk_costs_no_message(two_channels, tmp_path):
-    """Cut off before every byte of the last index and of what follows; or zeros stand there."""
+    """Truncate, or fill with zeros, at every byte from the last index on."""
     whole, index_start, index_end = two_channels
     path = tmp_path / 'cut.mcap'
     for cut in range(index_start, len(whole) + 1):

@@ -50,7 +50,7 @@ def event(time_s, phase, trial_id='t1'):
 
 
 def write_bag(path, inputs, timed_out_s, end_s):
-    """Write what a node hears and what it answers; it gives up waiting at ``timed_out_s``."""
+    """Write inputs and outputs of a node; it stops waiting at ``timed_out_s``."""
     extractor = TrialFeatureExtractor(CONFIG)
     with BagWriter(path, {'feature_config': dataclasses.asdict(CONFIG)}) as writer:
         names = {

@@ -62,7 +62,7 @@ class Board:
 
     def close(self):
         self._end.set()
-        termios.tcflush(self._slave, termios.TCIOFLUSH)  # ends a write that nobody reads
+        termios.tcflush(self._slave, termios.TCIOFLUSH)  # ends a write that is never read
         self.stop()
         os.close(self._master)
         os.close(self._slave)
@@ -189,7 +189,7 @@ def test_nothing_is_built_until_somebody_subscribes_and_then_the_next_sample_com
     finger.group.close()
     assert_each_once(finger.taken)
     with_subscriber = [sequence for sequence, count in emitted if count]
-    # The count is asked a moment later than the publisher asks.
+    # The count is requested shortly after the request of the publisher.
     assert heard[0] in (with_subscriber[0], with_subscriber[0] + 1)
     assert heard == list(range(heard[0], heard[0] + len(heard)))
     assert built[: len(heard)] == heard

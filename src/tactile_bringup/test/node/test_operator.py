@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The operator: how long it waits for a trial, and what it leaves behind when it gives up."""
+"""The operator: time limits for trials, and clean-up after a time-out."""
 
 import threading
 

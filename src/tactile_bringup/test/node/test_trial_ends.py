@@ -35,7 +35,7 @@ def test_a_device_whose_action_server_goes_away_ends_the_trial(bench):
     bench.guide.waits_in = (2,)
     goal = bench.start('texture')
     wait_until(lambda: len(bench.guide.goals) == 2)
-    # The result of the goal is never told, as when the process is killed.
+    # The result of the goal is never sent, as if the process were killed.
     bench.guide._runner._server.destroy()
     assert 'linear guide' in bench.end(goal).message
     bench.wait_until_released()
@@ -221,7 +221,7 @@ def test_a_phase_in_which_the_runner_was_frozen_does_not_succeed(bench_apart, ph
     wait_until(lambda: time.monotonic() > frozen_s + 2.0)
     bench.process.send_signal(signal.SIGCONT)
     message = bench.end(goal).message
-    # As the trial's own watch says, or that of its goal, whichever looks first.
+    # Reported by the watch of the trial or of its goal, whichever is first.
     assert re.search(rf'\d\.\d+ s .*{phase}|{phase}.* \d\.\d s', message), message
     bench.wait_for_phase('aborted')
     bench.wait_until_released()

@@ -154,7 +154,7 @@ def test_permuted_labels_are_named_at_chance_under_the_same_folds():
 
 
 class TwoParts:
-    """One part ends at once; the other one still computes when the interrupt comes."""
+    """One task ends immediately; the other is still running at the interrupt."""
 
     def __init__(self):
         self.begun, self.interrupted, self.ended = (threading.Event() for _ in range(3))

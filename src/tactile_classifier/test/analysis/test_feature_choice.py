@@ -131,7 +131,7 @@ def test_folds_inside_hold_groups_out_as_the_folds_do():
 
 
 def test_with_two_sessions_nothing_is_chosen_by_trials_of_the_session_that_trains():
-    # Each session tells its labels apart by a feature of its own, which the other one turns round.
+    # Each session distinguishes labels by another feature, which the other session inverts.
     # Random folds inside a session would therefore choose by it.
     values, labels, session, spec = make_sessions('texture_spectrum', 2, 1)
     is_b = labels == 'b'
@@ -146,7 +146,7 @@ def test_with_two_sessions_nothing_is_chosen_by_trials_of_the_session_that_train
 
 
 def test_flexion_and_abduction_choose_together_inside_the_folds_too():
-    """Each contact alone would choose another set in every fold."""
+    """A separate choice for each contact would select another set in every fold."""
     rng = np.random.default_rng(3)
     count = 60
     session, contact = np.arange(count) % 5, np.arange(count) // 30

@@ -40,7 +40,7 @@ def test_the_rate_holds_in_the_mean_over_new_sessions():
             is_unknown = novelty > trained.manifest.confidence.novelty_threshold
             rejected[strict].append(is_unknown[~is_new].mean())
             missed[strict].append(1.0 - is_unknown[is_new].mean())
-    # Asked for: 5 %. The largest of the sessions' thresholds rejects too few, and names more.
+    # Nominal rate 5 %. The largest threshold of the sessions rejects fewer trials.
     assert 0.035 < np.mean(rejected[False]) < 0.07
     assert np.mean(rejected[True]) < 0.02
     assert np.mean(missed[True]) > np.mean(missed[False]) + 0.1

@@ -33,7 +33,7 @@ def few(texture_table):
 
 @pytest.fixture(scope='module')
 def three_features(few):
-    """Return every second trial, with three features that tell the labels apart."""
+    """Return every second trial, with three features that distinguish the labels."""
     half = few.take(np.arange(0, 120, 2))
     means = [half.values[half.labels == label].mean(axis=0) for label in set(half.labels)]
     chosen = np.sort(np.argsort(np.std(means, axis=0))[-3:])

@@ -92,7 +92,7 @@ def test_a_constant_signal_has_features_of_its_ends_only():
     x = np.full((4, 1, 50), 3.0) + np.arange(4)[:, None, None]
     convolutions = fit_convolutions(x, 336)
     values = convolutions.transform(x)
-    # The biases inside are 0, which 0 does not exceed: what is left comes from the ends.
+    # Inside, the biases are 0 and not exceeded by 0, so only the ends contribute.
     assert len(np.unique(values, axis=0)) == 4
     cropped = np.concatenate(
         [np.repeat((i + np.arange(84)) % 2, b.shape[1]) for i, b in enumerate(convolutions.biases)]

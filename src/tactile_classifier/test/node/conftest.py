@@ -35,7 +35,7 @@ def make_header(since_ns):
 
 
 class Finger:
-    """Both nodes, or the classifier alone, and a peer that sends what they need and listens."""
+    """Both nodes, or only the classifier, and a peer that publishes their inputs and listens."""
 
     def __init__(self, context, parameters, features):
         def make(node_class, parameters):

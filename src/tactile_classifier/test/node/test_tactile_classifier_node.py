@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node over real DDS: windows of features in, answers out, alone and behind a feature node."""
+"""The node over real DDS: classification of windows, with and without a feature node."""
 
 import importlib.util
 import shutil
@@ -28,7 +28,7 @@ HAS_VISION = importlib.util.find_spec('vision_msgs') is not None
 
 def test_windows_are_classified_over_the_wire(make_finger, model_path, make_window):
     depth = 'qos_overrides./tactile_classifier/classification.publisher.depth'
-    # Nobody sends a time: diagnostics come all the same.
+    # Diagnostics are published even if no time is published.
     finger = make_finger(contact='flexion', use_sim_time=True, **{depth: 7})
     finger.bring_up()
     windows = [
@@ -183,7 +183,7 @@ def folder(tmp_path_factory):
 
 
 def answer_alone(path, events, blocks):
-    """Return the answers of one model behind an extractor that computes its features alone."""
+    """Return the results of one model with an extractor that only computes its features."""
     (contract,), _ = read_contracts(path)
     extractor = TrialFeatureExtractor(FeatureConfig(), [contract.spec])
     windows = [w for event in events for w in extractor.add_event(event_from_msg(event))]

@@ -135,7 +135,7 @@ PAIRS = list(combinations(range(7), 2))
         # Six objects on two days, a session each, wherever the names put them.
         ([name[0] for name in OWN], OWN, 'session held out in 6 folds', 12),
         ([name[0] for name in OWN], [name[::-1] for name in OWN], 'session held out in 6 fo', 12),
-        # Each pair of seven sessions has a label of its own: no two may share a fold.
+        # Each pair of seven sessions has a separate label, so no two may share a fold.
         ([str(p) for p in PAIRS for _ in p], np.ravel(PAIRS), 'one session held out', 7),
     ],
 )
@@ -187,7 +187,7 @@ def test_trials_or_conditions_are_folds_where_sessions_do_not_allow_it():
     folds = make_group_folds(table)
     assert (folds.split, folds.groups) == ('speed held out in 6 folds', 0)
     check_whole(folds, table.column('speed'))
-    # A label with one condition alone would be held out whole.
+    # A label with only one condition would be held out completely.
     once = table.take((table.labels == 'a') | (table.column('speed') == 0))
     assert make_group_folds(once).split == 'stratified 3-fold over trials'
     with pytest.raises(DatasetError, match='label "b" has only one trial'):
@@ -214,7 +214,7 @@ def test_stated_calibration_error_is_that_of_new_conditions():
 
 
 def test_no_trial_is_judged_by_a_model_that_knew_it():
-    # Labels drawn at random: whoever is judged by its own neighbours looks right.
+    # Random labels: accuracy would be too high if trials were their own neighbours.
     table = make_table(np.random.default_rng(5).choice(['a', 'b'], 200))
     fold = make_group_folds(table).fold
     scores, true = hold_out_scores(table, 'tree', 'none', fold)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One window of samples to an answer: the same as from the stream, and what is refused."""
+"""Classification of one window of samples: equal to the stream, and refused inputs."""
 
 import dataclasses
 from pathlib import Path

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The classifiers: neighbours without rounding, machines that say what they cannot do."""
+"""The classifiers: exact neighbours, and warnings of support vector machines."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -261,7 +261,7 @@ def test_the_card_says_what_was_chosen_and_what_unlearned_labels_do(texture_tabl
         'from 4 combinations of features and classifier; '
         f'runner-up: texture_spectrum, {CLASSIFIER_TITLES[runner_up.candidate.classifier]}, '
     )
-    # One accuracy: the nested one. Neither that of the best candidate nor of the calibration.
+    # Only the nested accuracy, not the accuracies of the best candidate or the calibration.
     nested = f'{100 * choice.nested.mean:.1f} %'
     assert facts['accuracy'].startswith(f'{nested} (stratified 2-fold, once, chosen inside')
     others = {f'{100 * each.score.mean:.1f} %' for each in choice.ranking} - {nested}

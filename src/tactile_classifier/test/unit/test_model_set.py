@@ -29,7 +29,7 @@ GAPS = spec_for('texture', FeatureConfig(max_gap_samples=3))
 
 
 def table_of(table, spec, contact='flexion'):
-    """Return the table as if of another specification, with so many columns."""
+    """Return the table with another specification and this number of columns."""
     columns = {**table.columns, 'contact': np.full(len(table), contact)}
     values = table.values[:, : len(spec.names)]
     return dataclasses.replace(table, values=values, spec=spec, columns=columns)
@@ -121,7 +121,7 @@ def test_a_window_that_fits_no_model_is_answered_with_the_reason(folder, window_
     assert 'max_gap_samples) differs: required 0.0, found 3' in answer.reason
     (sentence,) = models.unfed
     assert f'give its parameter models {folder / "a.npz"}' in sentence
-    # The windows of its own are announced: those of another specification are for others.
+    # Its own windows are announced, so windows of other specifications are for other models.
     models.set_specifications([GAPS, FULL])
     assert models.classify(window_of(GAPS)) == []
     assert models.unfed == ()

@@ -50,7 +50,7 @@ def test_equal_trials_and_a_window_in_the_middle_of_all_have_a_finite_novelty():
 @pytest.mark.parametrize('folds', [4, 1])
 def test_novelty_is_its_formula(folds):
     values, labels, fold = clouds(1, apart=4.0)
-    fold %= folds  # one alone: the nearest other trial counts
+    fold %= folds  # only one: the nearest other trial is used
     windows = clouds(2, apart=4.0)[0]
     means = np.stack([values[labels == x].mean(axis=0) for x in 'abc'])
     owner = np.searchsorted(['a', 'b', 'c'], labels)

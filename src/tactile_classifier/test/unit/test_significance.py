@@ -92,7 +92,7 @@ def test_many_features_go_in_blocks_with_the_same_result():
 def test_features_are_ranked_from_the_most_telling():
     labels = np.repeat(['a', 'b'], 40)
     values = np.random.default_rng(4).normal(size=(80, 4))
-    values[:, 0] = 0.0  # the component at 0 Hz tells nothing
+    values[:, 0] = 0.0  # the component at 0 Hz is constant
     values[40:, 2] += 3.0
     values[40:, 3] += 1.0
     order = rank_features(values, labels).tolist()

@@ -201,7 +201,7 @@ def test_intervals_over_cells_are_wider_than_over_trials():
 
 
 def check_folds(split, labels, seed):
-    """Check that each trial is tested once, and what is divided once more stays in its fold."""
+    """Check that each trial is tested once, and that inner folds stay within their fold."""
     trials = set(range(len(labels)))
     for folds in split.repeats:
         assert sorted(np.concatenate([test for _, test in folds])) == sorted(trials)

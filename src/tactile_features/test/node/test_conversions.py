@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages to records and back; whatever a message holds, it is refused or no core stumbles."""
+"""Conversion of messages and records; invalid messages are refused with an error."""
 
 from hypothesis import given, HealthCheck, settings
 from hypothesis import strategies as st

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node over DDS: what it publishes is what the core computes."""
+"""The node over DDS: published features equal the results of the core."""
 
 from functools import partial
 import gc
@@ -134,7 +134,7 @@ class Bench:
 
 @pytest.fixture
 def uncollected():
-    """Nothing is collected, so that only what nobody holds is gone."""
+    """Disable garbage collection, so that only unreferenced objects are deleted."""
     gc.disable()
     yield
     gc.enable()
@@ -230,7 +230,7 @@ def test_listens_when_configured_speaks_when_active_and_leaves_at_cleanup(make_b
     bench.spin_until(lambda: bench.windows)
     # The glide was over before the node became active.
     assert bench.windows == compute_expected()[1:]
-    # It stops in the second trial, and says what is missing.
+    # It stops in the second trial, and reports the missing input.
     assert bench.node.trigger_deactivate() == TransitionCallbackReturn.SUCCESS
     bench.spin_until(lambda: len(bench.windows) == 2)
     assert (bench.windows[1].trial_id, bench.windows[1].outcome) == ('t2', WindowOutcome.GAP)
@@ -310,7 +310,7 @@ def test_the_models_decide_and_an_inactive_node_says_so_to_who_comes_late(
     hold = spec_for('stiffness', FeatureConfig())
     assert announced.specs == (FULL, SHORT, hold)
     assert announced.stamp_ns > 0
-    # A replay takes what was announced, and nothing else.
+    # A replay only uses the announced specifications.
     config = FeatureConfig(**json.loads(json.dumps(announced.config)))
     assert config == FeatureConfig(texture_samples=240, samples_timeout_s=2.0)
     again = TrialFeatureExtractor(config, announced.specs)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The same samples and events give the same windows, in whatever order and grouping they come."""
+"""Windows do not depend on the order and grouping of samples and events."""
 
 from collections import Counter
 import dataclasses
@@ -109,7 +109,7 @@ def make_events(random):
 
 
 def group(samples, is_end_of_block):
-    """Blocks of samples that one block can express, ended wherever asked for."""
+    """Return blocks of consecutive samples that end at the given positions."""
     blocks, i = [], 0
     while i < len(samples):
         first = samples[i]
@@ -160,7 +160,7 @@ HOLDS = ('stiffness_regression', 'stiffness_relaxation', 'hold_waveform')
 
 @st.composite
 def wanted_features(draw):
-    """Several specifications, of which some differ in one parameter alone; or none."""
+    """Generate several specifications, some with a single different parameter; or none."""
     wanted = []
     for _ in range(draw(st.sampled_from([0, 0, 1, 2, 3, 5]))):
         texture_samples = draw(st.sampled_from([10, 45, 60]))

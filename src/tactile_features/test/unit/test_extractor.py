@@ -564,7 +564,7 @@ def test_the_timeout_is_told_by_a_clock_that_nobody_stops():
     assert not timeout.is_over()
     now_s += 3600.0  # the process was stopped: that is no waiting
     assert waited_s() == pytest.approx(most_s - LONGEST_STEP_S, abs=0.3)
-    feed(extractor, block(30, 1))  # a block that is not enough begins it anew
+    feed(extractor, block(30, 1))  # an insufficient block restarts it
     assert waited_s() == pytest.approx(most_s, abs=0.3)
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The container of a model file: what is read, and what is refused."""
+"""The container of a model file: valid and refused contents."""
 
 import contextlib
 import hashlib
@@ -51,7 +51,7 @@ def to_npy(array):
 
 
 def seal(arrays, manifest=b'{}'):
-    """Return a file with a valid digest, whatever the arrays are."""
+    """Return a file with a valid digest for any arrays."""
     contents = {**arrays, 'manifest': np.array(manifest)}
     digest = model_container._compute_digest(contents).encode()
     named = [(f'{name}.npy', array) for name, array in contents.items()]

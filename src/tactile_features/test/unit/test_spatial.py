@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A surface slid over at several speeds: what of it the features keep, and what they refuse."""
+"""Features over distance at several speeds: invariance, and refused windows."""
 
 import dataclasses
 
@@ -36,7 +36,7 @@ def bump(at_m):
 
 
 def slide(surface, speed_m_s, from_m=0.0, window=WINDOW):
-    """The features of a stretch of a surface; the sensor follows it at once."""
+    """Return the features of a part of a surface, with an ideal sensor."""
     count = window.sample_count(speed_m_s, RATE_HZ)
     at_m = from_m + speed_m_s / RATE_HZ * np.arange(count)
     at_m -= (at_m[-1] - from_m - window.length_m) / 2

@@ -65,7 +65,7 @@ def long_table(tmp_path):
 
 
 def check_holds(trials, count=6, *, column='', pattern=''):
-    """Compare with what was written, bit for bit: in the same order, or by name in a column."""
+    """Compare with the written trials bit for bit, in the same order or by name in a column."""
     assert trials.rate_hz == RATE_HZ
     assert len(trials) == 2 * count
     for row, (label, i, _, tension_n) in enumerate(all_holds(count)):

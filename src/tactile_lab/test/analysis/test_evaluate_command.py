@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile evaluate` on archives and experiments: splits, bad trials and what is said of them."""
+"""`tactile evaluate` on archives and experiments: splits, bad trials and messages."""
 
 import numpy as np
 import pytest
@@ -51,7 +51,7 @@ def test_training_on_one_day_and_testing_on_the_other_equals_a_fit_by_hand(save)
     assert (plain['trials'], stated['trials']) == (48, 24)
     assert len(stated['scores']) == 8
     for score in stated['scores']:
-        # The counts of the confusion are those of the tests, and the interval is over them.
+        # Confusion matrix and interval are computed over the test trials.
         confusion = np.array(score['confusion'])
         assert confusion.sum() == 24
         assert score['mean'] == pytest.approx(np.trace(confusion) / 24)
@@ -133,7 +133,7 @@ def splits_of(found):
 def test_an_experiment_is_evaluated_whatever_its_mountings(simulate_bag, rewrite, tmp_path):
     """One session of two objects, each mounted twice.
 
-    With one mounting held out, some folds inside the fold would train on one object alone.
+    With one mounting held out, some inner folds would train on only one object.
     """
     objects = ('pla', 'sponge')
     trials = {}

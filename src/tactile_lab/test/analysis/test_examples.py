@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The examples of the documentation run, and their pages show what they print."""
+"""The examples of the documentation run, and their pages contain their output."""
 
 import importlib
 from pathlib import Path

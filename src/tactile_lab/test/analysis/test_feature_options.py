@@ -118,7 +118,7 @@ def test_folds_choose_the_set_for_an_archive(tmp_path):
     archive = save_glides(tmp_path / 'levels.npz', x, label, **columns)
     options = ('--task', 'texture', '--features', 'auto', *CHEAP, '--group', 'part')
     said = hear_tactile('evaluate', archive, *options)
-    # The level tells them apart, and a spectrum does not have it.
+    # Labels differ in the level, which a spectrum does not contain.
     assert 'texture: glide_waveform with' in said
     assert 'auto: glide_waveform' in said
     assert 'one part held out' in said
@@ -158,7 +158,7 @@ def test_of_noise_the_accuracy_of_the_choice_is_told_with_its_own_chance(tmp_pat
 
 
 def test_evaluate_leads_with_what_train_would_write(tmp_path):
-    """The level tells the labels apart, and neighbours on the spectrum do not see it."""
+    """Labels differ in the level, which neighbours on the spectrum do not use."""
     label = np.repeat(['low', 'high'], 12)
     x = np.random.default_rng(1).normal(size=(24, 1, 60))
     x += np.where(label == 'low', 0.0, 4.0)[:, None, None]
@@ -186,7 +186,7 @@ def test_evaluate_leads_with_what_train_would_write(tmp_path):
 
 
 def test_trials_to_test_on_do_not_choose(tmp_path):
-    # What tells the labels apart: the level of the first 12 trials, the frequency of the others.
+    # Labels differ in the level of the first 12 trials, and in the frequency of the others.
     label = np.tile(['a', 'b'], 18)
     is_b, later = label == 'b', np.arange(36) >= 12
     rng, time_s = np.random.default_rng(6), np.arange(60) / 60.0

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Trials written for other programs come back equal; what is not known is said first."""
+"""Exported trials are imported unchanged; missing information is reported first."""
 
 import numpy as np
 import pyarrow.csv

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The report: what it says must follow from the numbers, and it must stand alone."""
+"""The report: sentences follow from the numbers, and the file is self-contained."""
 
 import dataclasses
 import hashlib
@@ -52,7 +52,7 @@ from tactile_ros.errors import TactileError
 
 
 def make_easy_holds():
-    """Objects that differ in slope alone, while the intercept varies far more."""
+    """Objects that differ only in slope, while the intercept varies far more."""
     generator = np.random.default_rng(3)
     code = np.repeat([0, 1, 2], 24)
     columns = (

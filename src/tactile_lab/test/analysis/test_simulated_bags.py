@@ -49,7 +49,7 @@ def read_blocks(bag_path):
 
 
 class FakeSimulator:
-    """Stands in for the physics: a rising tension, and what a test wants to go wrong."""
+    """Replaces the physics by an increasing tension and the faults of a test."""
 
     def __init__(self):
         self.failures = {}  # (label, number) to when the solver gives up

@@ -28,7 +28,7 @@ LABELS = ('a plate of 2.5 mm ridges, left half', 'a plate of 2.5 mm ridges, righ
 PORT = '/dev/serial/by-id/usb-maker_of_load_cells_with_a_long_name_0123456789-if00-port0'
 UNSEEN = f'{PORT}-which-does-not-exist'
 
-# Name, arguments, exit code, and texts that must stand on one line. {...} are paths.
+# Name, arguments, exit code, and texts that must be on one line. {...} are paths.
 CASES = [
     ('show-archive', 'show {archive}', 0, ['archive {archive}']),
     ('show-row', 'show {archive}', 0, [LABELS[0], PORT]),

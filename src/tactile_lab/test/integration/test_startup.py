@@ -96,7 +96,7 @@ def test_a_folder_without_models_is_refused_before_ros_is_loaded(tmp_path):
 
 
 def test_a_process_that_senses_loads_no_library_of_other_work():
-    """Each finger may have a process of its own, on a small computer."""
+    """Each finger may have a separate process, on a small computer."""
     program = (
         'import json, sys\n'
         'import tactile_bringup.nodes.graph_runner, tactile_lab.watch.watching\n'

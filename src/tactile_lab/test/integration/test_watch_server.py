@@ -34,7 +34,7 @@ TRIAL = {'do': 'trial', 'protocol': 'texture', 'contact': 'flexion', 'object': '
 
 
 class Controls:
-    """Notes what it is asked for."""
+    """Records the requests."""
 
     def __init__(self):
         self.calls = []
@@ -211,7 +211,7 @@ def test_frames_are_made_only_while_a_page_is_open_and_never_too_many(state, ser
             for number in range(1, 2001):
                 state.update('', Finger.take_block, block(number, rate_hz=1000.0))
                 if number % 20 == 0:
-                    await asyncio.sleep(0.01)  # frames a second are what is tested
+                    await asyncio.sleep(0.01)  # the frame rate is tested
             for socket in (one, other):
                 await until(socket, lambda f: (f.get('live', {}).get('') or {}).get('y'))
             return time.monotonic() - begun
@@ -234,7 +234,7 @@ def test_a_page_that_comes_late_or_again_gets_each_point_once(state, server):
             first = await until(one, lambda f: f.get('live'))
             async with page(server) as other:
                 second = await until(other, lambda f: f.get('live'))
-        async with page(server) as socket:  # at once
+        async with page(server) as socket:  # immediately
             frame = await until(socket, lambda f: f.get('begin'))
             times = frame['live']['']['x']
             for number in range(100, 130):
@@ -313,7 +313,7 @@ def test_silent_connections_are_bounded_end_and_keep_nobody_out(server, monkeypa
             await until(socket, lambda f: f == {})  # the page that was there stays
             connection.close()
 
-    monkeypatch.setattr(server_module, 'WAITING_S', 1e3)  # the bound alone cuts them off
+    monkeypatch.setattr(server_module, 'WAITING_S', 1e3)  # closed only because of the limit
     before = len(list(Path('/proc/self/fd').iterdir()))
     run(work())
     assert get(server)[0] == 200

@@ -35,7 +35,7 @@ DEADLINE_S = 120.0
 
 
 def launched(name, **arguments):
-    """Return the description of a launch file that is ready at once, on a domain of its own."""
+    """Return the description of a launch file that is ready immediately, on a separate domain."""
     # The launched processes take their domain from the environment.
     os.environ['ROS_DOMAIN_ID'] = str(until_end(domain_id()))
     share = Path(get_package_share_directory('tactile_bringup'))

@@ -74,7 +74,7 @@ def find_process(pid, executable):
 
 
 class LaunchedRig:
-    """The launch file of a protocol in a process of its own, on a simulated rig of ours."""
+    """Run the launch file of a protocol in a separate process, with a simulated rig."""
 
     def __init__(self, protocol, log):
         if shutil.which('ros2') is None:
@@ -159,7 +159,7 @@ def watch(rig, resume):
 
 
 def send(processes, number):
-    """Send a signal to those of the processes that are still there."""
+    """Send a signal to the processes that are still running."""
     for process in processes:
         with contextlib.suppress(ProcessLookupError):
             os.kill(process, number)

@@ -188,6 +188,6 @@ def test_an_argument_that_nobody_declares_is_refused_on_the_command_line(
     monkeypatch.setattr(sys, 'argv', command)
     with pytest.raises(TactileError, match=sentence):
         evaluate('sense')
-    # Somebody else's launch file that includes ours may have arguments of its own.
+    # A launch file that includes these files may have additional arguments.
     monkeypatch.setattr(sys, 'argv', [*command[:2], 'my_robot', 'sense.launch.py', word])
     assert evaluate('sense', processes='node', model='of my robot')

@@ -50,7 +50,7 @@ class Chromium:
             [
                 program,
                 '--headless=new',
-                '--no-sandbox',  # it opens our own page alone, and containers have no namespaces
+                '--no-sandbox',  # only the live page is opened, and containers have no namespaces
                 '--disable-gpu',
                 '--disable-dev-shm-usage',
                 '--no-first-run',
@@ -87,7 +87,7 @@ class Chromium:
 
     def open(self, address: str) -> None:
         """Open a page, and wait until it is loaded."""
-        for url in ('about:blank', address):  # another fragment alone would load nothing
+        for url in ('about:blank', address):  # a different fragment does not reload the page
             self.call('Page.navigate', url=url)
             self.wait_for(
                 f'document.readyState === "complete" && location.href.startsWith({url!r})'
@@ -127,7 +127,7 @@ class Chromium:
         self.call('Emulation.setEmulatedMedia', features=features)
 
     def screenshot(self) -> bytes:
-        """Return what is seen, as PNG."""
+        """Return a screenshot as PNG."""
         data: str = self.call('Page.captureScreenshot', format='png')['data']
         return base64.b64decode(data)
 

@@ -33,7 +33,7 @@ def player(bag, **parameters):
 
 
 class Listener:
-    """Keeps what is played, as bytes, and the clock."""
+    """Records the played messages as bytes, and the clock."""
 
     def __init__(self, context):
         self.node = Node('listener', context=context)

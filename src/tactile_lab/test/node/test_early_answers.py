@@ -45,7 +45,7 @@ LATEST_S = 0.03
 def models(simulate_bag, tmp_path):
     """Return a folder of models with different windows, of which one is half a second.
 
-    A file says itself what it is for, and what it wants; this one is for any contact.
+    The file contains its task and features; this model is for any contact.
     """
     bag = simulate_bag('texture', 'flexion', 3, seed=5)
     folder = tmp_path / 'models'

@@ -23,7 +23,7 @@ from tactile_testing.waiting import wait_until
 
 
 def run_until_done(folder, quick, count, signal_number):
-    """Run until so many trials are done and another is in its hold, then send a signal.
+    """Run until a number of trials is done and the next is in its hold, then send a signal.
 
     On a busy machine a trial may fail, and is then run again.
     """
@@ -89,7 +89,7 @@ def test_an_experiment_survives_ctrl_c_and_kill_and_its_trials_are_read(
     said = hear_tactile('experiment', folder.path, '--simulated', '--yes')
     assert 'Complete. Train on it' in said
 
-    # What is in the bags: the trials of the order, each once, mountings never shared.
+    # The bags contain each trial of the order once, with separate mountings.
     events = []
     for path in folder.list_bags():
         with TactileBag(path) as bag:

@@ -42,7 +42,7 @@ def rig():
 
 @pytest.fixture(autouse=True)
 def patience(monkeypatch):
-    """Servos may pause; the operator waits shortly for an end that nobody may be left to tell."""
+    """Servos may pause; the operator only waits shortly for the end of the trial."""
     let_servos_pause(monkeypatch)
     monkeypatch.setattr(operator_node, 'longest_trial_s', lambda *_: 20.0)
     monkeypatch.setattr(operator_node, 'END_TIMEOUT_S', 0.5)
@@ -67,7 +67,7 @@ def record_until_interrupted(rig, bag, phase):
             trial = pool.submit(operator.run_trial, request)
             wait_until(lambda: phase in phases)
         with suppress(TactileError, concurrent.futures.TimeoutError):
-            trial.result(1.0)  # nobody may be left to answer
+            trial.result(1.0)  # there may be no node to answer
         pool.shutdown(wait=False)  # the operator waits for 20 s
 
 

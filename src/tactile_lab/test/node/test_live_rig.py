@@ -239,7 +239,7 @@ class TestSharedRig:
         def encode_and_pause(start_mm, end_mm, speed_mm_s, piece_s):
             for number, line in enumerate(encode_pieces(start_mm, end_mm, speed_mm_s, piece_s)):
                 if speed_mm_s == 15.0 and number == 30:
-                    time.sleep(1.0)  # the pause is what is tested: longer than run_on_s
+                    time.sleep(1.0)  # the tested pause is longer than run_on_s
                 yield line
 
         monkeypatch.setattr(protocol, 'encode_pieces', encode_and_pause)

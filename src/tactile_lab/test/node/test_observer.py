@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The bench keeps of a trial what it needs, and nothing else."""
+"""The observer only stores the required messages of a trial."""
 
 from types import SimpleNamespace
 

@@ -64,7 +64,7 @@ class Source:
 
     @contextmanager
     def recorded(self, description, namespace='', **options):
-        """Give the recorder that records what is sent."""
+        """Run the recorder of the published messages."""
         graph = running_graph([description], self.context, others=[self.node], **options)
         with graph as nodes:
             (recorder,) = nodes.values()
@@ -446,7 +446,7 @@ def test_a_recorder_that_is_activated_again_records_what_belongs_to_its_bag(cont
 
 
 def test_an_earlier_message_that_arrives_later_stays_before_the_next_of_its_topic(context):
-    """As those of a latched topic, which come after one that was just published."""
+    """Like messages of a latched topic that arrive after a newly published message."""
     recorder = create_node(describe_recorder(Path('unused')), context)
     arrivals = [
         ('events', 3.0),

@@ -249,7 +249,7 @@ def run_in_one_process(case, context, expected, *, has_sensor):
             taken = extractor.block_count, extractor.event_count
             return (
                 taken == (blocks, events)
-                # A topic keeps the last 16 alone.
+                # A topic only keeps the last 16 messages.
                 and len(player.found['tactile_features/detected_events']) == len(detected)
             )
 
@@ -261,7 +261,7 @@ def run_in_one_process(case, context, expected, *, has_sensor):
 
 @contextmanager
 def node_programs(case, context, folder):
-    """Run each node in a process of its own."""
+    """Run each node in a separate process."""
     env = {**os.environ, 'ROS_DOMAIN_ID': str(context.get_domain_id())}
     processes = []
     try:
@@ -319,7 +319,9 @@ def test_every_way_of_running_gives_the_same_messages(request, name, context, tm
         'calls': run_in_one_process(case, context, expected, has_sensor=True),
         'a process a finger': run_in_one_process(case, context, expected, has_sensor=False),
     }
-    if name == 'texture':  # programs take seconds to start, and tell their state once a second
+    if (
+        name == 'texture'
+    ):  # programs need seconds to start, and publish states once per second
         ways['a process a node'] = run_in_processes(case, context, expected, tmp_path)
     for way, found in ways.items():
         for topic, outputs in expected.items():

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A force that somebody else publishes, to a label: SIMULATED tension, over real DDS."""
+"""Classification of a force published by another node: SIMULATED tension, over real DDS."""
 
 from contextlib import contextmanager
 import signal
@@ -152,7 +152,7 @@ def test_somebody_elses_wrenches_become_a_label_and_replay_equal(
 
 
 def test_a_simulated_finger_marks_all_that_comes_of_it(context, tmp_path):
-    """The program of docs/on_your_hand.md says nothing of a simulation: the samples do."""
+    """The program of docs/on_your_hand.md does not state that it is simulated; the samples do."""
     bag = tmp_path / 'bag'
     hand = Node('hand', context=context)
     events = hand.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)

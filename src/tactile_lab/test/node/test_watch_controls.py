@@ -55,7 +55,7 @@ def test_stop_reaches_the_rig_after_an_answer_that_came_too_late(context, monkey
 
 @pytest.fixture
 def buttons(context):
-    """Return the buttons of a page whose ROS context is not that of the rig."""
+    """Return the buttons of a page with another ROS context than the rig."""
     other = Context()
     rclpy.init(context=other, domain_id=context.get_domain_id())
     watch = WatchNode(WatchState(), other)

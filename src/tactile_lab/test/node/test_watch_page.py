@@ -149,7 +149,7 @@ def test_a_trial_is_seen_from_contact_to_label(rig, browser):
             for selector in ('.label', '.verdict', '.last'):
                 assert browser.evaluate(ABOVE_THE_FOLD % selector), f'{selector}, {width} pixels'
     assert text_of(browser, '.last').endswith(': done')
-    # The trace is labelled anew now and then, not with each frame.
+    # The label of the trace is updated occasionally, not with each frame.
     browser.wait_for(
         '/; done/.test(document.querySelector("[role=img]").getAttribute("aria-label"))'
     )
@@ -319,7 +319,7 @@ class StoppableRig:
 
 
 def press(browser, element):
-    """Press where an element is seen, as a finger does: whatever lies on it gets the press."""
+    """Press at the visible position of an element; an element on top receives the press."""
     x, y = browser.evaluate(
         f'(r => [r.left + r.width / 2, r.top + r.height / 2])'
         f'(document.getElementById("{element}").getBoundingClientRect())'

@@ -116,7 +116,7 @@ def test_bags_with_other_parameters_do_not_mix(stiffness_bag, tmp_path):
 def test_blocks_are_runs_of_each_labels_trials_in_time():
     labels = np.array(['a', 'b'] * 12)
     sessions = np.repeat(['s', 't'], 12)
-    starts_ns = np.arange(24)[::-1]  # the table's order need not be that of time
+    starts_ns = np.arange(24)[::-1]  # the table need not be ordered by time
     blocks = number_blocks(starts_ns, sessions, labels)
     of_a = blocks[(labels == 'a') & (sessions == 's')]
     assert of_a.tolist() == [5, 4, 3, 2, 1, 0]

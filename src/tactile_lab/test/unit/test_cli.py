@@ -45,14 +45,14 @@ def test_what_is_mistyped_is_named_once(arguments):
 
 
 def test_help_describes_arguments():
-    # Click 8.5 keeps a help of its own for arguments, and Typer's was lost.
+    # Click 8.5 has its own help for arguments, which replaced Typer's.
     for command, text in (('import', 'CSV'), ('show', '(.npz)'), ('repair', 'not closed')):
         found = CliRunner().invoke(program.app, [command, '--help'])
         assert text in ' '.join(found.output.split('Options')[0].split())
 
 
 def functions_of(name):
-    """Return the functions behind a command: one, or those of its own commands."""
+    """Return the functions of a command: one, or one per subcommand."""
     found = program.load_function(name)
     if isinstance(found, typer.Typer):
         return [command.callback for command in found.registered_commands]

@@ -58,7 +58,7 @@ def test_a_wrong_answer_is_explained_by_sessions_held_out(trained):
     assert sentence.startswith(f'stiffness, flexion, {wanted}, classified as {said}: so were ')
     share, whole = (int(word) for word in sentence.split() if word.isdigit())
     assert whole == 40
-    assert 5 <= share <= 35  # nothing but chance tells the two apart
+    assert 5 <= share <= 35  # the two only differ at random
 
 
 def test_an_unknown_answer_says_its_reason(trained):

@@ -60,7 +60,7 @@ def test_lost_samples_are_told_and_do_not_change_the_rate():
     assert facts['lost samples'] == 3
     assert facts['rate [Hz]'] == pytest.approx(60.0, abs=1e-3)
     assert texts(problems) == '3 of 120 samples were lost'
-    # What was lost before the check began does not count.
+    # Samples lost before the start of the check are ignored.
     facts, problems = judge_blocks([block(i, i % 7, 99 * (i == 0)) for i in range(60)], CONFIG)
     assert facts['lost samples'] == 0
     assert problems == []

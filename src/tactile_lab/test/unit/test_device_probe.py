@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Recognising devices by what they say: bytes in, a sentence out."""
+"""Recognition of devices from received bytes."""
 
 import os
 from pathlib import Path

@@ -115,7 +115,7 @@ def check_complete(folder, world):
     assert not progress.left()
     kept = [progress.kept(trial.key).trial_id for trial in progress.order]
     assert len(set(kept)) == len(kept) == PLAN.trial_count
-    # What counts was recorded to its end, once; what was recorded has a name of its own.
+    # Valid trials were recorded completely and once; each recording has a unique name.
     assert set(kept) <= set(world.recorded)
     assert len(set(world.recorded)) == len(world.recorded)
 

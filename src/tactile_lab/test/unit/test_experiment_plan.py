@@ -319,7 +319,7 @@ def test_corrections_are_entries_and_the_last_one_counts(folder):
         journal.append('began', key=first.key, trial_id=f'{first.key}-again1', mounting_id='m')
         journal.append('ended', trial_id=f'{first.key}-again1', **RESULT)
     assert len(folder.read_progress().earlier(first)) == 1
-    # By the name of the planned trial, which stands for the attempt that counts.
+    # The name of the planned trial refers to its valid recording.
     attempt = folder.correct(first.key, EXCLUDED, why='the cable touched')
     assert attempt.trial_id == f'{first.key}-again1'
     found = read_corrections(folder.path)
@@ -335,7 +335,7 @@ def test_corrections_are_entries_and_the_last_one_counts(folder):
     assert read_corrections(folder.path)[attempt.trial_id] == Correction(label=other)
     found = folder.read_progress()
     assert (found.find(first.key).label, found.to_dict()['relabelled']) == (other, 1)
-    assert not found.earlier(first)  # its tension is that of another plate
+    assert not found.earlier(first)  # its tension is from another plate
     before = folder.journal.read_bytes()
     with pytest.raises(ExperimentError, match=f'no trial "x"; did you mean {first.key}'):
         folder.correct('x', EXCLUDED, why='')

@@ -38,7 +38,7 @@ def test_rig_has_every_node_with_its_port(models):
     assert nodes['linear_guide'].parameters['port'] == '/dev/guide'
     assert nodes['tendon_actuator'].parameters['port'] == '/dev/tendon'
     assert nodes['tendon_sensor'].parameters['port'] == '/dev/sensor'
-    # Nobody but the sensor needs to know: its samples say so.
+    # Only the sensor needs the parameter, because its samples contain the mark.
     told = [name for name, node in nodes.items() if 'simulated' in node.parameters]
     assert told == ['tendon_sensor']
     assert nodes['tendon_sensor'].parameters['simulated'] is True

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A package of somebody else's brings a feature set: the example of docs/feature_sets.md."""
+"""A feature set in another package: the example of docs/feature_sets.md."""
 
 import dataclasses
 import importlib

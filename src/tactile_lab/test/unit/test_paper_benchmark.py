@@ -65,7 +65,7 @@ def test_the_papers_own_numbers_agree_and_others_do_not(paper, task):
         assert each.agrees(accuracies, alike)
         # Equal accuracies in the middle and many alike features disagree with all of them.
         assert not each.agrees(np.full(4, 0.9), np.array(5.0))
-        # Several seeds at once.
+        # Several seeds together.
         both = each.agrees(np.array([accuracies, np.full(4, 0.9)]), np.array([alike, 5.0]))
         assert both.tolist() == [True, False]
 

@@ -219,5 +219,5 @@ def test_several_models_are_gathered_in_one_folder(trained, tmp_path):
     folder = gather_models([one, other], scratch)
     assert [file.resolve() for file in sorted(folder.iterdir())] == [one, other]
     assert gather_models([], scratch) is None
-    (info,) = ModelSet.load(folder).infos  # the second is the same; its place is that of the file
+    (info,) = ModelSet.load(folder).infos  # the second is equal; its path is relative to the file
     assert info.path == str(one)

@@ -132,7 +132,7 @@ def test_what_lacks_before_the_end_is_a_difference(results):
 
 
 def record_from(source, target, begin_ns):
-    """Record again, later: the latched events of before come first, all at once."""
+    """Record again later: the earlier latched events arrive first, all together."""
     with TactileBag(source) as bag, BagWriter(target, bag.metadata) as writer:
         for topic in bag.stored_topics:
             writer.add_stored_topic(topic)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The robustness study of the benchmarks: its trials are those of the simulator."""
+"""The robustness study of the benchmarks uses trials of the simulator."""
 
 from dataclasses import replace
 import importlib

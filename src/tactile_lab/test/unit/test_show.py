@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile show` says what is in the file."""
+"""`tactile show` prints the contents of files."""
 
 import re
 
@@ -95,7 +95,7 @@ def test_model_has_a_card_with_its_limits(tmp_path, sessions):
     error = f'{100 * manifest.confidence.calibration_error_after:.1f} % after'
     assert error in facts['calibration error']
     assert any('No session was held out' in limit for limit in found['limits']) == (sessions == 1)
-    # One text: what is printed is the card inside the file.
+    # The output is the card in the file.
     assert found['card'] == load_model(path).card
     printed = tactile('show', path).stdout
     assert found['card'].strip() in printed

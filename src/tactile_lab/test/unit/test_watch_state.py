@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The live page's state, from records alone."""
+"""State of the live page, from records only."""
 
 import dataclasses
 import json

@@ -64,7 +64,7 @@ class Client:
         return handle
 
     def result(self, handle):
-        """Request the result again each second: a lost answer is not what is tested here.
+        """Request the result again each second: lost answers are not tested here.
 
         `GoalClient` does the same; see tactile_ros.goal_client.
         """

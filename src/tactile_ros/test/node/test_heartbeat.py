@@ -110,7 +110,7 @@ def test_a_heart_beats_while_its_node_is_well_and_until_it_is_closed(node, conte
         well[0] = False
         wait_until(lambda: heart._due_s and len(asked) > 5)
         heard_at = len(asked) + 20
-        wait_until(lambda: len(asked) > heard_at)  # what was under way has arrived
+        wait_until(lambda: len(asked) > heard_at)  # pending messages have arrived
         count = len(beats)
         wait_until(lambda: len(asked) > heard_at + 20)
         assert len(beats) == count

@@ -212,7 +212,7 @@ def test_what_fails_gives_back_what_it_took_and_can_be_tried_again(make_node, fa
 
 def test_a_node_that_was_taken_down_is_not_in_the_graph(context):
     peer = Node('peer', context=context)
-    # A namespace of its own: nodes whose making other tests refused stay until they are collected.
+    # A separate namespace, because nodes that failed in other tests exist until collected.
     node = RecordingNode(context=context, namespace='taken_down')
     name = ('recording', '/taken_down')
     wait_until(lambda: name in peer.get_node_names_and_namespaces())

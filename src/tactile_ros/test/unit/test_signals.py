@@ -23,7 +23,7 @@ NUMBER = int(sys.argv[1])
 TAKEN_ELSEWHERE = """
 def take():
     # As when the system gives the signal to a thread that is not the main one.
-    time.sleep(0.2)  # nobody else sees when the main thread has begun to wait
+    time.sleep(0.2)  # the start of the wait cannot be observed
     signal.pthread_kill(threading.get_ident(), NUMBER)
     time.sleep(60)
 
@@ -32,7 +32,7 @@ threading.Thread(target=take, daemon=True).start()
 
 
 def run(program, number=signal.SIGINT):
-    """Run a program that holds signals; return what it prints."""
+    """Run a program that holds signals; return its output."""
     done = subprocess.run(
         [sys.executable, '-c', HOLD + program, str(int(number))],
         capture_output=True,

@@ -46,7 +46,7 @@ def _sound_again(rig):
 
 
 class Listener:
-    """A sensor client, its blocks, and what its counters gained since `wait_for_blocks`."""
+    """A sensor client, its blocks, and increments of its counters since `wait_for_blocks`."""
 
     def __init__(self, port):
         self.blocks = []
@@ -98,7 +98,7 @@ SENSOR_FAULTS = {
     'saturate': ({}, lambda it: it.has_status(StrainStatus.SATURATED)),
     'stuck': ({}, lambda it: it.has_status(StrainStatus.STUCK)),
     'restart': ({}, lambda it: it.gained('restarts') == 1),
-    # It asks the board to leave its menu; what was not sent meanwhile is lost.
+    # The driver makes the board leave its menu; samples in between are lost.
     'menu': ({}, lambda it: it.gained('lost_samples') > 10),
     # It never needs to be heard.
     'deaf': ({}, lambda it: len(it.blocks) > 10),
@@ -130,7 +130,7 @@ def test_the_sensor_driver_notices_and_comes_back(rig, listener, kind):
 
 @pytest.fixture(scope='module')
 def begin():
-    """Begin a motion that blocks; what it returns gives its end, or its error."""
+    """Start a blocking motion; return a function for its result or error."""
     with ThreadPool(1) as pool:
         yield pool.apply_async
 
@@ -167,7 +167,7 @@ def test_a_fault_ends_a_move_and_asks_for_homing(rig, guide, begin, kind, option
     with pytest.raises(LinearGuideDriverError):
         guide.move_to(0.05, 0.03)
     rig.fault('guide', 'none')
-    # It rests, and nothing moves it again until it is told to.
+    # It is at rest, and does not move without a command.
     truth_at_rest(rig)
     guide.home()
     assert guide.trouble is None
@@ -219,7 +219,7 @@ def test_a_fault_ends_a_pull_with_its_reason(rig, tendon, begin, kind, options, 
     start_m = wait_until(lambda: tendon.state, 'no state').displacement_m
     motion = begin(tendon.pull_to, (0.008, 0.002))
 
-    def is_winding():  # told by the driver itself, which polls once its goal is answered
+    def is_winding():  # reported by the driver, which polls after the reply to its goal
         assert not motion.ready(), motion.get(0)
         return tendon.state.displacement_m > start_m + 5e-4
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Descriptions: the packaged ones, a user's over them, and sentences for what is unusable."""
+"""Descriptions: packaged and user-defined values, and messages for invalid ones."""
 
 import dataclasses
 import math
@@ -282,7 +282,7 @@ def test_unusable_folders_and_files_are_refused(tmp_path):
     with pytest.raises(DescriptionError, match=r'plates\.yaml .*UTF-8'):
         Catalogue(tmp_path)
     plates.unlink()
-    os.mkfifo(plates)  # nobody writes: reading it would wait for ever
+    os.mkfifo(plates)  # without a writer: reading would block forever
     with pytest.raises(DescriptionError, match=r'plates\.yaml'):
         Catalogue(tmp_path)
 

@@ -97,7 +97,7 @@ def test_a_packet_after_a_broken_one_is_found(junk, kept):
     assert found[-1].code == 0x01
     assert found[-1].is_intact
     bench = Bench()
-    bench.device.receive(junk, 0.0)  # whatever it is, it must not raise
+    bench.device.receive(junk, 0.0)  # must not raise for any input
 
 
 def test_corrupt_packet_is_answered_with_the_crc_error():

@@ -166,7 +166,7 @@ class Reference:
         return tension, force, tip, modes[0] - ahead * CONSTANTS.presliding_rad
 
     def moments(self, modes):
-        """Sum of all moments without those of `creep`, shape (3,); to be zero."""
+        """Return the sum of all moments except `creep`, shape (3,); must be zero."""
         case, c = self.case, CONSTANTS
         share = np.array([1, 1 / 3, 1 / 5])
         xi, weight = np.float64(FINE_XI), np.float64(FINE_WEIGHT)
@@ -292,7 +292,7 @@ def test_balance_and_its_derivatives_against_the_documented_sum(kind):
             residual, changes, *_ = lend(missing)
             assert residual == pytest.approx(1e-4, rel=1e-4)
             np.testing.assert_allclose(jacobian @ changes, missing, rtol=0, atol=3e-8)
-        # A small change comes with what it leads to, but for its square.
+        # A small change leads to a linear change, apart from its square.
         for missing in 1e-6 * np.eye(3):
             _, changes, _, after, surprise = lend(missing)
             expected = reference.end(case['modes'] - np.array(changes))

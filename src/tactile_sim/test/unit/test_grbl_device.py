@@ -54,7 +54,7 @@ def test_ok_means_planned_and_dwell_means_done():
     assert 'ok' not in bench.send('', after_s=30 / 15 + 15 / 500 + 0.009)
     assert bench.send('', after_s=0.002) == 'ok\r\n'
     assert bench.mpos() == -169.0
-    # What is due between two bytes comes before the answer to the second.
+    # Events between two bytes come before the reply to the second byte.
     assert bench.send('G4P0\n?').startswith('ok\r\n<Idle|')
 
 

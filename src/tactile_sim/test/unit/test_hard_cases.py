@@ -4,7 +4,7 @@
 """Hard cases stay within their bounds; descriptions that are merely accepted never mislead.
 
 Each hard case returns a value, infinite where a step found no balance, and the bound on it. Most
-compare the tension with that of steps 40 times finer: rms over its alternating part.
+compare the tension with steps 40 times finer: rms relative to its alternating part.
 """
 
 import dataclasses
@@ -118,7 +118,7 @@ def _release(times_s):
 
 
 def long_hold():
-    """After ten minutes everything has relaxed: what is left is the rest of springs alone."""
+    """After ten minutes everything has relaxed, and only the static springs remain."""
     branches = (Branch(240.0, 3.0), Branch(100.0, 30.0))
     scene = dataclasses.replace(
         object_scene(Body(60.0, branches, 0.0, 0.0), tendon_friction=0.0), friction=0.0
@@ -128,7 +128,7 @@ def long_hold():
     held = run(scene, step_s, ramp(times_s, 0.1, 0.0, 0.0052, 0.02))
     if held.failed[0] >= 0:
         return math.inf, 0.0
-    # Another scene, that never had branches or creep, at rest at once.
+    # Another scene without branches and creep, immediately at rest.
     relaxed = change(scene, body=Body(60.0, (), 0.0, 0.0), creep_stiffness_nm_rad=0.0)
     rest = run(relaxed, 1e3, np.full(2, 0.0052)).rows[at.TENSION][0, -1]
     value = abs(held.rows[at.TENSION][0, -1] - rest) / rest
@@ -156,7 +156,7 @@ def shortest_lengths():
 
 
 COMPARED = {
-    # A finger with mass bounces on what is a thousand times as stiff.
+    # A finger with mass bounces on a surface that is a thousand times stiffer.
     **{f'contact {n}': ({'tip_stiffness_n_m': n * 3e3}, 0.06) for n in (0.1, 1, 10, 100)},
     'contact 1000': ({'tip_stiffness_n_m': 3e6}, 0.1),
     'undamped contact': ({'tip_damping_n_s_m': 0.0}, 0.06),
@@ -239,7 +239,7 @@ def check(scene):
     assert np.isfinite(known).all()
     assert (known[at.TENSION] >= 0.0).all()
     assert (known[at.FORCE] >= 0.0).all()
-    # The tendon stretches by what is pulled beyond the bend.
+    # The tendon stretches by the pull beyond the bend.
     stretch = TENDON_M[: known.shape[1]] - scene.finger.moment_arm_m * known[at.MODES]
     expected = scene.finger.tendon_stiffness_n_m * np.maximum(stretch, 0.0)
     rounding = 1e-15 * scene.finger.tendon_stiffness_n_m

@@ -113,7 +113,7 @@ def test_no_balance_is_a_failure_from_that_step_on():
 
 
 def test_a_step_too_long_for_the_iterations_is_cut_into_parts():
-    """From slack to closed within one step: Newton's method alone turns too far."""
+    """From slack to closed within one step, where plain Newton steps are too large."""
     one, other = (
         run(free_scene(), 1.0, np.array([0.0, 0.02]), solver=solver)
         for solver in ('compiled', 'numpy')

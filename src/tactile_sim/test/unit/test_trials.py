@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Trials through time: many at once, near the paper; one step by step; what the rig mounts."""
+"""Simulated trials: batches close to the paper, single steps, and mounted objects."""
 
 import dataclasses
 

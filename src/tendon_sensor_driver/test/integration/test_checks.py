@@ -29,7 +29,7 @@ PERIOD_NS = 5_000_000
 
 @contextmanager
 def running(step):
-    """Call ``step`` every 5 ms on a thread of its own."""
+    """Call ``step`` every 5 ms on a separate thread."""
     stop = threading.Event()
 
     def run():

@@ -183,7 +183,7 @@ def test_unplugging_mid_line_reconnects_and_joins_nothing(sensor, make_client, b
     wait_until(lambda: len(blocks) == 2)
     assert blocks[1].tension_n.tolist() == [0.5 * 9.80665]
     assert blocks[1].status == StrainStatus.RECONNECTED
-    # The device's clock ran on, so what was lost meanwhile is known.
+    # The device clock continued, so the number of lost samples is known.
     gap = (blocks[1].stamp_ns - blocks[0].stamp_ns) / blocks[0].period_ns
     assert blocks[1].lost_before == pytest.approx(gap - 1, abs=1)
     assert blocks[1].sequence == 1 + blocks[1].lost_before > 10
@@ -289,7 +289,7 @@ def clock(monkeypatch):
 
 @pytest.fixture
 def send(sensor, blocks, clock):
-    """Send readings, one in 10 ms, each with the device's own time, until so many have come."""
+    """Send a reading with device time every 10 ms, until a number of samples has arrived."""
 
     def send(count):
         for _ in range(count):
