@@ -504,7 +504,7 @@ class TactileModel:
             for name, value in sorted(spec.parameters.items())
         )
         return (
-            'the specification of the features differs from the training features '
+            'the features have another specification than in training '
             f'(digest {digest} instead of {spec.digest}, with {values}): {_REMEDY}'
         )
 

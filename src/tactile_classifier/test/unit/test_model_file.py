@@ -227,12 +227,16 @@ LINEAR = {
         ('classifier.coefficients', lambda a: None, 'has no array "classifier.coefficients"'),
         ('novelty.within', lambda a: None, 'it has no array "novelty.within"'),
         ('classifier.trials', lambda a: np.zeros(3), 'unexpected array "classifier.trials"'),
-        ('60.classifier.intercept', lambda a: np.zeros(3), '"60.classifier.intercept", which'),
+        (
+            '60.classifier.intercept',
+            lambda a: np.zeros(3),
+            'unexpected array "60.classifier.intercept"',
+        ),
         ('classifier.intercept', lambda a: a.astype(np.float32), 'holds float32, not float64'),
         ('classifier.intercept', lambda a: np.arange(3), 'holds int64, not float64'),
         ('classifier.coefficients', lambda a: a[:, 1:], r'shape \(3, 90\); it must be \(3, 91\)'),
-        ('classifier.coefficients', lambda a: a[0], r'has the shape \(91,\); it must be'),
-        ('classifier.intercept', lambda a: a[:2], r'shape \(2,\); it must be \(3,\), which is'),
+        ('classifier.coefficients', lambda a: a[0], r'has shape \(91,\); it must be'),
+        ('classifier.intercept', lambda a: a[:2], r'shape \(2,\); it must be \(3,\), that is'),
         ('novelty.means', lambda a: a[:2], r'shape \(2, 91\); it must be \(3, 91\)'),
         ('novelty.references', lambda a: a * np.nan, 'has values that are not finite'),
         ('classifier.intercept', lambda a: a + np.inf, 'has values that are not finite'),
@@ -255,7 +259,7 @@ def test_arrays_under_the_manifest_of_another_model_are_refused(model_path):
 
     load()
     for changes, message in (
-        ({'labels': ('a', 'b', 'c', 'd')}, 'values of its array "intercept" do not fit'),
+        ({'labels': ('a', 'b', 'c', 'd')}, 'values of its array "intercept" are inconsistent'),
         ({'spec': half}, r'it must be \(3, 46\)'),
         ({'confidence': Confidence()}, 'its calibration and its kind of scores are inconsistent'),
         ({'scaling': 'standard'}, 'has no array "scaling.mean"'),

@@ -292,7 +292,7 @@ def test_a_stated_split_trains_on_the_one_and_tests_on_the_other():
             'nnnnyy',
             'class "c" has trials with test, but no training trials with train',
         ),
-        ('aaaaaa', 'yyyynn', 'nnnnyy', 'all of one class'),
+        ('aaaaaa', 'yyyynn', 'nnnnyy', 'are of one class'),
         ('abab', 'yynn', 'nnyy', 'only 2 training trials'),
     ],
 )

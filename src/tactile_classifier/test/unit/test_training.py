@@ -67,7 +67,7 @@ def test_what_cannot_be_trained_is_refused(small_table):
         train(small_table.take(np.arange(5)), 'knn')
     with pytest.raises(DatasetError, match='three trials'):
         train(small_table.take([0, 20]), 'tree')
-    with pytest.raises(ValueError, match='the rate is 0'):
+    with pytest.raises(ValueError, match='false_alarm_rate is 0'):
         train(small_table, 'tree', false_alarm_rate=0.0)
 
 
