@@ -24,7 +24,6 @@ from tactile_features.feature_sets.registry import find_feature_set
 from tactile_features.phases import SignalPhases
 from tactile_features.records import (
     FeatureWindow,
-    Outcome,
     PHASE_ABORTED,
     PHASE_APPROACH,
     PHASE_CONTACT,

@@ -319,9 +319,7 @@ def test_every_way_of_running_gives_the_same_messages(request, name, context, tm
         'calls': run_in_one_process(case, context, expected, has_sensor=True),
         'a process a finger': run_in_one_process(case, context, expected, has_sensor=False),
     }
-    if (
-        name == 'texture'
-    ):  # programs need seconds to start, and publish states once per second
+    if name == 'texture':  # programs need seconds to start, and publish states once per second
         ways['a process a node'] = run_in_processes(case, context, expected, tmp_path)
     for way, found in ways.items():
         for topic, outputs in expected.items():
