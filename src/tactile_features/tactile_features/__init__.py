@@ -20,7 +20,7 @@ _HOMES = {
     'GlideWaveform': '.estimators',
     'HoldWaveform': '.estimators',
     'ModelContract': '.model_contract',
-    'Outcome': '.records',
+    'WindowOutcome': '.records',
     'SpatialWaveform': '.estimators',
     'SpatialWindow': '.feature_sets.texture_spatial',
     'StiffnessRegression': '.estimators',

@@ -120,7 +120,7 @@ def test_a_window_that_fits_no_model_is_answered_with_the_reason(folder, window_
     (answer,) = models.classify(window_of(GAPS))
     assert 'max_gap_samples) differs: required 0.0, found 3' in answer.reason
     (sentence,) = models.unfed
-    assert f'give its parameter models {folder / "a.npz"}' in sentence
+    assert f'set its parameter models to {folder / "a.npz"}' in sentence
     # Its own windows are announced, so windows of other specifications are for other models.
     models.set_specifications([GAPS, FULL])
     assert models.classify(window_of(GAPS)) == []

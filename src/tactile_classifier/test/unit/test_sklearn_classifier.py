@@ -210,11 +210,11 @@ def test_label_that_means_no_label_is_refused():
 
 def test_too_few_windows_are_a_warning_and_have_no_probabilities():
     windows, labels, _ = make_windows(each=5)
-    with pytest.warns(UserWarning, match='19 are needed'):
+    with pytest.warns(UserWarning, match='needs 19 trials'):
         model = TactileClassifier(linear()).fit(windows, labels)
     assert np.mean(model.predict(windows) == labels) > 0.8
     for method in (model.predict_proba, model.novelty, model.p_value):
-        with pytest.raises(ValueError, match='19 are needed'):
+        with pytest.raises(ValueError, match='needs 19 trials'):
             method(windows)
 
 

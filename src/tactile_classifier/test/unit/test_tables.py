@@ -119,7 +119,7 @@ def test_cells_are_label_and_conditions_without_numbering_columns():
     labels = np.repeat(['a', 'b'], 12)
     cells = find_cells(make_table(labels, speed=speed, force=force, **numbers))
     assert cells.columns == ('speed', 'force')
-    assert '24 trials are 8 groups of the same label and speed and force' in cells.warning
+    assert '24 trials form 8 groups of the same label and speed and force' in cells.warning
     means, sizes = cells.average(np.arange(24.0))
     assert sizes.tolist() == [3] * 8
     assert means == pytest.approx(np.arange(24.0).reshape(8, 3).mean(axis=1))

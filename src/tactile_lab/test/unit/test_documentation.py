@@ -118,6 +118,6 @@ def test_every_field_says_what_it_is_and_in_which_unit():
     for interface, type_name, name, comment in fields:
         assert len(comment) > 10, f'{interface}.{name} has no comment'
         if type_name not in UNITLESS:
-            assert re.search(r'\[(s|ns|N|m|m/s|A|1|Hz)\]|own unit|units|scores?', comment), (
+            assert re.search(r'\[(s|ns|N|m|m/s|A|1|Hz)\]|units?|scores?', comment), (
                 f'the comment of {interface}.{name} names no unit'
             )

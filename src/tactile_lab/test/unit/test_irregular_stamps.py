@@ -6,7 +6,7 @@
 import pytest
 
 from tactile_bags.audit import FingerAuditor
-from tactile_features import FeatureConfig, Outcome, TrialFeatureExtractor
+from tactile_features import FeatureConfig, TrialFeatureExtractor, WindowOutcome
 from tactile_features.records import TrialEvent
 from tendon_sensor_driver.records import TendonSensorConfig
 from tendon_sensor_driver.topic_stream import TopicReading, TopicStream
@@ -42,7 +42,7 @@ def test_late_stamps_refuse_no_trial(every):
     ]
     window, audit, irregular = run_trial(stamps_ns)
     assert irregular >= 500 // every
-    assert (window.outcome, window.interpolated_count) == (Outcome.OK, 0), window.reason
+    assert (window.outcome, window.interpolated_count) == (WindowOutcome.OK, 0), window.reason
     assert audit.passed, audit.findings
     assert audit.lost_count == 0
 
@@ -51,6 +51,6 @@ def test_a_pause_of_the_publisher_refuses_its_trial():
     stamps_ns = [START_NS + round((i + 5 * (i > 200)) * PERIOD_NS) for i in range(600)]
     window, audit, irregular = run_trial(stamps_ns)
     assert irregular == 0
-    assert window.outcome == Outcome.GAP
+    assert window.outcome == WindowOutcome.GAP
     assert 'samples are missing' in window.reason
     assert not audit.passed

@@ -162,7 +162,7 @@ def test_a_recording_with_messages_and_one_with_metadata_are_read_together(recor
 
 def test_named_features_make_recordings_alike(record, stiffness_bag):
     other = record(announce(USUAL, SETTLED))
-    with pytest.raises(BagError, match=r'other feature parameters.*or name the features'):
+    with pytest.raises(BagError, match=r'other feature parameters.*or give --features'):
         read_tables([stiffness_bag, other])
     chosen = {'stiffness_features': 'stiffness_relaxation'}
     (table,) = read_tables([stiffness_bag, other], chosen).tables.values()
