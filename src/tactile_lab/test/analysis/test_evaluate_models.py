@@ -144,7 +144,7 @@ def test_trials_of_a_label_that_one_model_does_not_know_do_not_count(
     new = found['new_labels']
     assert (new['labels'], new['trials']) == ([left_out], int((~is_known).sum()))
     assert all(0.0 <= rate <= 1.0 for rate in new['unknown_rates'])
-    assert f'only A knows {left_out}' in found['warnings']
+    assert f'labels of A only: {left_out}' in found['warnings']
     # Without a common label there is nothing to evaluate.
     named = FeatureTable(table.values, np.char.add('x', table.labels), table.spec, table.columns)
     write_model(fewer, train(named, 'knn'))
