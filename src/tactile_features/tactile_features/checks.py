@@ -84,7 +84,7 @@ def check_feature_set(
     _check_window(spec, name)
     count = spec.sample_count or SAMPLES
     names = _check_names(bound, name, rate_hz, bound.sample_count)
-    # Each glide has a speed of its own, so such windows are never computed in large batches.
+    # Each glide has a different speed, so such windows are never computed in large batches.
     sizes = BATCHES[:2] if feature_set.needs_speed else BATCHES
     kinds = [_make_windows(rows, count) for rows in sizes]
     if windows is not None:

@@ -345,7 +345,7 @@ DescriptionOption = Annotated[
     typer.Option(
         exists=True,
         help='Folder with your own finger, rig, plates or objects: YAML files that override '
-        'those of the package.',
+        'the files of the package.',
     ),
 ]
 JobsOption = Annotated[

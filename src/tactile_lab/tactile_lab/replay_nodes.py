@@ -56,7 +56,7 @@ def replay_through_nodes(
     namespace: str = '',
     contact: str = '',
 ) -> TactileResults:
-    """Send a recording's strain and events to new nodes and return what they publish.
+    """Send strain and events of a recording to new nodes; return their published results.
 
     The messages are sent as fast as the nodes process them: results depend on sample times, not on
     arrival times.

@@ -25,12 +25,12 @@ def wait_until(
     step=None,
     poll_s=0.002,
 ):
-    """Return a condition's first true value; fail when none comes in time.
+    """Return the first true value of a condition; fail after a time-out.
 
-    ``condition``: asked again and again. ``what``: what is said, or returns what is said, when the
-    time is over. ``timeout_s``: give it where the time is what is tested, or where whole programs
-    have to start. ``step``: what is done between two looks, such as spinning an executor once.
-    ``poll_s``: pause between two looks.
+    ``condition`` is called repeatedly. ``what`` is the error message after the time-out, or a
+    function that returns it. Give ``timeout_s`` if the time is tested, or if whole programs have
+    to start. ``step`` is called between two checks, for example to spin an executor once.
+    ``poll_s`` is the pause between two checks.
     """
     deadline_s = time.monotonic() + timeout_s
     while not (found := condition()):

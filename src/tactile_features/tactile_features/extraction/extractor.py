@@ -142,11 +142,11 @@ class TrialFeatureExtractor:
 
     With ``wanted``, a phase has the windows of the wanted specifications of that phase. A phase
     without a wanted specification has one window, computed with the parameters in ``config``. The
-    windows of one specification have the same bits and the same order whatever else is wanted.
+    windows of one specification do not depend on other wanted specifications.
     The windows of one phase are returned in the order of the specifications.
 
-    Early windows are returned as soon as their samples have arrived, whatever the phase does
-    later. If the phase ended inside the window, a refusal of the same specification follows.
+    Early windows are returned as soon as their samples have arrived. If the phase ends inside the
+    window, a refusal with the same specification follows.
 
     With ``phases`` other than ``stated``, the events are detected in the tension, and added events
     are ignored.

@@ -98,7 +98,7 @@ def devices(
 
 
 def _as_table(found: Sequence['FoundDevice']) -> Table:
-    columns = ('port', 'device', 'what is there', 'parameters', 'other names')
+    columns = ('port', 'device', 'description', 'parameters', 'other names')
     table = Table(*columns, spare=['other names'])
     for device in found:
         table.add_row(

@@ -35,8 +35,8 @@ def evaluate(
     train_where: Annotated[
         Optional[str],
         typer.Option(
-            help='Train on these trials and test on those of --test-where, beside random folds '
-            'over both. A column that is true, or COLUMN=VALUE, as for --where; bags too.'
+            help='Train on these trials and test on the trials of --test-where, in addition to '
+            'random folds. A boolean column, or COLUMN=VALUE, as for --where; also for bags.'
         ),
     ] = None,
     test_where: Annotated[
@@ -47,8 +47,8 @@ def evaluate(
         typer.Option(
             exists=True,
             dir_okay=False,
-            help='Evaluate this model file (.npz) instead of cross-validating, on trials that it '
-            'was not trained on. Twice: compare both on the same trials.',
+            help='Evaluate this model file (.npz), instead of cross-validation, on trials that it '
+            'was not trained on. Give it twice to compare two models on the same trials.',
         ),
     ] = None,
     over: options.OverOption = None,
@@ -56,11 +56,10 @@ def evaluate(
     group: Annotated[
         Optional[list[str]],
         typer.Option(
-            help='Beside random folds, hold out each group of trials that agree in this column, '
-            'in turn; several columns with commas between them: that agree in all. May be given '
-            'several times. Default: the column of sessions (session_id, session, day) and that '
-            'of mountings (mounting_id, mounting) and specimens (specimen) if there are any; for '
-            'bags of one session trial_block, a sixth of it.'
+            help='Hold out each group of trials with equal values in this column, in addition to '
+            'random folds. Several columns are separated by commas. May be repeated. Default: '
+            'the columns of sessions (session_id, session, day), of mountings (mounting_id, '
+            'mounting) and of specimens (specimen), if present; for bags of one session trial_block, six blocks by time.'
         ),
     ] = None,
     folds: options.FoldsOption = 6,
@@ -68,24 +67,24 @@ def evaluate(
     features: Annotated[
         Optional[str],
         typer.Option(
-            help='Only these features, separated by commas, as in --features slope,correlation; '
-            'a set of features, as in --features glide_waveform; or auto: the set that the folds '
-            'choose. Default: tables of the recorded set beside the choice among all sets.'
+            help='Only these features, separated by commas (--features slope,correlation), a '
+            'feature set (--features glide_waveform), or auto for an automatic choice. Default: '
+            'the automatic choice among all sets, and tables of the recorded set.'
         ),
     ] = None,
     report: Annotated[
         Optional[Path],
         typer.Option(
-            help='Write a report with figures: a folder, or an HTML file, which needs no other.'
+            help='Write a report with figures to a folder, or to a self-contained HTML file.'
         ),
     ] = None,
     answers: Annotated[
         bool,
         typer.Option(
             '--answers',
-            help='Also rejection of unknown objects, with each label left out in turn, and '
-            'calibration of probabilities. Takes about '
-            'half a minute more for each set of texture trials.',
+            help='Also evaluate the rejection of unknown objects, with each label left out once, '
+            'and the calibration of probabilities. Takes about half a minute more for each set '
+            'of texture trials.',
         ),
     ] = False,
     seed: options.SeedOption = 0,
@@ -94,22 +93,21 @@ def evaluate(
     cluster: options.ClusterOption = '',
     as_json: options.JsonOption = False,
 ) -> None:
-    """State the accuracy of the model that *train* would write, or of model files.
+    """Print the accuracy of the model that *train* would write, or of model files.
 
-    Takes real or simulated trials and computes the same features as the live node. The first
-    number is that of features and classifier chosen inside the folds, by held-out groups.
-    Tables of the paper's four classifiers with and without scaling follow, by random folds and by
-    held-out sessions, mountings or other groups, with the split beside each number. A learning
-    curve states whether more sessions would help. ``--report`` and ``--json`` add feature
-    selection and calibration, and take longer. The report has figures of your trials.
+    Accepts real and simulated trials and computes the same features as the live node. The first
+    number is the accuracy with features and classifier chosen inside the folds, with held-out
+    groups. Tables of the paper's four classifiers with and without scaling follow, for random
+    folds and for held-out sessions, mountings or other groups. A learning curve states whether
+    more sessions would help. ``--report`` and ``--json`` add feature selection and calibration,
+    and take longer. The report contains figures of your trials.
 
-    ``--model`` evaluates a model file on trials that it was not trained on, as in: tactile
+    ``--model`` evaluates a model file on trials that it was not trained on, for example: tactile
     evaluate bags/new --model old/texture.npz --model new/texture.npz. Its features are computed
-    from the recordings. The file lists digests of its training trials: these are left out and
-    counted. *unknown* counts as wrong. The interval is over sessions, or over the columns of
-    ``--group``. Two models are evaluated on trials that neither was trained on, with the exact
-    McNemar test of their difference. The other options are those of archives; those of
-    cross-validation are refused.
+    from the recordings. Training trials, whose digests are in the file, are excluded and counted.
+    *unknown* counts as wrong. The interval is over sessions, or over the columns of ``--group``.
+    Two models are evaluated on trials that neither was trained on, with the exact McNemar test of
+    their difference. Options of archives can be given; options of cross-validation are refused.
     """
     given = {**locals(), **vars(archives)}
     if model:

@@ -43,11 +43,10 @@ def import_recordings(
     statements: options.Statements = options.STATEMENTS,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Make one archive of recordings that other programs made.
+    """Convert recordings of other programs to one archive.
 
-    The first line says what could not be known, the next ones what was taken for what, the last
-    one how to evaluate the archive. Nothing is guessed: where a recording does not say something,
-    the command names the option that does.
+    The output lists missing information, the columns that were used, and a command to evaluate the
+    archive. Nothing is guessed: if information is missing, the message names the option to add it.
     """
     import numpy as np
 

@@ -30,7 +30,7 @@ class NoFeaturesError(TactileError):
 
 @dataclass(frozen=True)
 class ReplayReport:
-    """Comparisons of one finger's recording with its replays, by what was compared.
+    """Comparisons of the recording of a finger with its replays, by compared topics.
 
     The comparisons are from the first replay that differs, or from the last one. The audits are of
     each trial, then of the whole recording.

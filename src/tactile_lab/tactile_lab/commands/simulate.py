@@ -55,7 +55,7 @@ def simulate(
             min=1,
             max=1000,
             help='Number of sessions: trials of one session share the set-up of finger and rig, '
-            'and the temperature. A model needs several to tell unknown objects from new '
+            'and the temperature. A model needs several to distinguish unknown objects from new '
             'sessions. Default: 6; as-published has 1.',
         ),
     ] = None,

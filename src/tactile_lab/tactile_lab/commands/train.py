@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 FULL = 'full'
-"""In ``--window``: full windows, which are given out after their phase."""
+"""Value of ``--window`` for full windows, which are published after their phase."""
 
 CLASSIFIERS = ('knn', 'svm_linear', 'svm_rbf', 'tree', 'rocket')
 
@@ -98,18 +98,18 @@ def train(
             metavar='SHARE',
             min=0.001,
             max=0.5,
-            help='False rejection rate: share of trials with known labels that the model may '
-            'classify as unknown, in the mean over sessions. The threshold comes from held-out '
-            'trials.',
+            help='False rejection rate: fraction of trials with known labels that the model may '
+            'classify as unknown, on average over sessions. The threshold is computed from '
+            'held-out trials.',
         ),
     ] = 0.05,
     strict: Annotated[
         bool,
         typer.Option(
             '--strict',
-            help='Let --false-alarms hold in most new sessions, not only in the mean over '
-            "sessions: the threshold is the largest of the sessions' thresholds. Fewer unknown "
-            'objects are found.',
+            help='Let --false-alarms hold in most new sessions, not only on average over '
+            'sessions, by using the largest threshold of the sessions. Fewer unknown objects '
+            'are detected.',
         ),
     ] = False,
     window: Annotated[
@@ -315,7 +315,7 @@ def read_with_progress(source: 'RecordingFeatures', output: Output) -> 'FeatureT
 
 
 def model_path(folder: Path, key: tuple[str, ...], window_s: Optional[float] = None) -> Path:
-    """Return the path of a new model. Its name is for people: the file says what it is for."""
+    """Return the path of a new model; the name is only informative."""
     length = '' if window_s is None else f'{window_s:g}s'
     return folder / f'{"_".join(filter(None, (*key, length)))}.npz'
 
@@ -339,9 +339,9 @@ def train_models(
 ) -> list[TrainedModel]:
     """Write the model of each table, and print accuracies by held-out groups.
 
-    The tables are those of ``source``, by task and contact. ``chosen`` is the choice for each of
-    them; without it, the stated classifier is trained and the four are cross-validated. For the
-    other parameters see ``tactile train --help``.
+    ``tables`` are the tables of ``source``, by task and contact. ``chosen`` is the automatic
+    choice for each table; without it, ``classifier`` is trained, and the four classifiers are
+    cross-validated. See ``tactile train --help`` for the other parameters.
     """
     import numpy as np
 
