@@ -535,11 +535,11 @@ def run_live_trials(
     return live
 
 
-def format_load() -> str:
-    """Return a warning if this computer may be too busy for live trials, or an empty string."""
+def format_load() -> str | None:
+    """Return a warning if this computer may be too busy for live trials, or None."""
     load, cores = os.getloadavg()[0], os.cpu_count() or 1
     if load <= cores:
-        return ''
+        return None
     return (
         f'This computer is busy (load {load:.1f}, {cores} cores), but live trials run in real '
         'time; end other programs and try again.'

@@ -112,8 +112,8 @@ class Access:
     name: str
     token: str
 
-    def refuse_request(self, host: str, origin: str | None, *, is_socket: bool) -> str:
-        """Return why a request is refused, or an empty string.
+    def refuse_request(self, host: str, origin: str | None, *, is_socket: bool) -> str | None:
+        """Return why a request is refused, or None.
 
         DNS rebinding needs a foreign name in ``Host``; IP addresses are safe. Browsers send the
         ``Origin`` of the page with every WebSocket.
@@ -121,10 +121,10 @@ class Access:
         if not self._is_ours(host):
             return 'this host name is not served; open the address that the command printed'
         if origin is None:
-            return 'a WebSocket needs an Origin' if is_socket else ''
+            return 'a WebSocket needs an Origin' if is_socket else None
         if origin != f'http://{host}':
             return 'requests from other pages are refused'
-        return ''
+        return None
 
     def _is_ours(self, host: str) -> bool:
         try:
@@ -142,13 +142,13 @@ class Access:
             return False
         return True
 
-    def refuse_command(self, command: Command) -> str:
-        """Return why a command is refused, or an empty string.
+    def refuse_command(self, command: Command) -> str | None:
+        """Return why a command is refused, or None.
 
         A stop needs no token, so that everyone who sees the page can stop the rig.
         """
         if command.action == 'stop' or self.is_token(command.token):
-            return ''
+            return None
         return 'this page can only show and stop; open the full address that the command printed'
 
     def is_token(self, text: str) -> bool:

@@ -61,8 +61,8 @@ def test_what_is_no_command_is_refused(text):
     'host', ['127.0.0.1:8642', 'localhost:8642', '[::1]:8642', 'LAB-PC:8642', '10.0.0.7:8642']
 )
 def test_our_own_hosts_and_origins_are_served(host):
-    assert ACCESS.refuse_request(host, None, is_socket=False) == ''
-    assert ACCESS.refuse_request(host, f'http://{host}', is_socket=True) == ''
+    assert ACCESS.refuse_request(host, None, is_socket=False) is None
+    assert ACCESS.refuse_request(host, f'http://{host}', is_socket=True) is None
 
 
 @pytest.mark.parametrize(
