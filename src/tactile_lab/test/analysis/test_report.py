@@ -286,7 +286,7 @@ def test_simulated_trials_are_marked_in_every_figure_and_table(stiffness_bag):
     assert sets[0].hold_out == (('trial_block',),)
     result = run(sets[0], folds=3)
     page = build_page([result], sources, {'folds': '3'})
-    figures = page.split('<figure ')[1:]
+    figures = page.split('<figure>')[1:]
     assert len(figures) == 9
     for figure in figures:
         assert '<figcaption>SIMULATED. ' in figure

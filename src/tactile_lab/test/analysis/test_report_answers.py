@@ -106,7 +106,7 @@ def test_sections_stand_in_page_and_json_with_split_and_mark(answered):
     assert len(ours) == 2
     assert all(c.startswith('SIMULATED. ') for c in captions)
     assert all(result.answers.open_set.split in c for c in ours)
-    figures = [part.split('</figure>')[0] for part in page.split('<figure ')[1:]]
+    figures = [part.split('</figure>')[0] for part in page.split('<figure>')[1:]]
     (figure,) = (figure for figure in figures if 'left out of the training' in figure)
     assert '<figcaption>SIMULATED. ' in figure
     assert '>SIMULATED</text>' in figure
