@@ -116,7 +116,7 @@ def test_specimens_of_the_journal_are_a_column_that_can_be_held_out(stiffness_ba
         labels = {trial.name: trial.label for trial in recording.trials}
     entries = []
     for i, (name, label) in enumerate(labels.items()):
-        specimen = f'{label}-{i % 3 + 1}'
+        specimen = f'{label}-{i % 2 + 1}'
         mounted = {'mounting_id': name, 'specimen': specimen, 'seconds': 1.0}
         entries += [
             {'kind': 'mounted', **mounted},
