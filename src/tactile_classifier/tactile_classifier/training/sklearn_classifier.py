@@ -209,7 +209,9 @@ class TactileClassifier(ClassifierMixin, BaseEstimator):
         if self.contact not in ('', *CONTACTS):
             raise ValueError(f'contact is "{self.contact}"; it must be {" or ".join(CONTACTS)}')
         windows, speeds_m_s = self._divide(rows)
-        columns = {'simulated': np.full(len(rows), bool(self.simulated))}
+        columns: dict[str, npt.NDArray[Any]] = {
+            'simulated': np.full(len(rows), bool(self.simulated))
+        }
         if self.contact:
             columns['contact'] = np.full(len(rows), self.contact)
         if speeds_m_s is not None:
@@ -354,7 +356,8 @@ class TactileClassifier(ClassifierMixin, BaseEstimator):
         for name in list_feature_sets(phase):
             if speeds_m_s is None and getattr(find_feature_set(name), 'needs_speed', False):
                 continue
-            config = FeatureConfig(**{CHOOSER[phase]: name})
+            fields: dict[str, Any] = {CHOOSER[phase]: name}
+            config = FeatureConfig(**fields)
             try:
                 values, spec = features_from_trials(
                     self.task, windows, self.rate_hz, config=config, speeds_m_s=speeds_m_s
