@@ -34,11 +34,11 @@ COMMANDS = {
         'Run everything from training to live trials on the **simulated** rig, in about a minute.'
     ),
     'simulate': 'Make bags of **simulated** trials, without waiting in real time.',
-    'import': 'Make one archive of recordings that other programs made.',
+    'import': 'Convert recordings of other programs to one archive.',
     'export': 'Write the trials of recordings as one long table, with a dataset card beside it.',
     'train': 'Choose features and classifier by the folds, write a model file.',
     'classify': 'Classify the trials of recordings with a model file.',
-    'evaluate': 'State the accuracy of the model that *train* would write, or of model files.',
+    'evaluate': 'Print the accuracy of the model that *train* would write, or of model files.',
     'features': 'Write the features of recordings as a table, for notebooks and other programs.',
     'replay': 'Run a recording through features and classification again, and compare.',
     'repair': 'Write a closed copy of a bag whose recorder was killed.',

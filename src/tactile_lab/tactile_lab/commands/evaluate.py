@@ -59,7 +59,8 @@ def evaluate(
             help='Hold out each group of trials with equal values in this column, in addition to '
             'random folds. Several columns are separated by commas. May be repeated. Default: '
             'the columns of sessions (session_id, session, day), of mountings (mounting_id, '
-            'mounting) and of specimens (specimen), if present; for bags of one session trial_block, six blocks by time.'
+            'mounting) and of specimens (specimen), if present; for bags of one session '
+            'trial_block, six blocks by time.'
         ),
     ] = None,
     folds: options.FoldsOption = 6,
