@@ -270,8 +270,8 @@ def new(
 
 def _describe_training(plan: 'ExperimentPlan') -> str:
     """Return how many trials training needs, and whether the plan has them."""
-    per_session = len(plan.objects) * plan.mountings * plan.trials
-    in_contact = per_session * plan.sessions
+    in_contact = plan.trial_count // len(plan.contacts)
+    per_session = in_contact // plan.sessions
     held_out, what = (per_session, 'session') if plan.sessions > 1 else (1, 'trial')
     left = in_contact - held_out
     text = (
