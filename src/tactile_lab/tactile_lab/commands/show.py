@@ -140,7 +140,7 @@ def describe_recording(recording: 'Recording') -> Contents:
             facts['not closed'] = Prose(bag.recovered)
     if topics:
         count = sum(topic['messages'] for topic in topics.values())
-        facts['topics'] = f'{len(topics)}, with {count} messages (--topics lists them)'
+        facts['topics'] = Prose(f'{len(topics)}, with {count} messages (--topics lists them)')
     kind = 'bag' if recording.is_own else recording.kind
     return Contents(kind, facts, trials, {'topics': topics, 'notes': recording.notes})
 
