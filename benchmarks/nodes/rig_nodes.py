@@ -47,8 +47,11 @@ SETTLE_S = 15.0
 """Time from the start of the nodes to the measurement [s]: imports and discovery end."""
 
 END_S = 30.0
+"""Longest time from the interrupt to the end of a node [s]."""
 
 HANG_S = 10.0
+"""The parameter ``hang_timeout_s`` of the tendon's driver [s]: nothing starts it again here, and a
+busy computer may keep it from running for a second."""
 
 
 class Use(NamedTuple):
@@ -122,7 +125,6 @@ def _started(checkout: Path, name: str, rig: SimulatedRig) -> Iterator[subproces
     if name in DEVICES:
         arguments += ['-p', f'port:={getattr(rig.ports, DEVICES[name])}']
     if name == 'tendon_actuator':
-        # Nothing starts it again here, and a busy computer may keep it from running for a second.
         arguments += ['-p', f'hang_timeout_s:={HANG_S}']
     node = start_in(
         checkout,
