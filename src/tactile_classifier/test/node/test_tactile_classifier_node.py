@@ -150,7 +150,7 @@ def test_a_parameter_of_the_feature_node_alone_is_noticed(
     finger.spin_until(lambda: len(finger.heard) == 2)
     log = capfd.readouterr().err
     assert 'does not compute the features of model texture-flexion-svm_linear' in log
-    assert f'give its parameter models {model_path}' in log
+    assert f'set its parameter models to {model_path}' in log
     for answer in finger.answers:
         assert (answer.outcome, answer.label) == (PredictionOutcome.NO_FEATURES, '')
         assert difference in answer.reason

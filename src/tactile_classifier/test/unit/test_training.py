@@ -135,7 +135,7 @@ def test_a_model_for_new_groups_is_calibrated_on_held_out_groups():
     assert any(
         'Each of 4 groups by speed was held out once' in line for line in list_limits(by_speed)
     )
-    assert any('4 sessions were held out' in line for line in list_limits(by_session))
+    assert any('Each of 4 sessions was held out' in line for line in list_limits(by_session))
 
 
 def test_groups_that_cannot_be_held_out_are_said_so(small_table):

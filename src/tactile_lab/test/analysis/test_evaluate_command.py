@@ -158,7 +158,7 @@ def test_an_experiment_is_evaluated_whatever_its_mountings(simulate_bag, rewrite
     assert splits_of(found) == [
         'stratified 4-fold, once', 'one block of trials held out', 'one mounting held out'
     ]  # fmt: skip
-    told = 'one session held out: all trials have the same session: there is nothing to hold out'
+    told = 'one session held out: all trials have the same session: no group can be held out'
     assert told in found['not_done']
     assert told in said
 

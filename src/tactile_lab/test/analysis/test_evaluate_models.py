@@ -198,7 +198,9 @@ def test_archives_with_other_rates_tasks_and_unusable_trials(archives, bags, tra
     assert 'is a model for texture trials; --task is stiffness' in said
     (stiffness,) = trained.glob('*.npz')
     assert 'the models are for different trials' in hear(new, models=[model, stiffness])
-    assert 'does not fit the features' in hear(new, models=[model], options=('--crop', '0:0.5'))
+    assert 'was trained on other features' in hear(
+        new, models=[model], options=('--crop', '0:0.5')
+    )
     wrong = arrays['x'][~first].copy()
     wrong[4, 0, 7] = np.nan
     bad = save('bad', ~first, x=wrong)
