@@ -222,7 +222,7 @@ def test_few_trials_train_with_the_folds_that_they_allow(tmp_path, each):
     options = ('--task', 'texture', '--repetitions', 1)
     said = hear_tactile('train', archive, '-o', tmp_path / 'models', *options)
     assert f'{each}-fold ("a" has {each} trials)' in said
-    assert ('nothing is chosen: one training trial of class' in said) == (each == 2)
+    assert ('nothing is chosen: only one training trial of class' in said) == (each == 2)
     model = load_model(tmp_path / 'models' / 'texture.npz')
     trials = np.load(archive)
     answers = [model.classify(row, 60.0) for row in trials['x']]
