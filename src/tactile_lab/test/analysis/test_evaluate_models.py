@@ -195,7 +195,7 @@ def test_archives_with_other_rates_tasks_and_unusable_trials(archives, bags, tra
     said = hear(bags[1], models=[model])
     assert 'needs samples at 100 Hz, not 60 Hz as in texture_flexion: train' in said
     said = hear(new, models=[model], options=('--task', 'stiffness'))
-    assert 'is a model for texture trials; --task is stiffness' in said
+    assert 'is a model for texture trials, but --task is stiffness' in said
     (stiffness,) = trained.glob('*.npz')
     assert 'the models are for different trials' in hear(new, models=[model, stiffness])
     assert 'was trained on other features' in hear(
