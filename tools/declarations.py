@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Check that each package declares what it imports, and imports what it declares.
+"""Check that declared and imported dependencies of each package agree.
 
 ``package.xml`` contains ROS packages and rosdep keys, ``setup.py`` distributions on PyPI. Imports
 within functions are included. Names of message types in strings, such as ``std_msgs/msg/Header``,

@@ -71,7 +71,7 @@ class Workspace:
         self.site = self.base / 'site'
         self.command = self.install / 'bin' / 'tactile'
 
-    # -- what is there ---------------------------------------------------------
+    # -- state -----------------------------------------------------------------
 
     def state(self) -> dict[str, str]:
         try:
