@@ -122,5 +122,5 @@ def test_random_convolutions_of_several_channels_are_those_of_the_model_file(mon
 def test_too_few_labels_or_trials_are_refused(small_table):
     with pytest.raises(EvaluationError, match='there are 2 labels'):
         evaluate_open_set(small_table.take(small_table.labels != 'plate 2'), 'tree')
-    with pytest.raises(EvaluationError, match='99 are needed'):
+    with pytest.raises(EvaluationError, match='needs 99 trials'):
         evaluate_open_set(small_table, 'tree', false_alarm_rate=0.01)
