@@ -33,7 +33,13 @@ extensions = [
 myst_heading_anchors = 4
 myst_enable_extensions = ['deflist']
 
-autodoc_default_options = {'members': True, 'show-inheritance': True}
+autodoc_default_options = {
+    'members': True,
+    'show-inheritance': True,
+    # Made by scikit-learn, with references to its own glossary.
+    'exclude-members': 'set_fit_request, set_predict_request, set_predict_proba_request, '
+    'set_score_request, set_transform_request',
+}
 autodoc_member_order = 'bysource'
 autodoc_typehints = 'signature'
 autodoc_preserve_defaults = True

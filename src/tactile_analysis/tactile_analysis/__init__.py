@@ -3,19 +3,19 @@
 
 """Analysis of recordings, without ROS: from bags and other files to models, accuracies and pages.
 
-```python
-from tactile_analysis import open_features, Reading, Recording
+For example::
 
-recording = Recording.load('bags')          # or CSV, Parquet, .npy, .npz; see `SourceOptions`
-recording.trials[0].signal.values           # samples of one trial [N]
-recording.to_frame()                        # all samples, as a pandas.DataFrame
+    from pathlib import Path
+    from tactile_analysis import classify_recording, open_features, Recording
 
-with open_features(['bags'], Reading()) as features:
-    tables = features.tables().tables       # one `FeatureTable` for each task and contact
+    recording = Recording.load('bags')  # or CSV, Parquet, .npy, .npz; see `SourceOptions`
+    recording.trials[0].signal.values  # the samples of one trial
+    recording.to_frame()  # all samples, as a pandas.DataFrame
 
-classify_recording(recording, Path('models'))     # labels of the trials, by model files
-evaluate_models(recording, [Path('model.npz')], Reading())  # accuracy on trials not trained on
-```
+    with open_features([Path('bags')]) as features:
+        tables = features.tables().tables  # one `FeatureTable` for each task and contact
+
+    classify_recording(recording, Path('models'))  # the label of each trial, by model files
 
 ``tactile import``, ``features``, ``train``, ``evaluate``, ``classify``, ``export`` and the report
 are these functions with printing.
