@@ -33,13 +33,7 @@ extensions = [
 myst_heading_anchors = 4
 myst_enable_extensions = ['deflist']
 
-autodoc_default_options = {
-    'members': True,
-    'show-inheritance': True,
-    # Made by scikit-learn, with references to its own glossary.
-    'exclude-members': 'set_fit_request, set_predict_request, set_predict_proba_request, '
-    'set_score_request, set_transform_request',
-}
+autodoc_default_options = {'members': True, 'show-inheritance': True}
 autodoc_member_order = 'bysource'
 autodoc_typehints = 'signature'
 autodoc_preserve_defaults = True
@@ -96,5 +90,11 @@ def add_contents(app, name, source):
         )
 
 
+def skip_requests(app, what, name, obj, skip, options):
+    """Leave out ``set_fit_request`` and the like: scikit-learn makes them, with its own terms."""
+    return True if re.fullmatch(r'set_\w+_request', name) else None
+
+
 def setup(app):
+    app.connect('autodoc-skip-member', skip_requests)
     app.connect('source-read', add_contents)
