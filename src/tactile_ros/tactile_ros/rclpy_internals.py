@@ -27,7 +27,7 @@ RCLError = rclpy_implementation.RCLError
 """Exception of the C layer, which `rclpy.exceptions` does not export."""
 
 
-RETRIES = 10
+RETRIES = 100
 """An `Executor` collects what to wait for as often, if entities are destroyed meanwhile."""
 
 

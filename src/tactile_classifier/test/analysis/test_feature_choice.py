@@ -83,7 +83,7 @@ def test_of_noise_the_best_looks_better_than_the_choice_inside_the_folds():
 def test_tables_of_other_trials_are_refused():
     table = make_table('texture_spectrum', 1.0, 1)
     other = dataclasses.replace(table, labels=table.labels[::-1])
-    with pytest.raises(DatasetError, match='table of other is not of the same trials'):
+    with pytest.raises(DatasetError, match='table of other contains other trials'):
         choose({'one': table, 'other': other}, stratified_split(table, 3, 1))
 
 

@@ -69,4 +69,4 @@ def test_the_plan_holds_groups_out_and_says_why_it_cannot():
     few = table.take(np.r_[0:9, 10])  # one trial of one label is not enough
     few = FeatureTable(few.values, np.r_[['a'] * 9, ['b']], spec)
     (why,) = run_plans([ReliabilityPlan(few, [], 'knn', 'none')])
-    assert 'has one trial only' in why
+    assert 'has only one trial' in why

@@ -167,7 +167,7 @@ def test_arrays_with_labels_beside_them(tmp_path):
     np.savez(tmp_path / 'Xy.npz', X=x, y=labels, fs=100)
     found, trials = import_json(tmp_path, tmp_path / 'Xy.npz')
     np.testing.assert_array_equal(trials.x[:, 0], x)
-    assert 'took X of Xy.npz as x' in found['notes']
+    assert 'Xy.npz: X used as x' in found['notes']
 
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)

@@ -106,7 +106,7 @@ def test_longer_trials_are_cut_and_shorter_ones_have_no_answer(model, tmp_path):
 def test_rate_unit_and_question_must_be_those_of_the_model(model, tmp_path):
     path = write_table(tmp_path / 'fast.csv', ['fine'], 240, rate_hz=120.0)
     said = hear_tactile('classify', path, '--model', model, code=2)
-    assert 'the rate is 120 Hz; it was trained at 60 Hz' in said
+    assert 'the rate is 120 Hz, but the model was trained at 60 Hz' in said
     assert '--resample-hz' in said
     volts = write_table(tmp_path / 'volts.csv', ['fine'], unit='V')
     assert 'another unit' in hear_tactile('classify', volts, '--model', model, code=2)

@@ -190,7 +190,7 @@ def test_archives_with_other_rates_tasks_and_unusable_trials(archives, bags, tra
     assert single['sessions'] == found['trials']
     slow = save('slow', ~first, rate_hz=50.0)
     said = hear(slow, models=[model])
-    assert 'needs samples at 100 Hz, slow.npz has 50 Hz' in said
+    assert 'needs samples at 100 Hz, not 50 Hz as in slow.npz' in said
     assert '--resample-hz 100' in said
     said = hear(bags[1], models=[model])
     assert 'needs samples at 100 Hz, not 60 Hz as in texture_flexion: train' in said
@@ -246,7 +246,7 @@ def test_a_trial_that_only_one_model_refuses_is_wrong_for_it(
 
 
 def test_a_bag_of_another_rate_or_kind_is_refused(bags, models, stiffness_bag, trained, tmp_path):
-    assert 'holds no texture trials' in hear(stiffness_bag, models=models[:1])
+    assert 'contains no texture trials' in hear(stiffness_bag, models=models[:1])
     (stiffness,) = trained.glob('*.npz')
     assert 'holds no stiffness trials' in hear(bags[1], models=[stiffness])
     bad = tmp_path / 'bad.npz'

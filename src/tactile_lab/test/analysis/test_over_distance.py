@@ -57,7 +57,7 @@ def test_windows_that_are_none_and_speeds_of_others_are_refused(tmp_path):
         with pytest.raises(TactileError, match='--over'):
             parse_over(text)
     said = hear_tactile('simulate', 'stiffness', '-o', tmp_path, '--speed', 5, code=2)
-    assert 'for texture' in said
+    assert 'use --task texture' in said
 
 
 @pytest.fixture
@@ -88,10 +88,10 @@ def test_an_archive_is_evaluated_over_distance_with_a_speed_held_out(archive):
 @pytest.mark.parametrize(
     ('fields', 'sentence'),
     [
-        ({'speed-column': None}, 'name the column'),
-        ({'speed-column': 'label'}, 'name the column'),
+        ({'speed-column': None}, 'give the numeric column'),
+        ({'speed-column': 'label'}, 'give the numeric column'),
         ({'speed-column': 'speed'}, 'end in its unit'),
-        ({'task': 'stiffness'}, 'for texture'),
+        ({'task': 'stiffness'}, 'use --task texture'),
         ({'over': '100:0.5'}, 'row 0: it has 200 samples'),
     ],
 )

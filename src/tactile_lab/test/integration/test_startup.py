@@ -139,4 +139,4 @@ def test_a_clone_that_cannot_be_written_is_one_sentence(tmp_path):
     script = [sys.executable, str(tmp_path / 'tools' / 'main.py'), 'build']
     done = subprocess.run(script, capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (2, '')
-    assert re.fullmatch(r'tactile: cannot write into .*\n', done.stderr)
+    assert re.fullmatch(r'tactile: cannot write to .*\n', done.stderr)
