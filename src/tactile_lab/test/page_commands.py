@@ -54,7 +54,8 @@ NOT_RUN = {
     r'tactile import lab .*--separator': (
         'reads files of the reader: the tutorial of CSV files, test_import_and_export.py'
     ),
-    r'tactile \w+ (bags/\* (?!.*--classifier knn)|models/|(old|new)/texture)|python -c "import pandas|'
+    r'tactile \w+ (bags/\* (?!.*--classifier knn)|models/|(old|new)/texture)|'
+    r'python -c "import pandas|'
     r'tactile simulate texture (-o bags --(trials 5|desc)|--contact flexion --trials 1[02])|'
     r'tactile simulate texture -o bags --contact flexion --speed 10': (
         'minutes of computation: the tutorials run these commands on fewer trials'

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+import time
 from typing import Any
 
 from rclpy.action import ActionClient
@@ -27,8 +28,9 @@ RCLError = rclpy_implementation.RCLError
 """Exception of the C layer, which `rclpy.exceptions` does not export."""
 
 
-RETRIES = 100
-"""An `Executor` collects what to wait for as often, if entities are destroyed meanwhile."""
+RETRIES, RETRY_S = 1000, 0.001
+"""How often an `Executor` collects again what to wait for, and the pause before it [s]. rclpy
+destroys the handle of an entity before it takes the entity out of the node."""
 
 
 class Executor(SingleThreadedExecutor):  # type: ignore[misc]
@@ -42,6 +44,7 @@ class Executor(SingleThreadedExecutor):  # type: ignore[misc]
         for _ in range(RETRIES):
             with suppress(InvalidHandle):
                 return super().wait_for_ready_callbacks(*arguments, **options)
+            time.sleep(RETRY_S)
         return super().wait_for_ready_callbacks(*arguments, **options)
 
 

@@ -109,7 +109,9 @@ def test_rate_unit_and_question_must_be_those_of_the_model(model, tmp_path):
     assert 'the rate is 120 Hz, but the model was trained at 60 Hz' in said
     assert '--resample-hz' in said
     volts = write_table(tmp_path / 'volts.csv', ['fine'], unit='V')
-    assert 'another unit' in hear_tactile('classify', volts, '--model', model, code=2)
+    assert 'trained on signals in N, but the recording is in V' in hear_tactile(
+        'classify', volts, '--model', model, code=2
+    )
     label = np.repeat(['soft', 'hard'], 10)
     rng = np.random.default_rng(2)
     ramps = rng.normal(size=(20, 1, 120)) + np.where(label == 'hard', 5.0, 1.0)[:, None, None]

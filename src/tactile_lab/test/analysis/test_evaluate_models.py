@@ -248,7 +248,7 @@ def test_a_trial_that_only_one_model_refuses_is_wrong_for_it(
 def test_a_bag_of_another_rate_or_kind_is_refused(bags, models, stiffness_bag, trained, tmp_path):
     assert 'contains no texture trials' in hear(stiffness_bag, models=models[:1])
     (stiffness,) = trained.glob('*.npz')
-    assert 'holds no stiffness trials' in hear(bags[1], models=[stiffness])
+    assert 'contains no stiffness trials' in hear(bags[1], models=[stiffness])
     bad = tmp_path / 'bad.npz'
     bad.write_bytes(b'no model')
     assert 'is refused' in hear(bags[1], models=[bad])

@@ -57,7 +57,7 @@ def test_windows_that_are_none_and_speeds_of_others_are_refused(tmp_path):
         with pytest.raises(TactileError, match='--over'):
             parse_over(text)
     said = hear_tactile('simulate', 'stiffness', '-o', tmp_path, '--speed', 5, code=2)
-    assert 'use --task texture' in said
+    assert 'for texture' in said
 
 
 @pytest.fixture
