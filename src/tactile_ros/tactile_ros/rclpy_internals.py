@@ -139,10 +139,11 @@ def run_on_executor(node: Node, call: Callable[[], object]) -> None:
     executor = node.executor
     if executor is None:
         raise RuntimeError('no executor spins the node')
-    try:
-        executor.create_task(call)
-    except AttributeError as error:  # rclpy's guard condition is None after the shutdown
-        raise RuntimeError('the executor has been shut down') from error
+    if not executor._is_shutdown:
+        with suppress(AttributeError):  # Jazzy's, if the executor is shut down at this moment
+            executor.create_task(call)
+            return
+    raise RuntimeError('the executor has been shut down')
 
 
 def parameter_overrides(node: Node) -> dict[str, Parameter]:

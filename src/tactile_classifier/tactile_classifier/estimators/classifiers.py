@@ -140,7 +140,12 @@ def build_estimator(
         raise ValueError(f'scaling is "{scaling}"; it must be one of {", ".join(SCALINGS)}')
     if classifier == ROCKET and scaling != 'none':
         raise ValueError('random convolutions take a waveform as it is: use the scaling "none"')
-    machine = _classifier(classifier, channels).set_params(**(parameters or {}))
+    chosen = dict(parameters or {})
+    if isinstance(weights := chosen.get('class_weight'), Mapping):
+        # Newer versions of scikit-learn look a label such as '1' up as an integer.
+        numbers = {int(label): w for label, w in weights.items() if str(label).isdecimal()}
+        chosen['class_weight'] = {**weights, **numbers}
+    machine = _classifier(classifier, channels).set_params(**chosen)
     steps: list[tuple[str, Any]] = [('classify', machine)]
     if scaling == 'standard':
         steps.insert(0, ('scale', StandardScaler()))
