@@ -95,6 +95,7 @@ def run_all(stiffness_bag, trained, tmp_path_factory):
                 part.format(**paths, new=folder / f'{name}-{width}') for part in arguments.split()
             ]
             for name, arguments, *_ in CASES
+            if name in ALL_WIDTHS or not is_terminal
             for width in choose_widths(name)
         }
         calls = folder / 'calls.json'
