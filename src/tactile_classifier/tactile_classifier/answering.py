@@ -133,9 +133,8 @@ class WindowClassifier:
     ----------
     counts : dict of str to int
         Counters by name, as in the diagnostics. "windows for others" were classified by no model.
-    mismatch : str
-        Difference between the specifications of the last window and of its model; empty if there
-        is none.
+    mismatch : str or None
+        Difference between the specifications of the last window and of its model, if any.
     is_told : bool
         True once the feature node has announced its specifications.
     """
@@ -149,7 +148,7 @@ class WindowClassifier:
             'windows of another specification': 0,
         }
         self.is_told = False
-        self.mismatch = ''
+        self.mismatch: str | None = None
         self._by_id = {model.model_id: model for model in models.models}
 
     def announce(self, announced: FeatureSpecifications) -> tuple[str, ...]:
@@ -165,9 +164,9 @@ class WindowClassifier:
         self.counts['windows for others'] += not results
         self.counts['answers'] += len(results)
         if results:
-            reasons = [self._by_id[each.model_id].format_mismatch(window) for each in results]
-            self.mismatch = next(filter(None, reasons), '')
-            self.counts['windows of another specification'] += bool(self.mismatch)
+            reasons = [self._by_id[each.model_id].find_mismatch(window) for each in results]
+            self.mismatch = next(filter(None, reasons), None)
+            self.counts['windows of another specification'] += self.mismatch is not None
         return results
 
     def values(self) -> dict[str, object]:

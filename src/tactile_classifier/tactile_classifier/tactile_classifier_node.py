@@ -100,8 +100,8 @@ class ClassifierStage(Stage):
             for publisher in self._publishers:
                 publisher.publish(result)
         log = self._node.get_logger()
-        if self.answering.mismatch:
-            log.warning(plain_text(self.answering.mismatch), throttle_duration_sec=LOG_PERIOD_S)
+        if (mismatch := self.answering.mismatch) is not None:
+            log.warning(plain_text(mismatch), throttle_duration_sec=LOG_PERIOD_S)
 
     def _log_models(self, models: ModelSet) -> None:
         self._warn(*models.refused)
@@ -121,7 +121,7 @@ class ClassifierStage(Stage):
 
     def _assess(self) -> Health:
         models, mismatch = self.answering.models, self.answering.mismatch
-        faults = [each for each in (mismatch, *models.unfed, *models.refused) if each]
+        faults = [*([] if mismatch is None else [mismatch]), *models.unfed, *models.refused]
         return Health(
             WARN if faults else OK,
             '; '.join(faults) or f'loaded models: {len(models.models)}',

@@ -229,8 +229,8 @@ class FeatureSpec:
             )
         return bound
 
-    def mismatch(self, other: FeatureSpec) -> str:
-        """Return how the features of ``other`` differ from these, or an empty string.
+    def mismatch(self, other: FeatureSpec) -> str | None:
+        """Return how the features of ``other`` differ from these, or None if they do not.
 
         Parameters and channels that only one of the two specifications has are not compared,
         because windows that are already cut lack parameters, and live signals have no channel
@@ -260,7 +260,7 @@ class FeatureSpec:
                 return f'the {what} differs: required {mine}, found {theirs}'
         if not self._has_names_of(other) or self.units != other.units:
             return 'the names or units of the features differ'
-        return ''
+        return None
 
     def _has_names_of(self, other: FeatureSpec) -> bool:
         """Return whether the names are equal, apart from frequencies of nearly equal rates."""

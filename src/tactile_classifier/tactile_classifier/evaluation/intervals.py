@@ -42,18 +42,18 @@ def _to_plain(value: Any) -> Any:
 class Interval(Result):
     """A 95 % interval, or the reason why there is none.
 
-    ``low`` and ``high`` are 0 if there is a ``reason``. ``method`` is the name of the method and
-    of the independent parts.
+    ``low`` and ``high`` are 0 if there is a ``reason``, which is None otherwise. ``method`` is the
+    name of the method and of the independent parts.
     """
 
     low: float
     high: float
     method: str
-    reason: str = ''
+    reason: str | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the interval as a dictionary for JSON, without numbers if there is a reason."""
-        if self.reason:
+        if self.reason is not None:
             return {'reason': self.reason}
         return {'low': self.low, 'high': self.high, 'level': LEVEL, 'method': self.method}
 

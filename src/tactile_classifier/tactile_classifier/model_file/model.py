@@ -157,7 +157,7 @@ class TactileModel:
     def check_fits(self, spec: FeatureSpec) -> None:
         """Raise ModelFileError if features of ``spec`` differ from the training features."""
         reason = self.spec.mismatch(spec)
-        if reason:
+        if reason is not None:
             raise ModelFileError(f'model {self.model_id} was trained on other features: {reason}')
 
     def set_specifications(self, specs: Iterable[FeatureSpec]) -> None:
@@ -176,7 +176,8 @@ class TactileModel:
             return True
         if not self._announced:
             return bool(self.spec.missing_parameters)
-        return digest in self._announced and not self.spec.mismatch(self._announced[digest])
+        announced = self._announced.get(digest)
+        return announced is not None and self.spec.mismatch(announced) is None
 
     def compute(self, values: npt.ArrayLike) -> Predictions:
         """Return the predictions for many windows.
@@ -235,7 +236,7 @@ class TactileModel:
             found = self._samples.compute(samples, rate_hz, speed_m_s, cut=cut)
         except DatasetError as error:
             raise DatasetError(f'model {self.model_id}: {error}') from error
-        if found.reason:
+        if found.reason is not None:
             judged = _Judged(PredictionOutcome.NO_FEATURES, reason=found.reason)
         else:
             judged = self._judge(found.values)
@@ -282,7 +283,7 @@ class TactileModel:
         try:
             for row, window, speed in zip(rows, each, speeds, strict=True):
                 features = self._samples.compute(window, self.spec.rate_hz, speed, cut=cut)
-                if not features.reason:
+                if features.reason is None:
                     row[:] = features.values
         except DatasetError as error:
             raise DatasetError(f'model {self.model_id}: {error}') from error
@@ -439,8 +440,8 @@ class TactileModel:
         return self._answer_of(self._judge_window(window))
 
     def _judge_window(self, window: FeatureWindow) -> _Judged:
-        reason = self._why_not(window)
-        if reason:
+        reason = self._find_obstacle(window)
+        if reason is not None:
             return _Judged(PredictionOutcome.NO_FEATURES, reason=reason)
         return self._judge(window.values)
 
@@ -464,18 +465,17 @@ class TactileModel:
         label = self.labels[int(found.answer[0])]
         return _Judged(PredictionOutcome.LABEL, label, '', scores, novelty)
 
-    def _why_not(self, window: FeatureWindow) -> str:
+    def _find_obstacle(self, window: FeatureWindow) -> str | None:
+        """Return why a window cannot be classified, or None."""
         if window.outcome != WindowOutcome.OK:
             return window.reason or f'the window ended with {WindowOutcome(window.outcome).name}'
-        reason = self.format_mismatch(window)
-        if reason:
-            return reason
-        if not np.isfinite(window.values).all():
+        reason = self.find_mismatch(window)
+        if reason is None and not np.isfinite(window.values).all():
             return 'the features are not finite'
-        return ''
+        return reason
 
-    def format_mismatch(self, window: FeatureWindow) -> str:
-        """Return the difference between the specification of a window and the model, or ''.
+    def find_mismatch(self, window: FeatureWindow) -> str | None:
+        """Return the difference between the specification of a window and the model, or None.
 
         If only the digest differs, the message names the difference, provided that the
         specification of the window was announced; otherwise it lists all parameters of the model.
@@ -496,7 +496,7 @@ class TactileModel:
                 return f'the {what} is {got}; the model was trained on {wanted}: {_REMEDY}'
         digest = window.specification_digest
         if self.fits(digest):
-            return ''
+            return None
         if digest in self._announced and (reason := spec.mismatch(self._announced[digest])):
             return f'{reason}; {_REMEDY}'
         values = ', '.join(

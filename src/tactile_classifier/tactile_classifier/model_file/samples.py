@@ -26,10 +26,10 @@ CHANNEL_0 = 'channel_000__'
 
 
 class Found(NamedTuple):
-    """Features of one window, shape (k,), or the reason why there are none."""
+    """Features of one window, shape (k,); ``reason`` says why there are none."""
 
     values: Matrix
-    reason: str = ''
+    reason: str | None = None
 
 
 class SampleWindow:
@@ -78,7 +78,7 @@ class SampleWindow:
             raise DatasetError(f'no features from these samples: {error}') from error
         values = np.concatenate(found)
         is_finite = bool(np.isfinite(values).all())
-        return Found(values, '' if is_finite else 'the features are not finite')
+        return Found(values, None if is_finite else 'the features are not finite')
 
     def _check(self, samples: npt.ArrayLike, rate_hz: float) -> Matrix:
         """Check samples and rate; return samples of shape (channels, n)."""

@@ -234,7 +234,7 @@ class ChoicePlan:
             for pair in _list_pairs(table, scaling)
         ]
         self._inner: list[list[Fold]] = [[] for _ in split.repeats[0]]
-        self.no_choice = ''
+        self.no_choice: str | None = None
         try:
             self._inner = [
                 self._divide(train, repeats, random_state) for train, _ in split.repeats[0]

@@ -88,17 +88,17 @@ def test_ready_cut_windows_take_their_specification_from_whoever_asks(
     table = dataclasses.replace(small_table, spec=array_spec('texture', 180, 60.0))
     model = write_model(tmp_path / 'm.npz', train(table, 'tree'))
     assert model.spec.missing_parameters == ('texture_crop_start_s', 'max_gap_samples')
-    assert model.format_mismatch(make_window(specification_digest='')) == ''
+    assert model.find_mismatch(make_window(specification_digest='')) is None
     later = spec_for('texture', FeatureConfig(texture_crop_start_s=0.9))
     faster = spec_for('texture', FeatureConfig(rate_hz=100.0))
     model.set_specifications([later, faster])
     assert model.fits(later.digest)
-    assert model.format_mismatch(make_window(specification_digest=later.digest)) == ''
+    assert model.find_mismatch(make_window(specification_digest=later.digest)) is None
     assert not model.fits(faster.digest)
-    assert 'rate in Hz differs: required 60, found 100' in model.format_mismatch(
+    assert 'rate in Hz differs: required 60, found 100' in model.find_mismatch(
         make_window(specification_digest=faster.digest)
     )
-    assert 'another specification' in model.format_mismatch(make_window())
+    assert 'another specification' in model.find_mismatch(make_window())
 
 
 def test_accepts_and_fits_its_own_features_alone(model, make_window):

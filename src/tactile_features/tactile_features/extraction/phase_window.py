@@ -94,13 +94,13 @@ class PhaseWindow:
         self._spec = spec_of(self._set)
         self._speed_m_s = start.glide_speed_m_s if self._set.needs_speed else 0.0
         self._period_ns = round(1e9 / config.rate_hz)
+        self._no_window: str | None = None
         try:
             window = self._set.window(config.rate_hz, self._speed_m_s)
         except FeatureError as error:
             self._no_window = str(error)
             self._speed_m_s = 0.0
             return
-        self._no_window = ''
         self._is_counted = window.sample_count > 0
         self._wanted = window.sample_count or 2
         if self._is_counted:
@@ -130,7 +130,7 @@ class PhaseWindow:
         if self.end.phase == PHASE_ABORTED:
             reason = f'the trial was aborted: {self.end.message or "no reason given"}'
             return self.refuse(WindowOutcome.ABORTED, reason)
-        if self._no_window:
+        if self._no_window is not None:
             return self.refuse(WindowOutcome.UNDEFINED, self._no_window)
         if self.end.stamp_ns < self.start.stamp_ns:
             return self.refuse(WindowOutcome.BAD_TIME, _format_set_back(self.start, self.end))
@@ -197,16 +197,16 @@ class PhaseWindow:
 
     def _assess(self, cut: _Cut) -> FeatureWindow:
         samples = cut.samples
-        if reason := self._format_step(cut):
+        if reason := self._find_step(cut):
             return self.refuse(WindowOutcome.BAD_TIME, reason, samples)
-        if reason := self._format_gap(cut):
+        if reason := self._find_gap(cut):
             return self.refuse(WindowOutcome.GAP, reason, samples)
         if len(samples) < self._wanted:
             reason = f'the {self.start.phase} has {len(samples)} of {self._wanted} samples'
             return self.refuse(WindowOutcome.TOO_SHORT, reason, samples)
-        if reason := self._format_stamp_error(samples):
+        if reason := self._find_stamp_error(samples):
             return self.refuse(WindowOutcome.BAD_TIME, reason, samples)
-        if reason := self._format_fault(samples):
+        if reason := self._find_fault(samples):
             return self.refuse(WindowOutcome.BAD_SIGNAL, reason, samples)
         tension_n = np.ascontiguousarray(samples['tension_n'])
         config = self._config
@@ -217,13 +217,13 @@ class PhaseWindow:
             return self.refuse(WindowOutcome.UNDEFINED, str(error), samples)
         return self._window(WindowOutcome.OK, '', samples, values)
 
-    def _format_step(self, cut: _Cut) -> str:
+    def _find_step(self, cut: _Cut) -> str | None:
         after_ns = [] if cut.after is None else [cut.after['step_ns']]
         steps_ns = np.concatenate([cut.lead['step_ns'], cut.samples['step_ns'], after_ns])
         steps_ns = steps_ns[steps_ns != 0]
-        return format_clock_step(int(steps_ns[0]), self.start.phase) if len(steps_ns) else ''
+        return format_clock_step(int(steps_ns[0]), self.start.phase) if len(steps_ns) else None
 
-    def _format_stamp_error(self, samples: Samples) -> str:
+    def _find_stamp_error(self, samples: Samples) -> str | None:
         known_error_s = float(samples['stamp_error_s'].max())  # an unknown error is -1
         if known_error_s > self._most_error_s:
             return (
@@ -236,9 +236,9 @@ class PhaseWindow:
                 'the error of the stamps is unknown, and the parameter '
                 'accept_unknown_stamp_error is false'
             )
-        return ''
+        return None
 
-    def _format_gap(self, cut: _Cut) -> str:
+    def _find_gap(self, cut: _Cut) -> str | None:
         samples, after, _ = cut
         holes = np.flatnonzero(samples['hole'][1:])
         if len(holes):
@@ -263,9 +263,9 @@ class PhaseWindow:
         is_cut_short = len(samples) and after is not None and after['hole']
         if is_cut_short and samples['stamp_ns'][-1] + self._period_ns <= self._to_ns:
             return 'samples are missing at the end of the window'
-        return ''
+        return None
 
-    def _format_fault(self, samples: Samples) -> str:
+    def _find_fault(self, samples: Samples) -> str | None:
         status = int(np.bitwise_or.reduce(samples['status']))
         if faults := [text for bit, text in _BAD_STATUS.items() if status & bit]:
             return f'samples in the window are {" and ".join(faults)}'
@@ -281,7 +281,7 @@ class PhaseWindow:
                 f'{nominal_ns / 1e9:.3f} s: the samples come at {rate_hz:.4g} Hz, and these '
                 f'features need {1e9 / self._period_ns:.4g} Hz'
             )
-        return ''
+        return None
 
     def _window(
         self, outcome: WindowOutcome, reason: str, samples: Samples, values: NDArray[np.float64]
@@ -370,7 +370,7 @@ class EarlyWindow(PhaseWindow):
         self._phase_end: TrialEvent | None = None
         self._is_followed = False
         self.due_ns = start.stamp_ns
-        if not self._no_window:
+        if self._no_window is None:
             self.due_ns = self._from_ns + (self._wanted - 1) * self._period_ns
 
     @property
@@ -409,7 +409,7 @@ class EarlyWindow(PhaseWindow):
 
     def take(self) -> FeatureWindow | None:
         """Return the window, or None while samples are missing."""
-        if self._no_window:
+        if self._no_window is not None:
             return self.refuse(WindowOutcome.UNDEFINED, self._no_window)
         cut = self._first_samples()
         if cut is None:
@@ -419,7 +419,7 @@ class EarlyWindow(PhaseWindow):
         self._last_ns = int(cut.samples['latest_ns'][-1])
         late_ns = self._last_ns - self.due_ns
         is_late = late_ns > self._config.samples_timeout_s * 1e9
-        return self.time_out() if is_late and not self._format_step(cut) else self._assess(cut)
+        return self.time_out() if is_late and not self._find_step(cut) else self._assess(cut)
 
     def time_out(self) -> FeatureWindow:
         """Return the window without features, because its samples have not arrived in time."""

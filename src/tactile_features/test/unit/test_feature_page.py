@@ -245,7 +245,7 @@ def test_windows_begin_where_the_page_says(feature_set, offset_ns):
     task = task_of(feature_set)
     values, spec = features_from_trials(task, x[None], rate_hz, config=config, speeds_m_s=[0.015])
     assert values[0].tobytes() == window.values.tobytes()
-    assert spec.mismatch(spec_for(task, config)) == ''
+    assert spec.mismatch(spec_for(task, config)) is None
 
 
 def test_names_are_those_of_the_page():

@@ -164,7 +164,7 @@ def test_a_model_states_how_its_spectra_were_detrended(texture_bag, tmp_path, de
         table = tables[window.specification_digest]
         (row,) = (table.column('window_start_ns') == window.window_start_ns).nonzero()[0]
         assert table.values[row].tobytes() == window.values.tobytes()
-        assert bool(model.format_mismatch(window)) == (window.sample_count == 30)
+        assert bool(model.find_mismatch(window)) == (window.sample_count == 30)
 
 
 def test_three_seconds_at_1_khz_train_by_default(tmp_path):

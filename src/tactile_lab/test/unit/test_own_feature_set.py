@@ -84,7 +84,7 @@ def test_stream_and_arrays_give_the_same_bits(roughness):
     values, spec = features_from_trials('texture', part[None], RATE_HZ, config=roughness)
     assert values[0].tobytes() == window.values.tobytes()
     assert window.values == pytest.approx([part.std(), np.ptp(part)])
-    assert spec.mismatch(spec_for('texture', roughness)) == ''
+    assert spec.mismatch(spec_for('texture', roughness)) is None
     assert window.specification_digest == spec_for('texture', roughness).digest
     # Its specification says how a feature node computes it.
     spec = spec_for('texture', roughness)
@@ -107,7 +107,7 @@ def test_a_model_of_it_answers_and_is_refused_where_the_set_is_missing(
     model.set_specifications([spec_for('texture', roughness)])
     (window,) = stream(roughness, np.random.default_rng(2).normal(5.0, 3.0, 300))
     assert model.accepts(window)
-    assert model.format_mismatch(window) == ''
+    assert model.find_mismatch(window) is None
     assert model.classify_window(window).label == 'rough'
     longer = dataclasses.replace(roughness, texture_samples=180)
     with pytest.raises(ModelFileError, match='window in samples'):
