@@ -101,11 +101,11 @@ class TactileBag:
     ----------
     metadata : dict
         Metadata of the recording, written by the recorder; empty for bags of other software.
-    recovered : str
+    recovered : str or None
         A sentence if the bag was never closed or is damaged, which says what it may lack;
-        otherwise empty. The sentence is also logged as a warning.
-    damage : str
-        Description of the damage in closed files; empty if there is none.
+        otherwise None. The sentence is also logged as a warning.
+    damage : str or None
+        Description of the damage in closed files; None if there is none.
 
     Raises
     ------
@@ -126,9 +126,9 @@ class TactileBag:
             metadata = self._open()
             self._check_types(metadata)
             damaged = [f'{file.path.name}: {file.damage}' for file in self._files if file.damage]
-            self.damage = '; '.join(damaged)
+            self.damage: str | None = None
             if damaged:
-                self.damage = f'it was damaged after it was closed: {self.damage}'
+                self.damage = f'it was damaged after it was closed: {"; ".join(damaged)}'
             difference = self.damage or self._compare_counts(metadata)
             if difference and needs_all:
                 raise BagError(f'{difference}. `tactile repair` copies the readable messages')
@@ -141,7 +141,7 @@ class TactileBag:
             raise
         self._file_metadata = metadata
         self.recovered = difference or self._format_recovery()
-        if self.recovered:
+        if self.recovered is not None:
             logging.getLogger(__name__).warning('%s', self.recovered)
 
     def __enter__(self) -> TactileBag:
@@ -238,10 +238,10 @@ class TactileBag:
                 else:
                     self._stored[topic.name] = store
 
-    def _compare_counts(self, metadata: BagMetadata) -> str:
-        """Return the first difference between counted and stated numbers of messages, or ''."""
+    def _compare_counts(self, metadata: BagMetadata) -> str | None:
+        """Return the first difference between counted and stated numbers of messages, or None."""
         if not all(file.is_finished for file in self._files):
-            return ''  # another sentence says what an unfinished file may lack
+            return None  # another sentence says what an unfinished file may lack
         there: Counter[str] = Counter()
         for file in self._files:
             stated = file.counts if file.stated_counts is None else file.stated_counts
@@ -262,9 +262,9 @@ class TactileBag:
                     f'it contains {there[name]} messages on {name}, but its {FILE_NAME} states '
                     f'{count}: it was damaged after it was closed'
                 )
-        return ''
+        return None
 
-    def _format_recovery(self) -> str:
+    def _format_recovery(self) -> str | None:
         unfinished = [file.path.name for file in self._files if not file.is_finished]
         if unfinished:
             count = sum(sum(file.counts.values()) for file in self._files)
@@ -287,7 +287,7 @@ class TactileBag:
                 f'{self.path} has no {FILE_NAME}, or an empty one, so it was not closed properly; '
                 'its data files are complete. `tactile repair` writes a closed copy.'
             )
-        return ''
+        return None
 
     # -- contents --------------------------------------------------------------------------
 
@@ -367,7 +367,7 @@ class TactileBag:
                 yield BagMessage(topic.name, topic.type_name, received_at_ns, data, store)
         except (BagError, OSError) as error:
             raise BagDamageError(f'{self.path} is damaged: {error}') from error
-        if self.damage:
+        if self.damage is not None:
             raise BagDamageError(f'{self.path}: {self.damage}')
 
     @property

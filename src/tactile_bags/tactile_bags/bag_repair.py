@@ -20,11 +20,11 @@ from tactile_ros.yaml_files import load_yaml
 
 @dataclass(frozen=True)
 class Repair:
-    """Number of copied messages, state of the source, and damage; both texts may be empty."""
+    """Number of copied messages, state of the source, and damage; None for a sound bag."""
 
     message_count: int
-    recovered: str
-    damage: str
+    recovered: str | None
+    damage: str | None
 
 
 def repair_bag(source: Path, target: Path) -> Repair:
@@ -39,7 +39,8 @@ def repair_bag(source: Path, target: Path) -> Repair:
     """
     with TactileBag(source, needs_all=False) as bag:
         metadata = {**bag.metadata, 'repaired_from_sha256': bag.sha256()}
-        count, damage = 0, ''
+        count = 0
+        damage: str | None = None
         with BagWriter(target, metadata) as writer:
             for topic in bag.stored_topics:
                 writer.add_stored_topic(replace(topic, qos=_usable_qos(topic.qos)))

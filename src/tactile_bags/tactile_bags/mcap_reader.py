@@ -133,8 +133,8 @@ class McapFile:
     is_finished : bool
         True if the file was closed. Otherwise it is read up to its last complete record, and
         ``unread_bytes`` follow.
-    damage : str
-        Position of damage in a closed file, which is read up to there; empty if there is none.
+    damage : str or None
+        Position of damage in a closed file, which is read up to there; None if there is none.
     metadata : str
         The copy of ``metadata.yaml`` in the file, or empty.
     """
@@ -146,7 +146,8 @@ class McapFile:
         self.segments: list[Segment] = []
         self.is_finished = False
         self.unread_bytes = 0
-        self.damage = self.metadata = ''
+        self.metadata = ''
+        self.damage: str | None = None
         self.stated_counts: Counter[int] | None = None
         self._schemas: dict[int, Schema] = {}
         self._definition_bytes = 0

@@ -198,9 +198,9 @@ class ReplayComparison:
 
     Attributes
     ----------
-    first_difference : str
-        One sentence; empty if the passes are equal.
-    left_out : str
+    first_difference : str or None
+        One sentence; None if the passes are equal.
+    left_out : str or None
         Description of results that were not compared, because they began before the recording, or
         are only in one pass, at the interrupted end.
     is_exact : bool
@@ -208,15 +208,15 @@ class ReplayComparison:
         rounding, because NumPy's sums depend on the processor.
     """
 
-    first_difference: str
+    first_difference: str | None
     window_count: int
     classification_count: int
-    left_out: str = ''
+    left_out: str | None = None
     is_exact: bool = True
 
     @property
     def is_equal(self) -> bool:
-        return not self.first_difference
+        return self.first_difference is None
 
 
 def compare_with_recorded(
@@ -296,7 +296,7 @@ def _without(results: TactileResults, left_out: Sequence[Result]) -> TactileResu
 
 def _format_left_out(
     begun: Sequence[Result], unrecorded: Sequence[Result], unfounded: Sequence[Result]
-) -> str:
+) -> str | None:
     sentences = []
     if begun:
         sentences.append(
@@ -311,7 +311,7 @@ def _format_left_out(
         sentences.append(
             f'the last samples or events of {_count(unfounded)} could not be recorded'
         )
-    return '; '.join(sentences)
+    return '; '.join(sentences) or None
 
 
 def _count(results: Sequence[Result]) -> str:
@@ -335,13 +335,13 @@ def compare(
         ('classifications', one.classifications, other.classifications),
     )
 
-    def find_difference(share: float) -> str:
+    def find_difference(share: float) -> str | None:
         found = (_first_difference(what, a, b, names, share) for what, a, b in kinds)
-        return next(filter(None, found), '')
+        return next(filter(None, found), None)
 
     difference = find_difference(0.0)
-    is_exact = not difference
-    if difference and rounding:
+    is_exact = difference is None
+    if rounding and not is_exact:
         difference = find_difference(rounding)
     counts = len(one.windows), len(one.classifications)
     return ReplayComparison(difference, *counts, is_exact=is_exact)
@@ -349,7 +349,7 @@ def compare(
 
 def _first_difference(
     what: str, one: Sequence[Any], other: Sequence[Any], names: tuple[str, str], rounding: float
-) -> str:
+) -> str | None:
     for left, right in zip(one, other, strict=False):
         for item in fields(left):
             a, b = getattr(left, item.name), getattr(right, item.name)
@@ -360,7 +360,7 @@ def _first_difference(
                 )
     if len(one) != len(other):
         return f'{len(one)} {what} in {names[0]}, {len(other)} in {names[1]}'
-    return ''
+    return None
 
 
 def _same(a: Any, b: Any, rounding: float) -> bool:

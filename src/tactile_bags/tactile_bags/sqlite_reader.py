@@ -37,7 +37,8 @@ class SqliteFile:
         self.counts: Counter[int] = Counter()
         self.stated_counts: Counter[int] = Counter()
         self.is_finished = True  # SQLite itself rolls back unfinished transactions
-        self.metadata = self.damage = ''
+        self.metadata = ''
+        self.damage: str | None = None
         self.newest_ns = self.unread_bytes = 0
         # Read-only: opening must not change the file.
         self._database = sqlite3.connect(

@@ -84,7 +84,7 @@ class BagRecorderNode(PollingNode):
 
     If writing fails, for example because the disk is full, the recording ends and this node
     reports a failure. Other nodes continue, because they may control motion. ``failure`` then has
-    the reason and the number of saved messages.
+    the reason and the number of saved messages; otherwise it is None.
 
     ``message_count`` messages were written, of which ``window_count`` are feature windows.
     ``audits`` are the audits of the last `MAX_AUDITS` trials that have ended.
@@ -117,14 +117,14 @@ class BagRecorderNode(PollingNode):
         self.window_count = 0
         self.audits: deque[Audit] = deque(maxlen=MAX_AUDITS)
         self._summary = AuditSummary()
-        self.failure = ''
+        self.failure: str | None = None
 
     # -- lifecycle -----------------------------------------------------------------------
 
     def set_up(self, config: RecorderConfig) -> None:
         if not config.bag:
             raise ValueError('parameter bag is empty; set it to the folder of the new bag')
-        self.failure = ''
+        self.failure = None
         self._arrived_ns = self._set_back_ns = 0
         self.is_finished = self.has_failed = False
         self.audits.clear()
@@ -206,7 +206,7 @@ class BagRecorderNode(PollingNode):
 
     def _record(self, arrival: _Arrival) -> None:
         name, topic = arrival.topic, self._topics[arrival.topic]
-        if self.failure:
+        if self.failure is not None:
             return
         # Later events decide whether an event from before the activation is recorded.
         is_event = topic.type_name == EVENT
@@ -409,7 +409,7 @@ class BagRecorderNode(PollingNode):
 
     def _health(self) -> Health:
         values = {'messages': self.message_count, 'trials_audited': self._summary.trials}
-        if self.failure:
+        if self.failure is not None:
             return Health(ERROR, self.failure, values)
         if not self._recording:
             return Health(WARN, 'not recording: activate the node', values)

@@ -52,7 +52,7 @@ def bag_path(tmp_path):
 
 def test_what_is_written_is_read_bit_for_bit(bag_path):
     with TactileBag(bag_path) as bag:
-        assert bag.recovered == ''
+        assert bag.recovered is None
         assert bag.metadata == {'simulated': True, 'note': 'two fingers'}
         assert bag.namespaces == ('index', 'thumb')
         assert bag.topics['/thumb/tendon_sensor/strain'] == (STRAIN, 3)
@@ -140,7 +140,7 @@ def test_empty_metadata_as_after_a_power_failure_keeps_no_message_back(
         assert [message.data for message in bag.messages()] == messages
     repair_bag(bag_path, tmp_path / 'copy')
     with TactileBag(tmp_path / 'copy') as bag:
-        assert bag.recovered == ''
+        assert bag.recovered is None
 
 
 def test_recordings_of_another_message_definition_are_refused(bag_path):
@@ -178,7 +178,7 @@ def test_bags_of_another_writer_are_read(tmp_path, storage, compression):
         for i in range(20):
             writer.write(strain, i, store.serialize_cdr(block(store, i, [1.5] * 9), STRAIN))
     with TactileBag(tmp_path / 'bag') as bag:
-        assert bag.recovered == ''
+        assert bag.recovered is None
         assert bag.topics[event.topic] == (EVENT, 0)
         messages = list(bag.messages(STRAIN))
         assert [m.received_at_ns for m in messages] == list(range(20))

@@ -42,7 +42,7 @@ def test_a_bag_ends_with_the_last_chunk_that_fitted(tmp_path):
     assert writer.is_complete
     assert writer.saved_count == 3
     with TactileBag(path) as bag:
-        assert bag.recovered == ''
+        assert bag.recovered is None
         assert [message.received_at_ns for message in bag.messages()] == [0, 1, 2]
 
 

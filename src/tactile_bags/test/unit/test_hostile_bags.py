@@ -101,7 +101,7 @@ def test_messages_are_read_in_order_however_they_are_packed(read_file, packing):
     """Also those behind a chunk without an index, and of chunks that overlap in time."""
     first = chunk(ONE_FOUR, packing, checksum=zlib.crc32(ONE_FOUR))
     for second in (chunk(TWO_THREE, packing), TWO_THREE):
-        assert read_file(DEFINED + first + second + END) == ([b'1', b'2', b'3', b'4'], '')
+        assert read_file(DEFINED + first + second + END) == ([b'1', b'2', b'3', b'4'], None)
 
 
 def test_a_copy_of_the_metadata_that_came_in_part_keeps_no_message_back(read_file):
@@ -185,7 +185,7 @@ def test_the_index_of_a_chunk_hides_no_message(read_file):
     data = DEFINED + EVENTS + chunk(BOTH)
     for index in (index_of(1) + index_of(2), index_of(1), index_of(1) + index_of(7), b''):
         for end in (finish({1: 1, 2: 1}), END):
-            assert read_file(data + index + end) == ([b'one', b'two'], '')
+            assert read_file(data + index + end) == ([b'one', b'two'], None)
 
 
 def test_a_closed_file_without_all_of_its_messages_is_refused_and_can_be_repaired(tmp_path):

@@ -70,6 +70,6 @@ def test_repair_makes_a_closed_copy(stiffness_bag, tmp_path, damage):
     assert result['recovered']
     assert bool(result['damage']) == bool(damage)
     with TactileBag(tmp_path / 'copy') as bag:
-        assert bag.recovered == ''
+        assert bag.recovered is None
         assert len(list(bag.messages())) == result['message_count']
         assert bag.metadata.get('repair_is_partial', False) == bool(damage)

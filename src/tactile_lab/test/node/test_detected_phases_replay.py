@@ -17,5 +17,5 @@ def test_nodes_find_the_phases_that_the_core_finds(stiffness_bag, context):
         core = replay_through_core(bag, None, RecordedFeatures(config))
         nodes = replay_through_nodes(bag, None, config, context, expected=core)
     comparison = compare(core, nodes, ('core', 'nodes'))
-    assert comparison.first_difference == ''
+    assert comparison.first_difference is None
     assert comparison.window_count == 15

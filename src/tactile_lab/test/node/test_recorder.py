@@ -260,7 +260,7 @@ def test_a_killed_recorder_leaves_a_bag_that_opens(context, tmp_path):
     repair = repair_bag(path, tmp_path / 'repaired')
     assert repair.message_count == len(sequences)
     with TactileBag(tmp_path / 'repaired') as bag:
-        assert bag.recovered == ''
+        assert bag.recovered is None
         assert bag.metadata['operator'] == 'nobody'
     assert messages_on_disk(tmp_path / 'repaired') == sequences
 
