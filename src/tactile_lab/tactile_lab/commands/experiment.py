@@ -130,7 +130,8 @@ def run(
     if not is_experiment(home.path):
         home.set_up(planned)
     operator = (NonInteractive if yes else Terminal)(output, accept_setup)
-    ended, is_error = 'interrupted', False
+    ended: str | None = 'interrupted'
+    is_error = False
     # The order changes only while the journal is locked. A block is appended when the rig
     # runs, so that a refused call appends nothing.
     with home.open_journal() as journal:
@@ -146,7 +147,7 @@ def run(
                     bench = LiveTrialBackend(setup, output, make_request, number)
                     _, ended = run_experiment(home, bench, operator, journal, block)
             else:
-                ended = ''
+                ended = None
         except Exception as error:
             ended, is_error = str(error), True
             raise
@@ -318,7 +319,7 @@ def status(folder: FolderArgument, as_json: options.JsonOption = False) -> None:
     table = Table(*columns, spare=['session', 'contact'])  # the id of a trial has its session
     for attempt in progress.attempts.values():
         trial = planned[attempt.key]
-        verdict = 'excluded' if attempt.excluded else attempt.verdict or 'not known'
+        verdict = 'excluded' if attempt.excluded is not None else attempt.verdict or 'not known'
         label = attempt.label or trial.object_label
         table.add_row(attempt.trial_id, label, trial.contact, trial.session_id, verdict)
     if progress.attempts:
@@ -404,7 +405,7 @@ def _correct(
 def _summarise(
     folder: 'ExperimentFolder',
     output: Output,
-    ended: str = '',
+    ended: str | None = None,
     is_error: bool = False,
     again: str = '',
 ) -> None:
@@ -428,9 +429,9 @@ def _summarise(
         parts.append(f'sessions left: {", ".join(found["sessions_left"])}')
     output.say(f'{folder.path}: {"; ".join(parts)}')
     for attempt in progress.attempts.values():
-        if attempt.label:
+        if attempt.label is not None:
             output.say(f'   {attempt.trial_id} is {attempt.label}: {attempt.why}')
-        if attempt.excluded:
+        if attempt.excluded is not None:
             output.say(f'   {attempt.trial_id} is excluded: {attempt.excluded}')
     if ended and not is_error and found['sessions_left']:
         output.say(f'Ended: {ended}')

@@ -66,7 +66,7 @@ def trials(
         for i in range(1, count + 1)
     ]
     live: list[LiveTrial] = []
-    ended_early = ''
+    ended_early: str | None = None
     try:
         with open_rig(given, models, output, seed=seed, watch=watch) as setup:
             run_live_trials(setup, bag, requests, output, live)

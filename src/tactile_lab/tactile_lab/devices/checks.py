@@ -105,7 +105,7 @@ def check_sensor(
         facts = {'identity': identity, **facts}
     if health.rate_hz:
         facts['rate that the device states [Hz]'] = round(health.rate_hz, 3)
-    if health.device_status:
+    if health.device_status is not None:
         problems.append(Problem(f'the sensor reports: {health.device_status}', 'power-cycle it'))
     out_of_order = health.duplicates + health.late_samples + health.outliers
     problems += _list_problems(

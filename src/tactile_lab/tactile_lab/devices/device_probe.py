@@ -110,14 +110,14 @@ def _is_value(text: bytes) -> bool:
     return found is not None and (not found[1] or found[1] in UNITS)
 
 
-def _find_refusal(lines: list[bytes], parameters: dict[str, Any]) -> str:
-    """Return why the driver with these parameters would reject all lines, or an empty string."""
+def _find_refusal(lines: list[bytes], parameters: dict[str, Any]) -> str | None:
+    """Return why the driver with these parameters would reject all lines, or None."""
     try:
         decoder = LineDecoder(TendonSensorConfig(rate_hz=0.1, **parameters))  # any rate works
     except ValueError as error:
         return str(error)
     readings = decoder.feed(b'\n' + b'\n'.join(lines) + b'\n', 0)
-    return '' if readings else decoder.last_reason
+    return None if readings else decoder.last_reason
 
 
 def _read_columns(rows: list[list[bytes]], numeric: list[int]) -> dict[str, Any]:

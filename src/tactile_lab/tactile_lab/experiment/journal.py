@@ -142,21 +142,21 @@ def read_journal(path: Path) -> list[Entry]:
 class Attempt:
     """One attempt at a trial.
 
-    ``verdict`` is empty while it is unknown, for example after a power cut. Each planned trial's
+    ``verdict`` is None while it is unknown, for example after a power cut. Each planned trial's
     ``key`` has at most one attempt that is kept. ``statistics`` are used to find outliers.
-    ``label`` is the corrected label, if the recorded one is wrong, and ``why`` the reason;
-    ``excluded`` is the reason why the trial was excluded later.
+    ``label`` is the corrected label and ``why`` the reason, or None if the recorded label is
+    right; ``excluded`` is the reason why the trial was excluded later, or None.
     """
 
     key: str
     trial_id: str
     mounting_id: str
-    verdict: str = ''
+    verdict: str | None = None
     sentence: str = ''
     is_kept: bool = False
-    label: str = ''
-    why: str = ''
-    excluded: str = ''
+    label: str | None = None
+    why: str | None = None
+    excluded: str | None = None
     statistics: dict[str, float] = field(default_factory=dict)
 
 
@@ -232,7 +232,7 @@ class Progress:
         elif kind == EXCLUDED:
             self.attempts[str(entry['trial_id'])].excluded = str(entry['why'])
         elif kind == INCLUDED:
-            self.attempts[str(entry['trial_id'])].excluded = ''
+            self.attempts[str(entry['trial_id'])].excluded = None
 
     def _keep(self, attempt: Attempt) -> None:
         if attempt.key in self._kept:
@@ -308,8 +308,8 @@ class Progress:
             for attempt in self._kept.values()
             if attempt.key in same
             and attempt.verdict == GOOD
-            and not attempt.excluded
-            and attempt.label in ('', trial.object_label)
+            and attempt.excluded is None
+            and attempt.label in (None, trial.object_label)
         ]
 
     def estimate_left_s(self) -> float:
@@ -328,11 +328,11 @@ class Progress:
             'planned': len(self.order),
             'done': self.done_count,
             'outliers_kept': self.outlier_count,
-            'excluded': sum(bool(attempt.excluded) for attempt in self._kept.values()),
-            'relabelled': sum(bool(attempt.label) for attempt in self._kept.values()),
+            'excluded': sum(attempt.excluded is not None for attempt in self._kept.values()),
+            'relabelled': sum(attempt.label is not None for attempt in self._kept.values()),
             'attempts': len(verdicts),
             'failed': verdicts.count(FAILED),
-            'interrupted': verdicts.count(ABORTED) + verdicts.count(''),
+            'interrupted': verdicts.count(ABORTED) + verdicts.count(None),
             'mountings': len(self.mounting_ids),
             'sessions_left': self.sessions_left(),
         }

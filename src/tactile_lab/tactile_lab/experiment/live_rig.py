@@ -463,19 +463,19 @@ def judge(
     if not audit.passed:
         return TrialResult('; '.join(audit.findings))
     parts = [f'{audit.sample_count} samples, complete']
-    lack = ''
+    lack: str | None = None
     if window is None:
         lack = 'the features node published no window; its log has the reason'
     elif window.outcome != WindowOutcome.OK:
         lack = f'no features: {window.reason}'
-    if lack and needs_features:
-        return TrialResult(lack)
-    if lack:
+    if lack is not None:
+        if needs_features:
+            return TrialResult(lack)
         parts.append(lack)
     if statistics:
         parts.append(f'{statistics["mean_n"]:.2f} N ± {statistics["deviation_n"]:.2g} N')
     parts += trial.format_answers()
-    return TrialResult('', ', '.join(parts), statistics)
+    return TrialResult(None, ', '.join(parts), statistics)
 
 
 def run_live_trials(

@@ -119,8 +119,8 @@ def _interval(centre: float, spread: float, freedom: int, count: int) -> Range:
 
 def find_outlier(
     statistics: Statistics, mounting_id: str, earlier: Sequence[tuple[str, Statistics]]
-) -> str:
-    """Return a sentence if a trial differs from earlier ones; otherwise an empty string."""
+) -> str | None:
+    """Return how a trial differs from earlier ones; None if it is no outlier."""
     for name, value in statistics.items():
         usual = usual_range(name, mounting_id, earlier, len(statistics))
         if usual is not None and abs(value - usual.centre) > usual.half_width:
@@ -128,7 +128,7 @@ def find_outlier(
                 f'{_TITLES.get(name, name)} {value:.3g} N, usually {usual.centre:.3g} ± '
                 f'{usual.half_width:.2g} N'
             )
-    return ''
+    return None
 
 
 _TITLES = {'mean_n': 'mean tension', 'deviation_n': 'deviation of the tension'}
@@ -164,15 +164,15 @@ class TrialResult:
 
     Attributes
     ----------
-    problem : str
-        Reason why the recording is unusable; empty if it is usable.
+    problem : str or None
+        Reason why the recording is unusable; None if it is usable.
     sentence : str
         Summary of the recording.
     statistics : dict
         Values to find outliers.
     """
 
-    problem: str = ''
+    problem: str | None = None
     sentence: str = ''
     statistics: dict[str, float] = field(default_factory=dict)
 
@@ -304,12 +304,12 @@ def run_experiment(
     operator: Operator,
     journal: Journal,
     appended: Sequence[PlannedTrial] = (),
-) -> tuple[Progress, str]:
+) -> tuple[Progress, str | None]:
     """Run all remaining trials, unless the operator stops; return the progress and the reason.
 
     Every step is written to the journal before and after it happens. A trial is done when its
     entry is on the disk, which follows its recording. Therefore no trial is lost, and none is
-    counted twice. The reason says why trials remain; it is empty if none do.
+    counted twice. The reason says why trials remain; it is None if none do.
 
     Parameters
     ----------
@@ -337,7 +337,7 @@ def run_experiment(
                 appended = ()
             if not loop.run_session(session_id, run_trial):
                 return progress, f'stopped after trial {progress.last.trial_id}'
-    return progress, ''
+    return progress, None
 
 
 def list_changes(old: dict[str, str], new: dict[str, str]) -> list[str]:
@@ -438,14 +438,14 @@ class TrialLoop:
         except BaseException:
             end(ABORTED, 'interrupted', {})
             raise
-        unlike = ''
-        verdict = FAILED if result.problem else GOOD
-        if verdict == GOOD:
-            unlike = find_outlier(
-                result.statistics, order.mounting_id, self.progress.earlier(trial)
-            )
-            verdict = OUTLIER if unlike else GOOD
-        sentence = '; '.join(part for part in (result.problem, unlike, result.sentence) if part)
+        earlier = self.progress.earlier(trial)
+        if (reason := result.problem) is not None:
+            verdict = FAILED
+        elif (reason := find_outlier(result.statistics, order.mounting_id, earlier)) is not None:
+            verdict = OUTLIER
+        else:
+            verdict = GOOD
+        sentence = '; '.join(part for part in (reason, result.sentence) if part)
         end(verdict, sentence, result.statistics)
         self.operator.say(
             f'trial {self.progress.done_count + (verdict != GOOD)} of '

@@ -70,7 +70,7 @@ class Bench:
         if outcome == 'unusable':
             return TrialResult('3 samples lost')
         value = 100.0 if outcome == 'outlier' else 5.0 + 0.01 * len(self.world.recorded)
-        return TrialResult('', '240 samples', {'mean_n': value})
+        return TrialResult(None, '240 samples', {'mean_n': value})
 
 
 class Person:
@@ -239,7 +239,7 @@ def test_an_operator_may_stop_and_what_is_put_there_again_has_a_mounting_of_its_
         'stopped after trial x-s01-m01-t02'
     )
     progress, ended = run_to_end(folder, world)
-    assert ended == ''
+    assert ended is None
     check_complete(folder, world)
     first, *_, second = (progress.kept(f'x-s01-m01-t{i:02d}').mounting_id for i in (1, 2))
     assert (first, second) == ('x-s01-m01', 'x-s01-m01-2')

@@ -65,12 +65,12 @@ def test_a_finger_that_misses_the_plate_is_an_outlier():
     ]
     missed = {'mean_n': 1.0, 'deviation_n': 0.02}
     assert 'mean tension 1 N, usually 5' in find_outlier(missed, '3', earlier)
-    assert find_outlier({'mean_n': 5.0, 'deviation_n': 0.5}, '3', earlier) == ''
+    assert find_outlier({'mean_n': 5.0, 'deviation_n': 0.5}, '3', earlier) is None
 
 
 def test_equal_values_are_no_reason_for_an_alarm_at_the_next_rounding():
     earlier = [('a', {'mean_n': 5.0})] * 9
-    assert find_outlier({'mean_n': 5.09}, 'a', earlier) == ''
+    assert find_outlier({'mean_n': 5.09}, 'a', earlier) is None
     assert find_outlier({'mean_n': 5.11}, 'a', earlier)
 
 
