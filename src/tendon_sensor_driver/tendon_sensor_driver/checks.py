@@ -83,7 +83,7 @@ def check_sensor(make: MakeSensor, blocks: int = 10, timeout_s: float = 20.0) ->
         )
         should_fail.set()
         _wait_for(heard, len(heard) + blocks, timeout_s, 'consumer', client)
-        error = client.health().last_error
+        error = client.health().last_error or ''
         _require(
             not should_fail.is_set() and _FAULT in error,
             'consumer',

@@ -177,7 +177,7 @@ class SensorClient(ABC):
         self._heard_monotonic_ns = 0
         self._delay_s = FIRST_DELAY_S
         self._reconnects = 0
-        self._last_error = ''
+        self._last_error: str | None = None
 
     def __enter__(self: _Self) -> _Self:
         self.open()

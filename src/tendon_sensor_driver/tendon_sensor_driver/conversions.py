@@ -114,7 +114,7 @@ def assess_health(
     """
     if not health.is_connected:
         what = 'no samples' if config.sensor == 'topic' else 'link down, reconnecting'
-        return LEVEL_ERROR, f'{what}: {health.last_error}'
+        return LEVEL_ERROR, what if health.last_error is None else f'{what}: {health.last_error}'
     silence_s = (now_ns - health.heard_at_ns) / 1e9
     if silence_s > config.silence_s:
         return LEVEL_WARN, _format_silence(silence_s, health, before, config)
@@ -132,7 +132,7 @@ def assess_health(
         return LEVEL_WARN, f'{format_restart(config)}; tare again'
     if health.reconnects > before.reconnects:
         return LEVEL_WARN, 'the link was lost and has been re-established'
-    if health.advice:
+    if health.advice is not None:
         return LEVEL_WARN, health.advice
     rejected = health.rejected_lines - before.rejected_lines
     if rejected:
@@ -140,7 +140,7 @@ def assess_health(
         return LEVEL_WARN, (
             f'{rejected} {what}{"" if rejected == 1 else "s"} could not be read during the last '
             f'second, such as "{health.last_rejected}"'
-            + (f': {health.last_reason}' if health.last_reason else '')
+            + ('' if health.last_reason is None else f': {health.last_reason}')
         )
     lost = health.lost_samples - before.lost_samples
     irregular = health.irregular_stamps - before.irregular_stamps
@@ -183,7 +183,7 @@ def _format_silence(
     if config.sensor == 'topic':
         if health.rejected_lines > before.rejected_lines:
             return f'{sentence}; messages arrive, but without a tension: {health.last_rejected}'
-        return f'{sentence}; {health.advice}' if health.advice else sentence
+        return sentence if health.advice is None else f'{sentence}; {health.advice}'
     # Lines from before the last reading do not explain the silence.
     if config.sensor != 'line' or before.heard_at_ns != health.heard_at_ns:
         return sentence

@@ -119,8 +119,8 @@ class LineDecoder:
         Counters; see `tendon_sensor_driver.records.SensorHealth`.
     last_rejected : bytes
         The last rejected line, or the start of it.
-    last_reason : str
-        Why this line was rejected, with a remedy.
+    last_reason : str or None
+        Why this line was rejected, with a remedy; None before the first one.
     last_byte : bytes
         The last byte since the start or `reset`; no byte before the first one.
     """
@@ -150,7 +150,7 @@ class LineDecoder:
         self.readings = 0
         self.rejected_lines = 0
         self.last_rejected = b''
-        self.last_reason = ''
+        self.last_reason: str | None = None
         # Number of columns, and the words before the value, in the lines of this device; None
         # until known. _odd_shape: the same of the previous line if that one differed.
         self._shape: _Shape | None = None

@@ -110,9 +110,9 @@ class NetFtLink:
             self._socket.close()
             raise LinkError(f'cannot reach the Net F/T at {config.host}: {error}') from error
 
-    def format_status(self) -> str:
-        """Return the errors in the newest record, comma-separated; an empty string for none."""
-        return ', '.join(format_status(self._status_word, is_axia=self._is_axia))
+    def format_status(self) -> str | None:
+        """Return the errors in the newest record, comma-separated, or None."""
+        return ', '.join(format_status(self._status_word, is_axia=self._is_axia)) or None
 
     def read(self) -> Batch | None:
         """Return the received samples, or None if none arrive for up to 0.25 s.
@@ -224,7 +224,7 @@ class NetFtClient(LinkClient[NetFtLink]):
             bytes=counts['bytes'],
             lines=counts['datagrams'],
             rejected_lines=counts['rejected'],
-            device_status='' if link is None else link.format_status(),
+            device_status=None if link is None else link.format_status(),
             rate_hz=self._stream.clock.rate_hz,
         )
 

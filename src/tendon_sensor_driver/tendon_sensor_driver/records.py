@@ -298,9 +298,9 @@ class SensorHealth:
     restarts: int = 0  # number of times that the device restarted, or may have restarted
     overruns: int = 0  # number of times that input was dropped because ``on_block`` was too slow
     status: StrainStatus = StrainStatus.OK  # status of the newest sample
-    device_status: str = ''  # errors that the device reports; an empty string for none
+    device_status: str | None = None  # errors that the device reports, comma-separated
     rate_hz: float = 0.0  # rate as stated by the device or measured on a topic [Hz]; 0: unknown
     last_rejected: str = ''  # the last rejected line, shortened, as printable text
-    last_reason: str = ''  # why this line was rejected, with a remedy
-    last_error: str = ''  # last error of the link or of the consumer of the blocks
-    advice: str = ''  # problem of the received samples, with a remedy; an empty string for none
+    last_reason: str | None = None  # why this line was rejected, with a remedy
+    last_error: str | None = None  # last error of the link or of the consumer of the blocks
+    advice: str | None = None  # problem of the received samples, with a remedy

@@ -70,7 +70,9 @@ class Tare:
         self._blocks: deque[StrainBlock] = deque()
         self._samples = 0
         self._end_ns = 0  # end of the newest block
-        self._break = ''  # event before the first of the stored samples, for messages
+        self._break: str | None = (
+            None  # event before the first of the stored samples, for messages
+        )
         self._wrench_tare: NDArray[np.float64] | None = None
         self._value = TareValue(0)
 
@@ -168,7 +170,7 @@ class Tare:
         """Return the stored blocks if there are enough of them and they are recent and valid."""
         blocks, config = list(self._blocks), self._config
         if self._samples < config.tare_samples:
-            since = f' since {self._break}' if self._break else ''
+            since = '' if self._break is None else f' since {self._break}'
             raise TareError(
                 'few',
                 f'only {self._samples} of {config.tare_samples} samples received{since}; leave '

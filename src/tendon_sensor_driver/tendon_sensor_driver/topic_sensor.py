@@ -212,21 +212,19 @@ class TopicClient(SensorClient):
         stream = self._stream
         error = {}
         if not self._is_connected:
-            error['last_error'] = (
-                self._refusal
-                or find_publisher_problem(self.identity, self._publishers, self._type_name)
-                or ''
+            error['last_error'] = self._refusal or find_publisher_problem(
+                self.identity, self._publishers, self._type_name
             )
         return self._make_health(
             stream.samples,
             lines=stream.readings + self._rejected,
             readings=stream.readings,
             rejected_lines=self._rejected,
-            device_status='' if stream.is_value_finite else 'the value is not a finite number',
+            device_status=None if stream.is_value_finite else 'the value is not a finite number',
             rate_hz=stream.meter.rate_hz,
             irregular_stamps=0 if stream.clock is None else stream.clock.irregular_stamps,
             last_rejected=self._last_rejected,
-            advice=self._find_problem() or '',
+            advice=self._find_problem(),
             **error,
         )
 
