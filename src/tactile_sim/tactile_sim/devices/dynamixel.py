@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from linear_guide_driver.dynamixel import registers as known
 from linear_guide_driver.dynamixel.registers import COUNTS_PER_TURN, EEPROM_END, Register
 from tactile_sim.descriptions.description import TendonDrive
-from tactile_sim.physics.motion import Motion, plan_move, plan_stop
+from tactile_sim.physics.motion import plan_move, plan_stop, Trajectory
 
 FloatArray = NDArray[np.float64]
 _EARLY_S = 1e-6
@@ -253,7 +253,7 @@ class DynamixelDevice:
         self._is_hot = False
         self._position = float(drive.slack_count)
         self._velocity = 0.0
-        self._motion = Motion(self._position, [], self._position)
+        self._trajectory = Trajectory(self._position, [], self._position)
         self._table[known.GOAL_POSITION] = drive.slack_count
 
     # ---- physics ------------------------------------------------------------------------
@@ -281,7 +281,7 @@ class DynamixelDevice:
             if slackened_m or not self._is_at_rest:
                 self._rest_at(self._position - slackened_m / self._drive.m_per_count)
             return
-        position, velocity = self._motion.state_at(now_s)
+        position, velocity = self._trajectory.state_at(now_s)
         overloaded = self._load_a(1.0) > self._limit_a()
         if velocity > 0.0 and overloaded:
             self._stalled = True
@@ -294,7 +294,7 @@ class DynamixelDevice:
 
     @property
     def _is_at_rest(self) -> bool:
-        return self._velocity == 0.0 and self._motion.end_s == -math.inf
+        return self._velocity == 0.0 and self._trajectory.end_s == -math.inf
 
     def rests_until_s(self, tension_n: float) -> float:
         """Return the time until which the servo rests under this tension, as far as known [s].
@@ -303,7 +303,7 @@ class DynamixelDevice:
         """
         if not self._table[known.TORQUE_ENABLE]:
             return math.inf if tension_n <= self._drive.back_drive_n else -math.inf
-        if self._stalled or self._motion.end_s > self._now_s:
+        if self._stalled or self._trajectory.end_s > self._now_s:
             return -math.inf
         watchdog = self._table[known.BUS_WATCHDOG]
         if watchdog in (0, known.WATCHDOG_TRIPPED):
@@ -325,7 +325,7 @@ class DynamixelDevice:
             feeds = times_s - self._fed_s <= watchdog * known.WATCHDOG_STEP_S
             times_s = times_s[: int(np.argmin(np.append(feeds, False)))]
         if has_torque and not self._stalled:
-            position, velocity = self._motion.states_at(times_s)
+            position, velocity = self._trajectory.states_at(times_s)
         else:
             position = np.full(len(times_s), self._position)
             velocity = np.zeros(len(times_s))
@@ -465,7 +465,7 @@ class DynamixelDevice:
 
     def _rest_at(self, position: float) -> None:
         self._position, self._velocity = position, 0.0
-        self._motion = Motion(position, [], position)
+        self._trajectory = Trajectory(position, [], position)
 
     def _go(self, goal: int) -> None:
         """Start the profile to a goal from the present position and velocity."""
@@ -484,7 +484,7 @@ class DynamixelDevice:
         segments = plan_move(
             self._now_s, self._position, self._velocity, target, speed, acceleration
         )
-        self._motion = Motion(self._position, segments, target)
+        self._trajectory = Trajectory(self._position, segments, target)
 
     def _check_watchdog(self) -> None:
         steps = self._table[known.BUS_WATCHDOG]
@@ -496,7 +496,7 @@ class DynamixelDevice:
             strongest = self._drive.max_acceleration_m_s2 / self._drive.m_per_count
             stop = plan_stop(self._now_s, self._position, self._velocity, strongest)
             end = stop[-1].end_position if stop else self._position
-            self._motion = Motion(self._position, stop, end)
+            self._trajectory = Trajectory(self._position, stop, end)
 
     def _load_a(self, direction: float) -> float:
         """Return the current for the tension and the friction of the gear [A]."""

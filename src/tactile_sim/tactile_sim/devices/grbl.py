@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tactile_sim.descriptions.description import Guide
 from tactile_sim.devices.gcode import Command, GcodeError, Modal, parse_gcode, strip_line
-from tactile_sim.physics.motion import Motion, plan_legs, plan_ramp, plan_stop, Segment
+from tactile_sim.physics.motion import plan_legs, plan_ramp, plan_stop, Segment, Trajectory
 
 SOFT_LIMITS, HOMING, HOMING_DIRECTION, HOMING_SLOW, HOMING_FAST, PULL_OFF = 20, 22, 23, 24, 25, 27
 REPORT_MASK, STEPS_PER_MM, MAX_RATE, ACCELERATION, TRAVEL = 10, 100, 110, 120, 130
@@ -84,7 +84,7 @@ class Planner:
     def __init__(self, position: float) -> None:
         self.acceleration = 1.0
         self._blocks: deque[_Block] = deque()
-        self._motion = Motion(position, [], position)
+        self._trajectory = Trajectory(position, [], position)
         self.held = False
 
     @property
@@ -95,7 +95,7 @@ class Planner:
     @property
     def end_s(self) -> float:
         """Time at which all motion ends, unless commands follow; in the past at rest."""
-        return self._motion.end_s
+        return self._trajectory.end_s
 
     @property
     def next_end_s(self) -> float:
@@ -105,15 +105,15 @@ class Planner:
     @property
     def target(self) -> float:
         """Target of the last queued move."""
-        return self._blocks[-1].target if self._blocks else self._motion.target
+        return self._blocks[-1].target if self._blocks else self._trajectory.target
 
     def state_at(self, time_s: float) -> tuple[float, float]:
         """Return position and velocity."""
-        return self._motion.state_at(time_s)
+        return self._trajectory.state_at(time_s)
 
     def positions_at(self, times_s: FloatArray) -> FloatArray:
         """Return positions at increasing times, with the same bits as `state_at`."""
-        return self._motion.states_at(times_s)[0]
+        return self._trajectory.states_at(times_s)[0]
 
     def settle(self, time_s: float) -> None:
         """Remove the moves that are done by ``time_s``."""
@@ -132,14 +132,14 @@ class Planner:
     def run(self, time_s: float, segments: list[Segment], target: float) -> None:
         """Replace the queue by a prepared motion (homing)."""
         self.place(self.state_at(time_s)[0])
-        self._motion = Motion(self.state_at(time_s)[0], segments, target)
+        self._trajectory = Trajectory(self.state_at(time_s)[0], segments, target)
 
     def hold(self, time_s: float) -> None:
         """Brake to rest and keep the queue."""
         self.settle(time_s)
         position, velocity = self.state_at(time_s)
         stop = plan_stop(time_s, position, velocity, self.acceleration)
-        self._motion = Motion(position, stop, stop[-1].end_position if stop else position)
+        self._trajectory = Trajectory(position, stop, stop[-1].end_position if stop else position)
         self.held = True
         for block in self._blocks:
             block.end_s = math.inf
@@ -157,13 +157,13 @@ class Planner:
     def place(self, position: float) -> None:
         """Stop immediately at ``position``, with an empty queue."""
         self.drop_queue()
-        self._motion = Motion(position, [], position)
+        self._trajectory = Trajectory(position, [], position)
 
     def _replan(self, time_s: float) -> None:
         position, velocity = self.state_at(time_s)
         blocks = list(self._blocks)
         if not blocks:
-            self._motion = Motion(position, [], position)
+            self._trajectory = Trajectory(position, [], position)
             return
         targets = [position] + [b.target for b in blocks]
         lengths = [b - a for a, b in pairwise(targets)]
@@ -192,7 +192,7 @@ class Planner:
             segments += ramp
             entry = leave
             start_s = block.end_s = ramp[-1].end_s if ramp else start_s
-        self._motion = Motion(position, segments, blocks[-1].target)
+        self._trajectory = Trajectory(position, segments, blocks[-1].target)
 
 
 class StatusReporter:

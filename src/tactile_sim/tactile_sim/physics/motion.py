@@ -46,7 +46,7 @@ class Segment(NamedTuple):
         return self.position + self.velocity * t + self.acceleration * t * t / 2
 
 
-class Motion:
+class Trajectory:
     """Segments in the order of time; at rest at ``start`` before, and at ``target`` afterwards.
 
     In a gap, the axis rests at the end position of the previous segment.
@@ -215,7 +215,7 @@ class Timeline:
     guide_start_m: float = 0.060
 
 
-def plan_timeline(rig: Rig, timeline: Timeline) -> tuple[Motion, Motion]:
+def plan_timeline(rig: Rig, timeline: Timeline) -> tuple[Trajectory, Trajectory]:
     """Return the motions of guide and tendon; targets are rounded like those of the devices.
 
     Raises `DescriptionError` when the timeline does not fit the rig.
@@ -255,7 +255,7 @@ def _plan_axis(
     max_speed_m_s: float,
     acceleration_m_s2: float,
     unit_m: float,
-) -> Motion:
+) -> Trajectory:
     segments: list[Segment] = []
     position, free_s = start_m, -np.inf
     for move in moves:
@@ -278,4 +278,4 @@ def _plan_axis(
         segments += ramp
         position = target
         free_s = ramp[-1].end_s if ramp else move.start_s
-    return Motion(start_m, segments, position)
+    return Trajectory(start_m, segments, position)

@@ -8,13 +8,13 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from tactile_sim.physics.motion import Motion, move_duration_s, plan_move, plan_ramp
+from tactile_sim.physics.motion import move_duration_s, plan_move, plan_ramp, Trajectory
 
 quantity = st.floats(1e-3, 1e3)
 
 
 def test_trapezoid_is_the_closed_form():
-    motion = Motion(0.0, plan_ramp(1.0, 0.0, 30.0, 15.0, 500.0), 30.0)
+    motion = Trajectory(0.0, plan_ramp(1.0, 0.0, 30.0, 15.0, 500.0), 30.0)
     assert motion.end_s == pytest.approx(1.0 + 30 / 15 + 15 / 500)
     assert motion.state_at(1.015) == pytest.approx((500 * 0.015**2 / 2, 7.5))
     assert motion.state_at(2.0) == pytest.approx((15 * (1.0 - 0.015), 15.0))
@@ -45,7 +45,7 @@ def test_any_move_ends_on_target_within_limits(distance, speed, acceleration, en
 
 def test_many_times_at_once_equal_one_at_a_time():
     segments = plan_ramp(0.5, 0.0, 3.0, 1.0, 2.0) + plan_ramp(6.0, 3.0, -1.0, 2.0, 2.0)
-    motion = Motion(0.0, segments, -1.0)
+    motion = Trajectory(0.0, segments, -1.0)
     times = np.linspace(-1.0, 12.0, 500)
     one_by_one = [motion.state_at(t)[0] for t in times]
     np.testing.assert_allclose(motion.positions_at(times), one_by_one, atol=1e-12)
