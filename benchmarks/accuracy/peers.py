@@ -160,7 +160,7 @@ def held_out(group: Array, _seed: int = 0) -> Split:
         yield np.flatnonzero(group != value), np.flatnonzero(group == value)
 
 
-class Candidate:
+class MethodOnTrials:
     """A method on one set of trials; features that are not fitted are computed once.
 
     ``x`` has shape (trials, samples), ``label`` has shape (trials,).
@@ -209,7 +209,7 @@ def compare(
     """Return one row per method and split."""
     rows = []
     for method in [*ours, *peers()]:
-        candidate = Candidate(method, x, label)
+        candidate = MethodOnTrials(method, x, label)
         for split_name, split in splits.items():
             found, window_s, training_s = candidate.measure(split, seeds)
             more = {

@@ -26,12 +26,12 @@ import numpy as np
 
 from benchmarks.accuracy.peers import (
     Array,
-    Candidate,
     compute_by_speed,
     fit_aeon,
     fixed,
     held_out,
     Method,
+    MethodOnTrials,
     ridge,
     ROCKETS,
     Transform,
@@ -123,7 +123,7 @@ def _measure_all(
                 method = Method('', partial(fit_aeon, peer, view), ridge, learns=True)
                 methods.append((f'{peer} on {name}', 'ridge', '', method, seeds))
     for name, classifier, scaling, method, count in methods:
-        found, window_s, training_s = Candidate(method, x, label).measure(split, count)
+        found, window_s, training_s = MethodOnTrials(method, x, label).measure(split, count)
         mean = float(np.mean(found))
         point = Point(
             recording,
