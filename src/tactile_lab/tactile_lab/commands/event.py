@@ -27,7 +27,7 @@ def event(
         str,
         typer.Option(help='Name of the trial, the same for all its events, such as grasp-1.'),
     ],
-    task: Annotated[
+    protocol: Annotated[
         str,
         typer.Option(
             **options.choice('', 'texture', 'stiffness'),
@@ -86,7 +86,7 @@ def event(
         stamp_ns,
         trial,
         session,
-        task or ('texture' if phase == 'glide' else 'stiffness'),
+        protocol or ('texture' if phase == 'glide' else 'stiffness'),
         contact,
         object_label,
         phase,

@@ -212,7 +212,7 @@ def new(
     objects: Annotated[
         str, typer.Option(help='Labels of the plates or objects, separated by commas: R1,R2,C1.')
     ],
-    task: Annotated[
+    protocol: Annotated[
         str, typer.Option(**options.choice('texture', 'stiffness'), help='Kind of trial.')
     ] = 'texture',
     contacts: Annotated[str, typer.Option(help='flexion, abduction, or both.')] = 'flexion',
@@ -242,7 +242,7 @@ def new(
 
     plan = ExperimentPlan(
         name=path.stem,
-        protocol=task,
+        protocol=protocol,
         objects=options.split(objects),
         contacts=options.split(contacts),
         sessions=sessions,
@@ -301,7 +301,7 @@ def _check_labels(plan: 'ExperimentPlan') -> list[str]:
         if wrong := [label for label in plan.objects if label in labels and label not in own]:
             raise TactileError(
                 f'{", ".join(wrong)} is for {other} trials; {plan.protocol} trials have '
-                f'{", ".join(own)} or your own labels. For {other} trials: --task {other}'
+                f'{", ".join(own)} or your own labels. For {other} trials: --protocol {other}'
             )
     return [label for label in plan.objects if label not in own]
 

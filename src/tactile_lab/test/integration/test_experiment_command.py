@@ -72,7 +72,7 @@ def test_a_rig_that_lacks_an_object_is_refused_before_there_is_a_folder(tmp_path
     plan = tmp_path / 'new.yaml'
     said = hear_tactile('experiment', 'new', plan, '--objects', 'R1,pla', code=2)
     assert 'pla is for stiffness trials' in said
-    assert '--task stiffness' in said
+    assert '--protocol stiffness' in said
     assert not plan.exists()
     said = hear_tactile('experiment', 'new', plan, '--objects', 'R1,oak')
     assert 'oak: only for your rig' in said

@@ -65,7 +65,7 @@ def test_an_experiment_survives_ctrl_c_and_kill_and_its_trials_are_read(
     let_rigs_home_fast(monkeypatch.setattr)
     quick = ('--params', parameter_file(SHORT_HOLD))
     plan = tmp_path / 'soft.yaml'
-    options = ['--task', 'stiffness', '--objects', 'pla', '--sessions', 2]
+    options = ['--protocol', 'stiffness', '--objects', 'pla', '--sessions', 2]
     hear_tactile('experiment', 'new', plan, *options, '--mountings', 1, '--trials', 1)
     folder = ExperimentFolder(tmp_path / 'soft')
     assert '--yes requires --simulated' in hear_tactile('experiment', plan, '--yes', code=2)
