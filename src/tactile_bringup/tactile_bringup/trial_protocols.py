@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from linear_guide_driver.records import EmergencyStopConfig
 from tactile_classifier.records import CONTACTS
+from tactile_features.records import PHASE_TOUCH
 from tactile_ros.configs import parameter
 
 PROTOCOLS = ('texture', 'stiffness')
@@ -206,15 +207,15 @@ def trial_steps(config: TrialConfig, request: TrialRequest) -> list[Step]:
     """Return the steps of a trial in order, each with its phase."""
     pull_m = config.displacement_m(request.contact)
     approach = GuideStep('approach', config.guide_start_m, config.approach_speed_m_s)
-    contact = TendonStep('contact', pull_m, config.pull_speed_m_s)
+    touch = TendonStep(PHASE_TOUCH, pull_m, config.pull_speed_m_s)
     release = TendonStep('release', 0.0, config.pull_speed_m_s)
     if request.protocol == 'stiffness':
-        return [approach, contact, WaitStep('hold', request.hold_s or config.hold_s), release]
+        return [approach, touch, WaitStep('hold', request.hold_s or config.hold_s), release]
     end_m = config.guide_start_m + config.glide_length_m
     return [
         approach,
-        contact,
-        WaitStep('contact', config.settle_s),
+        touch,
+        WaitStep(PHASE_TOUCH, config.settle_s),
         GuideStep('glide', end_m, glide_speed_m_s(config, request)),
         release,
         GuideStep('return', config.guide_start_m, config.approach_speed_m_s),

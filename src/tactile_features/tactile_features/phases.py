@@ -23,11 +23,11 @@ from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
 from tactile_features.records import (
     PHASE_ABORTED,
-    PHASE_CONTACT,
     PHASE_DONE,
     PHASE_GLIDE,
     PHASE_HOLD,
     PHASE_RELEASE,
+    PHASE_TOUCH,
     PHASES_STATED,
     PROTOCOL_STIFFNESS,
     PROTOCOL_TEXTURE,
@@ -373,7 +373,7 @@ class SignalPhases:
         self._trial_id = f'detected-{self._signal.stamp_ns[at]}'
         self._rise_from_ns = self._signal.stamp_ns[max(0, at - SLOPE_STEPS)]
         self._start_rise()
-        return [self._event(PHASE_CONTACT, self._signal.stamp_ns[at])]
+        return [self._event(PHASE_TOUCH, self._signal.stamp_ns[at])]
 
     def _start_rise(self) -> None:
         self._state = self._rise

@@ -25,7 +25,7 @@ CONTACT_ABDUCTION = 'abduction'
 PHASES_STATED = 'stated'
 
 PHASE_APPROACH = 'approach'
-PHASE_CONTACT = 'contact'
+PHASE_TOUCH = 'contact'
 PHASE_GLIDE = 'glide'
 PHASE_HOLD = 'hold'
 PHASE_PULL = 'pull'

@@ -26,10 +26,10 @@ from tactile_features.records import (
     FeatureWindow,
     PHASE_ABORTED,
     PHASE_APPROACH,
-    PHASE_CONTACT,
     PHASE_DONE,
     PHASE_GLIDE,
     PHASE_HOLD,
+    PHASE_TOUCH,
     PHASES_STATED,
     TrialEvent,
     WindowOutcome,
@@ -458,7 +458,7 @@ def _begins_again(begun: TrialEvent, event: TrialEvent) -> bool:
     An event with an earlier stamp that ends the phase comes from a clock that was set back.
     """
     is_earlier = event.stamp_ns < begun.stamp_ns
-    return is_earlier and event.phase in (PHASE_APPROACH, PHASE_CONTACT, begun.phase)
+    return is_earlier and event.phase in (PHASE_APPROACH, PHASE_TOUCH, begun.phase)
 
 
 def features_from_trials(
