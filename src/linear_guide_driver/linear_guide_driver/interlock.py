@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Interlock of guide and tendon: with a taut tendon, the guide would drag the finger.
+"""Interlock of guide and tendon: if the tendon is taut, a moving guide drags the finger.
 
 The tendon actuator decides whether its tendon is slack (`judge_slack`) and publishes a report.
 The guide keeps the last report in a `TendonInterlock`, which refuses motion unless the tendon is
@@ -24,9 +24,10 @@ STAYS_SLACK_M = 2 * SLACK_M
 It is larger than `SLACK_M`, because the servo's position deviates a little."""
 
 REPORT_AGE_S = 10 * REST_REPORT_S
-"""Longest silence of the tendon's reports during which the guide may move [s].
+"""If no report of the tendon arrives for this time [s], the guide may not move.
 
-Without the polls of its driver the servo cannot tighten, because its bus watchdog stops it."""
+The servo cannot tighten during a silence of its driver: when the driver's polls end, the bus
+watchdog stops the servo."""
 
 BY_HAND = 'or check that the finger is free and send the goal with allow_taut: true'
 """Remedy if neither the servo nor the sensor can show that the tendon is slack."""
@@ -63,15 +64,15 @@ def judge_slack(
     displacement_m : float
         Displacement of the tendon [m].
     zero : Zero
-        Knowledge of the zero of the displacement.
+        Whether the zero of the displacement is known.
     is_slack : bool
-        Value of `TendonSafety.is_slack` at this displacement. Without a known zero it is True
+        Value of `TendonSafety.is_slack` at this displacement. If the zero is unknown, it is True
         once the tendon has been slackened by ``max_displacement_m``, or if the sensor reads no
         tension.
     was_slack : bool
-        The last report was slack.
+        True if the last report was slack.
     has_sensor : bool
-        A sensor must confirm a zero that was taken at the start.
+        True if a sensor must confirm a zero that was taken at the start.
     """
     if zero is Zero.UNKNOWN:
         if is_slack:
@@ -85,7 +86,7 @@ def judge_slack(
 
 
 class TendonInterlock:
-    """Permission of the guide to move, from the last report of the tendon actuator.
+    """Decides from the last report of the tendon actuator whether the guide may move.
 
     Parameters
     ----------

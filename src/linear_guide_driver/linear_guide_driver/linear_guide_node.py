@@ -32,8 +32,8 @@ class LinearGuideNode(MotionNode):
 
     Provides the actions ``~/move`` and ``~/home`` and the services ``~/stop`` and ``~/reset``.
     Joint states are published only while the position is known. A motion ends, with the reason in
-    its result, if a needed node or topic is lost or the tendon is not slack. The goal's
-    ``allow_taut`` turns the check of the tendon off.
+    its result, if a needed node or topic is lost or the tendon is not slack. If the goal sets
+    ``allow_taut``, the tendon is not checked.
     """
 
     device = 'guide'

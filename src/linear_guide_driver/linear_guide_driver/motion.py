@@ -136,7 +136,7 @@ class Motions:
 
     @contextmanager
     def no_motion(self, timeout_s: float) -> Iterator[None]:
-        """Wait up to ``timeout_s`` [s] for the running motion, and then block new motions."""
+        """Wait up to ``timeout_s`` [s] for the end of the motion, and then block new motions."""
         is_free = self._slot.acquire(timeout=timeout_s)
         try:
             yield
@@ -191,7 +191,7 @@ class Motions:
                 on_progress(new)
 
     def _end(self) -> bool:
-        """End the motion for stops; return True if a stop was requested."""
+        """Accept no further stop of this motion; return True if a stop was requested."""
         with self._lock:
             self._running, self._should_stop = None, lambda: False
             return self._stop.is_set()

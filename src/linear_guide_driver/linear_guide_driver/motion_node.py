@@ -73,8 +73,8 @@ class RigStop:
     latch : StopLatch
         The node's copy of the stopped state.
     stop : callable
-        Brings the device to rest after a call of ``~/stop``. Returns True on success, and a
-        message.
+        Brings the device to rest after a call of ``~/stop``. Returns whether this succeeded, and
+        a message.
     on_change : callable
         Called after each change of the latch, on any thread.
     """
@@ -217,7 +217,7 @@ class MotionNode(PollingNode):
         raise NotImplementedError
 
     def stop_device(self) -> tuple[bool, str]:
-        """Bring the device to rest after Stop; return True on success, and a message."""
+        """Bring the device to rest after Stop; return whether this succeeded, and a message."""
         raise NotImplementedError
 
     def on_stop_change(self) -> None:
@@ -242,9 +242,10 @@ class MotionNode(PollingNode):
         self._watches = (self._latch, _Activity(self), presence.rivals, *watches)
 
     def offer(self, **services: Callable[[], tuple[bool, str]]) -> None:
-        """Create a ``std_srvs/Trigger`` service for each function, heartbeat and diagnostics.
+        """Create heartbeat, readiness, diagnostics, and a service for each function.
 
-        Each function returns True on success, and a message.
+        The services have the type ``std_srvs/Trigger``. Each function returns whether it
+        succeeded, and a message.
         """
         for name, call in services.items():
 

@@ -109,9 +109,9 @@ class LinearGuideConfig(_MotionConfig):
     )
     tendon_topic: str = parameter(
         'tendon_actuator/slack',
-        'topic on which the tendon actuator reports whether its tendon is slack. Unless the '
-        'tendon is slack, the guide moves only during the glide of a trial. An empty name means '
-        'that there is no tendon',
+        'topic on which the tendon actuator reports whether its tendon is slack. If the tendon is '
+        'not slack, the guide moves only during the glide of a trial. An empty name means that '
+        'there is no tendon',
     )
     joint_name: str = parameter('linear_guide_joint', 'name of the joint in joint states')
     frame_id: str = parameter('linear_guide_link', 'frame of the joint states')
@@ -133,7 +133,7 @@ class TendonActuatorConfig(_MotionConfig):
         False, 'true if the servo tightens the tendon when its position count decreases'
     )
     speed_m_s: float = parameter(
-        0.01, 'tendon speed of a goal without a speed', unit='m/s', range=(0.0005, 0.5)
+        0.01, 'tendon speed if a goal states no speed', unit='m/s', range=(0.0005, 0.5)
     )
     max_displacement_m: float = parameter(
         0.02, 'largest displacement that a goal may request', unit='m', range=(0.0, 0.5)
@@ -146,34 +146,35 @@ class TendonActuatorConfig(_MotionConfig):
     )
     flexion_limit_n: float = parameter(
         15.0,
-        'tension limit in flexion; above it, the tendon is slackened',
+        'tension limit in flexion. If the tension exceeds it, the tendon is slackened',
         unit='N',
         range=(0.1, 200.0),
     )
     abduction_limit_n: float = parameter(
         3.0,
-        'tension limit in abduction; above it, the tendon is slackened',
+        'tension limit in abduction. If the tension exceeds it, the tendon is slackened',
         unit='N',
         range=(0.1, 200.0),
     )
     flexion_current_a: float = parameter(
         0.15,
-        'largest motor current of a flexion pull, at most current_limit_a: friction_current_a + '
-        '1.5 x flexion_limit_n x pulley_radius_m / torque_constant_nm_a',
+        'largest motor current of a flexion pull. Recommended value: friction_current_a + 1.5 x '
+        'flexion_limit_n x pulley_radius_m / torque_constant_nm_a. current_limit_a applies, too',
         unit='A',
         range=(0.02, 3.0),
     )
     abduction_current_a: float = parameter(
         0.05,
-        'largest motor current of an abduction pull and of homing; computed as for '
-        'flexion_current_a, with abduction_limit_n',
+        'largest motor current of an abduction pull and of homing. Recommended value: as for '
+        'flexion_current_a, but with abduction_limit_n',
         unit='A',
         range=(0.02, 3.0),
     )
     torque_constant_nm_a: float = parameter(
         1.78,
-        'torque of the servo per motor current, computed from its stall at 12 V: XM430-W350, 4.1 '
-        'N m at 2.3 A; for an XM430-W210 set 1.3 (3.0 N m at 2.3 A)',
+        'torque of the servo per motor current, computed from stall torque and stall current at '
+        '12 V. Default: XM430-W350, 4.1 N m at 2.3 A. For an XM430-W210, set 1.3 (3.0 N m at 2.3 '
+        'A)',
         unit='N m/A',
         range=(0.01, 100.0),
     )
@@ -226,8 +227,8 @@ class TendonActuatorConfig(_MotionConfig):
     )
     slack_after_s: float = parameter(
         2.0,
-        'a taut tendon that has lost its sensor, a heartbeat or its pull is held for this time, '
-        'then slackened',
+        'time for which a taut tendon is held after Stop, or after the loss of the sensor, of a '
+        'heartbeat or of the servo. The tendon is then slackened',
         unit='s',
         range=(0.0, 60.0),
     )

@@ -26,18 +26,19 @@ reset       `StopLatch.reset` is called        none; only the three states apply
 
 Five rules hold in every state:
 
-1. Above the limit, the order is to slacken. It depends only on the present tension, so no stop,
-   loss or goal turns it into holding.
+1. If the tension is above its limit, the order is to slacken. This depends only on the present
+   tension: the tendon is not held instead, not even after a stop, a loss or a goal.
 2. Slackening is always admitted and never tightens. Only tightening is checked.
 3. A taut tendon is not at rest: after a loss, it is held for ``slack_after_s`` and then
    slackened, unless a new pull is admitted.
 4. While the zero of the displacement is unknown, only homing may tighten.
 5. While the latch is set, or a needed node or topic is lost, slackening continues until the
-   tendon is slack. Neither a further Stop nor a cancelled goal turns it into holding.
+   tendon is slack. It does not end if Stop is pressed again or a goal is cancelled.
 
-A `Watch` monitors a node or topic that motion needs: a `TopicWatchdog` by the messages of a topic,
-`tactile_ros.health.HeartbeatWatch` by DDS liveliness. Both use the monotonic clock, because ROS
-time may be simulated, paused or stepped. `linear_guide_driver.tension` provides the tension.
+A `Watch` monitors a node or topic that motion needs. `TopicWatchdog` monitors the messages of a
+topic, `tactile_ros.health.HeartbeatWatch` the DDS liveliness of a node. Both use the monotonic
+clock, because ROS time may be simulated, paused or stepped. `linear_guide_driver.tension` provides
+the tension.
 """
 
 from __future__ import annotations
@@ -131,7 +132,7 @@ SLACK_M = 0.0005
 """Largest displacement of a slack tendon [m]: the servo's position deviates a little from 0."""
 
 SLACK_SHARE = 0.5
-"""Fraction of the taut tension below which a tendon without a known zero counts as slack."""
+"""If the zero is unknown, the tendon counts as slack below this fraction of the taut tension."""
 
 SETTLED_NS = 500_000_000
 """Time [ns] for which the sensor must read a tension at the zero to refute this zero. Samples
@@ -210,7 +211,7 @@ class TendonSafety:
     ending : Ending or None
         Why safety has ended the present pull; None if it has not.
     zero : Zero
-        Knowledge of the zero of the displacement.
+        Whether the zero of the displacement is known.
     limit_n : float
         Present tension limit [N].
     tension : TensionSource
@@ -249,7 +250,7 @@ class TendonSafety:
 
     @property
     def alarm(self) -> str | None:
-        """Why the state was entered, if that was not by a command; otherwise None."""
+        """Why the state was entered; None if it is FREE or a command has caused it."""
         is_alarm = self.state is not State.FREE and self._cause is not Ending.STOPPED
         return self.reason if is_alarm else None
 
@@ -273,8 +274,9 @@ class TendonSafety:
     def slack_m(self) -> float:
         """Displacement at which slackening ends [m].
 
-        Without a known zero, the tendon is slackened by the largest displacement of any pull. A
-        tendon with an even smaller displacement is held, because slackening never tightens.
+        If the zero is unknown, slackening ends at ``-max_displacement_m``, measured from the
+        servo's own zero. If the displacement is already smaller, the tendon is held, because
+        slackening never tightens.
         """
         return -self._config.max_displacement_m if self.zero is Zero.UNKNOWN else 0.0
 
@@ -287,7 +289,7 @@ class TendonSafety:
             return self.zero is Zero.UNKNOWN and self.tension.reads_slack(slack_n, now_ns)
 
     def is_at_rest(self, displacement_m: float, now_ns: int) -> bool:
-        """Return True if the tendon is slack at this displacement [m] without pull or order."""
+        """Return True if the tendon is slack at this displacement [m] and nothing moves it."""
         with self._lock:
             is_free = self._pull is None and self.state is State.FREE
             return is_free and self.is_slack(displacement_m, now_ns)
@@ -320,7 +322,7 @@ class TendonSafety:
         return config.current_limit_a if pull.slackens else config.currents_a[pull.contact]
 
     def set_zero(self, zero: Zero, reason: str = '') -> None:
-        """Set the knowledge of the zero, and the reason if it is unknown.
+        """Set whether the zero is known, and the reason if it is unknown.
 
         Later samples confirm or refute an unconfirmed zero.
         """
@@ -363,12 +365,12 @@ class TendonSafety:
         pull : Pull
             The requested pull.
         start_m : float
-            Present displacement, read under the bus's lock [m]. It decides whether the pull
-            tightens.
+            Present displacement, read under the bus's lock [m]. The pull tightens if its goal is
+            larger.
         now_ns : int
             Monotonic time [ns].
         fault : Refusal, optional
-            Fault of the servo, with which no pull may tighten.
+            Fault of the servo. If there is one, no pull may tighten.
 
         Raises
         ------
@@ -408,9 +410,10 @@ class TendonSafety:
             self._pull, self._tightens = None, False
 
     def hold(self, now_ns: int) -> None:
-        """Order to hold; above the limit, `decide` orders to slacken instead.
+        """Order to hold.
 
-        Slackening continues while the rig is stopped, or a needed node or topic is lost.
+        If the tension is above its limit, `decide` orders to slacken instead. A tendon that is
+        being slackened is not held while the rig is stopped, or a needed node or topic is lost.
         """
         with self._lock:
             if self.state is State.HOLDING and self._release_at_ns is not None:
@@ -426,7 +429,7 @@ class TendonSafety:
             self._enter(State.RELEASING, reason, Ending.STOPPED)
 
     def lose(self, reason: str, now_ns: int) -> None:
-        """Handle a servo that has stopped by itself: hold, then slacken; a release continues."""
+        """Hold, then slacken, because the servo has stopped by itself; a release continues."""
         with self._lock:
             if self._pull is not None and not self._tightens:
                 self._enter(State.RELEASING, reason, Ending.LOST)
@@ -523,11 +526,11 @@ class TendonSafety:
             return None
         epoch = self._homing_epoch if self._pull else None
         if self.zero is Zero.UNKNOWN and not self._tightens:
-            epoch = self.tension.tare_epoch  # an unconfirmed tare is no loss without a zero
+            epoch = self.tension.tare_epoch  # ignore an unconfirmed tare: the zero is unknown
         return self.tension.find_loss(now_ns, epoch)
 
     def _confirm_zero(self, displacement_m: float, now_ns: int) -> None:
-        """Confirm a zero that was taken at rest if the sensor reads a slack tendon there."""
+        """Confirm or refute a zero that was taken at rest, by what the sensor reads there."""
         tension = self.tension
         is_at_zero = displacement_m <= SLACK_M
         tension.judge_tare(is_at_zero and self.zero is Zero.KNOWN, now_ns)

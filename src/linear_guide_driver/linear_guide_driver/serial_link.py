@@ -94,7 +94,7 @@ class SerialLink:
             self._serial.close()
 
     def _read(self) -> None:
-        # A wait of our own: pyserial's wait has the timeout that was set when the port was opened.
+        # Not pyserial's wait, because its timeout is fixed when the port is opened.
         waiting = select.poll()
         wait_s = TICK_S
         try:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The latch of Stop: the stopped state of a rig, of which each node keeps a copy.
+"""The latch of Stop: the stopped state of a rig. Each node keeps a copy.
 
 Both drivers and the trial runner have a `StopLatch`. They exchange its `StopState` on one topic,
 and the highest state is valid. Every stop and every reset increments the number of the state.

@@ -100,7 +100,7 @@ class TendonActuatorNode(MotionNode):
         self.offer(release=self._on_release)
 
     def stop(self) -> None:
-        """End all goals. For safety, an inactive driver is a loss: it holds, then slackens."""
+        """End all goals. An inactive driver counts as a loss: safety holds, then slackens."""
         self.end_goals()
         self.on_stop_change()
 
@@ -109,7 +109,7 @@ class TendonActuatorNode(MotionNode):
             self._client.supervise()
 
     def stop_device(self) -> tuple[bool, str]:
-        """Hold, then slacken. Safety ends goals that tighten; a goal to slack continues."""
+        """Hold, then slacken. Safety ends goals that tighten; a goal that slackens continues."""
         safety = self._client.safety
         try:
             self._client.hold_here()

@@ -35,7 +35,7 @@ STILL_NS = 500_000_000
 Samples arrive later than positions, so a shorter time proves nothing."""
 
 RIVAL_NS = 3_000_000_000
-"""Sequence numbers that decrease twice within this time [ns] come from two publishers."""
+"""If the sequence numbers decrease twice within this time [ns], there are two publishers."""
 
 MISMATCH_NS = 100_000_000
 """Time [ns] for which motor current and sensor must disagree: a servo that starts to move needs
@@ -102,7 +102,7 @@ class TensionSource:
         self._live_at_ns: int | None = None  # arrival of the last valid samples in time
         self._lag = SampleLag()
         self._age_ns = 0  # age of the last block at its arrival, the larger of both estimates
-        self._clock_age_ns = 0  # its age by the clock; negative for a stamp in the future
+        self._clock_age_ns = 0  # its age on the clock; negative if the stamp is in the future
         self._next_sequence: int | None = None
         self._went_back_at_ns: int | None = None  # last decrease of the sequence numbers
         self._rivals_at_ns: int | None = None
@@ -114,7 +114,7 @@ class TensionSource:
         self._tare_stamp_ns: int | None = None
         self._still_since_ns: int | None = None
         self._mismatch_since_ns: int | None = None
-        self._mismatch: tuple[float, float] = 0.0, 0.0  # current [A], tension by the sensor [N]
+        self._mismatch: tuple[float, float] = 0.0, 0.0  # motor current [A], sensor's reading [N]
 
     # -- input -----------------------------------------------------------------------------
 
@@ -122,6 +122,8 @@ class TensionSource:
         self, blocks: Sequence[StrainBlock], now_ns: int, clock_ns: int | None = None
     ) -> float | None:
         """Add the blocks that have just arrived; return their highest valid tension [N], or None.
+
+        A block that shows a restart of the sensor or of its driver makes the tare doubtful.
 
         Parameters
         ----------
@@ -152,7 +154,10 @@ class TensionSource:
             return self._take(samples, is_saturated, is_valid, is_fresh, now_ns)
 
     def set_publishers(self, publishers: Mapping[bytes, str]) -> None:
-        """Set the nodes that publish the samples: their full names by endpoint."""
+        """Set the publishers of the samples: a mapping from endpoint GID to full node name.
+
+        A publisher that joins after the first makes the tare doubtful.
+        """
         with self._lock:
             new = [name for key, name in publishers.items() if key not in self._publishers]
             if new and self._had_publishers:
@@ -161,7 +166,10 @@ class TensionSource:
             self._had_publishers = self._had_publishers or bool(publishers)
 
     def note_tare(self, stamp_ns: int) -> None:
-        """Record the latched tare of the sensor driver, which ``stamp_ns`` identifies."""
+        """Record the latched tare of the sensor driver; ``stamp_ns`` [ns] identifies it.
+
+        A change makes the tare doubtful.
+        """
         with self._lock:
             if self._tare_stamp_ns is not None and stamp_ns != self._tare_stamp_ns:
                 self._doubt_tare('the tare was set or cleared')
@@ -196,7 +204,7 @@ class TensionSource:
                 self.confirm_tare()
 
     def confirm_tare(self) -> None:
-        """Confirm the tare: the reading fits a tendon that is known to be slack or just taut."""
+        """Confirm the tare: the reading fits a tendon that is slack or at the zero of a homing."""
         self._is_tare_confirmed = True
 
     def forget(self) -> None:
@@ -307,7 +315,7 @@ class TensionSource:
     # -- inside: origin and tare -----------------------------------------------------------
 
     def _follow(self, block: StrainBlock, status: int, now_ns: int) -> None:
-        """Detect a restarted or a second sensor driver by the sequence numbers."""
+        """Detect a restarted sensor, a restarted driver or a second driver; doubt the tare."""
         expected, self._next_sequence = (
             self._next_sequence,
             block.sequence + len(block.tension_n),

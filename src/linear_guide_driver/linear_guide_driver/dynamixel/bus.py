@@ -32,8 +32,8 @@ ATTEMPTS = 3
 because all registers contain absolute values."""
 
 READ_LENGTHS = 4
-"""Number of different lengths for reads of one block; an answer that is late by fewer reads is
-detected by its length."""
+"""Reads of one block cycle through this number of lengths. A late answer to one of the last three
+reads is therefore detected by its length."""
 
 WRITE_WAIT_S = 0.1
 """Longest time [s] until the port has accepted a packet; after that, the packet counts as lost."""
@@ -47,10 +47,11 @@ class SilentServoError(DeviceConnectionError):
 
 
 class DynamixelBus:
-    """Reads and writes registers of one servo; thread-safe. Closes the port when it is lost.
+    """Reads and writes registers of one servo; thread-safe.
 
-    Methods raise `SilentServoError` without a valid answer, `DeviceRefusedError` if the servo
-    refuses an instruction, and `DeviceConnectionError` if the port cannot be opened or is lost.
+    Methods raise `SilentServoError` if the servo gives no valid answer, `DeviceRefusedError` if
+    it refuses an instruction, and `DeviceConnectionError` if the port cannot be opened or is
+    lost. A lost port is closed.
 
     Parameters
     ----------

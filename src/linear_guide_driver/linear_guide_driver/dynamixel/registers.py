@@ -52,7 +52,8 @@ MODELS = {1020: 'XM430-W350', 1030: 'XM430-W210'}
 FIRMWARE_WITH_WATCHDOG = 38
 MODE_CURRENT_BASED_POSITION = 5
 EEPROM_END = 64
-"""Registers below this address are kept without power and writable only with the torque off."""
+"""Registers below this address keep their values without power. They can be written only while
+the torque is off."""
 
 STATUS_ALWAYS = 2
 STARTUP_TORQUE_ON = 0x01
@@ -183,7 +184,8 @@ class ServoState(NamedTuple):
 STATE_BLOCK = Register(
     TORQUE_ENABLE.address, PRESENT_TEMPERATURE.address + 1 - TORQUE_ENABLE.address
 )
-"""Torque enable to present temperature: one read of 94 bytes on the wire, 0.9 ms at 1 Mbaud."""
+"""All registers from torque enable to present temperature. One read takes 94 bytes on the wire,
+or 0.9 ms at 1 Mbaud."""
 
 
 def decode_state(block: bytes) -> ServoState:
@@ -210,7 +212,7 @@ def decode_state(block: bytes) -> ServoState:
 
 
 class ServoSettings(NamedTuple):
-    """One read of `SETTINGS_BLOCK`, whose registers are kept without power."""
+    """One read of `SETTINGS_BLOCK`, whose registers keep their values without power."""
 
     firmware: int
     drive_mode: int

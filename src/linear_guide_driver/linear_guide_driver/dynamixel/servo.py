@@ -6,11 +6,14 @@
 The caller selects a `DesiredState`, reads the servo, and calls `TendonServo.apply`, which writes
 the registers that differ. If a write is lost, the register still differs at the next read.
 
-Nothing is written to a servo until it is known to be the tendon's servo. While the driver runs,
-this is the servo with the model, firmware, modes and homing offset that the driver has set up. At
-the start, it is a servo with its torque off, or with registers as a driver leaves them: in
-particular an armed or tripped bus watchdog, or a mark, which is lost without power. The mark
-identifies a servo whose driver was killed just before it armed the watchdog.
+Nothing is written to a servo until it is known to be the tendon's servo:
+
+- While the driver runs, the servo must have the model, firmware, modes and homing offset that the
+  driver has set up.
+- When the driver starts, the torque of the servo must be off, or its registers must be as a
+  driver leaves them. In particular, its bus watchdog must be armed or tripped, or it must have a
+  mark. The mark identifies a servo whose driver was killed just before it armed the watchdog. It
+  is lost without power.
 """
 
 from __future__ import annotations
@@ -46,20 +49,21 @@ REBOOT_S = 3.0
 """Longest time [s] until a restarted servo answers; usually it takes about 0.3 s."""
 
 SLACK_BELOW_M = 0.001
-"""Largest distance [m] of a valid displacement below the zero; with a larger one, the zero is
-wrong."""
+"""If the displacement is below the zero by more than this distance [m], the zero is wrong."""
 
 ZERO_COUNTS = 2
-"""Deviation of the zero up to which it is not written again, because the EEPROM wears out."""
+"""If the zero deviates by at most this number of counts, it is not written again, because every
+write wears the EEPROM."""
 
 SET_UP_CYCLES = 8
-"""Number of cycles of read and write in which a set-up must be confirmed. It takes four cycles,
-and packets may be lost."""
+"""Number of read and write cycles after which a set-up has failed. It takes four cycles, or more
+if packets are lost."""
 
 JUMP_COUNTS = registers.COUNTS_PER_TURN // 2
 JUMP_SPEED_SHARE = 1.5
-"""Largest plausible change of position between two reads: half a turn plus this multiple of the
-velocity limit times the elapsed time. A servo that has lost its power has lost whole turns."""
+"""Between two reads, the position may change by `JUMP_COUNTS` plus `JUMP_SPEED_SHARE` times the
+velocity limit times the elapsed time. A larger change means that the servo has lost its power, and
+with it the number of whole turns."""
 
 EXCHANGE_S = 0.3
 """Time without an answer [s] after which the servo is identified again: it may be another one."""
@@ -72,13 +76,14 @@ _Read = TypeVar('_Read')
 class DesiredState(NamedTuple):
     """Desired state of the servo.
 
-    It always includes the torque on, the watchdog armed, and an unlimited acceleration.
+    In every desired state, the torque is on, the watchdog is armed and the acceleration is
+    unlimited.
     """
 
     displacement_m: float  # goal [m]; infinite: hold the present position
     velocity: int  # profile velocity, in the servo's units
     current: int  # current limit, in the servo's units
-    tightens: bool = False  # False: the goal is limited to the position at the time of writing
+    tightens: bool = False  # False: a written goal never tightens beyond the present position
 
 
 class Found(Enum):
@@ -119,7 +124,8 @@ def open_servo(config: TendonActuatorConfig) -> tuple[TendonServo, Found]:
     Raises
     ------
     DeviceConnectionError
-        If the servo does not answer; also the errors of `TendonServo.set_up`. The bus is closed.
+        If the servo does not answer. The errors of `TendonServo.set_up` are raised, too. The bus
+        is closed after every error.
     """
     deadline_s = time.monotonic() + CONNECT_S
     servo: TendonServo | None = None
@@ -145,9 +151,9 @@ def open_servo(config: TendonActuatorConfig) -> tuple[TendonServo, Found]:
 
 
 class TendonServo:
-    """The servo, in lengths of tendon; its position count is 0 where the tendon is slack.
+    """The tendon's servo, with lengths of tendon instead of its own units.
 
-    Hold ``bus.lock`` around calls that belong together.
+    The position count of the servo is 0 at the zero of the displacement. Hold ``bus.lock`` around calls that belong together.
 
     Attributes
     ----------
@@ -209,9 +215,10 @@ class TendonServo:
     def apply(self, actual: ServoState, *, may_tighten: bool) -> bool:
         """Write the registers that differ from the desired state.
 
-        A goal that tightens is written only after a read has confirmed watchdog and current, in
-        one packet with its velocity. A lower current is written before the goal, a higher one
-        after it. The torque is switched on only after a read has confirmed everything else.
+        A goal and its velocity are written in one packet. A goal that tightens is written only
+        after a read has confirmed the watchdog and the current limit. A lower current limit is
+        written before the goal, a higher one after it. The torque is switched on only after a
+        read has confirmed everything else.
 
         Parameters
         ----------
@@ -390,11 +397,11 @@ class TendonServo:
     # -- set-up ---------------------------------------------------------------------------
 
     def set_up(self) -> Found:
-        """Identify the servo, set modes, limits and zero, and hold its present position.
+        """Identify the servo, check its limits, set modes and zero, and hold its position.
 
-        A servo in the condition `Found.SAME` is not changed, and one in the condition
+        A servo in the condition `Found.SAME` is not changed, and a servo in the condition
         `Found.KEPT` keeps its zero. Every other servo gets its zero at the position where the
-        tendon comes to rest with the torque off.
+        tendon comes to rest while the torque is off.
 
         Returns
         -------
@@ -436,7 +443,7 @@ class TendonServo:
         return found
 
     def hold(self) -> None:
-        """Switch the torque on and hold the present position, confirmed by a final read."""
+        """Switch the torque on and hold the present position; a final read confirms both."""
         self._seen, self._is_arming = None, True
         self.desire(DesiredState(math.inf, self._desired.velocity, self._desired.current))
 

@@ -6,7 +6,7 @@
 The rate is lower while nothing moves and the tendon is slack. A command, a taut tendon or a
 failed read restores the full rate.
 
-The reads also feed the servo's bus watchdog, so that the servo stops by itself when they end.
+The reads also feed the servo's bus watchdog, so that the servo stops by itself if the reads end.
 The poll thread runs until the client is closed. During an outage it keeps polling, or
 re-establishes the connection.
 """
@@ -31,9 +31,10 @@ from linear_guide_driver.records import REST_AFTER_S, TendonActuatorConfig, Tend
 from tactile_ros.refusal import Refusal
 
 FAILED_POLLS = 5
-"""Consecutive polls without an answer, or refused, that count as an outage: about 0.2 s.
+"""Number of consecutive failed polls that count as an outage: about 0.2 s.
 
-With a smaller number, pulls ended on a busy host, where three answers in a row may be late.
+A poll fails if the servo does not answer or refuses it. A smaller number ended pulls on busy
+hosts, where three answers in a row may be late.
 """
 
 FIRST_BACK_OFF_S, LONGEST_BACK_OFF_S = 0.25, 2.0
@@ -52,7 +53,8 @@ RESTART = 'remove the cause and configure the driver again'
 """Remedy for a servo that reports a fault or has shut down."""
 
 CLOSING_S = 6.0
-"""Longest wait for the thread [s]; during its set-up, a servo needs up to 3 s to come to rest."""
+"""Longest time to wait for the end of the thread [s]. If the thread is setting the servo up, the
+tendon may take 3 s to come to rest."""
 
 _logger = logging.getLogger(__name__)
 
@@ -76,8 +78,8 @@ class ServoMonitor:
     on_trouble : callable
         Called with a reason at each new outage or fault, on the thread that detects it.
     on_cycle : callable
-        Called on the poll thread in each cycle with the additional time that the next cycle may
-        take [s]; infinite in the last cycle.
+        Called on the poll thread in each cycle with the time by which the next cycle may be
+        delayed [s]; infinite in the last cycle.
     restore : callable
         Re-establishes a lost connection, or raises.
     is_slack : callable
@@ -88,7 +90,8 @@ class ServoMonitor:
     state : TendonState or None
         The latest state.
     is_lost : bool
-        Port or torque is lost: the connection must be re-established before the next command.
+        The port was lost or the torque went off, so the connection must be re-established before
+        the next command.
     is_shut_down : bool
         The torque is off because of a fault; only a restart of the servo ends this.
     """

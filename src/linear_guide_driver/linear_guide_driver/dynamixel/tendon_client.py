@@ -67,19 +67,19 @@ SLACK_S = 1.0
 POLL_WAIT_S = 1.0
 
 COMMAND_CYCLES = 5
-"""Number of cycles of read and write in which a command must succeed: packets may be lost."""
+"""Number of read and write cycles after which a command has failed. Lost packets cost cycles."""
 
 SLACKEN_S = 2.0
 """Longest time [s] that `TendonActuatorClient.close` waits for the tendon to become slack."""
 
 HOMING_REACH_M = 0.005
-"""Shortest displacement [m] over which homing searches, also if ``max_displacement_m`` is less."""
+"""Homing searches over ``max_displacement_m``, but at least over this displacement [m]."""
 
 HOMING_POLLS = 3
 """Number of consecutive polls that must agree on taut or slack: one sample may be noise."""
 
 HOMING_SLACK_SHARE = 0.5
-"""Fraction of the taut tension below which the tendon counts as slack."""
+"""During homing, the tendon counts as slack up to this fraction of the taut tension."""
 
 NOT_BEGUN = 'The pull was stopped before it began.'
 RELEASED = 'The tendon was released.'
@@ -94,8 +94,8 @@ MotionProgress = Generator[TendonState | None, None, _Result]
 class TendonActuatorClient:
     """Blocking, thread-safe client of the tendon's servo; one pull at a time.
 
-    Every command passes `TendonSafety`, and the poll carries the orders out. `connect` slackens
-    a tendon that was left taut. `close` slackens it, too, and switches the torque off. Commands
+    `TendonSafety` checks every command, and the poll carries out its orders. `connect` slackens
+    a tendon that was left taut. `close` slackens the tendon and switches the torque off. Commands
     raise `MotionRefusedError` and the errors of the bus.
 
     Parameters
@@ -120,7 +120,7 @@ class TendonActuatorClient:
     safety : TendonSafety
         State machine that must be given the samples of the tension.
     recoveries : int
-        Number of times that the servo's watchdog had stopped it and its goals were unlocked.
+        Number of times that the servo was stopped by its watchdog and unlocked again.
     """
 
     def __init__(
@@ -317,7 +317,7 @@ class TendonActuatorClient:
         on_state: Callable[[TendonState], None] = lambda _: None,
         should_stop: Callable[[], bool] = lambda: False,
     ) -> float:
-        """Find the zero of the displacement: tighten slowly until the tendon is just taut.
+        """Find the zero of the displacement: tighten slowly until the tendon becomes taut.
 
         A taut tendon is slackened first. The fingertip must be free.
 
@@ -364,7 +364,11 @@ class TendonActuatorClient:
             self.hold_here()
 
     def _release(self, speed_m_s: float) -> MotionProgress[TendonState]:
-        """Slacken to the zero; without a known zero, until the sensor reads a slack tendon."""
+        """Slacken to the zero.
+
+        If the zero is unknown, slacken until the sensor reads a slack tendon, or at the latest
+        until `TendonSafety.slack_m`.
+        """
         safety = self.safety
         wanted_m_s = speed_m_s if speed_m_s > 0.0 else self._config.speed_m_s
 
@@ -391,7 +395,10 @@ class TendonActuatorClient:
     def _seek(
         self, direction: int, is_there: Callable[[float], bool], goal: str
     ) -> MotionProgress[TendonState]:
-        """Tighten (1) or slacken (-1) until ``is_there(tension)``; return the first such state."""
+        """Tighten (1) or slacken (-1) until ``is_there(tension)`` is True in consecutive polls.
+
+        Return the state of the first of these `HOMING_POLLS` polls.
+        """
         there: list[TendonState] = []
 
         def until(state: TendonState) -> bool:
@@ -407,7 +414,7 @@ class TendonActuatorClient:
             raise MotionRefusedError('The servo has not answered yet; try again.')
         reach_m = max(self._config.max_displacement_m, HOMING_REACH_M)
         start_m = start.displacement_m
-        if direction > 0:  # without a known zero, the tendon may have been slackened far below it
+        if direction > 0:  # if the zero is unknown, the tendon may be slackened far below it
             start_m = max(start_m, 0.0)
         end_m = start_m + direction * reach_m
         pull = Pull(end_m, self.safety.strictest_contact, is_homing=True)
@@ -497,7 +504,7 @@ class TendonActuatorClient:
         return servo is None or servo.desired is not self._pull_state
 
     def _begin(self, pull: Pull, speed_m_s: float) -> float:
-        """Write the goal of a pull at a speed [m/s] if safety admits it; return its path [m]."""
+        """Write the goal of a pull if safety admits it; return the distance to the goal [m]."""
         servo, monitor = self._require_connection()
         with servo.bus.lock:
             # `hold_here` takes this lock, too. A stop thus comes either before the goal is
@@ -539,9 +546,10 @@ class TendonActuatorClient:
     # -- orders --------------------------------------------------------------------------
 
     def hold_here(self) -> None:
-        """Hold the tendon at its position; above the limit, slacken it instead.
+        """Hold the tendon at its position.
 
-        If the rig is stopped, a taut tendon is slackened after ``slack_after_s``.
+        If the tension is above its limit, the tendon is slackened instead. If the rig is stopped,
+        a taut tendon is slackened after ``slack_after_s``.
         """
         self._command(lambda: self.safety.hold(time.monotonic_ns()), Order.HOLD)
 
@@ -571,8 +579,8 @@ class TendonActuatorClient:
     def supervise(self) -> None:
         """Execute the present order of safety; the next poll repeats what fails.
 
-        Nothing is sent to a silent servo, because a packet that it receives would feed its bus
-        watchdog, which must stop it.
+        Nothing is sent to a silent servo, because every packet would feed its bus watchdog, which
+        must stop the servo.
         """
         servo, monitor = self._servo, self._monitor
         if servo is None or monitor is None or monitor.outage:
@@ -593,7 +601,7 @@ class TendonActuatorClient:
 
     @staticmethod
     def _check_reachable(monitor: ServoMonitor) -> None:
-        """Refuse a command while the torque is off or the connection is re-established."""
+        """Refuse a command while the torque is off or the connection is being re-established."""
         if monitor.is_lost or monitor.is_shut_down:
             raise MotionRefusedError(f'The tendon actuator cannot move: {monitor.outage}')
 

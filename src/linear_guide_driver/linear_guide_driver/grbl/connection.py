@@ -30,7 +30,7 @@ REPEAT_RESET_S = 0.6
 """Time [s] after which a reset is repeated: Grbl ignores resets for 0.5 s after ALARM:1 and 2."""
 
 IDLE_REPORTS = 2
-"""Number of consecutive idle reports, with a line unanswered, that mean a stalled controller."""
+"""If a line is unanswered, this number of consecutive idle reports means a stalled controller."""
 
 STOP_S = 3.0
 """Longest time [s] from a feed hold to rest."""
@@ -66,8 +66,8 @@ class GrblConnection:
     baud : int
         Speed [bit/s].
     poll_rate_hz : float
-        Rate of status queries after `start_polling` [Hz]. At rest, with all lines answered, the
-        period is at least `REST_REPORT_S`.
+        Rate of status queries after `start_polling` [Hz]. While the guide is at rest and all
+        lines are answered, the period is at least `REST_REPORT_S`.
     on_report : callable
         Called on the reader thread with each `StatusReport`.
     on_fault : callable
@@ -256,7 +256,7 @@ class GrblConnection:
     def hold_and_reset(self) -> None:
         """Brake, wait for rest, then drop all planned motion by a reset.
 
-        The position would be lost by a reset during a motion, so the reset waits for Hold:0.
+        A reset during a motion would lose the position, so the reset waits for Hold:0.
         """
         self._link.write(grbl.FEED_HOLD)
         deadline_s = time.monotonic() + STOP_S

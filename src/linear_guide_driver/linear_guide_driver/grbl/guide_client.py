@@ -53,15 +53,16 @@ LEAST_REPORTS = 3
 
 
 NEAR_SWITCH_M = 0.002
-"""Distance [m] from the rest position of the last homing at which a guide with a known position
-starts the homing cycle. It is short, but exceeds the error of the position."""
+"""If the position is known, the guide starts the homing cycle at this distance [m] from the rest
+position of the last homing. The distance is short, but exceeds the error of the position."""
 
 
 class MotionSummary(NamedTuple):
     """Speed and lag of a motion."""
 
     mean_speed_m_s: float  # slope of a line fitted to the reports at full speed [m/s]
-    lag_s: float  # longest delay behind a motion at the commanded speed, by pauses or slowness [s]
+    # Longest delay behind a motion at the commanded speed, caused by pauses or a lower speed [s]
+    lag_s: float
 
 
 class MotionTrack:
@@ -145,8 +146,8 @@ SLACK_S = 2.0
 """Time [s] added to the computed duration of a motion before it counts as failed."""
 
 LATE_S = 0.15
-"""Excess [s] over the computed duration above which a move counts as late: pieces arrived late,
-so that the guide has paused."""
+"""A move counts as late if it takes longer than computed by more than this time [s]. Its pieces
+then arrived late, so that the guide has paused."""
 
 HOME = 'home the guide'
 HOMING = Refusal('the guide is being homed', 'wait until homing has ended')
@@ -596,7 +597,11 @@ class _KnownPosition:
         return None if report.mpos_mm is None else report.mpos_mm[0] / 1e3 + self._travel_m
 
     def to_state(self, report: grbl.StatusReport, received_at_ns: int | None = None) -> GuideState:
-        """Return the state in a report that arrived at a time of the node's clock [ns], or now."""
+        """Return the state in a report.
+
+        ``received_at_ns`` is the arrival of the report on the node's clock [ns]; by default, the
+        present time.
+        """
         return GuideState(
             position_m=None if self.trouble else self.to_m(report),
             velocity_m_s=self.direction * (report.feed_mm_min or 0.0) / 60e3,

@@ -302,7 +302,8 @@ class GrblDecoder:
 TRAVEL_TOLERANCE_MM = 0.5
 
 FEWEST_STEPS_PER_MM = 20.0
-"""Steps of more than 0.05 mm disturb the signal of a glide, and moves miss their targets."""
+"""Smallest number of steps per millimetre. If steps are longer than 0.05 mm, they disturb the
+signal of a glide, and moves miss their targets."""
 
 MOST_STEPS_HZ = 30e3
 """Highest step rate of Grbl on an 8-bit board [Hz]; grblHAL runs on faster boards."""
