@@ -203,7 +203,7 @@ class DynamixelBus:
             try:
                 if not self._is_open:
                     raise DeviceConnectionError(
-                        f'the connection to {self.name} is lost; plug it in'
+                        f'the connection to {self.name} is lost; check the cable'
                     )
                 # Versions of the SDK before 4.0.5 leave late answers in the buffer.
                 self._port.ser.reset_input_buffer()

@@ -153,7 +153,8 @@ def open_servo(config: TendonActuatorConfig) -> tuple[TendonServo, Found]:
 class TendonServo:
     """The tendon's servo, with lengths of tendon instead of its own units.
 
-    The position count of the servo is 0 at the zero of the displacement. Hold ``bus.lock`` around calls that belong together.
+    The position count of the servo is 0 at the zero of the displacement. Hold ``bus.lock`` around
+    calls that belong together.
 
     Attributes
     ----------

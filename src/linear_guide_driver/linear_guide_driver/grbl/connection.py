@@ -44,8 +44,8 @@ SILENCE_S = 1.0
 """Time [s] without answers to status queries after which the controller counts as lost."""
 
 REST_TICK_S = 0.04
-"""Longest time [s] between two cycles of the reader thread at rest. The heartbeat, which needs 30
-ms between two beats, has the same rate as in motion."""
+"""Longest time [s] between two cycles of the reader thread at rest. The heartbeat has the same
+rate as in motion, where only every second cycle sends a beat."""
 
 RESTING = ('Idle', 'Alarm', 'Sleep')
 """States in which nothing moves."""

@@ -219,7 +219,7 @@ class LinearGuideClient:
         """Why the guide must be homed before it can move, or None."""
         trouble = self._position.trouble
         if trouble is not None and self.is_lost:
-            return Refusal(trouble.reason, f'plug it in and {HOME}')
+            return Refusal(trouble.reason, f'check the cable, then {HOME}')
         return trouble
 
     @property
