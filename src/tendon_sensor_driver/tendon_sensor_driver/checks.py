@@ -154,7 +154,7 @@ def _check_blocks(heard: list[StrainBlock]) -> None:
         _require(
             abs(block.stamp_ns - now_ns) < 3600e9,
             'block',
-            f'the stamp {block.stamp_ns} ns is not on the clock now_ns(), now {now_ns} ns',
+            f'the stamp {block.stamp_ns} ns is far from the time of now_ns(), {now_ns} ns',
         )
         if before is not None:
             _check_follows(before, block)
@@ -174,5 +174,5 @@ def _check_follows(before: StrainBlock, block: StrainBlock) -> None:
     _require(
         block.stamp_ns > last_ns or bool(block.status & StrainStatus.CLOCK_STEP),
         'order',
-        f'the stamp {block.stamp_ns} ns does not follow the last sample before, {last_ns} ns',
+        f'the stamp {block.stamp_ns} ns is not later than the sample before, {last_ns} ns',
     )

@@ -43,10 +43,11 @@ class ClockSkewFilter:
     """Linear lower bound of "arrival time minus device time", refitted once a second.
 
     A delay only ever increases this difference, so its lower bound follows the clocks. The
-    filter stores the smallest difference of each second; for a slow device, of thirty samples
-    or three seconds. The line is an edge of the lower convex hull of the latest thirty minima:
-    the edge below their mean time, which is weighted towards the present. If the latest five
-    minima are more than 50 ms above the line, a clock was set, and older minima are dropped.
+    filter stores the smallest difference of each second. If a second has fewer than thirty
+    samples, the interval is extended to thirty samples, but to three seconds at most. The line is
+    an edge of the lower convex hull of the latest thirty minima: the edge at their mean time, in
+    which recent minima have a higher weight. If the latest five minima are more than 50 ms above
+    the line, a clock was set, and older minima are dropped.
 
     Attributes
     ----------
@@ -376,11 +377,12 @@ class DeviceClock(SampleClock):
     The first samples may have waited in the port until the reading thread started. The newest of
     them has waited for the shortest time and gives the first offset.
 
-    A 32-bit tick counter may wrap. Samples without a new device time are dropped: a duplicate
-    has the device time of the sample before it, a late sample is up to 0.25 s older. A sample
-    that is even older, or more than 1 s ahead of the host, is an outlier and is dropped, too. A
-    second consistent sample means that the device restarted. After a reconnection, one sample is
-    enough, and so is a sample that is more than 1 s behind: no old data survive in the port.
+    A 32-bit tick counter may wrap. Samples whose device time does not increase are dropped: a
+    duplicate has the device time of the sample before it, a late sample is up to 0.25 s older. A
+    sample that is even older, or more than 1 s ahead of the host, is an outlier and is dropped,
+    too. If the next sample is consistent with the outlier, the device has restarted. After a
+    reconnection, no old data survive in the port. A single sample of this kind, or a sample that
+    is more than 1 s behind the host, then means that the device has restarted.
 
     Parameters
     ----------

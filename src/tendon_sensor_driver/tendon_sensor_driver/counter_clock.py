@@ -112,7 +112,8 @@ class CounterClock(SampleClock):
             self.outliers += len(indices)
             self._lost += int(new.steps.sum())
             return []
-        # A restart shows in the counter. If only the clock shows one, the host's clock was set.
+        # A restart of the device changes the counter. If the counter has not changed, but the
+        # clock reports a restart, the host's clock was set.
         if instant.is_step or (instant.is_restart and not self._event & StrainStatus.RESTARTED):
             self._event |= int(StrainStatus.CLOCK_STEP)
         if instant.is_leap:
@@ -172,7 +173,7 @@ class CounterClock(SampleClock):
         self.period_ns = round(_SECOND_NS * ticks_per_sample / self._tick_rate_hz)
 
     def _judge(self, batch_ticks: NDArray[np.uint32], received_at_ns: int) -> bool:
-        """Return True if the counter restarted before this session; raise an error if within."""
+        """Return True if the counter restarted before this session; raise if it did later."""
         is_new_session, self._is_new_session = self._is_new_session, False
         if self._newest is None:
             return False

@@ -152,7 +152,7 @@ class LineDecoder:
         self.last_rejected = b''
         self.last_reason: str | None = None
         # Number of columns, and the words before the value, in the lines of this device; None
-        # until known. _odd_shape: the same of the previous line if that one differed.
+        # until known. _odd_shape: the shape of the previous line, if it differed.
         self._shape: _Shape | None = None
         self._odd_shape: _Shape | None = None
         self.last_byte = b''
@@ -357,9 +357,9 @@ class TendonSensorClient(LinkClient[SerialTransport]):
     """Client of a load cell that writes lines to a serial port.
 
     One thread reads, decodes and calls ``on_block``. While ``on_block`` runs, arriving bytes
-    wait, and their time of arrival is taken late. If it runs for more than 0.25 s, the waiting
-    bytes are dropped, because the kernel may have dropped some of them already. Such an overrun
-    is counted, and its samples are counted as lost.
+    wait, so that their times of arrival appear too late. If ``on_block`` runs for more than
+    0.25 s, the waiting bytes are dropped, because the kernel may have dropped some bytes already.
+    Such an overrun is counted, and its samples are counted as lost.
 
     A silent board may be an OpenScale whose settings menu is open. The client therefore sends a
     carriage return, which makes the menu print its prompt and has no effect on a measuring

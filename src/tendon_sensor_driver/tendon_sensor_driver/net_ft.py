@@ -46,8 +46,8 @@ _BUFFER_BYTES = 4 << 20
 class NetFtLink:
     """A running stream of records from a Net F/T.
 
-    In buffered mode, a datagram holds up to 40 records. The kernel's buffer then bridges several
-    hundred milliseconds at 7000 Hz during which the host is busy.
+    In buffered mode, a datagram holds up to 40 records. At 7000 Hz, the kernel's buffer then
+    stores the records of several hundred milliseconds while the host is busy.
 
     Parameters
     ----------

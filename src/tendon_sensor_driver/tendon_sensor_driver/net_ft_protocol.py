@@ -45,7 +45,7 @@ _UNITS = {
 
 
 def unit_of_code(kind: str, code: int) -> str:
-    """Return the unit with ATI's code of ``force`` or ``torque``; LinkError if unknown."""
+    """Return the unit of ``force`` or ``torque`` with this code of ATI; LinkError if unknown."""
     names = tuple(_UNITS[kind])
     if not 1 <= code <= len(names):
         raise LinkError(

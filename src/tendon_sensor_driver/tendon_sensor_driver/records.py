@@ -29,7 +29,7 @@ NORM = 'norm'
 """Value of ``axis`` for the magnitude of the force vector of a wrench on a topic."""
 _LOW_PASSES_HZ = (0, 838, 326, 152, 73, 35, 18, 8, 5, 1500, 2000, 2500, 3000)
 LOW_PASS_CODES = {cutoff_hz: code for code, cutoff_hz in enumerate(_LOW_PASSES_HZ)}
-"""ATI's code of the low-pass filter of a Net F/T, by cut-off frequency [Hz]; 0 Hz: off."""
+"""ATI's code of the low-pass filter of a Net F/T for each cut-off frequency [Hz]; 0 Hz: off."""
 
 MOST_BLOCKS_HZ = 100
 """Default limit of the block rate [Hz]: each block costs a message or a call of each stage."""
@@ -44,7 +44,8 @@ class TendonSensorConfig:
     """Configuration of the sensor: kind, connection and data format.
 
     The defaults fit lines of the form ``milliseconds,kilograms,kg,`` at 60 Hz. Parameters of
-    other kinds of sensor are ignored: the columns of a line, for example, with a Net F/T.
+    other kinds of sensor are ignored: if the sensor is a Net F/T, for example, the columns of a
+    line are ignored.
 
     Raises
     ------
@@ -81,7 +82,7 @@ class TendonSensorConfig:
     )
     decimal_mark: str = parameter(
         '.',
-        'decimal mark in a line; with ".", every comma separates columns',
+        'decimal mark in a line; if it is ".", every comma separates columns',
         choices=('.', ','),
     )
     line_columns: int = parameter(
@@ -113,8 +114,8 @@ class TendonSensorConfig:
     http_port: int = parameter(80, 'TCP port of the settings of a Net F/T', range=(1, 65535))
     axis: str = parameter(
         'fz',
-        'component of a six-axis sensor or of a wrench that, times scale, is the tension; norm: '
-        'magnitude of the force of a wrench on a topic',
+        'component of a six-axis sensor or of a wrench; the tension is this component times '
+        'scale. norm: magnitude of the force of a wrench on a topic',
         choices=(*AXES, NORM),
     )
     low_pass_hz: int = parameter(
@@ -141,8 +142,8 @@ class TendonSensorConfig:
     )
     rate_hz: float = parameter(
         60.0,
-        'nominal sample rate; a Net F/T is set to it. 0: measured during the first two seconds, '
-        'for a topic only',
+        'nominal sample rate; a Net F/T is set to it. 0, which only a topic allows: the rate is '
+        'measured during the first two seconds',
         unit='Hz',
         range=(0.0, 10_000.0),
     )
@@ -177,7 +178,8 @@ class TendonSensorConfig:
     )
     tare_limit_n: float = parameter(
         2.0,
-        'a tare is refused as loaded if the magnitude of the mean, without any tare, exceeds this',
+        'a tare is refused as loaded if the mean of its samples exceeds this magnitude. No '
+        'earlier tare is subtracted from these samples',
         unit='N',
         range=(0.0, 1e6),
     )
@@ -283,13 +285,13 @@ class SensorHealth:
     """State of the link at one moment. All counters start when the client is opened."""
 
     is_connected: bool  # the port is open
-    heard_at_ns: int  # host time of the last reading; of the opening before the first one [ns]
+    heard_at_ns: int  # host time of the last reading, or of opening if there is none yet [ns]
     bytes: int = 0
     lines: int = 0  # received lines, messages or datagrams; blank lines are not counted
     readings: int = 0  # received samples
     rejected_lines: int = 0  # lines, messages or datagrams without a valid sample
     lost_samples: int = 0  # samples missing according to device time, counter or stamp
-    irregular_stamps: int = 0  # steps of a topic's stamps of which no lost message is known
+    irregular_stamps: int = 0  # steps of a topic's stamps without a known loss of a message
     duplicates: int = 0  # samples that were received twice
     late_samples: int = 0  # samples that were received after a newer one
     outliers: int = 0  # samples dropped because of an implausible device time

@@ -17,7 +17,7 @@ from tendon_sensor_driver.errors import TendonSensorError
 from tendon_sensor_driver.records import TendonSensorConfig
 
 _BREAKS = {
-    StrainStatus.RESTARTED: 'the device has restarted, or may have',
+    StrainStatus.RESTARTED: 'the device has restarted, or may have restarted',
     StrainStatus.RECONNECTED: 'the link came back',
     StrainStatus.CLOCK_STEP: "the host's clock was set",
 }

@@ -63,7 +63,7 @@ class LastMessage:
 
 
 class TareGuard:
-    """Refuses changes of the tare while a tendon is in use, because they shift its limits."""
+    """Refuses to change the tare while a tendon is in use: a change would shift its limits."""
 
     def __init__(self, node: TendonSensorNode, config: TendonSensorConfig) -> None:
         self._slack = self._event = None

@@ -29,12 +29,13 @@ from tendon_sensor_driver.records import SensorHealth, TendonSensorConfig
 from tendon_sensor_driver.topic_stream import READERS, ReadingError, TopicStream
 
 RATE_TOLERANCE = 0.02
-"""Largest relative deviation of the rate; windows with a larger one are refused."""
+"""Largest relative deviation of the rate. If the rate deviates more, windows are refused."""
 
 _UNKNOWN = '_NODE_NAME_UNKNOWN_'
 
 LARGEST_DELAY_S = 0.02
-"""With a longer delay, the shortest window of the texture protocol may be refused."""
+"""Largest delay from stamp to arrival [s]. If the delay is longer, the shortest window of the
+texture protocol may be refused."""
 
 
 class Publisher(NamedTuple):
@@ -101,11 +102,11 @@ def find_stream_problem(
     publishers : sequence of Publisher
         Publishers of the topic.
     is_silent : bool
-        No message has arrived for ``silence_s``.
+        True if no message has arrived for ``silence_s``.
     new_duplicates : int
-        Readings of the last second with the stamp of the reading before.
+        Number of readings during the last second whose stamp equals the stamp before.
     new_samples : int
-        Other readings of the last second.
+        Number of other readings during the last second.
     """
     nodes = ', '.join(sorted({publisher.node for publisher in publishers}))
     if is_silent:

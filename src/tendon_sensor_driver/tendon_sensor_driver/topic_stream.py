@@ -47,7 +47,7 @@ def read_wrench(message: Any, config: TendonSensorConfig) -> TopicReading:
     Raises
     ------
     ReadingError
-        If the configuration names a joint, which ``TOPIC:AXIS`` with an unknown axis does.
+        If the configuration names a joint. An unknown axis in ``TOPIC:AXIS`` counts as a joint.
     """
     if config.joint:
         axes = ', '.join([*AXES, NORM])
