@@ -55,7 +55,7 @@ class PlayerConfig:
     )
     namespace: str = parameter(
         '',
-        'namespace of the only finger to play; an empty name plays all recorded fingers',
+        'namespace of the finger to play. If the name is empty, all recorded fingers are played',
     )
     rate: float = parameter(
         1.0,

@@ -50,7 +50,7 @@ A server that has been restarted answers that it does not know the goal.
 """
 
 GONE_S = 2.0
-"""Time without an action server after which its goals are lost [s]."""
+"""If there is no action server for this time [s], its goals are lost."""
 
 TAKE_S = 30.0
 """Time after which a goal that no server has accepted is lost [s]."""

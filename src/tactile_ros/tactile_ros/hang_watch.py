@@ -26,8 +26,8 @@ _ALLOWANCE = struct.Struct('d')
 """Format of a message: longest time until the next message [s]; infinite for the last one."""
 
 _SLICES = 4
-"""Number of parts into which the child divides a timeout. A part that took too long counts as one
-part: if the child did not get a core, the parent may not have got one either."""
+"""Number of parts into which the child divides a timeout. A part that takes too long still counts
+as one part: if the child did not get a core, the parent may not have got one either."""
 
 
 class HangWatch:
@@ -66,8 +66,8 @@ class HangWatch:
     def feed(self, pause_s: float = 0.0) -> None:
         """Feed the watchdog; must be called in each cycle of the worker.
 
-        ``pause_s`` is the additional time that the next cycle may take [s]; infinite in the last
-        cycle. This has no effect if the child has died.
+        ``pause_s`` is the time by which the next cycle may be delayed [s]; infinite in the last
+        cycle. The call has no effect if the child has died.
         """
         now_s = time.monotonic()
         if not pause_s and now_s < self._due_s:

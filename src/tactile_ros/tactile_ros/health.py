@@ -365,8 +365,8 @@ PRESENCE_LEASE_S, PRESENCE_PERIOD_S = 1.0, 0.3
 class Presence:
     """Heartbeat on ``~/presence`` of a node with servers, and a watch for a second such node.
 
-    ``~/heartbeat`` stops while the device is not usable, although the node still receives goals.
-    If there are two nodes, the answer of such a node could hide the other answer.
+    ``~/heartbeat`` stops while the device is not usable, but the node then still receives goals.
+    If a second node has the same name, its answers to goals could hide the answers of the first.
 
     Attributes
     ----------

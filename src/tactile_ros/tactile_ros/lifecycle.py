@@ -100,7 +100,7 @@ class MessageGuard:
 
     @property
     def warning(self) -> str | None:
-        """A message for `SHOWN_S` after a message was refused or lost; otherwise None."""
+        """Text of a warning during `SHOWN_S` after a message was refused or lost, or None."""
         return self.refused.warning or self.unpublished.warning
 
     @property
@@ -148,7 +148,7 @@ class MessageFaults:
 
     @property
     def warning(self) -> str | None:
-        """A message for `SHOWN_S` after a fault; otherwise None."""
+        """Text of a warning during `SHOWN_S` after a fault, or None."""
         if self._at_s is None or time.monotonic() - self._at_s > SHOWN_S:
             return None
         return f'{self._what} on {self.last_reason}'

@@ -46,15 +46,14 @@ class Periodic:
 
 
 class Ticker:
-    """Makes periodic calls on one thread, by the monotonic clock.
+    """Calls functions periodically on one thread, according to the monotonic clock.
 
     An exception of a callback ends its periodic calls and is passed to `threading.excepthook`,
     which prints it; the other periodic calls continue. Missed calls are skipped.
 
-    All calls are due at multiples of their periods since the ticker was created. Periods with a
-    common multiple are thus due at the same time, and wake the thread once: a wake-up costs more
-    than most callbacks. The first call follows half a period to one and a half periods after
-    `every`.
+    All calls are due at multiples of their periods since the ticker was created. Calls with
+    different periods thus often share a wake-up of the thread, which costs more than most
+    callbacks. The first call follows half a period to one and a half periods after `every`.
 
     Parameters
     ----------

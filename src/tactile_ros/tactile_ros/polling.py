@@ -277,5 +277,5 @@ class PollingNode(TactileNode):
     def _watch_publishers(self, subscription: Any) -> None:
         self._misfits.add(subscription)
         if self._warning is None:
-            # Without the lock: the graph is asked, which may take a while, and not the topics.
+            # Without the lock, because a query of the graph may take a while.
             self._warning = self.call_every(MISFITS_S, self._misfits.warn)

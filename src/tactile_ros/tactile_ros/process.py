@@ -53,7 +53,7 @@ def keep_heap_small() -> None:
 
 @contextmanager
 def short_collections() -> Iterator[None]:
-    """Keep garbage collections short in the block: they skip the objects that exist at its start.
+    """Keep garbage collections short: in the block, they skip all objects that exist already.
 
     A full collection stops all threads, for 0.06 to 0.3 s in a process that has trained a model;
     a heartbeat may be 0.4 s late. Has no effect if objects are skipped already.
@@ -288,7 +288,7 @@ RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
 PROFILES = ('FASTDDS_DEFAULT_PROFILES_FILE', 'FASTRTPS_DEFAULT_PROFILES_FILE')
 PROFILES_OF = {'jazzy': PROFILES[1], 'kilted': PROFILES[0], 'lyrical': PROFILES[0]}
-"""Environment variable with the profiles of Fast DDS, by ROS distribution."""
+"""Environment variable that names a file with profiles of Fast DDS, for each ROS distribution."""
 
 LOOPBACK = Path(__file__).parent / 'loopback.xml'
 """A Fast DDS profile that uses only UDP on the loopback interface."""
@@ -308,5 +308,6 @@ def choose_transports(environment: Mapping[str, str], default_range: str) -> dic
     variable = PROFILES_OF.get(environment.get('ROS_DISTRO', ''))
     if variable is None or 'fastrtps' not in environment.get('RMW_IMPLEMENTATION', ''):
         return {RANGE: chosen_range}  # it is not certain that the profile would be read
-    # In the range LOCALHOST, ROS adds shared memory. The profile restricts to this host as well.
+    # In the range LOCALHOST, ROS would also use shared memory. The profile, too, limits discovery
+    # to this host.
     return {RANGE: 'SUBNET', variable: str(LOOPBACK)}

@@ -29,15 +29,15 @@ RCLError = rclpy_implementation.RCLError
 
 
 RETRIES, RETRY_S = 1000, 0.001
-"""How often an `Executor` collects again what to wait for, and the pause before it [s]. rclpy
-destroys the handle of an entity before it takes the entity out of the node."""
+"""Number of times that an `Executor` collects its entities again, and pause before each attempt
+[s]. rclpy destroys the handle of an entity before it removes the entity from the node."""
 
 
 class Executor(SingleThreadedExecutor):  # type: ignore[misc]
-    """An executor on whose nodes other threads may destroy publishers and subscriptions.
+    """An executor that continues if other threads destroy publishers or subscriptions.
 
-    rclpy lets an executor end if an entity with events is destroyed while it collects what to
-    wait for.
+    An executor of rclpy ends with an exception if an entity with events is destroyed while the
+    executor collects the entities of its nodes.
     """
 
     def wait_for_ready_callbacks(self, *arguments: Any, **options: Any) -> Any:
@@ -140,7 +140,7 @@ def run_on_executor(node: Node, call: Callable[[], object]) -> None:
     if executor is None:
         raise RuntimeError('no executor spins the node')
     if not executor._is_shutdown:
-        with suppress(AttributeError):  # Jazzy's, if the executor is shut down at this moment
+        with suppress(AttributeError):  # raised by Jazzy if the executor is being shut down
             executor.create_task(call)
             return
     raise RuntimeError('the executor has been shut down')
