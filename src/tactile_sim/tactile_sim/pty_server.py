@@ -197,9 +197,9 @@ class RigClock:
 class WeightStand:
     """Server of a load cell on a pty; a context manager.
 
-    Its reading in newtons, with scale 1 and offset 0, is
+    If its driver uses scale 1 and offset 0, the reading in newtons is
     ``(force - offset_n + hysteresis) / scale``. Scale and offset are the true values that a
-    calibration has to find. The hysteresis affects decreasing loads [N].
+    calibration has to find. The hysteresis affects only decreasing loads [N].
     """
 
     def __init__(

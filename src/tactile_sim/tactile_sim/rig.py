@@ -27,7 +27,7 @@ _SESSION = -1  # a session that `simulate_trials` never uses
 _MOST_STEPS = 64
 """Number of steps that are computed in advance."""
 
-_MOST_TRIALS = 10**6  # of a mounting
+_MOST_TRIALS = 10**6  # per mounting
 
 
 class PalpationRig:
@@ -39,9 +39,9 @@ class PalpationRig:
     Parameters
     ----------
     seed : int
-        Of the trials' variations and the sensor's noise.
+        Seed of the trials' variations and of the sensor's noise.
     variation : Variation, optional
-        The same variation for every trial, instead of drawn ones.
+        One variation for all trials; by default, a variation is drawn for each trial.
     catalogue : Catalogue, optional
         Plates and objects that can be mounted; by default the packaged descriptions.
     """
@@ -123,7 +123,7 @@ class PalpationRig:
         self.tendon.rest(now_s, tension_n)
 
     def _move(self, count: int) -> None:
-        """Take steps after the first one, which the devices have done."""
+        """Take steps in which something moves; the devices have already done the first one."""
         times_s = np.asarray(STEP_S * np.arange(self._steps + 1, self._steps + 1 + count), float)
         guide_m = self.guide.positions_m(times_s)
         foreseen = self.tendon.foresee(times_s[1 : len(guide_m)])
@@ -156,7 +156,7 @@ class PalpationRig:
         """Put a plate or object under the finger, or turn the finger to the other contact.
 
         ``numbers`` are session, mounting and trial, each from 0. Trials with the same session and
-        mounting share their deviations. Without ``numbers``, every call starts a new mounting
+        mounting share their deviations. If ``numbers`` is None, every call starts a new mounting
         within one session.
 
         Raises `DescriptionError` for an unknown protocol, object or contact, and `RigError` when

@@ -40,11 +40,11 @@ class SimulatedRig:
     Parameters
     ----------
     seed : int
-        Of variations and noise.
+        Seed of variations and noise.
     links : path or sequence of paths, optional
         Folder for the ports, which are symbolic links named guide, tendon and sensor; by default
-        a new folder. With several folders, each gets a rig with the next seed, and requests
-        need ``rig``: the index of the folder.
+        a new folder. If there are several folders, each gets a rig with the next seed, and
+        requests need ``rig``, the index of the folder.
     description : path, optional
         Folder of descriptions that override the packaged ones, see `Catalogue`.
 
@@ -115,7 +115,7 @@ class SimulatedRig:
         """Put a plate (texture) or object (stiffness) under the finger.
 
         ``numbers`` are session, mounting and trial, each from 0. Trials with the same session and
-        mounting share their deviations. Without ``numbers``, every call starts a new mounting.
+        mounting share their deviations. If ``numbers`` is None, every call starts a new mounting.
 
         Raises `RigError` when the rig refuses, with its reason, or has ended.
         """

@@ -30,7 +30,7 @@ from tactile_sim.errors import DescriptionError
 
 _T = TypeVar('_T')
 _Files = dict[str, tuple[str, dict[str, Any]]]
-"""The user's files by name: path and values."""
+"""Path and values of each file of the user; the key is the name of the file."""
 
 _DEEPEST = 8
 _LONGEST_SHOWN = 40
@@ -204,9 +204,9 @@ class Catalogue:
     Parameters
     ----------
     folder : Path or None
-        Folder with files named like the packaged ones (``config``), which override these:
-        ``rig.yaml`` and the fingers by key, plates and objects by label. None for the packaged
-        files only.
+        Folder with files that override the packaged files of the same name (folder ``config``).
+        The files of the rig and of the fingers override single values, the files of plates and
+        objects override whole entries. None: only the packaged files are used.
 
     Raises
     ------
@@ -244,7 +244,7 @@ class Catalogue:
         return hashlib.sha256(repr(shelves).encode()).hexdigest()
 
     def finger(self, contact: str) -> Finger:
-        """Return the finger in this contact; raise DescriptionError for an unknown contact."""
+        """Return the finger for this contact; raise DescriptionError for an unknown contact."""
         if contact not in CONTACTS:
             raise DescriptionError(f'contact is {show(contact)}; it must be one of {CONTACTS}')
         return dict(self._fingers)[contact]
@@ -399,8 +399,8 @@ def _check_finger(finger: Finger, rig: Rig, where: str) -> None:
     if abs(finger.stiffness_per_k) * widest_k > 0.9:
         raise DescriptionError(
             f'{where}: stiffness_per_k is {finger.stiffness_per_k:g}, and the temperature may '
-            f'deviate by {widest_k:g} K; lower it, or temperature_k of the rig, so that their '
-            'product stays below 0.9'
+            f'deviate by {widest_k:g} K; lower stiffness_per_k, or temperature_k of the rig, so '
+            'that the product of both numbers stays below 0.9'
         )
 
 

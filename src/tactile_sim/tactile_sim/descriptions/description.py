@@ -147,10 +147,10 @@ class Body:
     """An object to press on; ``stiffness_n_m`` 0 means that there is no object.
 
     ``stiffness_n_m`` is the stiffness after relaxation; up to three ``branches`` add relaxing
-    parts. At the compression ``softening_m`` [m] the force changes from proportional to the
-    compression to proportional to its root, as in a buckling shell (Pogorelov); 0 for a solid,
-    whose force stays proportional. ``friction`` is the friction coefficient of the fingertip on
-    the object [1].
+    parts. Far below the compression ``softening_m`` [m], the force is proportional to the
+    compression; far above it, to the square root of the compression, as in a buckling shell
+    (Pogorelov). For a solid, ``softening_m`` is 0, and the force is always proportional.
+    ``friction`` is the friction coefficient of the fingertip on the object [1].
     """
 
     stiffness_n_m: float = _between(0.0, 1e9)

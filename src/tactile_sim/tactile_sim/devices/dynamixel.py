@@ -119,7 +119,7 @@ class InstructionParser:
 
 
 class Field(NamedTuple):
-    """A register with its value at power-up; without limits it is read-only."""
+    """A register with its value at power-up. If it has no limits, it is read-only."""
 
     register: Register
     initial: int
@@ -180,7 +180,7 @@ class AccessError(Exception):
 
 
 class ControlTable(dict[Register, int]):
-    """Values by register."""
+    """Value of each register."""
 
     def __init__(self) -> None:
         super().__init__((field.register, field.initial) for field in FIELDS)
@@ -265,7 +265,10 @@ class DynamixelDevice:
 
     @property
     def displacement_m(self) -> float:
-        """Tendon length tightened since the tendon was just slack [m]."""
+        """Displacement of the tendon from ``slack_count``, the position where slack ends [m].
+
+        Tightening increases it.
+        """
         return (self._position - self._drive.slack_count) * self._drive.m_per_count
 
     def advance(self, now_s: float, tension_n: float) -> None:
@@ -358,7 +361,7 @@ class DynamixelDevice:
         self._table[known.TORQUE_ENABLE] = 0
 
     def heat(self, temperature_c: int) -> None:
-        """Set a temperature above the limit; a reboot does not help until `cool`."""
+        """Set a temperature above the limit. Until `cool` is called, a reboot does not help."""
         self._is_hot = True
         self._table[known.PRESENT_TEMPERATURE] = temperature_c
 

@@ -33,7 +33,7 @@ MOMENTS = ('alarm', 'overload', 'restart', 'stall')
 class LineFault:
     """A fault of a line; this base class does not change the bytes.
 
-    ``on_end`` is called at the end of the fault. ``is_spent`` is true when the fault ends before
+    ``on_end`` is called at the end of the fault. If ``is_spent`` is True, the fault ends before
     its time.
     """
 
@@ -106,7 +106,7 @@ class Burst(LineFault):
 
 
 class Drop(LineFault):
-    """Whole records are lost: ``count`` of those that ``is_wanted`` selects."""
+    """Whole records are lost: the first ``count`` records that ``is_wanted`` selects."""
 
     def __init__(self, split: Splitter, count: float, is_wanted: Callable[[bytes], bool]) -> None:
         super().__init__()
@@ -177,7 +177,10 @@ class Noise(LineFault):
 
 
 class WrongBaud(LineFault):
-    """Device and driver have different baud rates; ``ratio`` is the device's over the driver's."""
+    """Device and driver have different baud rates.
+
+    ``ratio`` is the rate of the device divided by the rate of the driver.
+    """
 
     def __init__(self, ratio: float) -> None:
         super().__init__()
@@ -193,8 +196,8 @@ class WrongBaud(LineFault):
 def resample_uart(data: bytes, ratio: float) -> bytes:
     """Return what a receiver with another baud rate reads of bytes sent without pauses, 8N1.
 
-    A byte whose stop bit is missing is read as 0, as Linux does by default. The ratio is the
-    sender's rate over the receiver's; with 1 the bytes are unchanged.
+    A byte whose stop bit is missing is read as 0, as Linux does by default. ``ratio`` is the rate
+    of the sender divided by the rate of the receiver. If it is 1, the bytes are unchanged.
     """
     bits = [bit for byte in data for bit in (0, *(byte >> i & 1 for i in range(8)), 1)]
 
@@ -377,7 +380,10 @@ class FaultyLine(Generic[_D]):
         return data
 
     def _make_fault(self, wanted: FaultRequest) -> LineFault:
-        """Return a fault of the line; subclasses add faults of the device itself."""
+        """Return the requested fault of the serial line.
+
+        Subclasses override this to add faults of their device.
+        """
         match wanted.kind:
             case 'mute':
                 return Cut(says=False, hears=True)

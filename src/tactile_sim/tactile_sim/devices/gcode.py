@@ -44,8 +44,8 @@ class Modal:
 class Command:
     """Motion or dwell that one line commands; None if there is none.
 
-    The target is a machine coordinate of X [mm]; without a feed rate the move is a rapid [mm/min];
-    the dwell begins when all motion has ended [s].
+    ``target_mm`` is a machine coordinate of X [mm]. If ``feed_mm_min`` [mm/min] is None, the move
+    is a rapid. A dwell of ``dwell_s`` [s] begins when all motion has ended.
     """
 
     target_mm: float | None = None

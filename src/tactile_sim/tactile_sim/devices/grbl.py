@@ -94,7 +94,7 @@ class Planner:
 
     @property
     def end_s(self) -> float:
-        """Time at which all motion ends, unless commands follow; in the past at rest."""
+        """Time at which all motion ends, unless commands follow. In the past if nothing moves."""
         return self._trajectory.end_s
 
     @property
@@ -112,7 +112,7 @@ class Planner:
         return self._trajectory.state_at(time_s)
 
     def positions_at(self, times_s: FloatArray) -> FloatArray:
-        """Return positions at increasing times, with the same bits as `state_at`."""
+        """Return positions at increasing times, bit for bit as `state_at`."""
         return self._trajectory.states_at(times_s)[0]
 
     def settle(self, time_s: float) -> None:
@@ -270,7 +270,7 @@ class GrblDevice:
         return self._on_rail(self._planner.state_at(now_s)[0]) * 1e-3
 
     def positions_m(self, times_s: FloatArray) -> FloatArray:
-        """Return positions of the carriage at increasing times, with the bits of `position_m` [m].
+        """Return positions of the carriage at increasing times [m], bit for bit as `position_m`.
 
         The result has at least one position. It ends before the next event, which may change the
         motion.
@@ -321,9 +321,10 @@ class GrblDevice:
         self._raise_alarm(1)
 
     def stall(self, now_s: float) -> None:
-        """Let the stepper buffer run empty while the next dwell waits: idle, with moves queued.
+        """Let the stepper buffer run empty while the next dwell waits.
 
-        A dwell requests a cycle start once, before it waits for the end of all motion.
+        The controller is then idle, although moves are queued: a dwell requests a cycle start only
+        once, before it waits for the end of all motion.
         """
         self._advance(now_s)
         self._stalls = True

@@ -90,7 +90,7 @@ class Trajectory:
         return position, part.velocity + part.acceleration * t
 
     def states_at(self, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return positions and velocities at increasing times, with the bits of `state_at`."""
+        """Return positions and velocities at increasing times, bit for bit as `state_at`."""
         count = len(times_s)
         first, last = (bisect_right(self._starts, times_s[i]) - 1 if count else 0 for i in (0, -1))
         part = self._parts[first]

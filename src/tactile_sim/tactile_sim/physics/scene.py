@@ -126,12 +126,12 @@ def build_plate_surface(plate: Plate, tip_radius_m: float, tray_depth_m: float) 
 class Scene:
     """A finger over a plate (texture), an object (stiffness) or nothing.
 
-    ``body`` is a soft object under the fingertip, or None for a rigid plate. ``surface`` is its
-    surface, or None if it is level. ``lead_m`` is the coordinate on the surface under the tip at
-    ``guide_m`` and the contact bend. The plate or object is present only within ``half_width_m``
-    of this position of the guide [m].
+    ``body`` is a soft object under the fingertip, or None for a rigid plate. ``surface`` is the
+    surface of the plate or object, or None if it is level. ``lead_m`` is the coordinate of the
+    surface point that is under the tip when the guide is at ``guide_m`` and the finger has its
+    contact bend. The plate or object is present only within ``half_width_m`` of ``guide_m`` [m].
 
-    With ``inertia`` the finger oscillates freely when a plate glides under it.
+    If ``inertia`` is True, the finger oscillates freely when a plate glides under it.
     """
 
     finger: Finger

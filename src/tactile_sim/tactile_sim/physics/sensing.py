@@ -3,8 +3,8 @@
 
 """Readings of the load cell from the force on it, for many trials or sample by sample.
 
-The order is that of the hardware: crosstalk of the contact through the mount, low-pass
-filter, zero (bias and drift), noise, saturation, one step of the converter.
+The effects have the same order as in the hardware: crosstalk of the contact through the mount,
+low-pass filter, zero (bias and drift), noise, saturation, steps of the converter.
 """
 
 from __future__ import annotations
@@ -67,7 +67,10 @@ def compute_drift_step_n(cell: LoadCell) -> float:
 
 
 def convert_one(cell: LoadCell, signal_n: float, noise: float) -> float:
-    """Return `convert_to_reading` of one number, which may be infinite; the same bits [N]."""
+    """Return the reading for one number, which may be infinite [N].
+
+    The result equals that of `convert_to_reading` bit for bit.
+    """
     most = _count_steps(cell)
     counts = (signal_n + cell.noise_n * noise) / cell.resolution_n
     whole = round(min(max(counts, -most), most))

@@ -77,8 +77,8 @@ def advance_trials(
     tolerance_nm : float
         Largest residual moment of a solved step [N m].
     trusted_nm : float
-        A change of Newton's method from a residual within this ends the step without a check, if
-        friction behaves as foreseen; for rigid surfaces [N m].
+        If the residual before a change of Newton's method is at most this [N m], and friction
+        behaves as foreseen, the step ends without a check of the new residual. For rigid surfaces.
 
     Returns
     -------

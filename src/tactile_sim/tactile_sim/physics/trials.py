@@ -28,7 +28,7 @@ STEPS_PER_SAMPLE = 16
 """Steps per sample of the sensor during motion. docs/benchmarks.md has errors of other values."""
 
 TRUSTED_NM = 1e-2
-"""With inertia, a change of Newton's method from a residual within this ends a step [N m]."""
+"""Value of ``trusted_nm`` of `advance_trials` for scenes with inertia [N m]."""
 
 _RESTING_STEPS_PER_SAMPLE = 2
 _SETTLING_S = 0.1  # transients of the finger last about 20 ms
@@ -127,8 +127,8 @@ def simulate_motion(
 ) -> SimulatedMotion:
     """Return the physics of `simulate_trials` for given variations.
 
-    While the axes rest, there are an eighth of the steps, but at least one per sample. With
-    ``trusted_nm`` 0 every step is solved to the tolerance.
+    While the axes rest, the number of steps per sample is an eighth, but at least one. If
+    ``trusted_nm`` is 0, every step is solved to the tolerance.
 
     Raises `DescriptionError` when the timeline does not fit the rig, and `ConvergenceError` when
     the finger has no state of rest at the start.

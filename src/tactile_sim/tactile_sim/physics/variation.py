@@ -25,9 +25,8 @@ class Variation:
     """Deviations of each trial from the description; arrays of shape (trials,).
 
     Mounting height relative to the described one, and shift of plate or object along the guide
-    [m]; factors around 1; tendon displacement at which the tendon is just slack [m]; reading
-    without load [N]; lag of the sensor behind the motion, as a fraction of the sampling period in
-    [0, 1).
+    [m]; factors around 1; tendon displacement at which slack ends [m]; reading without load [N];
+    lag of the sensor behind the motion, as a fraction of the sampling period in [0, 1).
     """
 
     contact_height_m: FloatArray
