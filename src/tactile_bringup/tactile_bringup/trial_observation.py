@@ -34,7 +34,7 @@ class TendonContact:
     """Detector of tendon rest at the contact displacement, and of loss of contact.
 
     States are evaluated in order of arrival, so that a host clock that is set back does not hide
-    a loss. A step back by more than `CLOCK_STEP_NS` is a loss itself.
+    a loss. If the clock is set back by more than `CLOCK_STEP_NS`, this also counts as a loss.
 
     If a speed of `FAST_M_S` or more was reported during a pull, the tendon is at rest at the
     first state within the tolerance with `REST_SPEED_M_S` or less. Otherwise, the reported speed

@@ -50,7 +50,7 @@ class NodeDescription:
 
     name: str
     parameters: Mapping[str, Any] = field(default_factory=dict)
-    namespace: str = ''  # namespace of its finger without outer slashes; '' is the root
+    namespace: str = ''  # namespace of the finger, without outer slashes; '' is the root
 
     @property
     def executable(self) -> str:
@@ -90,7 +90,7 @@ class ModelChoice:
 
     @classmethod
     def read(cls, path: Path | None, task: str = '', contact: str = '') -> ModelChoice | None:
-        """Return the models in a folder or file, or None without a path.
+        """Read the models in a folder or file, and return them; None if ``path`` is None.
 
         An empty ``task`` or ``contact`` selects all models.
         """
@@ -112,10 +112,10 @@ class ModelChoice:
     def of_finger(
         cls, given: str, stated: NodeParameters, task: str = '', contact: str = ''
     ) -> ModelChoice | None:
-        """Return the models at a path or, without a path, the models in a parameter file.
+        """Return the models at the path ``given`` or, if it is empty, those of a parameter file.
 
-        In the parameter file, the models of the features node and of the classifier node apply to
-        both nodes. See `read` for the other arguments.
+        If the file states models for the features node or for the classifier node, they are used
+        for both nodes. See `read` for the other arguments.
         """
         of_classifier, of_features = stated.get(CLASSIFIER_NODE, {}), stated.get(FEATURES_NODE, {})
         place = given or of_classifier.get('models', '') or of_features.get('models', '')
@@ -184,21 +184,22 @@ def sensor_parameters(
 ) -> dict[str, Any] | None:
     """Return the parameters of a sensor node that follow from arguments.
 
-    Return None if the finger has no sensor node. The rate of a sensor on a topic is the one in
-    ``stated``, for the sensor or for the features node; without any, the sensor measures it.
+    Return None if the finger has no sensor node. If the sensor is a topic, its rate is the one in
+    ``stated``, for the sensor node or for the features node. If there is none, the sensor node
+    measures the rate.
 
     Parameters
     ----------
     stated : NodeParameters
-        Other parameters of the finger's nodes, by node name.
+        Other parameters of the finger's nodes; the keys are the names of the nodes.
     port : str
-        Serial port of the load cell; by default the port in ``stated``. With ``none``, here or in
-        ``stated``, another node publishes the strain, unless ``stated`` has a sensor with an
-        address or a topic.
+        Serial port of the load cell; by default the port in ``stated``. If the port is ``none``,
+        here or in ``stated``, the finger has no sensor node, because another node publishes the
+        strain. A sensor with an address or a topic in ``stated`` is still started.
     topic : str
         ``TOPIC``, ``TOPIC:AXIS`` or ``TOPIC:JOINT``; by default the topic in ``stated``.
     simulated : bool
-        The sensor is simulated and must mark its samples.
+        True if the sensor is simulated and must mark its samples.
 
     Raises
     ------
@@ -268,9 +269,10 @@ def recorder_parameters(
     namespaces : sequence of str
         Namespaces of the fingers.
     simulated : bool
-        The data are simulated. Needed only for old recordings, in which samples are not marked.
+        True if the data are simulated. Needed only for old recordings, in which samples are not
+        marked.
     rig, classifier : bool
-        The recorder waits for the topics of the rig or the classifier.
+        True if the recorder must wait for the topics of the rig, or of the classifier.
 
     Raises
     ------

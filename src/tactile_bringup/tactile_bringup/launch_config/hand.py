@@ -36,7 +36,8 @@ def find_fingers(text: str, file: ParameterFile, namespace: str = '') -> tuple[s
     text : str
         Comma-separated names. If it is empty, all fingers in the file are used.
     file : ParameterFile
-        It describes a finger by blocks for nodes in a namespace with the finger's name.
+        Parameter file. A block for a node in a namespace, such as ``index/tendon_sensor``,
+        describes the finger that has the name of the namespace.
     namespace : str
         Namespace of the hand.
 
@@ -49,8 +50,8 @@ def find_fingers(text: str, file: ParameterFile, namespace: str = '') -> tuple[s
     names = parse_finger_names(text) or described
     if not names:
         raise TactileError(
-            'there are no fingers; name the fingers, such as index,middle, or describe them in '
-            'a parameter file, each by a block for nodes in a namespace with its name'
+            'there are no fingers; name the fingers, such as index,middle, or describe each '
+            'finger in a parameter file, with a block such as index/tendon_sensor'
         )
     if described:
         if missing := [name for name in names if name not in described]:
@@ -132,14 +133,14 @@ def hand_graph(
     sensor_port, sensor_topic : str
         Sensor of a single finger; see `sensor_parameters`.
     simulate : callable, optional
-        If given, the sensors are simulated. It is called with the name of each finger without
-        port and topic, and returns the port of its simulated sensor.
+        If given, the sensors are simulated. It is called with the name of each finger that has
+        neither port nor topic, and returns the port of the simulated sensor.
     models, contact : str
         See `ModelChoice.of_finger`.
     phases : str
         Value of the parameter ``phases``; by default the value in the file.
     record : Path, optional
-        Folder of the bags, one per finger.
+        Folder for the bags. Each finger is recorded into a bag of its own.
     namespace : str
         Namespace of the hand.
 

@@ -57,8 +57,8 @@ def shared_arguments(**defaults: str) -> list[DeclareLaunchArgument]:
         ),
         'params_file': (
             '',
-            'YAML file with ROS parameters of the nodes. They override the defaults, and launch '
-            'arguments override them. `models` paths are relative to the file',
+            'YAML file with ROS parameters of the nodes. These parameters override the defaults; '
+            'launch arguments override these parameters. `models` paths are relative to the file',
         ),
         'namespace': ('', 'namespace of all nodes. Default: the root namespace'),
         'use_sim_time': ('false', 'true: take the time from /clock instead of the computer'),

@@ -40,7 +40,7 @@ CONFIGS: dict[str, type] = {
     'bag_recorder': RecorderConfig,
     'bag_player': PlayerConfig,
 }
-"""Config class of each node, by node name."""
+"""Config class of each node; the keys are the names of the nodes."""
 
 MAX_BYTES = 2**20
 """Largest parameter file that is read [B]."""
@@ -48,7 +48,7 @@ MAX_BYTES = 2**20
 _OF_EVERY_NODE = ('autostart', 'use_sim_time', 'start_type_description_service')
 
 NodeParameters = Mapping[str, Mapping[str, Any]]
-"""Parameters by the name of the node."""
+"""Parameters of several nodes; the keys are the names of the nodes."""
 
 
 class _Entry(NamedTuple):
@@ -66,13 +66,13 @@ class _Entry(NamedTuple):
 
 
 class ParameterFile:
-    """A ROS parameter file; without a path, it has no parameters.
+    """A ROS parameter file. If ``path`` is None, there are no parameters.
 
     Raises
     ------
     TactileError
-        If the file cannot be read, is not a ROS parameter file, has a parameter that one of our
-        nodes does not have, or has a node name that is similar to the name of one of our nodes.
+        If the file cannot be read or is not a ROS parameter file, if it states a parameter that a
+        node of these packages does not have, or if it has a misspelt name of such a node.
     """
 
     def __init__(self, path: Path | None = None) -> None:

@@ -47,9 +47,9 @@ def parameter_tables() -> str:
         fields = dataclasses.fields(config_class)
         live = [f'`{f.name}`' for f in fields if f.metadata.get('live')]
         when = (
-            f'Live: {", ".join(live)}. The others are read at configure.'
+            f'Live: {", ".join(live)}. The other parameters are read at configure.'
             if live
-            else 'Live: none. All are read at configure.'
+            else 'Live: none. All parameters are read at configure.'
         )
         tables.append(f'**`{node}`**\n\n{when}\n\n{_table(header, map(_row, fields))}')
     return '\n'.join(tables)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs the nodes of fingers in one process, whose stages call each other directly."""
+"""Runs the nodes of fingers in one process, in which their stages call each other directly."""
 
 from __future__ import annotations
 
@@ -28,10 +28,11 @@ from tendon_sensor_driver.tendon_sensor_node import TendonSensorNode
 
 
 def connect_fingers(nodes: Iterable[Any]) -> None:
-    """Connect the stages of each finger's nodes by calls; before the nodes are configured.
+    """Connect the stages of each finger, so that they call each other directly.
 
-    Nodes in one namespace belong to one finger. Nodes without a stage are ignored. If a finger
-    has no sensor node, its samples come from the topic of a node in another process.
+    Must be called before the nodes are configured. Nodes in one namespace belong to one finger.
+    Nodes without a stage are ignored. If a finger has no sensor node, its samples come from the
+    topic of a node in another process.
     """
     fingers: dict[str, dict[type, Any]] = {}
     for node in nodes:

@@ -177,7 +177,10 @@ class OperatorNode(Node):  # type: ignore[misc]
     def wait_for_answers(
         self, trial_id: str, models: Collection[str]
     ) -> tuple[WindowPrediction, ...]:
-        """Wait for the classifications of a trial by the models with these ``model_id``."""
+        """Wait until each of the models has classified a trial; return the classifications.
+
+        ``models`` are values of ``model_id``. The classifications have the same order.
+        """
 
         def found() -> dict[str, WindowPrediction]:
             of_trial = (answer for answer in self._answers if answer.trial_id == trial_id)

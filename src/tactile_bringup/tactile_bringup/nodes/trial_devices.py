@@ -32,7 +32,7 @@ from tactile_ros.strain import NOT_LIVE
 
 
 class ContactLost(GoalAborted):
-    """The tendon has left its displacement; the reasons of its driver are added."""
+    """The tendon has left its displacement. Reasons that its driver reports are added."""
 
 
 class RunningTrial:
@@ -356,7 +356,7 @@ class TrialDevice:
 
 
 class StrainWatch:
-    """Watch of the arrival of valid strain samples, as of the node's last poll."""
+    """Watches whether valid strain samples arrive; updated when the node polls its topics."""
 
     def __init__(self, node: PollingNode, timeout_s: float) -> None:
         self._node, self._timeout_s = node, timeout_s

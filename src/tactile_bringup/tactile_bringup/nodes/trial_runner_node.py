@@ -70,7 +70,7 @@ HOMINGS = {
     'home the guide': ('linear_guide/home', 'tactile_msgs/action/HomeGuide'),
     'home the tendon': ('tendon_actuator/home', 'tactile_msgs/action/HomeTendon'),
 }
-"""Actions that are remedies of missing things, by a phrase in the message."""
+"""Action that helps if a message about a missing thing contains the phrase."""
 
 RELEASE_ATTEMPTS = 3
 RELEASE_PAUSE_S = 0.3
@@ -239,7 +239,7 @@ class TrialRunnerNode(PollingNode):
     # -- heartbeat -------------------------------------------------------------------
 
     def _beat_for_executor(self) -> None:
-        """Publish the heartbeat while the executor runs, unless a trial does; periodic."""
+        """Publish the heartbeat while the executor runs, unless a trial publishes it; periodic."""
         is_watched = self._trial is not None and self._trial.is_watched
         if not is_watched and time.monotonic() - self._executor_ran_s < HANG_S:
             self._beat()
@@ -316,7 +316,7 @@ class TrialRunnerNode(PollingNode):
             trial.glide_end_ns = track.end_ns
 
     def _slacken(self, trial: RunningTrial) -> None:
-        """Slacken a tendon that is taut before the trial; the guide would drag the finger."""
+        """Slacken a tendon that is taut before the trial; otherwise the guide drags the finger."""
         tendon = self._tendon
         assert tendon is not None
         if tendon.position_m is not None and tendon.position_m > SLACK_M:
