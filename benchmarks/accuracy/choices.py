@@ -31,8 +31,8 @@ from tactile_classifier.estimators.classifiers import (
 )
 from tactile_classifier.evaluation.open_set import evaluate_open_set
 from tactile_classifier.evaluation.plans import run_plans
-from tactile_classifier.records import ROCKET
 from tactile_classifier.training.feature_choice import ChoicePlan
+from tactile_classifier.types import ROCKET
 from tactile_features import FeatureConfig, features_from_trials
 
 SEEDS = 5

@@ -35,7 +35,7 @@ from benchmarks.recordings import FABRIC_SLIDE, find_recording, PHAC_HOLD, say_m
 from tactile_classifier import load_archive
 from tactile_classifier.datasets.archive import LabelledTrials
 from tactile_classifier.estimators.classifiers import build_estimator
-from tactile_classifier.records import ROCKET
+from tactile_classifier.types import ROCKET
 from tactile_features import compute_spectrum, FeatureConfig, features_from_trials
 from tactile_features.feature_sets.waveforms import average_parts, HOLD_PARTS
 

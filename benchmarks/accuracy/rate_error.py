@@ -28,7 +28,7 @@ from tactile_bringup.trial_protocols import TrialConfig
 from tactile_classifier import load_archive
 from tactile_classifier.estimators.classifiers import build_estimator
 from tactile_features import FeatureConfig, features_from_trials
-from tactile_features.records import PROTOCOL_TEXTURE
+from tactile_features.types import PROTOCOL_TEXTURE
 from tactile_sim.descriptions.catalogue import default_catalogue
 
 Array = NDArray[Any]

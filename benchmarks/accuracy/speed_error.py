@@ -39,7 +39,7 @@ from benchmarks.accuracy.peers import (
 from benchmarks.recordings import FABRIC_SLIDE, find_recording, PHAC_HOLD, say_missing
 from tactile_classifier import load_archive
 from tactile_classifier.estimators.classifiers import build_estimator
-from tactile_classifier.records import CLASSIFIER_TITLES, CLASSIFIERS, ROCKET, SCALINGS
+from tactile_classifier.types import CLASSIFIER_TITLES, CLASSIFIERS, ROCKET, SCALINGS
 from tactile_features import FeatureConfig, features_from_trials
 
 SEEDS = 3

@@ -20,7 +20,7 @@ from benchmarks.measuring import Report, Row
 from benchmarks.recordings import FABRIC_SLIDE, find_recording, say_missing
 from tactile_classifier import load_archive
 from tactile_classifier.estimators.classifiers import build_estimator
-from tactile_classifier.records import CLASSIFIERS, SCALINGS
+from tactile_classifier.types import CLASSIFIERS, SCALINGS
 from tactile_features import compute_spectrum, FeatureConfig, features_from_trials
 
 Array = NDArray[Any]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_bringup.trial_protocols import TrialConfig, TrialRequest
-from tactile_features.records import TrialEvent
+from tactile_features.types import TrialEvent
 from tactile_lab.simulation.simulated_trials import plan_trial
 from tactile_ros.strain import StrainBlock
 from tactile_sim.descriptions.catalogue import default_catalogue

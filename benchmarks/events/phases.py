@@ -20,11 +20,11 @@ from benchmarks.events.phase_streams import (
 )
 from benchmarks.measuring import Report, Row
 from tactile_classifier.estimators.classifiers import build_estimator, DEFAULT_SCALING
-from tactile_classifier.records import CLASSIFIERS, CONTACTS
+from tactile_classifier.types import CLASSIFIERS, CONTACTS
 from tactile_features.config import FeatureConfig
 from tactile_features.extraction.extractor import TrialFeatureExtractor
 from tactile_features.phases import find_phases
-from tactile_features.records import FeatureWindow, TrialEvent, WindowOutcome
+from tactile_features.types import FeatureWindow, TrialEvent, WindowOutcome
 from tactile_ros.strain import StrainBlock
 
 MARK = {'stiffness': 'hold', 'texture': 'glide'}

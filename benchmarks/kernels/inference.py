@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.measuring import measure_ratio, Report, Row
 from tactile_classifier import CLASSIFIERS, FeatureTable, train, write_model
 from tactile_classifier.estimators.classifiers import compute_raw_scores
-from tactile_classifier.records import ROCKET
+from tactile_classifier.types import ROCKET
 from tactile_features import FeatureConfig, features_from_trials, spec_for
 
 

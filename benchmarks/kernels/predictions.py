@@ -22,7 +22,7 @@ from benchmarks.measuring import (
     Row,
     start_in,
 )
-from tactile_classifier.records import CLASSIFIERS, ROCKET
+from tactile_classifier.types import CLASSIFIERS, ROCKET
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -23,12 +23,7 @@ from tactile_bringup.trial_protocols import glide_speed_m_s, TrialConfig, TrialR
 from tactile_classifier.estimators.classifiers import build_estimator, DEFAULT_SCALING
 from tactile_features.config import FeatureConfig
 from tactile_features.extraction.extractor import TrialFeatureExtractor
-from tactile_features.records import (
-    PROTOCOL_STIFFNESS,
-    PROTOCOL_TEXTURE,
-    TrialEvent,
-    WindowOutcome,
-)
+from tactile_features.types import PROTOCOL_STIFFNESS, PROTOCOL_TEXTURE, TrialEvent, WindowOutcome
 from tactile_lab.simulation.simulated_trials import EPOCH_NS, plan_trial
 from tactile_ros.strain import StrainBlock
 from tactile_sim.descriptions.catalogue import Catalogue, default_catalogue

@@ -11,16 +11,16 @@ from typing import Any
 _HOMES = {
     'DeviceConnectionError': 'errors',
     'DeviceRefusedError': 'errors',
-    'GuideState': 'records',
+    'GuideState': 'types',
     'LinearGuideClient': 'grbl.guide_client',
-    'LinearGuideConfig': 'records',
+    'LinearGuideConfig': 'config',
     'LinearGuideDriverError': 'errors',
     'MotionFailedError': 'errors',
     'MotionRefusedError': 'errors',
     'MotionStoppedError': 'errors',
     'TendonActuatorClient': 'dynamixel.tendon_client',
-    'TendonActuatorConfig': 'records',
-    'TendonState': 'records',
+    'TendonActuatorConfig': 'config',
+    'TendonState': 'types',
     'TendonSafety': 'safety',
 }
 

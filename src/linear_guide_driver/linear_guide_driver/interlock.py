@@ -14,7 +14,7 @@ from enum import Enum
 import math
 from typing import NamedTuple
 
-from linear_guide_driver.records import REST_REPORT_S
+from linear_guide_driver.config import REST_REPORT_S
 from linear_guide_driver.safety import SLACK_M, Zero
 from tactile_ros.refusal import Refusal
 

@@ -9,11 +9,12 @@ from functools import partial
 import time
 from typing import Any
 
+from linear_guide_driver.config import LinearGuideConfig
 from linear_guide_driver.grbl.guide_client import LinearGuideClient
 from linear_guide_driver.interlock import Slack, TendonInterlock, TendonReport
 from linear_guide_driver.motion_node import MotionNode
-from linear_guide_driver.records import GuideState, LinearGuideConfig
 from linear_guide_driver.safety import TopicWatchdog
+from linear_guide_driver.types import GuideState
 from tactile_msgs.action import HomeGuide, MoveGuide
 from tactile_msgs.msg import StrainBlock, TendonSlack
 from tactile_ros.goals import Goal, GoalAborted, GoalRunner

@@ -48,8 +48,8 @@ from enum import Enum
 import threading
 from typing import NamedTuple, Protocol
 
+from linear_guide_driver.config import TendonActuatorConfig
 from linear_guide_driver.errors import capitalise, MotionRefusedError
-from linear_guide_driver.records import TendonActuatorConfig
 from linear_guide_driver.stop_latch import StopLatch
 from linear_guide_driver.tension import TensionSource
 from tactile_ros.refusal import Refusal

@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 from rclpy.time import Time
 
+from linear_guide_driver.config import REST_REPORT_S, TendonActuatorConfig
 from linear_guide_driver.dynamixel.tendon_client import TendonActuatorClient
 from linear_guide_driver.errors import capitalise, LinearGuideDriverError
 from linear_guide_driver.interlock import judge_slack, Slack, TendonReport
 from linear_guide_driver.motion_node import MotionNode
-from linear_guide_driver.records import REST_REPORT_S, TendonActuatorConfig, TendonState
 from linear_guide_driver.safety import Ending, State, Zero
 from linear_guide_driver.tension import find_limit_warnings
+from linear_guide_driver.types import TendonState
 from tactile_msgs.action import HomeTendon, PullTendon
 from tactile_msgs.msg import StrainBlock, Tare, TendonSlack
 from tactile_ros.goals import Goal, GoalRunner

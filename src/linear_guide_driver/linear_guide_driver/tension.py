@@ -21,7 +21,7 @@ from collections.abc import Mapping, Sequence
 import math
 import threading
 
-from linear_guide_driver.records import TendonActuatorConfig
+from linear_guide_driver.config import TendonActuatorConfig
 from tactile_ros.refusal import Refusal
 from tactile_ros.strain import NOT_LIVE, StrainBlock, StrainStatus
 

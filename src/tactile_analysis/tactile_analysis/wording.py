@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from tactile_classifier.evaluation.cross_validation import Evaluation, Score
 from tactile_classifier.evaluation.intervals import COVERAGE_WITH_TRAINING, Interval
-from tactile_classifier.records import CLASSIFIER_TITLES, PROBABILITY, short_scaling
+from tactile_classifier.types import CLASSIFIER_TITLES, PROBABILITY, short_scaling
 
 if TYPE_CHECKING:
     from tactile_classifier.model_file.manifest import Manifest

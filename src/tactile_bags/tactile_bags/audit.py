@@ -21,7 +21,7 @@ from tactile_bags.message_records import read_records
 from tactile_bags.recorded_setup import nominal_rate_hz
 from tactile_features.extraction.phase_window import format_clock_step
 from tactile_features.feature_sets.feature_set import RATE_TOLERANCE
-from tactile_features.records import PHASE_ABORTED, PHASE_DONE, TrialEvent
+from tactile_features.types import PHASE_ABORTED, PHASE_DONE, TrialEvent
 from tactile_ros.errors import plain_text
 from tactile_ros.strain import StrainBlock, StrainStatus
 from tactile_ros.topics import EVENT, EVENT_TOPIC, STRAIN

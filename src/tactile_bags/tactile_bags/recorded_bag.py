@@ -20,7 +20,7 @@ from tactile_bags.message_records import KeptMessage, read_records, RECORDED_TYP
 from tactile_bags.recorded_setup import nominal_rate_hz
 from tactile_bags.trial import mean_period_s, Signal, Trial
 from tactile_features.config import round_rate
-from tactile_features.records import PHASE_ABORTED, PHASE_DONE, TrialEvent
+from tactile_features.types import PHASE_ABORTED, PHASE_DONE, TrialEvent
 from tactile_ros.strain import StrainStatus
 from tactile_ros.topics import CLASSIFICATION, EVENT, STRAIN
 

@@ -20,7 +20,7 @@ from typing import Any
 from tactile_bags.bag_reader import TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.message_records import read_records
-from tactile_classifier.records import ModelInfo
+from tactile_classifier.types import ModelInfo
 from tactile_features.config import FeatureConfig, round_rate
 from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.feature_set import RATE_TOLERANCE

@@ -20,17 +20,17 @@ from tactile_bags.bag_reader import BagMessage, TactileBag
 from tactile_bags.message_records import read_records
 from tactile_bags.recorded_setup import RecordedFeatures
 from tactile_classifier.answering import ModelSet
-from tactile_classifier.records import WindowPrediction
+from tactile_classifier.types import WindowPrediction
 from tactile_features.conversions import event_from_msg
 from tactile_features.extraction.extractor import TrialFeatureExtractor
-from tactile_features.records import (
+from tactile_features.spec import FeatureSpec
+from tactile_features.types import (
     FeatureWindow,
     PHASE_ABORTED,
     PHASE_DONE,
     PHASES_STATED,
     TrialEvent,
 )
-from tactile_features.spec import FeatureSpec
 from tactile_ros.errors import MessageError
 from tactile_ros.topics import CLASSIFICATION, EVENT, FEATURES, STRAIN
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_classifier.records import WindowPrediction
-from tactile_features.records import TrialEvent
+from tactile_classifier.types import WindowPrediction
+from tactile_features.types import TrialEvent
 
 
 @dataclass(frozen=True, eq=False)

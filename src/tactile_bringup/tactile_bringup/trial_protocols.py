@@ -11,9 +11,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from linear_guide_driver.records import EmergencyStopConfig
-from tactile_classifier.records import CONTACTS
-from tactile_features.records import PHASE_TOUCH
+from linear_guide_driver.config import EmergencyStopConfig
+from tactile_classifier.types import CONTACTS
+from tactile_features.types import PHASE_TOUCH
 from tactile_ros.configs import parameter
 
 PROTOCOLS = ('texture', 'stiffness')

@@ -13,10 +13,10 @@ from pathlib import Path
 
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.model import load_model, TactileModel
-from tactile_classifier.records import ModelInfo, WindowPrediction
+from tactile_classifier.types import ModelInfo, WindowPrediction
 from tactile_features.model_contract import load_usable
-from tactile_features.records import contacts_agree, FeatureWindow
 from tactile_features.spec import FeatureSpec, FeatureSpecifications
+from tactile_features.types import contacts_agree, FeatureWindow
 
 
 class ModelSet:

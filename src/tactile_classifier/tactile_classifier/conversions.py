@@ -9,7 +9,7 @@ import dataclasses
 from typing import Any
 
 from tactile_classifier.errors import ClassifierError
-from tactile_classifier.records import ModelInfo, ModelInfos, PredictionOutcome, WindowPrediction
+from tactile_classifier.types import ModelInfo, ModelInfos, PredictionOutcome, WindowPrediction
 from tactile_ros.errors import MessageError
 from tactile_ros.message_classes import time_to_msg
 

@@ -9,19 +9,20 @@ from collections.abc import Callable
 from typing import Any
 
 from tactile_classifier.answering import ModelSet, WindowClassifier
+from tactile_classifier.config import ClassifierConfig
 from tactile_classifier.conversions import (
     classification_to_msg,
     model_infos_to_msg,
     vision_class,
     vision_from_msg,
 )
-from tactile_classifier.records import ClassifierConfig, ModelInfos
+from tactile_classifier.types import ModelInfos
 from tactile_features.conversions import (
     feature_window_from_msg,
     feature_window_from_record,
     specifications_from_msg,
 )
-from tactile_features.records import FeatureWindow
+from tactile_features.types import FeatureWindow
 from tactile_msgs.msg import Classification, FeatureSpecifications, TactileFeatures
 from tactile_msgs.msg import ModelInfos as ModelInfosMsg
 from tactile_ros.errors import plain_text

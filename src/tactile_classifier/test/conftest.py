@@ -19,8 +19,8 @@ from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
-from tactile_features.records import FeatureWindow, WindowOutcome
 from tactile_features.spec import spec_for
+from tactile_features.types import FeatureWindow, WindowOutcome
 
 
 def make_texture_table(classes=8, each=60, noise_n=0.1):

@@ -7,8 +7,8 @@ import numpy as np
 
 from tactile_classifier.estimators.classifiers import compute_raw_scores
 from tactile_classifier.model_file.model import load_model
-from tactile_classifier.records import NO_ANSWER, UNKNOWN
 from tactile_classifier.training.model_writer import write_model
+from tactile_classifier.types import NO_ANSWER, UNKNOWN
 
 
 def check_model(trained, path, values, atol=1e-12):

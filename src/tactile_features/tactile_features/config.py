@@ -13,7 +13,7 @@ from typing import Any
 from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.feature_set import FeatureSet, WindowParameters
 from tactile_features.feature_sets.registry import check_choice, CHOOSER
-from tactile_features.records import (
+from tactile_features.types import (
     CONTACT_ABDUCTION,
     CONTACT_FLEXION,
     PHASE_GLIDE,

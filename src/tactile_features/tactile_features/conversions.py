@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from tactile_features import records
+from tactile_features import types
 from tactile_features.errors import FeatureError
-from tactile_features.records import FeatureWindow, TrialEvent, WindowOutcome
 from tactile_features.spec import FeatureSpec, FeatureSpecifications
+from tactile_features.types import FeatureWindow, TrialEvent, WindowOutcome
 from tactile_ros.errors import MessageError
 from tactile_ros.message_classes import time_to_msg
 from tactile_ros.strain import StrainBlock, StrainStatus
@@ -32,7 +32,7 @@ END_OF_TIME_NS = 2**31 * 10**9
 """Times in messages must lie before this [ns]."""
 
 _KNOWN = {
-    name: tuple(value for key, value in vars(records).items() if key.startswith(name))
+    name: tuple(value for key, value in vars(types).items() if key.startswith(name))
     for name in ('PHASE_', 'CONTACT_', 'PROTOCOL_')
 }
 _STATUS = int(sum(StrainStatus))

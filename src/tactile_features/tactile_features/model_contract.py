@@ -18,8 +18,8 @@ from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError, ModelFileError
 from tactile_features.feature_sets.registry import task_of
 from tactile_features.model_container import read_container
-from tactile_features.records import CONTACT_ABDUCTION, CONTACT_FLEXION, contacts_agree
 from tactile_features.spec import FeatureSpec
+from tactile_features.types import CONTACT_ABDUCTION, CONTACT_FLEXION, contacts_agree
 
 FORMAT_VERSION = 9
 """Version of the manifest of a model file."""

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
-from tactile_features.records import (
+from tactile_features.types import (
     PHASE_ABORTED,
     PHASE_DONE,
     PHASE_GLIDE,

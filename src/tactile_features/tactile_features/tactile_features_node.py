@@ -23,8 +23,8 @@ from tactile_features.errors import FeatureError
 from tactile_features.extraction.extractor import SampleTimeout, TrialFeatureExtractor
 from tactile_features.feature_sets.feature_set import RATE_TOLERANCE
 from tactile_features.model_contract import plan_features
-from tactile_features.records import FeatureWindow, PHASE_ABORTED, TrialEvent, WindowOutcome
 from tactile_features.spec import FeatureSpecifications
+from tactile_features.types import FeatureWindow, PHASE_ABORTED, TrialEvent, WindowOutcome
 from tactile_msgs.msg import FeatureSpecifications as FeatureSpecificationsMsg
 from tactile_msgs.msg import StrainBlock, TactileFeatures
 from tactile_msgs.msg import TrialEvent as TrialEventMsg

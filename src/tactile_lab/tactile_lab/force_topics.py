@@ -17,7 +17,7 @@ from tactile_lab.devices.device_probe import FoundDevice
 from tactile_ros.message_classes import message_class
 from tactile_ros.node_group import NodeGroup
 from tactile_ros.polling import PollingNode
-from tendon_sensor_driver.records import TendonSensorConfig
+from tendon_sensor_driver.config import TendonSensorConfig
 from tendon_sensor_driver.topic_sensor import BEST_EFFORT, TopicClient
 from tendon_sensor_driver.topic_stream import READERS
 

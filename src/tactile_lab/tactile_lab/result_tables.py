@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from tactile_analysis.wording import format_interval, format_mean
 from tactile_classifier.evaluation.cross_validation import Evaluation, Score
 from tactile_classifier.evaluation.learning_curve import LearningCurve
-from tactile_classifier.records import CLASSIFIER_TITLES, SCALING_TITLES, short_scaling
+from tactile_classifier.types import CLASSIFIER_TITLES, SCALING_TITLES, short_scaling
 from tactile_lab.console import Table
 
 if TYPE_CHECKING:

@@ -10,10 +10,10 @@ from typing import Any
 
 _HOMES = {
     'TareValue': '.tare',
-    'SensorHealth': '.records',
+    'SensorHealth': '.types',
     'LineDecoder': '.line_sensor',
     'LinkError': '.errors',
-    'LineReading': '.records',
+    'LineReading': '.types',
     'SensorClient': '.client',
     'StrainBlock': 'tactile_ros.strain',
     'StrainStatus': 'tactile_ros.strain',
@@ -21,7 +21,7 @@ _HOMES = {
     'Tare': '.tare',
     'TareError': '.tare',
     'TendonSensorClient': '.line_sensor',
-    'TendonSensorConfig': '.records',
+    'TendonSensorConfig': '.config',
     'TendonSensorError': '.errors',
     'check_sensor': '.checks',
     'encode_reading': '.line_sensor',

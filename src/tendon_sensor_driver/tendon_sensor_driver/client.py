@@ -22,9 +22,10 @@ from serial.tools import list_ports
 
 from tactile_ros.strain import StrainBlock
 from tendon_sensor_driver.clock import ArrivalClock
+from tendon_sensor_driver.config import TendonSensorConfig
 from tendon_sensor_driver.errors import LinkError, TendonSensorError
-from tendon_sensor_driver.records import SensorHealth, TendonSensorConfig
 from tendon_sensor_driver.strain_stream import Stream
+from tendon_sensor_driver.types import SensorHealth
 
 _WRITE_TIMEOUT_S = 0.5
 _MOST_BYTES = 4096

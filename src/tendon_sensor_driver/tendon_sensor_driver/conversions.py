@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from tactile_ros.message_classes import time_to_msg
 from tactile_ros.strain import StrainBlock, StrainStatus
-from tendon_sensor_driver.records import AXES, SensorHealth, TendonSensorConfig
+from tendon_sensor_driver.config import AXES, TendonSensorConfig
 from tendon_sensor_driver.tare import TareValue
+from tendon_sensor_driver.types import SensorHealth
 
 LEVEL_OK, LEVEL_WARN, LEVEL_ERROR = 0, 1, 2
 """The levels of ``diagnostic_msgs/DiagnosticStatus``."""

@@ -16,8 +16,9 @@ from tendon_sensor_driver.client import (
     OnBlock,
     SerialTransport,
 )
-from tendon_sensor_driver.records import LineReading, SensorHealth, TendonSensorConfig
+from tendon_sensor_driver.config import TendonSensorConfig
 from tendon_sensor_driver.strain_stream import StrainStream
+from tendon_sensor_driver.types import LineReading, SensorHealth
 
 MAX_LINE_BYTES = 256
 """Longer lines are dropped: no load cell sends them, and the memory stays bounded."""
@@ -116,7 +117,7 @@ class LineDecoder:
     Attributes
     ----------
     bytes, lines, readings, rejected_lines : int
-        Counters; see `tendon_sensor_driver.records.SensorHealth`.
+        Counters; see `tendon_sensor_driver.types.SensorHealth`.
     last_rejected : bytes
         The last rejected line, or the start of it.
     last_reason : str or None

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from tendon_sensor_driver.client import LinkClient, NowNs, OnBlock
 from tendon_sensor_driver.clock import Batch
+from tendon_sensor_driver.config import AXES, TendonSensorConfig
 from tendon_sensor_driver.counter_clock import CounterClock, CounterRestartError
 from tendon_sensor_driver.errors import LinkError
 from tendon_sensor_driver.net_ft_protocol import (
@@ -31,8 +32,8 @@ from tendon_sensor_driver.net_ft_protocol import (
     MOST_RECORDS,
     RECORD_BYTES,
 )
-from tendon_sensor_driver.records import AXES, SensorHealth, TendonSensorConfig
 from tendon_sensor_driver.strain_stream import Stream
+from tendon_sensor_driver.types import SensorHealth
 
 _WAIT_S = 0.1
 _LONGEST_WAIT_S = 0.25

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_ros.strain import StrainStatus
+from tendon_sensor_driver.config import LOW_PASS_CODES, NEWTONS
 from tendon_sensor_driver.errors import LinkError
-from tendon_sensor_driver.records import LOW_PASS_CODES, NEWTONS
 
 _POUND_N, _KILOGRAM_N = NEWTONS['lbf'], NEWTONS['kg']
 _INCH_M = 0.0254

@@ -6,9 +6,9 @@
 from __future__ import annotations
 
 from tendon_sensor_driver.client import NowNs, OnBlock, SensorClient
+from tendon_sensor_driver.config import TendonSensorConfig
 from tendon_sensor_driver.errors import TendonSensorError
 from tendon_sensor_driver.line_sensor import TendonSensorClient
-from tendon_sensor_driver.records import TendonSensorConfig
 
 
 def make_sensor(config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) -> SensorClient:

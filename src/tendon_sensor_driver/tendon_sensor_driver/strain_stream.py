@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 
 from tactile_ros.strain import StrainBlock, StrainStatus
 from tendon_sensor_driver.clock import Batch, DeviceClock, HostClock, Run, SampleClock
-from tendon_sensor_driver.records import LineReading, NEWTONS, TendonSensorConfig
+from tendon_sensor_driver.config import NEWTONS, TendonSensorConfig
+from tendon_sensor_driver.types import LineReading
 
 _FEWEST_EQUAL = 10
 # Integers, because operations on IntFlag take a third of the time spent on a sample.

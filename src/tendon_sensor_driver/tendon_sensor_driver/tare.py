@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_ros.strain import NO_MEASUREMENT, StrainBlock, StrainStatus
+from tendon_sensor_driver.config import TendonSensorConfig
 from tendon_sensor_driver.errors import TendonSensorError
-from tendon_sensor_driver.records import TendonSensorConfig
 
 _BREAKS = {
     StrainStatus.RESTARTED: 'the device has restarted, or may have restarted',

@@ -26,6 +26,7 @@ from tactile_ros.strain import StrainBlock as StrainRecord
 from tactile_ros.strain import StrainStatus
 from tendon_sensor_driver import tare
 from tendon_sensor_driver.client import SensorClient
+from tendon_sensor_driver.config import TendonSensorConfig
 from tendon_sensor_driver.conversions import (
     assess_health,
     format_restart,
@@ -35,8 +36,8 @@ from tendon_sensor_driver.conversions import (
     to_values,
     to_wrench_msg,
 )
-from tendon_sensor_driver.records import SensorHealth, TendonSensorConfig
 from tendon_sensor_driver.sensors import make_sensor
+from tendon_sensor_driver.types import SensorHealth
 
 WATCH_PERIOD_S = 0.2
 _PAST_PERIODS = 5  # counters that increased during the last second are reported

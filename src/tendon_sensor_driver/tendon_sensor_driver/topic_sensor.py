@@ -24,9 +24,10 @@ from tactile_ros.polling import PolledSubscription
 from tactile_ros.rclpy_internals import RCLError
 from tactile_ros.stages import StageNode
 from tendon_sensor_driver.client import NowNs, OnBlock, SensorClient
+from tendon_sensor_driver.config import TendonSensorConfig
 from tendon_sensor_driver.errors import TendonSensorError
-from tendon_sensor_driver.records import SensorHealth, TendonSensorConfig
 from tendon_sensor_driver.topic_stream import READERS, ReadingError, TopicStream
+from tendon_sensor_driver.types import SensorHealth
 
 RATE_TOLERANCE = 0.02
 """Largest relative deviation of the rate. If the rate deviates more, windows are refused."""

@@ -16,8 +16,8 @@ import numpy as np
 
 from tactile_ros.strain import StrainBlock, StrainStatus
 from tendon_sensor_driver.clock import Batch, Instant, SampleClock
+from tendon_sensor_driver.config import AXES, NORM, TendonSensorConfig
 from tendon_sensor_driver.errors import TendonSensorError
-from tendon_sensor_driver.records import AXES, NORM, TendonSensorConfig
 from tendon_sensor_driver.strain_stream import Stream
 
 

@@ -26,6 +26,7 @@ import math
 import time
 from typing import NamedTuple, TypeVar
 
+from linear_guide_driver.config import TendonActuatorConfig
 from linear_guide_driver.dynamixel import registers
 from linear_guide_driver.dynamixel.bus import ATTEMPTS, DynamixelBus, LATE_S, SilentServoError
 from linear_guide_driver.dynamixel.registers import ServoSettings, ServoState
@@ -34,7 +35,7 @@ from linear_guide_driver.errors import (
     DeviceRefusedError,
     LinearGuideDriverError,
 )
-from linear_guide_driver.records import TendonActuatorConfig, TendonState
+from linear_guide_driver.types import TendonState
 
 SETTLING_S = 3.0
 SETTLING_PERIOD_S = 0.1

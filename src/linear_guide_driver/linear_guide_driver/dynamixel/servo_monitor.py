@@ -19,6 +19,7 @@ import math
 import threading
 import time
 
+from linear_guide_driver.config import REST_AFTER_S, TendonActuatorConfig
 from linear_guide_driver.dynamixel import registers
 from linear_guide_driver.dynamixel.bus import SilentServoError
 from linear_guide_driver.dynamixel.servo import TendonServo
@@ -27,7 +28,7 @@ from linear_guide_driver.errors import (
     DeviceRefusedError,
     LinearGuideDriverError,
 )
-from linear_guide_driver.records import REST_AFTER_S, TendonActuatorConfig, TendonState
+from linear_guide_driver.types import TendonState
 from tactile_ros.refusal import Refusal
 
 FAILED_POLLS = 5

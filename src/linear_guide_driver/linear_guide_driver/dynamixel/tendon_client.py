@@ -26,6 +26,7 @@ import math
 import time
 from typing import TypeVar
 
+from linear_guide_driver.config import TendonActuatorConfig
 from linear_guide_driver.dynamixel import registers
 from linear_guide_driver.dynamixel.bus import LATE_S, SilentServoError
 from linear_guide_driver.dynamixel.servo import (
@@ -45,7 +46,6 @@ from linear_guide_driver.errors import (
     MotionStoppedError,
 )
 from linear_guide_driver.motion import Motion, Motions
-from linear_guide_driver.records import TendonActuatorConfig, TendonState
 from linear_guide_driver.safety import (
     Ending,
     Order,
@@ -56,6 +56,7 @@ from linear_guide_driver.safety import (
     Zero,
 )
 from linear_guide_driver.stop_latch import StopLatch
+from linear_guide_driver.types import TendonState
 from tactile_ros.refusal import Refusal
 
 POSITION_TOLERANCE_M = 0.0005

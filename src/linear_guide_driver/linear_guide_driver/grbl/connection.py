@@ -12,9 +12,9 @@ import math
 import threading
 import time
 
+from linear_guide_driver.config import REST_AFTER_S, REST_REPORT_S
 from linear_guide_driver.errors import DeviceConnectionError, DeviceRefusedError
 from linear_guide_driver.grbl import protocol as grbl
-from linear_guide_driver.records import REST_AFTER_S, REST_REPORT_S
 from linear_guide_driver.serial_link import SerialLink, TICK_S
 
 GREETING_S = 0.3

@@ -26,6 +26,7 @@ import statistics
 import time
 from typing import NamedTuple, TypeVar
 
+from linear_guide_driver.config import LinearGuideConfig
 from linear_guide_driver.errors import (
     DeviceRefusedError,
     LinearGuideDriverError,
@@ -36,7 +37,7 @@ from linear_guide_driver.grbl import protocol as grbl
 from linear_guide_driver.grbl.connection import GrblConnection
 from linear_guide_driver.grbl.protocol import GuideSettings
 from linear_guide_driver.motion import Motion, Motions
-from linear_guide_driver.records import GuideState, LinearGuideConfig
+from linear_guide_driver.types import GuideState
 from tactile_ros.refusal import Refusal
 
 MOVED_M = 0.0002

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import math
 import re
 
+from linear_guide_driver.config import LinearGuideConfig
 from linear_guide_driver.errors import DeviceRefusedError
-from linear_guide_driver.records import LinearGuideConfig
 
 STATUS_QUERY = b'?'
 FEED_HOLD = b'!'

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 
+from linear_guide_driver.config import LinearGuideConfig
 from linear_guide_driver.errors import DeviceRefusedError
 from linear_guide_driver.grbl.protocol import (
     Alarm,
@@ -24,7 +25,6 @@ from linear_guide_driver.grbl.protocol import (
     STATES,
     StatusReport,
 )
-from linear_guide_driver.records import LinearGuideConfig
 
 coordinates = st.integers(-999_999, 999_999).map(lambda n: n / 1000)
 axes = st.tuples(coordinates, coordinates, coordinates)

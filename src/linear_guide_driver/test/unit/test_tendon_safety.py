@@ -5,8 +5,8 @@ import dataclasses
 import pytest
 from samples import feed
 
+from linear_guide_driver.config import TendonActuatorConfig
 from linear_guide_driver.errors import MotionRefusedError
-from linear_guide_driver.records import TendonActuatorConfig
 from linear_guide_driver.safety import (
     Ending,
     Order,

@@ -8,8 +8,8 @@ import math
 import numpy as np
 import pytest
 
+from linear_guide_driver.config import TendonActuatorConfig
 from linear_guide_driver.errors import MotionRefusedError
-from linear_guide_driver.records import TendonActuatorConfig
 from linear_guide_driver.safety import Order, Pull, State, TendonSafety, Zero
 from linear_guide_driver.tension import find_limit_warnings, TensionSource
 from tactile_ros.strain import StrainBlock, StrainStatus

@@ -30,7 +30,7 @@ from tactile_classifier.training.feature_choice import (
 )
 from tactile_classifier.training.trainer import check_size
 from tactile_features.feature_sets.registry import find_feature_set, list_feature_sets
-from tactile_features.records import PHASE_GLIDE, PHASE_HOLD, PROTOCOL_TEXTURE
+from tactile_features.types import PHASE_GLIDE, PHASE_HOLD, PROTOCOL_TEXTURE
 
 AUTO = 'auto'
 """Value of an option instead of a feature set: choose one automatically."""

@@ -33,14 +33,14 @@ from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError
 from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.registry import task_of
-from tactile_features.records import (
+from tactile_features.spec import FeatureSpec
+from tactile_features.types import (
     FeatureWindow,
     PHASE_ABORTED,
     PHASE_DONE,
     TrialEvent,
     WindowOutcome,
 )
-from tactile_features.spec import FeatureSpec
 
 BLOCKS = 6
 """Number of blocks into which the trials of a session are divided, in order of time."""

@@ -25,9 +25,9 @@ from tactile_classifier.answering import ModelSet
 from tactile_classifier.datasets.archive import LabelledTrials
 from tactile_classifier.errors import DatasetError
 from tactile_classifier.model_file.model import Prediction, TactileModel
-from tactile_classifier.records import NO_ANSWER
-from tactile_features.records import TrialEvent
+from tactile_classifier.types import NO_ANSWER
 from tactile_features.spec import ALL
+from tactile_features.types import TrialEvent
 from tactile_ros.errors import TactileError
 
 

@@ -28,8 +28,8 @@ from tactile_classifier.datasets.archive import LabelledTrials, Skipped
 from tactile_classifier.datasets.dataset import FeatureTable, usable_table
 from tactile_classifier.errors import DatasetError
 from tactile_features.config import FeatureConfig
-from tactile_features.records import PHASE_GLIDE, PROTOCOL_TEXTURE
 from tactile_features.spec import ALL, MEAN, set_for
+from tactile_features.types import PHASE_GLIDE, PROTOCOL_TEXTURE
 from tactile_ros.errors import TactileError
 
 Key = tuple[str, ...]

@@ -27,9 +27,9 @@ from tactile_classifier.evaluation.model_accuracy import (
     score_predictions,
 )
 from tactile_classifier.model_file.model import load_model, TactileModel
-from tactile_classifier.records import NO_ANSWER, UNKNOWN
-from tactile_features.records import contacts_agree
+from tactile_classifier.types import NO_ANSWER, UNKNOWN
 from tactile_features.spec import is_same_rate
+from tactile_features.types import contacts_agree
 from tactile_ros.errors import TactileError
 
 SESSION = 'session_id'

@@ -19,7 +19,7 @@ from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.registry import CHOOSER, find_feature_set
 from tactile_features.feature_sets.texture_spatial import SpatialWindow
-from tactile_features.records import PHASE_GLIDE, SET_TEXTURE_SPATIAL
+from tactile_features.types import PHASE_GLIDE, SET_TEXTURE_SPATIAL
 from tactile_ros.errors import TactileError
 
 Columns = Mapping[str, NDArray[Any]]

@@ -28,7 +28,7 @@ from tactile_classifier.evaluation.permutation import PermutationBaseline, Permu
 from tactile_classifier.evaluation.plans import Plan, run_plans
 from tactile_classifier.evaluation.reliability import Reliability, ReliabilityPlan
 from tactile_classifier.evaluation.significance import rank_sum_p_values, RankSum
-from tactile_features.records import PROTOCOL_STIFFNESS
+from tactile_features.types import PROTOCOL_STIFFNESS
 
 if TYPE_CHECKING:
     from tactile_analysis.datasets.automatic_features import Chosen

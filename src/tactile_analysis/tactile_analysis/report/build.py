@@ -32,7 +32,7 @@ from tactile_analysis.wording import format_coverage, format_interval, format_wa
 from tactile_classifier.evaluation.open_set import OpenSetEvaluation
 from tactile_classifier.evaluation.reliability import DRAWS
 from tactile_classifier.model_file.manifest import format_features
-from tactile_classifier.records import CLASSIFIER_TITLES, short_scaling
+from tactile_classifier.types import CLASSIFIER_TITLES, short_scaling
 from tactile_ros.errors import named_errors
 
 TITLE = 'Touch through the tendon: evaluation'

@@ -53,7 +53,7 @@ from tactile_classifier.evaluation.cross_validation import Score
 from tactile_classifier.evaluation.learning_curve import LearningCurve
 from tactile_classifier.evaluation.open_set import OpenSetEvaluation
 from tactile_classifier.evaluation.reliability import Reliability
-from tactile_classifier.records import (
+from tactile_classifier.types import (
     CLASSIFIER_TITLES,
     CLASSIFIERS,
     SCALING_TITLES,

@@ -18,7 +18,7 @@ from tactile_classifier.datasets.archive import Skipped
 from tactile_classifier.datasets.dataset import FeatureTable, plain_name
 from tactile_classifier.datasets.splits import grouped_split, Split
 from tactile_classifier.errors import EvaluationError
-from tactile_features.records import PROTOCOL_STIFFNESS
+from tactile_features.types import PROTOCOL_STIFFNESS
 
 MOUNTINGS = ('mounting_id', 'mounting')
 """Names of columns of mountings, in small letters."""

@@ -32,7 +32,7 @@ from tactile_classifier.evaluation.intervals import Interval
 from tactile_classifier.evaluation.learning_curve import LearningCurve
 from tactile_classifier.evaluation.open_set import OpenSetEvaluation
 from tactile_classifier.evaluation.reliability import Reliability
-from tactile_classifier.records import CLASSIFIER_TITLES, short_scaling
+from tactile_classifier.types import CLASSIFIER_TITLES, short_scaling
 
 SESSION = ('session_id',)
 """Columns of the choice by held-out sessions."""

@@ -27,8 +27,8 @@ from tactile_features.conversions import (
     specifications_from_msg,
     strain_block_from_msg,
 )
-from tactile_features.records import PHASE_ABORTED, PHASE_DONE
 from tactile_features.spec import shared_rate_hz
+from tactile_features.types import PHASE_ABORTED, PHASE_DONE
 from tactile_msgs.msg import RecordingAudit, TrialEvent
 from tactile_ros.bag_configs import RecorderConfig
 from tactile_ros.health import Diagnostics, ERROR, Health, OK, WARN

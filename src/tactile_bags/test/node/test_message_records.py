@@ -18,8 +18,8 @@ from tactile_features import (
     FeatureConfig,
     FeatureSpecifications,
     FeatureWindow,
-    records,
     TrialFeatureExtractor,
+    types,
     WindowOutcome,
 )
 from tactile_features.conversions import (
@@ -59,7 +59,7 @@ def records_of(kind, **fields):
 
 contacts = st.sampled_from(['', 'flexion', 'abduction'])
 events = records_of(
-    records.TrialEvent,
+    types.TrialEvent,
     stamp_ns=stamps_ns,
     protocol=st.sampled_from(['', 'texture', 'stiffness', 'slip']),
     contact=contacts,

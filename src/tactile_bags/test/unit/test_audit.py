@@ -14,7 +14,7 @@ import pytest
 
 from tactile_bags.audit import FingerAuditor
 from tactile_features.extraction.phase_window import format_clock_step
-from tactile_features.records import TrialEvent
+from tactile_features.types import TrialEvent
 from tactile_ros.strain import StrainBlock, StrainStatus
 
 PERIOD_NS = 10_000_000

@@ -24,7 +24,7 @@ from tactile_bags.message_types import message_store
 from tactile_features.config import FeatureConfig
 from tactile_features.conversions import check_block
 from tactile_features.extraction.extractor import TrialFeatureExtractor
-from tactile_features.records import TrialEvent
+from tactile_features.types import TrialEvent
 from tactile_ros.errors import MessageError
 from tactile_ros.strain import StrainBlock
 

@@ -18,7 +18,7 @@ from typing import Any, TYPE_CHECKING
 
 from tactile_bringup.launch_config.parameter_files import NodeParameters
 from tactile_ros.errors import TactileError
-from tendon_sensor_driver.records import AXES, NORM
+from tendon_sensor_driver.config import AXES, NORM
 
 if TYPE_CHECKING:
     from tactile_bags.bag_reader import TactileBag

@@ -22,7 +22,7 @@ from tactile_bringup.launch_config.graph import (
     SENSOR_NODE,
 )
 from tactile_bringup.launch_config.parameter_files import ParameterFile
-from tactile_features.records import PHASES_STATED
+from tactile_features.types import PHASES_STATED
 from tactile_ros.errors import TactileError
 
 _NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*')

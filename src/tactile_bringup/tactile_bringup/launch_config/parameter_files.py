@@ -20,15 +20,15 @@ from pathlib import Path
 import re
 from typing import Any, NamedTuple
 
-from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
+from linear_guide_driver.config import LinearGuideConfig, TendonActuatorConfig
 from tactile_bringup.trial_protocols import TrialConfig
-from tactile_classifier.records import ClassifierConfig
+from tactile_classifier.config import ClassifierConfig
 from tactile_features.config import FeaturesNodeConfig
 from tactile_ros.bag_configs import PlayerConfig, RecorderConfig
 from tactile_ros.errors import TactileError
 from tactile_ros.topics import join_topic
 from tactile_ros.yaml_files import load_yaml, read_text
-from tendon_sensor_driver.records import TendonSensorConfig
+from tendon_sensor_driver.config import TendonSensorConfig
 
 CONFIGS: dict[str, type] = {
     'tendon_sensor': TendonSensorConfig,

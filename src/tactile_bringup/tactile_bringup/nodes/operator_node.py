@@ -20,7 +20,7 @@ from linear_guide_driver.motion_node import STATES, stop_state_from_msg, STOP_TO
 from linear_guide_driver.stop_latch import StopState
 from tactile_bringup.trial_protocols import longest_trial_s, TrialConfig, TrialRequest
 from tactile_classifier.conversions import classification_from_msg, model_infos_from_msg
-from tactile_classifier.records import ModelInfo, WindowPrediction
+from tactile_classifier.types import ModelInfo, WindowPrediction
 from tactile_msgs.action import HomeGuide, RunTrial
 from tactile_msgs.msg import Classification, ModelInfos
 from tactile_msgs.msg import StopState as StopStateMsg

@@ -17,8 +17,8 @@ from action_msgs.srv import CancelGoal
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
 
+from linear_guide_driver.config import REST_REPORT_S
 from linear_guide_driver.grbl.guide_client import MotionTrack
-from linear_guide_driver.records import REST_REPORT_S
 from tactile_bringup.trial_protocols import TrialConfig, TrialRequest
 from tactile_msgs.msg import Readiness, StrainBlock
 from tactile_ros.clock_watch import boot_time_s

@@ -32,7 +32,7 @@ from tactile_classifier.estimators.classifiers import (
     RANDOM_STATE,
     SCORE_KINDS,
 )
-from tactile_classifier.records import VOTES
+from tactile_classifier.types import VOTES
 
 MAX_FOLDS = 6
 """Maximum number of folds of trials or sessions, unless the labels require more."""

@@ -22,13 +22,7 @@ from threadpoolctl import threadpool_limits
 
 from tactile_classifier.errors import TooFewTrialsError
 from tactile_classifier.estimators.random_convolutions import RandomConvolutionClassifier
-from tactile_classifier.records import (
-    ALL_CLASSIFIERS,
-    MARGIN,
-    ROCKET,
-    SCALINGS,
-    VOTES,
-)
+from tactile_classifier.types import ALL_CLASSIFIERS, MARGIN, ROCKET, SCALINGS, VOTES
 
 DEFAULT_SCALING = {'texture': 'none', 'stiffness': 'standard'}
 """Default scaling of each task.

@@ -31,7 +31,7 @@ from tactile_classifier.datasets.splits import (
 from tactile_classifier.estimators.classifiers import build_estimator, RANDOM_STATE
 from tactile_classifier.evaluation.intervals import accuracy_interval, Interval, Result
 from tactile_classifier.evaluation.plans import run_plans, Task
-from tactile_classifier.records import ALL_CLASSIFIERS, CLASSIFIERS, ROCKET, SCALINGS
+from tactile_classifier.types import ALL_CLASSIFIERS, CLASSIFIERS, ROCKET, SCALINGS
 
 Answers = list[npt.NDArray[np.str_]]
 

@@ -35,7 +35,7 @@ from tactile_classifier.evaluation.intervals import (
 )
 from tactile_classifier.evaluation.plans import Task
 from tactile_classifier.evaluation.significance import correct_holm, rank_features
-from tactile_classifier.records import CLASSIFIERS, SCALINGS
+from tactile_classifier.types import CLASSIFIERS, SCALINGS
 
 Matrix = npt.NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from tactile_classifier.evaluation.intervals import (
     Interval,
     Result,
 )
-from tactile_classifier.records import NO_ANSWER, UNKNOWN
+from tactile_classifier.types import NO_ANSWER, UNKNOWN
 
 Names = npt.NDArray[np.str_]
 

@@ -13,7 +13,7 @@ from typing import Any, get_origin, get_type_hints, TypeVar
 from tactile_classifier.confidence.held_out_novelty import HeldOutNovelty, rank_of_sessions
 from tactile_classifier.datasets.dataset import plain_name
 from tactile_classifier.errors import ModelFileError, refuse_damage
-from tactile_classifier.records import (
+from tactile_classifier.types import (
     ALL_CLASSIFIERS,
     CLASSIFIER_TITLES,
     MARGIN,

@@ -22,7 +22,7 @@ from tactile_classifier.model_file.manifest import read_known_novelty
 from tactile_classifier.model_file.prediction import Predictions
 from tactile_classifier.model_file.samples import SampleWindow
 from tactile_classifier.model_file.storage import open_model
-from tactile_classifier.records import (
+from tactile_classifier.types import (
     NO_ANSWER,
     PredictionOutcome,
     PROBABILITY,
@@ -33,8 +33,8 @@ from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.registry import find_feature_set
 from tactile_features.model_container import read_limited
 from tactile_features.model_contract import refusals_of
-from tactile_features.records import contacts_agree, FeatureWindow, WindowOutcome
 from tactile_features.spec import FeatureSpec, format_rates, is_same_rate
+from tactile_features.types import contacts_agree, FeatureWindow, WindowOutcome
 
 _REMEDY = 'name its file in the parameter models of the feature node, or train it again'
 

@@ -29,7 +29,7 @@ from tactile_classifier.model_file.prediction import (
     Scaling,
     Tree,
 )
-from tactile_classifier.records import PROBABILITY, ROCKET
+from tactile_classifier.types import PROBABILITY, ROCKET
 from tactile_features.model_container import open_container, pack_container
 
 MAX_CARD_BYTES = 64 * 2**10

@@ -33,7 +33,7 @@ from tactile_classifier.evaluation.cross_validation import (
 )
 from tactile_classifier.evaluation.intervals import Result
 from tactile_classifier.evaluation.plans import Task
-from tactile_classifier.records import ROCKET
+from tactile_classifier.types import ROCKET
 from tactile_features.feature_sets.registry import find_feature_set
 
 INNER_FOLDS, INNER_REPEATS = 6, 3

@@ -28,8 +28,8 @@ from tactile_classifier.model_file.prediction import (
     Tree,
 )
 from tactile_classifier.model_file.storage import pack_model
-from tactile_classifier.records import NO_ANSWER, UNKNOWN
 from tactile_classifier.training.trainer import Trained
+from tactile_classifier.types import NO_ANSWER, UNKNOWN
 
 if TYPE_CHECKING:
     from sklearn.pipeline import Pipeline

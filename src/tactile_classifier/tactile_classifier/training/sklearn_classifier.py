@@ -34,7 +34,6 @@ from tactile_classifier.estimators.classifiers import (
 from tactile_classifier.estimators.random_convolutions import RandomConvolutionClassifier
 from tactile_classifier.evaluation.plans import run_plans
 from tactile_classifier.model_file.model import TactileModel
-from tactile_classifier.records import CONTACTS, NO_ANSWER, ROCKET, TASKS, UNKNOWN
 from tactile_classifier.training.feature_choice import (
     ChoicePlan,
     FeatureChoice,
@@ -43,6 +42,7 @@ from tactile_classifier.training.feature_choice import (
 )
 from tactile_classifier.training.model_writer import pack_trained, write_model
 from tactile_classifier.training.trainer import check_size, train, Trained
+from tactile_classifier.types import CONTACTS, NO_ANSWER, ROCKET, TASKS, UNKNOWN
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
 from tactile_features.estimators import FeatureTransformer, SpatialTransformer, validate_data

@@ -41,8 +41,8 @@ from tactile_classifier.model_file.manifest import (
     Manifest,
     TrainingTrials,
 )
-from tactile_classifier.records import PROBABILITY, ROCKET
 from tactile_classifier.training.feature_choice import FeatureChoice
+from tactile_classifier.types import PROBABILITY, ROCKET
 from tactile_features.model_container import MAX_MANIFEST_BYTES, MAX_MODEL_BYTES
 
 LIBRARIES = ('numpy', 'scikit-learn')

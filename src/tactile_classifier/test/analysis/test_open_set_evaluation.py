@@ -20,8 +20,8 @@ from tactile_classifier.errors import EvaluationError
 from tactile_classifier.estimators import random_convolutions
 from tactile_classifier.estimators.classifiers import build_estimator, compute_raw_scores
 from tactile_classifier.evaluation.open_set import evaluate_open_set
-from tactile_classifier.records import MARGIN
 from tactile_classifier.training.trainer import train
+from tactile_classifier.types import MARGIN
 from tactile_features.config import FeatureConfig
 
 

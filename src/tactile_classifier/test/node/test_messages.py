@@ -5,7 +5,7 @@ import dataclasses
 
 import pytest
 
-from tactile_classifier import records
+from tactile_classifier import types
 from tactile_classifier.answering import ModelSet
 from tactile_classifier.conversions import (
     classification_from_msg,
@@ -14,7 +14,7 @@ from tactile_classifier.conversions import (
     model_infos_to_msg,
 )
 from tactile_classifier.model_file.model import load_model
-from tactile_classifier.records import ModelInfos, PredictionOutcome
+from tactile_classifier.types import ModelInfos, PredictionOutcome
 from tactile_msgs.msg import Classification, ModelInfo
 from tactile_ros.errors import MessageError
 
@@ -23,11 +23,11 @@ def test_records_have_the_fields_and_constants_of_the_messages():
     for outcome in PredictionOutcome:
         assert outcome == getattr(Classification, f'OUTCOME_{outcome.name}')
     for kind in ('VOTES', 'MARGIN', 'PROBABILITY'):
-        assert getattr(records, kind) == getattr(Classification, f'SCORE_{kind}')
-    fields = {f.name for f in dataclasses.fields(records.WindowPrediction)}
+        assert getattr(types, kind) == getattr(Classification, f'SCORE_{kind}')
+    fields = {f.name for f in dataclasses.fields(types.WindowPrediction)}
     mirrored = {name.removesuffix('_ns') for name in fields} - {'frame_id'}
     assert mirrored | {'header'} == set(Classification.get_fields_and_field_types())
-    names = {field.name for field in dataclasses.fields(records.ModelInfo)}
+    names = {field.name for field in dataclasses.fields(types.ModelInfo)}
     assert names == set(ModelInfo.get_fields_and_field_types())
 
 

@@ -14,12 +14,12 @@ from rclpy.parameter import Parameter
 from tactile_classifier.conversions import model_infos_from_msg
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.model_file.model import load_model
-from tactile_classifier.records import PredictionOutcome
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
+from tactile_classifier.types import PredictionOutcome
 from tactile_features import FeatureConfig, read_contracts, spec_for, TrialFeatureExtractor
 from tactile_features.conversions import event_from_msg, strain_block_from_msg
-from tactile_features.records import WindowOutcome
+from tactile_features.types import WindowOutcome
 from tactile_msgs.msg import ModelInfos
 from tactile_ros.qos import LATEST
 

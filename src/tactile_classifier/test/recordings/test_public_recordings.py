@@ -11,9 +11,9 @@ import pytest
 
 from tactile_classifier.datasets.dataset import table_from_trials
 from tactile_classifier.evaluation.cross_validation import evaluate
-from tactile_classifier.records import CLASSIFIERS, SCALINGS
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
+from tactile_classifier.types import CLASSIFIERS, SCALINGS
 from tactile_features.config import FeatureConfig
 
 

@@ -13,12 +13,12 @@ from tactile_classifier.errors import DatasetError, ModelFileError
 from tactile_classifier.estimators.classifiers import compute_raw_scores
 from tactile_classifier.model_file.manifest import Manifest
 from tactile_classifier.model_file.model import load_model
-from tactile_classifier.records import CLASSIFIERS, NO_ANSWER, PredictionOutcome, UNKNOWN
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
+from tactile_classifier.types import CLASSIFIERS, NO_ANSWER, PredictionOutcome, UNKNOWN
 from tactile_features.config import FeatureConfig
-from tactile_features.records import WindowOutcome
 from tactile_features.spec import array_spec, spec_for
+from tactile_features.types import WindowOutcome
 
 
 @pytest.fixture

@@ -15,13 +15,13 @@ from tactile_classifier.datasets.dataset import FeatureTable, table_from_trials
 from tactile_classifier.errors import DatasetError, ModelFileError
 from tactile_classifier.model_file.manifest import list_facts
 from tactile_classifier.model_file.model import TactileModel
-from tactile_classifier.records import NO_ANSWER, UNKNOWN
 from tactile_classifier.training.trainer import train
+from tactile_classifier.types import NO_ANSWER, UNKNOWN
 from tactile_features.config import FeatureConfig
 from tactile_features.extraction.extractor import features_from_trials, TrialFeatureExtractor
 from tactile_features.model_container import open_container, pack_container
-from tactile_features.records import TrialEvent
 from tactile_features.spec import spec_for
+from tactile_features.types import TrialEvent
 from tactile_ros.strain import StrainBlock
 
 START_NS = 10**18

@@ -15,7 +15,7 @@ from tactile_classifier.evaluation.intervals import (
     difference_p_value,
 )
 from tactile_classifier.evaluation.model_accuracy import compare_predictions, score_predictions
-from tactile_classifier.records import NO_ANSWER, UNKNOWN
+from tactile_classifier.types import NO_ANSWER, UNKNOWN
 
 
 def ends(interval):

@@ -29,10 +29,10 @@ from tactile_classifier.model_file.manifest import (
 )
 from tactile_classifier.model_file.model import load_model
 from tactile_classifier.model_file.storage import MAX_CARD_BYTES
-from tactile_classifier.records import CLASSIFIER_TITLES
 from tactile_classifier.training.feature_choice import ChoicePlan
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import describe_training, train
+from tactile_classifier.types import CLASSIFIER_TITLES
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 

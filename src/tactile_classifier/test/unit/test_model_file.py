@@ -20,10 +20,10 @@ from tactile_classifier.estimators.classifiers import (
 from tactile_classifier.model_file import prediction
 from tactile_classifier.model_file.manifest import Confidence
 from tactile_classifier.model_file.model import load_model, TactileModel
-from tactile_classifier.records import CLASSIFIERS, PredictionOutcome, UNKNOWN
 from tactile_classifier.training import model_writer
 from tactile_classifier.training.model_writer import check_labels, make_predictor, write_model
 from tactile_classifier.training.trainer import train, Trained
+from tactile_classifier.types import CLASSIFIERS, PredictionOutcome, UNKNOWN
 from tactile_features.config import FeatureConfig
 from tactile_features.model_container import MAX_MODEL_BYTES, open_container, pack_container
 from tactile_features.spec import spec_for

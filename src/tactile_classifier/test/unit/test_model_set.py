@@ -13,13 +13,13 @@ import tactile_classifier
 from tactile_classifier.answering import ModelSet, WindowClassifier
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.model import load_model
-from tactile_classifier.records import PredictionOutcome
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
+from tactile_classifier.types import PredictionOutcome
 from tactile_features.config import FeatureConfig
 from tactile_features.model_contract import read_contracts
-from tactile_features.records import WindowOutcome
 from tactile_features.spec import FeatureSpecifications, spec_for
+from tactile_features.types import WindowOutcome
 
 FULL = spec_for('texture', FeatureConfig())
 SHORT = spec_for('texture', FeatureConfig(texture_samples=90))

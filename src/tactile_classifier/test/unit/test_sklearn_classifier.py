@@ -24,9 +24,9 @@ from tactile_classifier import load_model, TactileClassifier
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.storage import open_model
-from tactile_classifier.records import NO_ANSWER, UNKNOWN
 from tactile_classifier.training.model_writer import pack_trained
 from tactile_classifier.training.trainer import train
+from tactile_classifier.types import NO_ANSWER, UNKNOWN
 from tactile_features.estimators import (
     StiffnessRegression,
     StiffnessRelaxation,

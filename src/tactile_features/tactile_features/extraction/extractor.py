@@ -22,7 +22,14 @@ from tactile_features.extraction.phase_window import EarlyWindow, format_clock_s
 from tactile_features.feature_sets.feature_set import FeatureSet, WindowSamples
 from tactile_features.feature_sets.registry import find_feature_set
 from tactile_features.phases import SignalPhases
-from tactile_features.records import (
+from tactile_features.spec import (
+    array_spec,
+    FeatureSpec,
+    set_for,
+    shared_rate_hz,
+    spec_of,
+)
+from tactile_features.types import (
     FeatureWindow,
     PHASE_ABORTED,
     PHASE_APPROACH,
@@ -33,13 +40,6 @@ from tactile_features.records import (
     PHASES_STATED,
     TrialEvent,
     WindowOutcome,
-)
-from tactile_features.spec import (
-    array_spec,
-    FeatureSpec,
-    set_for,
-    shared_rate_hz,
-    spec_of,
 )
 from tactile_features.windows import SampleBuffer
 from tactile_ros.strain import StrainBlock

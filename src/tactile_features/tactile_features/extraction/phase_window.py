@@ -14,13 +14,8 @@ from numpy.typing import NDArray
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.feature_set import RATE_TOLERANCE, WindowSamples
-from tactile_features.records import (
-    FeatureWindow,
-    PHASE_ABORTED,
-    TrialEvent,
-    WindowOutcome,
-)
 from tactile_features.spec import spec_of
+from tactile_features.types import FeatureWindow, PHASE_ABORTED, TrialEvent, WindowOutcome
 from tactile_features.windows import PAUSE_NS, SAMPLE, SampleBuffer, Samples
 from tactile_ros.strain import StrainStatus
 

@@ -12,7 +12,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_features.records import PHASE_GLIDE
+from tactile_features.types import PHASE_GLIDE
 from tactile_ros.configs import parameter
 
 DETRENDS = ('none', 'mean', 'linear')

@@ -20,7 +20,7 @@ from tactile_features.feature_sets.stiffness import StiffnessRegression, Stiffne
 from tactile_features.feature_sets.texture_spatial import TextureSpatial
 from tactile_features.feature_sets.texture_spectrum import TextureSpectrum
 from tactile_features.feature_sets.waveforms import GlideWaveform, HoldWaveform, SpatialWaveform
-from tactile_features.records import PHASE_GLIDE, PHASE_HOLD, PROTOCOL_STIFFNESS, PROTOCOL_TEXTURE
+from tactile_features.types import PHASE_GLIDE, PHASE_HOLD, PROTOCOL_STIFFNESS, PROTOCOL_TEXTURE
 
 GROUP = 'tactile.feature_sets'
 """Entry point group in which other packages register their feature sets."""

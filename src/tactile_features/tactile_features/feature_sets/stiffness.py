@@ -18,7 +18,7 @@ from tactile_features.feature_sets.feature_set import (
     FloatArray,
     WindowSamples,
 )
-from tactile_features.records import PHASE_HOLD, SET_STIFFNESS_REGRESSION
+from tactile_features.types import PHASE_HOLD, SET_STIFFNESS_REGRESSION
 
 REGRESSION_NAMES = (
     'tension__regression__slope',

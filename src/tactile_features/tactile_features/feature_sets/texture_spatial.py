@@ -25,7 +25,7 @@ from tactile_features.feature_sets.feature_set import (
     WindowSamples,
     WindowSpec,
 )
-from tactile_features.records import PHASE_GLIDE, SET_TEXTURE_SPATIAL
+from tactile_features.types import PHASE_GLIDE, SET_TEXTURE_SPATIAL
 
 QUANTILES = 13
 """Number of quantiles that describe a distribution, from minimum to maximum."""

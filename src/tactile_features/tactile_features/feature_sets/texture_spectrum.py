@@ -17,7 +17,7 @@ from tactile_features.feature_sets.feature_set import (
     WINDOWS,
     WindowSamples,
 )
-from tactile_features.records import PHASE_GLIDE, SET_TEXTURE_SPECTRUM
+from tactile_features.types import PHASE_GLIDE, SET_TEXTURE_SPECTRUM
 
 _BLOCK_WINDOWS = 128
 """Number of windows that are transformed together, so that they stay in the cache."""

@@ -18,7 +18,7 @@ from tactile_features.feature_sets.feature_set import (
     WindowSpec,
 )
 from tactile_features.feature_sets.texture_spatial import smooth_over_distance, TextureSpatial
-from tactile_features.records import PHASE_GLIDE, PHASE_HOLD
+from tactile_features.types import PHASE_GLIDE, PHASE_HOLD
 
 GLIDE_PARTS = 600
 """Largest number of values of a glide. More values would make model files too large and training

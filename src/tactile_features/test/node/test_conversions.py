@@ -12,8 +12,8 @@ from rclpy.serialization import serialize_message
 from tactile_features import (
     FeatureConfig,
     FeatureSpecifications,
-    records,
     TrialFeatureExtractor,
+    types,
     WindowOutcome,
 )
 from tactile_features.conversions import (
@@ -29,6 +29,11 @@ from tactile_msgs.msg import FeatureSpecification, StrainBlock, TactileFeatures,
 from tactile_ros.errors import MessageError
 
 PHASES = ['approach', 'contact', 'glide', 'hold', 'release', 'return', 'done', 'aborted', 'pull']
+PHASES_BY_NAME = {
+    'PHASE_CONTACT' if name == 'PHASE_TOUCH' else name: value
+    for name, value in vars(types).items()
+}
+"""Our phases by the names of the message."""
 START_S = 1_760_000_000
 
 long_runs = settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
@@ -105,10 +110,10 @@ def stream(changes_of_blocks, changes_of_events):
 @pytest.mark.parametrize(
     ('message', 'prefix', 'ours'),
     [
-        (TrialEvent, 'PROTOCOL_', vars(records)),
-        (TrialEvent, 'CONTACT_', vars(records)),
-        (TrialEvent, 'PHASE_', vars(records)),
-        (TactileFeatures, 'SET_', vars(records)),
+        (TrialEvent, 'PROTOCOL_', vars(types)),
+        (TrialEvent, 'CONTACT_', vars(types)),
+        (TrialEvent, 'PHASE_', PHASES_BY_NAME),
+        (TactileFeatures, 'SET_', vars(types)),
         (TactileFeatures, 'OUTCOME_', {f'OUTCOME_{o.name}': o.value for o in WindowOutcome}),
     ],
 )

@@ -25,7 +25,7 @@ from tactile_features.estimators import (
 )
 from tactile_features.extraction.extractor import features_from_trials
 from tactile_features.feature_sets.registry import BUILT_IN, list_feature_sets
-from tactile_features.records import PHASE_GLIDE, PHASE_HOLD
+from tactile_features.types import PHASE_GLIDE, PHASE_HOLD
 
 RATE_HZ = 60.0
 OVER_TIME = [

@@ -25,7 +25,7 @@ from tactile_ros.errors import TactileError
 if TYPE_CHECKING:
     from tactile_lab.devices.load_cell import LoadCellFit, WeightReading
     from tactile_ros.strain import StrainBlock
-    from tendon_sensor_driver.records import TendonSensorConfig
+    from tendon_sensor_driver.config import TendonSensorConfig
 
 NODE = 'tendon_sensor'
 

@@ -77,7 +77,7 @@ def event(
 
     from tactile_bringup.nodes.graph_runner import ros_context
     from tactile_features.conversions import event_to_msg
-    from tactile_features.records import TrialEvent
+    from tactile_features.types import TrialEvent
     from tactile_msgs.msg import TrialEvent as TrialEventMsg
     from tactile_ros.qos import EVENTS
 

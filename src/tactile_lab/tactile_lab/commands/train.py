@@ -254,7 +254,7 @@ def _check_sets(features: str) -> None:
     from tactile_analysis.datasets.automatic_features import AUTO
     from tactile_analysis.datasets.reading import list_sets
     from tactile_features.feature_sets.registry import list_feature_sets
-    from tactile_features.records import PHASE_GLIDE, PHASE_HOLD
+    from tactile_features.types import PHASE_GLIDE, PHASE_HOLD
 
     if not list_sets(features):
         raise TactileError(
@@ -352,10 +352,10 @@ def train_models(
     )
     from tactile_classifier.estimators.classifiers import default_scaling
     from tactile_classifier.model_file.manifest import format_features
-    from tactile_classifier.records import CLASSIFIER_TITLES, SCALING_TITLES
     from tactile_classifier.training.model_writer import write_model
     from tactile_classifier.training.trainer import check_size
     from tactile_classifier.training.trainer import train as train_model
+    from tactile_classifier.types import CLASSIFIER_TITLES, SCALING_TITLES
     from tactile_lab.result_tables import accuracy_table, choice_table
 
     for table in tables.values():

@@ -14,19 +14,20 @@ from typing import Any
 
 import numpy as np
 
+from linear_guide_driver.config import LinearGuideConfig, TendonActuatorConfig
 from linear_guide_driver.dynamixel import registers
 from linear_guide_driver.dynamixel.bus import DynamixelBus
 from linear_guide_driver.dynamixel.servo import DesiredState, TendonServo
 from linear_guide_driver.errors import LinearGuideDriverError
 from linear_guide_driver.grbl.guide_client import LinearGuideClient
-from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
 from tactile_bringup.launch_config.parameter_files import CONFIGS
 from tactile_ros.errors import TactileError
 from tactile_ros.strain import StrainBlock, StrainStatus
 from tendon_sensor_driver.client import NowNs, OnBlock, SensorClient
+from tendon_sensor_driver.config import TendonSensorConfig
 from tendon_sensor_driver.errors import TendonSensorError
-from tendon_sensor_driver.records import SensorHealth, TendonSensorConfig
 from tendon_sensor_driver.sensors import make_sensor
+from tendon_sensor_driver.types import SensorHealth
 
 MakeSensor = Callable[[TendonSensorConfig, OnBlock, NowNs], SensorClient]
 """Returns the client of a sensor, as `make_sensor` does."""

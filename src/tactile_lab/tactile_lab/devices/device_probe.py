@@ -27,10 +27,10 @@ from serial.tools import list_ports
 from linear_guide_driver.dynamixel import registers
 from linear_guide_driver.dynamixel.bus import READ_WAIT_S
 from linear_guide_driver.serial_link import LINE_ERRORS
+from tendon_sensor_driver.config import TendonSensorConfig
 from tendon_sensor_driver.errors import LinkError
 from tendon_sensor_driver.line_sensor import LineDecoder, split_line, UNITS
 from tendon_sensor_driver.net_ft_protocol import BoxWeb
-from tendon_sensor_driver.records import TendonSensorConfig
 
 LISTEN_S = 2.5
 """Time that a board needs to boot and send its banner, if opening its port resets it [s]."""

@@ -26,14 +26,14 @@ from tactile_bringup.launch_config.graph import ModelChoice, Ports, recorder_nod
 from tactile_bringup.nodes.graph_runner import ros_context, running_graph
 from tactile_bringup.nodes.operator_node import OperatorNode, StoppedError
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_classifier.records import ModelInfo, PredictionOutcome, WindowPrediction
+from tactile_classifier.types import ModelInfo, PredictionOutcome, WindowPrediction
 from tactile_features.conversions import (
     feature_window_from_msg,
     specifications_from_msg,
     strain_block_from_msg,
 )
-from tactile_features.records import FeatureWindow, WindowOutcome
 from tactile_features.spec import FeatureSpec
+from tactile_features.types import FeatureWindow, WindowOutcome
 from tactile_lab.experiment.journal import EntryLog, Progress
 from tactile_lab.experiment.loop import (
     Operator,

@@ -18,7 +18,7 @@ from typing import Any
 import yaml
 
 from tactile_bringup.trial_protocols import PROTOCOLS
-from tactile_classifier.records import CONTACTS
+from tactile_classifier.types import CONTACTS
 from tactile_ros.errors import TactileError
 from tactile_ros.yaml_files import load_yaml, read_text
 

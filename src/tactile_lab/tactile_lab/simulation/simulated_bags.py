@@ -30,7 +30,7 @@ from joblib import delayed, Parallel
 from tactile_bags.bag_writer import BagWriter
 from tactile_bags.message_types import message_store
 from tactile_bringup.trial_protocols import PROTOCOLS, TrialConfig
-from tactile_classifier.records import CONTACTS
+from tactile_classifier.types import CONTACTS
 from tactile_features.config import FeatureConfig
 from tactile_lab.simulation.simulated_trials import (
     plan_trial,

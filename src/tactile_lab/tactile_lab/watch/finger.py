@@ -14,9 +14,9 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_classifier.records import ModelInfo, PredictionOutcome, WindowPrediction
+from tactile_classifier.types import ModelInfo, PredictionOutcome, WindowPrediction
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
-from tactile_features.records import (
+from tactile_features.types import (
     FeatureWindow,
     PHASE_ABORTED,
     PHASE_DONE,

@@ -11,7 +11,7 @@ import threading
 import time
 from typing import Any
 
-from tactile_classifier.records import WindowPrediction
+from tactile_classifier.types import WindowPrediction
 from tactile_lab.watch.finger import Finger, format_answer
 
 MOST_FINGERS = 16

@@ -22,8 +22,8 @@ from tactile_classifier.errors import DatasetError, ModelFileError
 from tactile_classifier.model_file.model import load_model
 from tactile_classifier.model_file.storage import open_model
 from tactile_features.config import FeatureConfig
-from tactile_features.records import WindowOutcome
 from tactile_features.spec import spec_for
+from tactile_features.types import WindowOutcome
 from tactile_lab.commands.train import parse_lengths, train_models
 from tactile_lab.output import Output
 from tactile_ros.errors import TactileError

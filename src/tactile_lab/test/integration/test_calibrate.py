@@ -18,7 +18,7 @@ from tactile_ros.strain import StrainBlock
 from tactile_sim import pty_server
 from tactile_sim.pty_server import WeightStand
 from tactile_testing.waiting import wait_until
-from tendon_sensor_driver.records import TendonSensorConfig
+from tendon_sensor_driver.config import TendonSensorConfig
 
 GRAVITY = 9.81
 

@@ -18,9 +18,9 @@ from tactile_bags.recorded_setup import recorded_features, recorded_models
 from tactile_bags.replay import recorded_results
 from tactile_bringup.launch_config.graph import Ports
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_classifier.records import PredictionOutcome
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
+from tactile_classifier.types import PredictionOutcome
 from tactile_lab.commands.replay import replay_and_compare
 from tactile_lab.experiment.live_rig import LiveSetup, run_live_trials
 from tactile_lab.output import Output

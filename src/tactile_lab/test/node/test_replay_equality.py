@@ -38,7 +38,7 @@ from tactile_features.conversions import (
     strain_block_from_msg,
 )
 from tactile_features.model_contract import plan_features
-from tactile_features.records import PHASES_STATED
+from tactile_features.types import PHASES_STATED
 from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, RESULTS, STREAM

@@ -19,7 +19,7 @@ from tactile_command import answer_of
 from tactile_lab.devices.checks import check_sensor
 from tactile_lab.force_topics import sensors_on_topics
 from tactile_ros.node_group import NodeGroup
-from tendon_sensor_driver.records import TendonSensorConfig
+from tendon_sensor_driver.config import TendonSensorConfig
 
 MEASURED = {'sensor': 'topic', 'rate_hz': 0.0}
 """Parameters of a topic whose rate is measured."""

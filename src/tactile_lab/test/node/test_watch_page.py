@@ -19,7 +19,7 @@ from tactile_bringup.launch_config.graph import ModelChoice, Ports, rig_graph
 from tactile_bringup.nodes.graph_runner import ros_context, running_graph
 from tactile_bringup.nodes.operator_node import OperatorNode, StoppedError
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_features.records import TrialEvent
+from tactile_features.types import TrialEvent
 from tactile_lab.experiment.live_rig import LiveRig
 from tactile_lab.watch.access import WatchOptions
 from tactile_lab.watch.finger import Finger

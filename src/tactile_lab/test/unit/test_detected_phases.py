@@ -23,7 +23,7 @@ from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
 from tactile_bags.replay import replay_phases
 from tactile_features.conversions import event_to_msg, strain_block_from_msg
 from tactile_features.extraction.extractor import TrialFeatureExtractor
-from tactile_features.records import WindowOutcome
+from tactile_features.types import WindowOutcome
 
 WITHIN_NS = 50_000_000
 FOUND_TOPIC = dataclasses.replace(EVENT_TOPIC, name='tactile_features/detected_events')

@@ -8,7 +8,7 @@ import pytest
 
 from tactile_lab.devices.checks import judge_blocks
 from tactile_ros.strain import StrainBlock, StrainStatus
-from tendon_sensor_driver.records import TendonSensorConfig
+from tendon_sensor_driver.config import TendonSensorConfig
 
 PERIOD_NS = 16_666_667
 CONFIG = TendonSensorConfig()

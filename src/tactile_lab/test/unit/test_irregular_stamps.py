@@ -7,8 +7,8 @@ import pytest
 
 from tactile_bags.audit import FingerAuditor
 from tactile_features import FeatureConfig, TrialFeatureExtractor, WindowOutcome
-from tactile_features.records import TrialEvent
-from tendon_sensor_driver.records import TendonSensorConfig
+from tactile_features.types import TrialEvent
+from tendon_sensor_driver.config import TendonSensorConfig
 from tendon_sensor_driver.topic_stream import TopicReading, TopicStream
 
 START_NS = 1_795_378_589_000_000_000

@@ -10,7 +10,7 @@ import xml.etree.ElementTree as ElementTree
 
 import pytest
 
-from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
+from linear_guide_driver.config import LinearGuideConfig, TendonActuatorConfig
 from tactile_bags.message_types import message_store
 from tactile_ros.topics import FINGER_TOPICS
 

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from tactile_analysis.plots import PHASE_COLOURS
-from tactile_classifier.records import ModelInfo, PredictionOutcome, WindowPrediction
+from tactile_classifier.types import ModelInfo, PredictionOutcome, WindowPrediction
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
-from tactile_features.records import FeatureWindow, TrialEvent, WindowOutcome
+from tactile_features.types import FeatureWindow, TrialEvent, WindowOutcome
 from tactile_lab import watch
 from tactile_lab.watch.finger import Finger
 from tactile_lab.watch.state import Frames, MOST_FINGERS, SPECTRUM_PERIOD_S, WatchState

@@ -18,8 +18,8 @@ from tactile_sim import RigError, SimulatedRig
 from tactile_sim.pty_server import PtyPort
 from tactile_testing.simulated_rigs import advance_rig
 from tactile_testing.waiting import DEADLINE_S, wait_until
+from tendon_sensor_driver.config import TendonSensorConfig
 from tendon_sensor_driver.line_sensor import LineDecoder
-from tendon_sensor_driver.records import TendonSensorConfig
 
 
 @pytest.fixture(scope='module')

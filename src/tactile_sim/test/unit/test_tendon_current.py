@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from linear_guide_driver.config import TendonActuatorConfig
 from linear_guide_driver.dynamixel import registers as known
-from linear_guide_driver.records import TendonActuatorConfig
 from linear_guide_driver.safety import Order, Pull, TendonSafety, Zero
 from tactile_ros.strain import StrainBlock
 from tactile_sim.descriptions.catalogue import default_catalogue

@@ -22,7 +22,7 @@ from tendon_sensor_driver import (
 )
 from tendon_sensor_driver.checks import SensorCheckError
 from tendon_sensor_driver.client import SensorClient
-from tendon_sensor_driver.records import SensorHealth
+from tendon_sensor_driver.types import SensorHealth
 
 PERIOD_NS = 5_000_000
 

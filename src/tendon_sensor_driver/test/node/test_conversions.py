@@ -9,6 +9,7 @@ import pytest
 
 from tactile_ros.strain import StrainBlock, StrainStatus
 from tendon_sensor_driver import SensorHealth, TendonSensorConfig
+from tendon_sensor_driver.config import AXES
 from tendon_sensor_driver.conversions import (
     assess_health,
     LEVEL_ERROR,
@@ -20,7 +21,6 @@ from tendon_sensor_driver.conversions import (
     to_wrench_msg,
     turn_wrench,
 )
-from tendon_sensor_driver.records import AXES
 from tendon_sensor_driver.tare import TareValue
 
 BLOCK = StrainBlock(

@@ -17,6 +17,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 
+from tendon_sensor_driver.config import AXES, NEWTONS
 from tendon_sensor_driver.net_ft_protocol import (
     Command,
     CONFIGURATION_PAGE,
@@ -26,7 +27,6 @@ from tendon_sensor_driver.net_ft_protocol import (
     RECORD,
     SATURATED,
 )
-from tendon_sensor_driver.records import AXES, NEWTONS
 
 HOST = '127.0.0.1'
 _STORED = {'comrdtrate': 1000, 'comrdtbsiz': 10, 'comrdte': 1, 'setuserfilter': 0}

@@ -9,8 +9,8 @@ import pytest
 from tactile_ros.strain import StrainStatus
 from tendon_sensor_driver import TendonSensorConfig
 from tendon_sensor_driver.clock import Batch
+from tendon_sensor_driver.config import AXES
 from tendon_sensor_driver.counter_clock import CounterClock, CounterRestartError
-from tendon_sensor_driver.records import AXES
 from tendon_sensor_driver.strain_stream import Stream
 
 RATE_HZ = 7000

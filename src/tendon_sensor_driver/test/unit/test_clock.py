@@ -15,8 +15,9 @@ import pytest
 from tactile_ros.strain import StrainStatus
 from tendon_sensor_driver import clock as clock_module
 from tendon_sensor_driver.clock import ArrivalClock, DeviceClock, HostClock
-from tendon_sensor_driver.records import LineReading, TendonSensorConfig
+from tendon_sensor_driver.config import TendonSensorConfig
 from tendon_sensor_driver.strain_stream import StrainStream
+from tendon_sensor_driver.types import LineReading
 
 SECOND_NS = 1_000_000_000
 MS_NS = 1_000_000

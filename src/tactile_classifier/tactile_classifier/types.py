@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Classification results, model information, node parameters and display names, without ROS.
+"""Classification results, model information, constants and display names, without ROS.
 
 A test checks that the constants equal the ones in Classification.msg.
 """
@@ -11,13 +11,12 @@ from __future__ import annotations
 import dataclasses
 from enum import IntEnum
 
-from tactile_features.records import (
+from tactile_features.types import (
     CONTACT_ABDUCTION,
     CONTACT_FLEXION,
     PROTOCOL_STIFFNESS,
     PROTOCOL_TEXTURE,
 )
-from tactile_ros.configs import parameter
 
 CLASSIFIERS = ('knn', 'svm_linear', 'svm_rbf', 'tree')
 """Classifiers of the paper: three nearest neighbours, support vector machines, decision tree."""
@@ -122,22 +121,6 @@ class ModelInfos:
     models: tuple[ModelInfo, ...]
     refused: tuple[str, ...] = ()
     stamp_ns: int = 0
-
-
-@dataclasses.dataclass(frozen=True)
-class ClassifierConfig:
-    """Parameters of the classifier node."""
-
-    models: str = parameter('', 'folder with model files (*.npz), or one file; all are used')
-    contact: str = parameter(
-        '',
-        'load models and classify windows of this contact only; empty for all contacts',
-        choices=('', *CONTACTS),
-    )
-    vision_messages: bool = parameter(
-        False,
-        'also publish vision_msgs/Classification; requires the package vision_msgs',
-    )
 
 
 CLASSIFIER_TITLES = {

@@ -1,0 +1,27 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameters of the classifier node, without ROS."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from tactile_classifier.types import CONTACTS
+from tactile_ros.configs import parameter
+
+
+@dataclasses.dataclass(frozen=True)
+class ClassifierConfig:
+    """Parameters of the classifier node."""
+
+    models: str = parameter('', 'folder with model files (*.npz), or one file; all are used')
+    contact: str = parameter(
+        '',
+        'load models and classify windows of this contact only; empty for all contacts',
+        choices=('', *CONTACTS),
+    )
+    vision_messages: bool = parameter(
+        False,
+        'also publish vision_msgs/Classification; requires the package vision_msgs',
+    )
