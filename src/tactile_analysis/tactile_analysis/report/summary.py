@@ -80,7 +80,7 @@ def _format_corrections(bag: RecordedBag, recording: Recording) -> Iterator[str]
         if correction.label:
             yield f'{trial.name} was relabelled {correction.label}'
         if correction.why_not:
-            yield f'{trial.name} does not count: {correction.why_not}'
+            yield f'{trial.name} is excluded: {correction.why_not.removeprefix("excluded: ")}'
 
 
 def _compute_digest(path: Path) -> str:

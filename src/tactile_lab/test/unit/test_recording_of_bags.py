@@ -172,9 +172,9 @@ def test_the_journal_of_an_experiment_says_what_counts(stiffness_bag, tmp_path):
         assert {trial.session_id for trial in recording.trials} == sessions
         (source,) = describe_sources([one], recording)
         assert source.corrections == (
-            f'{ids[0]} does not count: repeated (failed)',
-            f'{ids[2]} does not count: repeated (interrupted)',
-            f'{ids[3]} does not count: excluded: the plate was loose',
+            f'{ids[0]} is excluded: repeated (failed)',
+            f'{ids[2]} is excluded: repeated (interrupted)',
+            f'{ids[3]} is excluded: the plate was loose',
             f'{ids[5]} was relabelled cork',
         )
     two = make_experiment(tmp_path / 'two', stiffness_bag, entries)
