@@ -269,7 +269,7 @@ def _print(path: Path, contents: Contents, output: Output, *, with_topics: bool 
         return
     shown, same = _split_columns(contents.trials)
     # Of an archive, columns that it brings along are the least important, the last ones first.
-    own = ('trial', 'label', 'object', 'seconds', 'does not count', 'trial_id')
+    own = ('trial', 'label', 'object', 'seconds', 'excluded', 'trial_id')
     spare = [name for name in SPARE if name in shown]
     spare = [*reversed([name for name in shown if name not in (*own, *SPARE)]), *spare]
     table = Table(*shown, spare=spare)
