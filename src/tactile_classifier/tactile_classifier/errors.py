@@ -22,7 +22,7 @@ class TooFewTrialsError(DatasetError):
 
 
 class EvaluationError(ClassifierError, ValueError):
-    """The trials do not allow the split that was asked for."""
+    """The trials do not allow the requested split."""
 
 
 @contextmanager

@@ -16,7 +16,7 @@ from tactile_classifier.errors import DatasetError
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
-# Chosen so that the tables of a block of features fit in the cache.
+# Maximum number of values in a block of features. The tables of such a block fit in the cache.
 _BLOCK_NUMBERS = 200_000
 
 
@@ -78,11 +78,12 @@ def rank_sum_p_values(
     The normal approximation is used, with corrections for ties and continuity, as in
     ``scipy.stats.mannwhitneyu(a, b, method='asymptotic')`` for each pair.
     (``scipy.stats.ranksums`` uses neither correction, so its p-values are slightly smaller.) If
-    all values of two classes are equal, as in the component at 0 Hz, p is 1.
+    all values of two classes are equal, as for the component at 0 Hz, p is 1.
 
     The paper (section IV) does not state the variant of the test, and averages "elements of" the
-    matrix. Its averages are below 0.05 for most components. With ones on the diagonal, an average
-    could not be smaller than 1 / number of classes. The mean is therefore computed over the pairs.
+    matrix. The averages in the paper are below 0.05 for most components. If the ones on the
+    diagonal were included, no average could be below 1 / number of classes. The mean is therefore
+    computed over the pairs of different classes.
 
     With strata, van Elteren's (1960) test is used: trials are only compared within their stratum,
     and a stratum with n trials of the two classes has the weight 1 / (n + 1). Differences between
@@ -91,8 +92,7 @@ def rank_sum_p_values(
 
     One sort per feature and stratum is sufficient for all pairs: ``c_b(x)`` is the number of
     values of class b below x plus half the number of equal values. ``U_ab`` is the sum of ``c_b``
-    over
-    class a.
+    over the values of class a.
 
     Parameters
     ----------
@@ -117,15 +117,15 @@ def rank_sum_p_values(
     unit = np.arange(len(names)) if units is None else np.asarray(units)
     if table.ndim != 2 or not names.shape == strata.shape == unit.shape == table.shape[:1]:
         raise DatasetError(
-            'rank sums need a table of trials by features, and one label, stratum and unit a '
+            'rank sums need a table of trials by features, and one label, stratum and unit per '
             f'trial; the shapes are {table.shape}, {names.shape}, {strata.shape} and {unit.shape}'
         )
     if not np.isfinite(table).all():
-        raise DatasetError('the features hold values that are not finite; leave those trials out')
+        raise DatasetError('some features are not finite; exclude the trials that have them')
     found, index = np.unique(names, return_inverse=True)
     stratum = np.unique(strata, return_inverse=True)[1]
     if len(found) < 2:
-        raise DatasetError(f'rank sums compare two classes or more; there are {len(found)}')
+        raise DatasetError(f'rank sums compare at least two classes, not {len(found)}')
     tested, tested_index, tested_stratum = _average(table, index, stratum, unit)
     p, auc = np.empty((2, table.shape[1], len(found), len(found)))
     step = max(1, _BLOCK_NUMBERS // (len(table) * len(found)))
@@ -181,8 +181,8 @@ def _average(
         return table, index, stratum
     if (index != index[first][code]).any() or (stratum != stratum[first][code]).any():
         raise DatasetError(
-            'a unit, such as a mounting, has trials of several classes or strata; give each its '
-            'own name'
+            'a unit, such as a mounting, contains trials of several classes or strata; give each '
+            'unit a unique name'
         )
     sums = np.zeros((len(first), table.shape[1]))
     np.add.at(sums, code, table)
@@ -202,7 +202,7 @@ def _count_classes(index: IntArray, stratum: IntArray) -> tuple[IntArray, FloatA
 
 
 def _find_least_p(index: IntArray, stratum: IntArray) -> float:
-    """Return the p-value of completely separated classes, for the pair with the fewest values."""
+    """Return the p-value of completely separated classes; maximum over the pairs of classes."""
     sizes, weights = _count_classes(index, stratum)
     product = sizes[:, :, None] * sizes[:, None, :]
     pooled = sizes[:, :, None] + sizes[:, None, :]
