@@ -54,6 +54,9 @@ def draw_figures(results: Results) -> Figure:
     figure.suptitle("SIMULATED: the paper's protocol; no number is a measurement")
     for axes, scaling in zip(rows[0].subplots(1, 2, sharey=True), SCALINGS, strict=True):
         _draw_accuracies(axes, results, scaling)
+    # Below the panels, because no part of them is free of bars.
+    classifiers = axes.get_legend_handles_labels()
+    rows[0].legend(*classifiers, loc='outside lower center', ncols=4, fontsize=8)
     for axes, contact in zip(rows[1].subplots(1, 2, sharey=True), CONTACTS, strict=True):
         _draw_mean_p(axes, results['texture', contact], contact)
     grid = rows[2].subplots(2, len(STIFFNESS_FEATURES))
@@ -80,7 +83,6 @@ def _draw_accuracies(axes: Axes, results: Results, scaling: str) -> None:
     axes.set_title(
         f'Fig. 8, {scaling}. Dashes: the paper, by classifier; dots: its best', fontsize=10
     )
-    axes.legend(fontsize=8, loc='lower left')
 
 
 def _draw_mean_p(axes: Axes, result: Result, contact: str) -> None:
