@@ -106,7 +106,7 @@ def test_features_are_ranked_from_the_most_telling():
     [
         (np.ones(4), ['a'] * 4, 'shapes'),
         (np.ones((4, 2)), ['a'] * 3, 'shapes'),
-        (np.ones((4, 2)), ['a'] * 4, 'there are 1'),
+        (np.ones((4, 2)), ['a'] * 4, 'at least two classes, not 1'),
         (np.full((2, 1), np.nan), ['a', 'b'], 'not finite'),
     ],
 )
