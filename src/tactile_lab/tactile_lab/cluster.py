@@ -16,9 +16,9 @@ TIMEOUT_S = 15.0
 
 @contextmanager
 def on_cluster(address: str) -> Iterator[None]:
-    """Send joblib's work to a cluster; with an empty address, use this computer.
+    """Send joblib's work to a cluster. If the address is empty, use this computer.
 
-    Results are the same bit by bit, wherever a part is computed.
+    The results are the same, bit for bit, wherever a part is computed.
 
     Parameters
     ----------

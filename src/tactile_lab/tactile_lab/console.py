@@ -47,7 +47,7 @@ class Table:
     right_from : int, optional
         Columns from this index on are right-aligned, for numbers.
     spare : sequence of str
-        Columns that a terminal may lack when the table is too wide, the least important first.
+        Columns that are hidden on a terminal if the table is too wide, the least important first.
     """
 
     def __init__(

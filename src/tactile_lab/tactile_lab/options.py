@@ -88,15 +88,15 @@ TaskOption = Annotated[
     Optional[str],
     typer.Option(
         **choice('texture', 'stiffness'),
-        help='Which features to compute. Bags with trial events state it themselves.',
+        help='Kind of trial, which determines the features. Bags with trial events state it.',
     ),
 ]
 SkipBadOption = Annotated[
     bool,
     typer.Option(
         '--skip-bad',
-        help='Skip unusable trials of the archive, and list them: values '
-        'that are not finite, too short, no features.',
+        help='Skip unusable trials of the archive, and list them. A trial is unusable if a value '
+        'is not finite, if it is too short, or if it has no features.',
     ),
 ]
 
@@ -108,22 +108,22 @@ class ArchiveOptions:
     channel: Annotated[
         Optional[str],
         typer.Option(
-            help='Channel of the recordings, by its name or its number from 0; "mean" of all, or '
-            '"all". Default: the first one.'
+            help='Channel of the recordings: its name, its number from 0, "mean" (of all '
+            'channels) or "all". Default: the first channel.'
         ),
     ] = None
     where: Annotated[
         Optional[str],
         typer.Option(
-            help='Only trials of which a column of the archive is true, as in --where balanced, '
-            'or has a value, as in --where direction=1.'
+            help='Use only trials for which a column of the archive is true (--where balanced) or '
+            'has a value (--where direction=1).'
         ),
     ] = None
     crop: Annotated[
         Optional[str],
         typer.Option(
             help='Part of each trial of an archive to use, in seconds, as in --crop 1:5. '
-            'Default: all of it.',
+            'Default: the whole trial.',
         ),
     ] = None
     resample_hz: Annotated[
@@ -146,8 +146,8 @@ ARCHIVES = ArchiveOptions()
 OverOption = Annotated[
     Optional[str],
     typer.Option(
-        help='Texture: compute features over distance instead of time, for any sliding '
-        'speed: length of the window and finest scale in mm, as in --over 45:0.5.'
+        help='Texture: compute features over distance instead of time, for any sliding speed. '
+        'Give the length of the window and the finest scale in mm, as in --over 45:0.5.'
     ),
 ]
 DetrendOption = Annotated[
@@ -164,8 +164,8 @@ RepetitionsOption = Annotated[
     Optional[int],
     typer.Option(
         min=1,
-        help='Number of repetitions. Default: 10; for large data (trials squared times '
-        'features above 2e9) 1, without feature selection.',
+        help='Number of repetitions of the cross-validation. Default: 10. If the data are large '
+        '(trials squared times features above 2e9): 1, without feature selection.',
     ),
 ]
 
@@ -182,8 +182,9 @@ class Statements:
     force_column: Annotated[
         str,
         _of_others(
-            help='Column of the force in a table; several, with commas, for several channels. '
-            'Default: the column force or tension, with or without a unit, as in force_mN.'
+            help='Column of the force in a table; several columns, separated by commas, for '
+            'several channels. Default: the column force or tension, with or without a unit, as '
+            'in force_mN.'
         ),
     ] = ''
     time_column: Annotated[
@@ -192,8 +193,8 @@ class Statements:
     trial_column: Annotated[
         str,
         _of_others(
-            help='Column with the trial of each row. Default: trial or trial_id. Without such a '
-            'column, a file is one trial.'
+            help='Column with the trial of each row. Default: trial or trial_id. If there is no '
+            'such column, a file is one trial.'
         ),
     ] = ''
     label_column: Annotated[
@@ -211,7 +212,8 @@ class Statements:
         _of_others(
             min=0.001,
             max=1e7,
-            help='Sample rate in Hz of recordings without times. With times it must match them.',
+            help='Sample rate in Hz of recordings without times. If there are times, it must '
+            'match them.',
         ),
     ] = None
     unit: Annotated[
@@ -240,8 +242,8 @@ class Statements:
     topic: Annotated[
         str,
         _of_others(
-            help='Topic of a bag with the force: WrenchStamped, Float64, Float32, JointState, or '
-            'our strain. Each bag is one trial.'
+            help='Topic in a bag that contains the force: WrenchStamped, Float64, Float32, '
+            'JointState, or our strain. Each bag is one trial.'
         ),
     ] = ''
     field: Annotated[
@@ -281,7 +283,7 @@ ClusterOption = Annotated[
     typer.Option(
         metavar='ADDRESS',
         help='Compute on the workers of this Dask scheduler, such as tcp://HOST:8786. '
-        'These packages must be installed there, too. The results are equal bit by bit.',
+        'These packages must be installed there, too. The results are the same, bit for bit.',
     ),
 ]
 SensorOption = Annotated[str, typer.Option(help='Serial port of the load cell.')]
@@ -332,7 +334,7 @@ WatchOption = Annotated[
     ),
 ]
 QuietOption = Annotated[
-    bool, typer.Option('--quiet', help='Print no line for each classification.')
+    bool, typer.Option('--quiet', help='Do not print a line for each classification.')
 ]
 ProtocolArgument = Annotated[
     str, typer.Argument(**choice('texture', 'stiffness'), help='Kind of trial.')

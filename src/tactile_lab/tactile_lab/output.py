@@ -39,7 +39,7 @@ class Output:
         self._out = self._err if as_json else PlainConsole()
 
     def say(self, *texts: str | Table, markup: bool = False) -> None:
-        """Print lines or tables for people; with ``markup``, lines contain rich markup."""
+        """Print lines or tables for people; if ``markup`` is True, lines contain rich markup."""
         for text in texts:
             if isinstance(text, Table):
                 self._out.say_table(text)
@@ -94,7 +94,7 @@ class Output:
 
 
 def refuse_to_replace(paths: Iterable[Path], *, force: bool) -> None:
-    """Refuse to overwrite existing files without ``force``."""
+    """Refuse to overwrite existing files, unless ``force`` is True."""
     if not force and (there := [str(path) for path in paths if path.exists()]):
         raise TactileError(f'{", ".join(there)} would be replaced: give another name, or --force')
 

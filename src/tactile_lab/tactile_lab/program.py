@@ -36,7 +36,7 @@ COMMANDS = {
     'simulate': 'Make bags of **simulated** trials, without waiting in real time.',
     'import': 'Convert recordings of other programs to one archive.',
     'export': 'Write the trials of recordings as one long table, with a dataset card beside it.',
-    'train': 'Choose features and classifier by the folds, write a model file.',
+    'train': 'Choose features and classifier by cross-validation, and write model files.',
     'classify': 'Classify the trials of recordings with a model file.',
     'evaluate': 'Print the accuracy of the model that *train* would write, or of model files.',
     'features': 'Write the features of recordings as a table, for notebooks and other programs.',

@@ -66,7 +66,7 @@ def replay_through_nodes(
     models : Path
         Folder of model files, or one file.
     context : rclpy.context.Context
-        On a ROS domain without other publishers.
+        Context on a ROS domain without other publishers.
     expected : TactileResults
         Determines how many windows and classifications to wait for.
     namespace : str

@@ -44,7 +44,7 @@ def recall_table(score: Score) -> Table:
 
 
 def learning_table(curve: LearningCurve) -> Table:
-    """Return the accuracies [%] by the number of training groups, with their intervals."""
+    """Return the accuracy [%] for each number of training groups, with its interval."""
     group = f'training groups ({curve.group})'
     title = f'learning curve in %, {curve.split}'
     table = Table(group, 'trials', 'accuracy', '95 % interval', title=title, right_from=1)
@@ -55,7 +55,10 @@ def learning_table(curve: LearningCurve) -> Table:
 
 
 def accuracy_table(evaluation: Evaluation, title: str, *, intervals: bool = False) -> Table:
-    """Return accuracies [%] by classifier and scaling, with their spread, and intervals."""
+    """Return the accuracy [%] for each classifier and scaling, with its spread.
+
+    If ``intervals`` is True, confidence intervals are included.
+    """
     scalings = list(dict.fromkeys(score.scaling for score in evaluation.scores))
     headings = (short_scaling(s) if intervals else SCALING_TITLES[s] for s in scalings)
     table = Table('classifier', *headings, title=title, right_from=1)

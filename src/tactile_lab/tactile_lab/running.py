@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 def open_ports(
     given: RigOptions, seed: int, stack: ExitStack
 ) -> tuple[Ports, SimulatedRig | None]:
-    """Return the ports, and the simulated rig if there is one.
+    """Return the ports; if a simulated rig is requested, start it and return it, too.
 
     Parameters
     ----------
@@ -91,10 +91,10 @@ def run_nodes(
 
     Parameters
     ----------
-    watch : WatchOptions or None
+    watch : bool
         Serve a live page.
     quiet : bool
-        Print no line for each prediction.
+        Do not print a line for each prediction.
     simulated_rig : SimulatedRig or None
         Mounts the object of each trial that the live page starts.
     simulated : bool

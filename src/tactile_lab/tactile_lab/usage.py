@@ -20,7 +20,7 @@ else:
     _Command = object
 
 LEAST_HELP_WIDTH = 80
-"""Smallest number of columns; with fewer, Typer truncates the names of options."""
+"""Smallest number of columns. If there are fewer, Typer truncates the names of options."""
 
 LONGEST_REFUSAL = 4_000
 """Largest number of printed characters of an error, because a name in it can be very long."""

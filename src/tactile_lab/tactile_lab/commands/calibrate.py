@@ -140,7 +140,7 @@ def measure(
     *,
     goes_down: bool,
 ) -> list['WeightReading']:
-    """Return a settled reading under each weight, optionally also on the way down."""
+    """Measure a settled reading under each weight; also on the way down if ``goes_down``."""
     from tactile_lab.devices.load_cell import WeightReading
     from tendon_sensor_driver.errors import TendonSensorError
     from tendon_sensor_driver.sensors import make_sensor
@@ -185,7 +185,7 @@ class _Listener:
             self._arrived.notify_all()
 
     def wait_settled(self, mass_kg: float) -> tuple[float, float]:
-        """Return mean and standard deviation of the second after a settled one [N]."""
+        """Wait for two settled seconds; return mean and deviation of the second one [N]."""
         deadline_s = time.monotonic() + SETTLE_TIMEOUT_S
         with self._arrived:
             self._since_ns = time.time_ns()  # a busy computer may deliver older samples late

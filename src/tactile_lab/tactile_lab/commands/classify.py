@@ -25,8 +25,8 @@ def classify(
             '--model',
             '-m',
             exists=True,
-            help='Model file (.npz) of `tactile train`, or a folder of them. Recordings of other '
-            'software do not state task and contact: give one file for them.',
+            help='Model file (.npz) of `tactile train`, or a folder of such files. Recordings of '
+            'other software state neither task nor contact; give a single file for them.',
         ),
     ],
     archives: options.ArchiveOptions = options.ARCHIVES,
@@ -35,19 +35,19 @@ def classify(
 ) -> None:
     """Classify the trials of recordings with a model file.
 
-    As in: tactile classify new.csv --model models/texture.npz
+    Example: tactile classify new.csv --model models/texture.npz
 
-    Prints one line for each trial: its name, the label that the recording states, if any, the
-    predicted label, its probability, and the fraction of held-out training trials that are at
-    least as novel (p-value). Instead of a label of the model, the prediction may be *unknown*, if
-    the trial differs from all training trials, or *no answer*, with the reason. Labels are not
-    needed.
+    Prints one line for each trial: the name of the trial, the label that the recording states (if
+    there is one), the predicted label with its probability, and the p-value, which is the fraction
+    of held-out training trials that are at least as novel. If the trial differs from all training
+    trials, the prediction is *unknown*. If it cannot be classified, the prediction is *no answer*,
+    with the reason. The trials need no labels.
 
     Bags with trial events use the same features as the live node. In a table, an archive or a
-    bag of other software, each trial is one window. A longer trial is cut as for training:
-    ``--crop``, then the samples of one window from the start, or from the position at which the
-    live node takes them. Rate, unit and channel must match the model; ``--resample-hz`` changes
-    the rate, and the model contains the name of its channel.
+    bag of other software, each trial is one window. A longer trial is cut as in training:
+    ``--crop`` is applied first; then the samples of one window are taken from the start, or from
+    the position at which the live node takes them. Rate, unit and channel must match the model;
+    ``--resample-hz`` changes the rate, and the model contains the name of its channel.
 
     ``--json`` prints every probability and score. The command exits with 2 when no trial can be
     classified.
@@ -70,7 +70,7 @@ def classify(
     output.say(_table(found.trials))
     right, known = count_right(found.trials)
     if known:
-        output.say(f'{right} of {known} answers are the stated label')
+        output.say(f'{right} of {known} predictions match the stated label')
     output.result(
         {
             'trials': [each.to_dict() for each in found.trials],

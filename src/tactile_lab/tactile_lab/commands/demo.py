@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from tactile_lab.experiment.live_rig import LiveTrial
 
 PAPER_TRIALS = 60
-"""Trials of each plate in the paper (section III.A)."""
+"""Number of trials on each plate in the paper (section III.A)."""
 
 SESSIONS = 6
 """Number of mountings of each plate in the simulated training trials."""
@@ -281,7 +281,7 @@ def explain_misses(live: Sequence['LiveTrial'], trained: Sequence['TrainedModel'
         row = score.confusion[score.labels.index(label)]
         taken, whole = int(row[score.labels.index(said)]), int(row.sum())
         sentences.append(
-            f'{name}, classified as {said}: so were {taken} of its {whole} training trials when '
-            'their session was held out'
+            f'{name}, classified as {said}: with held-out sessions, {taken} of the {whole} '
+            f'training trials of {label} were also classified as {said}'
         )
     return sentences

@@ -61,8 +61,8 @@ def devices(
 
     Nothing is moved. Nothing is sent to a port that sends data without a request. A silent port
     gets a question mark, which Grbl answers and other devices ignore, and then a Dynamixel ping at
-    each usual baud rate. If another silent device must not receive these, list the ports with
-    ``--port`` or use ``--quiet``. A board that resets when its port is opened is reset here, too:
+    each usual baud rate. If another silent device must not receive these bytes, select ports with
+    ``--port``, or use ``--quiet``. A board that resets when its port is opened is reset here, too:
     a Grbl guide must be homed afterwards. Ports that another program has open are skipped.
     """
     from tactile_lab.devices.device_probe import (

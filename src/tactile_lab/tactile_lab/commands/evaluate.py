@@ -26,7 +26,8 @@ OF_CROSS_VALIDATION = (
     'train_where', 'test_where', 'over', 'detrend', 'folds', 'repetitions', 'features', 'report',
     'answers', 'seed', 'cluster',
 )  # fmt: skip
-"""Options that do not go with ``--model``, whose file states features and is not trained again."""
+"""Options that are refused with ``--model``: the file determines the features, and nothing is
+trained."""
 
 
 def evaluate(
@@ -59,8 +60,8 @@ def evaluate(
             help='Hold out each group of trials with equal values in this column, in addition to '
             'random folds. Several columns are separated by commas. May be repeated. Default: '
             'the columns of sessions (session_id, session, day), of mountings (mounting_id, '
-            'mounting) and of specimens (specimen), if present; for bags of one session '
-            'trial_block, six blocks by time.'
+            'mounting) and of specimens (specimen), if present; if bags have only one session, '
+            'trial_block, which divides the trials into six blocks in order of time.'
         ),
     ] = None,
     folds: options.FoldsOption = 6,
@@ -70,7 +71,7 @@ def evaluate(
         typer.Option(
             help='Only these features, separated by commas (--features slope,correlation), a '
             'feature set (--features glide_waveform), or auto for an automatic choice. Default: '
-            'the automatic choice among all sets, and tables of the recorded set.'
+            'the automatic choice among all sets, followed by tables for the recorded set.'
         ),
     ] = None,
     report: Annotated[
@@ -97,16 +98,17 @@ def evaluate(
     """Print the accuracy of the model that *train* would write, or of model files.
 
     Accepts real and simulated trials and computes the same features as the live node. The first
-    number is the accuracy with features and classifier chosen inside the folds, with held-out
-    groups. Tables of the paper's four classifiers with and without scaling follow, for random
-    folds and for held-out sessions, mountings or other groups. A learning curve states whether
-    more sessions would help. ``--report`` and ``--json`` add feature selection and calibration,
-    and take longer. The report contains figures of your trials.
+    number is the accuracy on held-out groups, where features and classifier are chosen again
+    within the training trials of each fold. Tables of the paper's four classifiers with and
+    without scaling follow, for random folds and for held-out sessions, mountings or other groups.
+    A learning curve states whether more sessions would help. ``--report`` and ``--json`` add
+    feature selection and calibration, and take longer. The report contains figures of your trials.
 
     ``--model`` evaluates a model file on trials that it was not trained on, for example: tactile
     evaluate bags/new --model old/texture.npz --model new/texture.npz. Its features are computed
     from the recordings. Training trials, whose digests are in the file, are excluded and counted.
-    *unknown* counts as wrong. The interval is over sessions, or over the columns of ``--group``.
+    *unknown* counts as wrong. The interval is computed over sessions, or over the groups of
+    ``--group``.
     Two models are evaluated on trials that neither was trained on, with the exact McNemar test of
     their difference. Options of archives can be given; options of cross-validation are refused.
     """
@@ -116,7 +118,7 @@ def evaluate(
         for name in OF_CROSS_VALIDATION:
             if given[name] != defaults[name].default:
                 raise TactileError(
-                    f'--{name.replace("_", "-")} is for cross-validation: leave --model or it out'
+                    f'--{name.replace("_", "-")} is for cross-validation; omit it, or omit --model'
                 )
         _evaluate_models(
             recordings, task, model, group or [], archives, statements, Output(as_json)

@@ -68,9 +68,9 @@ def event(
 
     For a hand that you move yourself. The event is latched (reliable, transient local) on
     ``trial_runner/events`` and stamped with the time at which this command started, about
-    0.3 s after you press Enter. A touch is a **hold** or a **glide**, a **release** and **done**,
-    with the same ``--trial``. Programs publish the message themselves, for exact stamps: see
-    docs/on_your_hand.md.
+    0.3 s after you press Enter. One touch consists of a **hold** or a **glide**, then a
+    **release**, then **done**, all with the same ``--trial``. For exact stamps, a program should
+    publish the message itself: see docs/on_your_hand.md.
     """
     stamp_ns = time.time_ns()
     from rclpy.node import Node

@@ -27,10 +27,11 @@ if TYPE_CHECKING:
 
 
 LEAST_TO_TRAIN = 3
-"""Trials of a contact that must be left when some are held out: three neighbours need three."""
+"""Smallest number of trials of a contact that must remain when some are held out, because a
+classifier with three neighbours needs three trials."""
 
 LEAST_FOR_UNKNOWN = 19
-"""Trials of a contact from which on 5 % of false rejections can be kept."""
+"""Smallest number of trials of a contact with which a false rejection rate of 5 % can be kept."""
 
 
 class RunByDefault(WholeNames, TyperGroup):
@@ -160,9 +161,9 @@ def run(
 def _restate(
     given: options.RigOptions, *, models: Optional[Path], yes: bool, watch: bool, seed: int
 ) -> str:
-    """Return the options that continue on the same rig, as for a shell.
+    """Return the options that continue on the same rig, quoted for a shell.
 
-    Not among them are those that hold for one call: ``--append`` and ``--accept-setup``.
+    ``--append`` and ``--accept-setup`` are not included, because they apply to one call only.
     """
     stated = {each.name: getattr(given, each.name) for each in fields(given)}
     stated |= {'models': models, 'yes': yes, 'watch': watch, 'seed': '' if seed == 1 else seed}
@@ -276,9 +277,9 @@ def _describe_training(plan: 'ExperimentPlan') -> str:
     held_out, what = (per_session, 'session') if plan.sessions > 1 else (1, 'trial')
     left = in_contact - held_out
     text = (
-        f'To train: {in_contact} trials in each contact, {left} when a {what} is held out. At '
-        f'least {LEAST_TO_TRAIN} of these and 2 objects are needed, and {LEAST_FOR_UNKNOWN} '
-        'trials in all for a model that also answers unknown'
+        f'Training trials: {in_contact} in each contact, {left} if a {what} is held out. At '
+        f'least {LEAST_TO_TRAIN} trials must remain, and at least 2 objects are needed. A model '
+        f'that also answers unknown needs {LEAST_FOR_UNKNOWN} trials in each contact'
     )
     lacks = []
     if len(plan.objects) < 2:
@@ -308,9 +309,9 @@ def _check_labels(plan: 'ExperimentPlan') -> list[str]:
 
 @experiment.command()
 def status(folder: FolderArgument, as_json: options.JsonOption = False) -> None:
-    """Print every trial with its id, the progress of an experiment, and its corrections.
+    """Print every trial with its id, the progress of the experiment, and all corrections.
 
-    `tactile experiment relabel` and `exclude` take the ids. ``--json`` also prints the set-up.
+    `tactile experiment relabel` and `exclude` accept these ids. ``--json`` also prints the set-up.
     """
     home, output = _find_folder(folder), Output(as_json)
     progress = home.read_progress()
@@ -361,8 +362,8 @@ def exclude(
 ) -> None:
     """Exclude a recorded trial from training and evaluation.
 
-    Writes an entry to the journal; the bags do not change. The trial is not recorded again:
-    ``--append`` adds a block to a session.
+    Writes an entry to the journal; the bags do not change. The trial is not recorded again. To
+    record more trials, append a block to a session with ``--append``.
     """
     from tactile_lab.experiment.journal import EXCLUDED
 

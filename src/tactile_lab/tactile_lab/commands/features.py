@@ -47,8 +47,9 @@ def features(
     """Write the features of recordings as a table, for notebooks and other programs.
 
     One row per trial: source, trial, label, session, group, simulated, then one column per
-    feature. Units are in the metadata of Parquet columns, and in the names of CSV columns. With
-    several tasks or contacts, each has its own file, with task and contact at the end of its name.
+    feature. Units are in the metadata of Parquet columns, and in the names of CSV columns. If
+    there are several tasks or contacts, a file is written for each combination, and its name ends
+    with task and contact.
     """
     import numpy as np
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`tactile import`: recordings of others as one labelled-trials archive."""
+"""`tactile import`: convert recordings of other programs to one archive of labelled trials."""
 
 from pathlib import Path
 from typing import Annotated, Optional, TYPE_CHECKING
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 SHOWN_LABELS = 12
 
 SHOWN_GROUPS = 6
-"""Columns that are proposed as groups at most."""
+"""Largest number of columns that are proposed as groups."""
 
 DRAWN = 3
-"""Trials in the picture."""
+"""Number of trials in the figure."""
 
 
 def import_recordings(
@@ -34,8 +34,8 @@ def import_recordings(
         Optional[Path],
         typer.Option(
             metavar='FILE',
-            help='Draw three trials with their unit and the window that features take into this '
-            'file: .png, .svg or .pdf.',
+            help='File for a figure of three trials, with their unit and the window from which '
+            'features are computed: .png, .svg or .pdf.',
         ),
     ] = None,
     skip_bad: options.SkipBadOption = False,
@@ -62,7 +62,7 @@ def import_recordings(
         if recording.is_own:
             raise TactileError(
                 f'{recording.paths[0]} is a bag with trial events: train, evaluate and features '
-                'take it as it is; `tactile export` writes it for other programs'
+                'read it directly; `tactile export` writes it for other programs'
             )
         trials = recording.to_arrays(skip_bad=skip_bad)
         if plot is not None:
@@ -88,8 +88,8 @@ def import_recordings(
         output.say(f'{plot}: {min(DRAWN, len(trials))} trials')
     if channels > 1:
         output.say(
-            f'features take channel {trials.channels[0]}; not used: '
-            f'{", ".join(trials.channels[1:])}; --channel NAME, mean or all takes others'
+            f'features use channel {trials.channels[0]}; not used: '
+            f'{", ".join(trials.channels[1:])}; --channel NAME, mean or all selects others'
         )
     command, *remarks = next_command(archive, trials)
     output.say(*remarks, f'next: {command}')
@@ -127,7 +127,7 @@ def next_command(archive: Path, trials: 'LabelledTrials') -> list[str]:
     ]
     if groups[1:]:
         options = ', '.join(f'--group {name}' for name in groups[1:])
-        remarks.append(f'possible beside or instead of --group {groups[0]}: {options}')
+        remarks.append(f'in addition to --group {groups[0]}, or instead of it: {options}')
     if groups:
         return [f'{command} --group {groups[0]}', *remarks]
     text = 'no column is named like sessions, days, subjects or specimens'
@@ -139,7 +139,7 @@ def next_command(archive: Path, trials: 'LabelledTrials') -> list[str]:
 
 
 def _can_hold_out(trials: 'LabelledTrials', name: str) -> bool:
-    """Return whether groups have two trials or more, and every label is in two groups or more."""
+    """Return True if groups have at least two trials on average, and labels two groups each."""
     import numpy as np
 
     column = trials.columns[name]

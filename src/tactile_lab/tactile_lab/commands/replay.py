@@ -30,10 +30,11 @@ class NoFeaturesError(TactileError):
 
 @dataclass(frozen=True)
 class ReplayReport:
-    """Comparisons of the recording of a finger with its replays, by compared topics.
+    """Comparisons of the recording of one finger with its replays.
 
-    The comparisons are from the first replay that differs, or from the last one. The audits are of
-    each trial, then of the whole recording.
+    The keys of ``comparisons`` name the two compared results. The comparisons are from the first
+    replay that differs, or from the last one. ``audits`` has an audit of each trial, then one of
+    the whole recording.
     """
 
     namespace: str
@@ -74,16 +75,19 @@ def replay(
         bool, typer.Option(help='Replay through real nodes as well as through the plain core.')
     ] = True,
     times: Annotated[
-        int, typer.Option(min=1, max=100_000, help='Number of replays; ends at a difference.')
+        int,
+        typer.Option(
+            min=1, max=100_000, help='Number of replays; stops after the first difference.'
+        ),
     ] = 1,
     watch: options.WatchOption = False,
     as_json: options.JsonOption = False,
 ) -> None:
     """Run a recording through features and classification again, and compare.
 
-    Prints *equal*, or the first difference from the recorded results. With a difference, the
-    exit code is 1. Also reports whether samples of the recording are missing, duplicate or out of
-    order. With ``--watch`` it first plays the recording in real time on a live page.
+    Prints *equal*, or the first difference from the recorded results. If there is a difference,
+    the exit code is 1. Also reports whether samples of the recording are missing, duplicate or out
+    of order. With ``--watch``, the recording is first played in real time on a live page.
     """
     output = Output(as_json)
     bags = _list_bags(bag)
@@ -110,7 +114,7 @@ def replay(
 
 
 def _list_bags(path: Path) -> list[Path]:
-    """Return the bags with trials of an experiment's folder, or the bag."""
+    """Return the bags of an experiment's folder that contain trials, or the bag itself."""
     from tactile_analysis.recording import Recording
     from tactile_bags.experiment_journal import is_experiment
 
@@ -148,7 +152,7 @@ def play_and_watch(path: Path, models: Optional[Path], output: Output) -> None:
         while not player.is_finished:
             player.ending.wait(POLL_S)
         if player.has_failed:
-            raise TactileError(f'{path} cannot be played; the log has the reason')
+            raise TactileError(f'{path} cannot be played; see the log for the reason')
         time.sleep(LINGER_S)  # so that the last prediction can be seen
 
 

@@ -35,7 +35,7 @@ class FingerOptions:
         typer.Option(
             '--contact',
             **options.choice('', 'flexion', 'abduction'),
-            help='How the finger touches, where phases are found in the tension. Default: not '
+            help='How the finger touches, if the phases are detected in the tension. Default: not '
             'known.',
             show_default=False,
         ),
@@ -66,8 +66,8 @@ def hand(
     fingers: Annotated[
         str,
         typer.Option(
-            help='Namespaces of the fingers, such as index,middle. Default: all that --params '
-            'describes.'
+            help='Namespaces of the fingers, such as index,middle. Default: all fingers that '
+            '--params describes.'
         ),
     ] = '',
     stated: FingerOptions = OF_BOTH,

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tactile_bags import RecordedBag, Trial
 
 SPARE = ('simulated', 'mounting', 'ended', 'finger', 'contact', 'session', 'task', 'seconds')
-"""Columns of our own trials that a narrow terminal may lack, the least important first."""
+"""Columns of our own trials that are hidden on a narrow terminal, the least important first."""
 
 SHOWN = 20
 """Number of trials in the terminal's table; JSON has all."""
@@ -28,8 +28,8 @@ SHOWN = 20
 class Contents(NamedTuple):
     """Contents of a recording or a model.
 
-    ``facts`` describe the whole. All ``trials`` have the same keys; a model has no trials.
-    ``details`` are only for JSON.
+    ``facts`` describe the recording or model as a whole. All ``trials`` have the same keys; a
+    model has no trials. ``details`` are only for JSON.
     """
 
     kind: str
@@ -268,7 +268,7 @@ def _print(path: Path, contents: Contents, output: Output, *, with_topics: bool 
     if not contents.trials:
         return
     shown, same = _split_columns(contents.trials)
-    # Of an archive, columns that it brings along are the least important, the last ones first.
+    # Columns that an archive brings along are hidden first, beginning with the last one.
     own = ('trial', 'label', 'object', 'seconds', 'excluded', 'trial_id')
     spare = [name for name in SPARE if name in shown]
     spare = [*reversed([name for name in shown if name not in (*own, *SPARE)]), *spare]

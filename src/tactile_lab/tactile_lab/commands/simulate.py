@@ -25,7 +25,7 @@ SESSIONS = 6
 """Number of sessions of the crossed design; the threshold for unknown objects needs several."""
 
 ALL_TRIALS = 60
-"""Trials of each plate in the paper (section III.A)."""
+"""Number of trials on each plate in the paper (section III.A)."""
 
 
 def simulate(
@@ -64,7 +64,8 @@ def simulate(
         typer.Option(
             **options.choice(CROSSED, AS_PUBLISHED),
             help='crossed: the plate or object is mounted again before each trial. as-published: '
-            'mounted once for all its trials in one session, so label and mounting coincide.',
+            'it is mounted once for all its trials in one session, so that label and mounting '
+            'coincide.',
         ),
     ] = CROSSED,
     speed: Annotated[
@@ -84,9 +85,10 @@ def simulate(
 ) -> None:
     """Make bags of **simulated** trials, without waiting in real time.
 
-    Writes one bag for each contact, with plates or objects times sessions times trials. The bags
-    contain the same messages as live recordings, marked as simulated. The same
-    seed gives the same bytes with the same NumPy, for any number of processes.
+    Writes one bag for each contact. A bag contains the given number of trials on each plate or
+    object in each session. The bags contain the same messages as live recordings, marked as
+    simulated. With the same version of NumPy, the same seed gives the same bytes, for any number
+    of processes.
 
     Exits with 3 when the simulator found no equilibrium in some trial: such trials are in
     the bag up to that time, end as aborted, and give no features.

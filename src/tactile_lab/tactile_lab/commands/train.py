@@ -33,9 +33,9 @@ CLASSIFIERS = ('knn', 'svm_linear', 'svm_rbf', 'tree', 'rocket')
 
 @dataclass(frozen=True)
 class TrainedModel:
-    """One model file, the accuracies beside it, and the table that it came from.
+    """One model file, its accuracies, and the feature table that it was trained on.
 
-    ``window_s`` is the length of its early windows [s]; None: full windows.
+    ``window_s`` is the length of early windows [s]; None for full windows.
     """
 
     path: Path
@@ -47,16 +47,16 @@ class TrainedModel:
 
     @property
     def accuracy(self) -> float:
-        """The one accuracy of the card: nested if the folds chose the classifier [1]."""
+        """Accuracy in the card [1]; nested if cross-validation has chosen the classifier."""
         return float(self.manifest.cross_validation['mean'])
 
     @property
     def split(self) -> str:
-        """The folds of `accuracy`."""
+        """Kind of folds with which `accuracy` was measured."""
         return str(self.manifest.cross_validation['split'])
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what JSON can hold."""
+        """Return a dictionary for JSON."""
         return {
             'path': str(self.path),
             'model_id': self.model_id,
@@ -78,17 +78,17 @@ def train(
         Optional[str],
         typer.Option(
             **{**options.choice(*CLASSIFIERS), 'metavar': 'NAME'},  # else no room for the help
-            help=f'Which one goes into the model file: {", ".join(CLASSIFIERS)}. Default: the '
-            'folds choose features, classifier and scaling. With one of these, features are the '
-            'recorded ones.',
+            help=f'Classifier of the model file: {", ".join(CLASSIFIERS)}. Default: features, '
+            'classifier and scaling are chosen by cross-validation. If a classifier is given, the '
+            'recorded features are used.',
         ),
     ] = None,
     scaling: Annotated[
         Optional[str],
         typer.Option(
             **options.choice('standard', 'none'),
-            help='Scaling in the model file. Default: chosen by the folds; with --classifier '
-            'none for texture, whose features share one unit, standard for stiffness.',
+            help='Scaling in the model file. Default: chosen by cross-validation. If a classifier '
+            'is given: none for texture, whose features share one unit, standard for stiffness.',
         ),
     ] = None,
     false_alarm_rate: Annotated[
@@ -116,8 +116,9 @@ def train(
         str,
         typer.Option(
             metavar='SECONDS',
-            help='Lengths of the windows, as in 0.5,1,full: a model file for each. The model of '
-            'the first seconds of a glide or hold answers as soon as they have passed.',
+            help='Lengths of the windows, such as 0.5,1,full; a model file is written for each. '
+            'The model of the first seconds of a glide or hold answers as soon as they have '
+            'passed.',
         ),
     ] = FULL,
     over: options.OverOption = None,
@@ -125,17 +126,17 @@ def train(
     features: Annotated[
         Optional[str],
         typer.Option(
-            help='Sets of features, with commas. The classifier rocket needs glide_waveform or '
-            'hold_waveform. Default, and with auto: chosen by the folds; the '
-            'recorded ones with --classifier, --over or --detrend.'
+            help='Feature sets, separated by commas. The classifier rocket needs glide_waveform '
+            'or hold_waveform. auto: chosen by cross-validation. Default: auto; if --classifier, '
+            '--over or --detrend is given, the recorded set.'
         ),
     ] = None,
     group: Annotated[
         Optional[str],
         typer.Option(
-            help='Choose, test and calibrate by holding out each group of trials that agree in '
-            'these columns. Default: sessions where there are several, else blocks of trials of a '
-            'bag, else random folds.'
+            help='Choose, test and calibrate with held-out groups. Trials with equal values in '
+            'these columns form a group. Default: sessions if there are several, otherwise blocks '
+            'of trials of a bag, otherwise random folds.'
         ),
     ] = None,
     force: Annotated[
@@ -149,13 +150,13 @@ def train(
     cluster: options.ClusterOption = '',
     as_json: options.JsonOption = False,
 ) -> None:
-    """Choose features and classifier by the folds, write a model file.
+    """Choose features and classifier by cross-validation, and write model files.
 
-    Prints the accuracy of all candidates and of the choice itself by held-out groups. With
-    --classifier, prints the paper's four classifiers with and without scaling. One model file
-    (.npz) is written for each task, kind of contact and length of window in the recordings. Its
-    scores are calibrated probabilities. It classifies windows that differ from all training trials
-    as *unknown*. Existing model files are only replaced with --force.
+    Prints the accuracy of every candidate, and of the choice itself, on held-out groups. With
+    --classifier, prints the accuracy of the paper's four classifiers with and without scaling. One
+    model file (.npz) is written for each task, kind of contact and length of window in the
+    recordings. A model gives calibrated probabilities, and classifies windows that differ from all
+    training trials as *unknown*. Existing model files are only replaced with --force.
     """
     from tactile_analysis.datasets.automatic_features import AUTO, choose_automatically
     from tactile_analysis.datasets.feature_tables import open_features
@@ -279,7 +280,7 @@ def parse_lengths(text: str) -> list[Optional[float]]:
 
 
 def say_lengths(trained: Sequence[TrainedModel], picture: Path, output: Output) -> None:
-    """Print the accuracy by length of the window, and draw it."""
+    """Print and draw the accuracy for each length of the window."""
     from tactile_analysis.plots import plot_accuracy_by_length
     from tactile_lab.console import Table
 
@@ -337,11 +338,11 @@ def train_models(
     seed: int = 0,
     force: bool = False,
 ) -> list[TrainedModel]:
-    """Write the model of each table, and print accuracies by held-out groups.
+    """Train and write a model for each table, and print accuracies on held-out groups.
 
-    ``tables`` are the tables of ``source``, by task and contact. ``chosen`` is the automatic
-    choice for each table; without it, ``classifier`` is trained, and the four classifiers are
-    cross-validated. See ``tactile train --help`` for the other parameters.
+    ``tables`` are the tables of ``source``; the keys are task and contact. ``chosen`` is the
+    automatic choice for each table. If it is None, ``classifier`` is trained, and the four
+    classifiers are cross-validated. See ``tactile train --help`` for the other parameters.
     """
     import numpy as np
 
@@ -412,7 +413,7 @@ def _evaluate(
     seed: int,
     output: Output,
 ) -> 'Evaluation':
-    """Cross-validate the classifiers by held-out groups, or by random folds if there are none."""
+    """Cross-validate the classifiers on held-out groups, or in random folds without groups."""
     from tactile_analysis.datasets.automatic_features import find_sessions
     from tactile_classifier.datasets.splits import choose_repetitions
     from tactile_classifier.evaluation.cross_validation import evaluate

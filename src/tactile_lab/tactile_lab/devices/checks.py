@@ -251,8 +251,8 @@ def _list_problems(*cases: tuple[object, str, str]) -> list[Problem]:
 class CheckReport:
     """Result of the check of one device (sensor, guide or tendon) on its port or address.
 
-    ``facts`` are measured or read values, by name with unit. A device without ``problems`` is
-    ready for trials.
+    ``facts`` are measured or read values; the keys are names with units. A device without
+    ``problems`` is ready for trials.
     """
 
     device: str
@@ -265,7 +265,7 @@ class CheckReport:
 
 
 def check_guide(config: LinearGuideConfig, may_move: bool) -> CheckReport:
-    """Reset the guide's controller and check its settings; if allowed, home it and move it."""
+    """Reset the guide's controller and check its settings; if ``may_move``, home and move it."""
     facts: dict[str, Any] = {}
     problems: list[Problem] = []
     client = LinearGuideClient(config)
@@ -329,7 +329,7 @@ def _exercise_guide(
 def check_tendon(config: TendonActuatorConfig, may_move: bool) -> CheckReport:
     """Read the servo, hold its position, and check that its watchdog stops it.
 
-    With ``may_move`` it also tightens the tendon by 2 mm and slackens it again.
+    If ``may_move`` is True, the tendon is also tightened by 2 mm and slackened again.
     """
     facts: dict[str, Any] = {}
     problems: list[Problem] = []

@@ -202,17 +202,17 @@ def _name_process(folder: Path) -> str:
 def probe_ports(
     ports: Sequence[FoundDevice], *, listen_s: float = LISTEN_S, is_quiet: bool = False
 ) -> list[FoundDevice]:
-    """Return the ports with the device on each; all ports are probed in parallel.
+    """Probe ports in parallel; return each port with the recognised device.
 
-    ``listen_s`` is the time to wait for a device that sends data without a request [s]. With
-    ``is_quiet`` nothing is sent.
+    ``listen_s`` is the time to wait for a device that sends data without a request [s]. If
+    ``is_quiet`` is True, nothing is sent.
     """
     with ThreadPoolExecutor(_MOST_PORTS_AT_ONCE) as pool:
         return list(pool.map(lambda port: probe_port(port, listen_s, is_quiet), ports))
 
 
 def probe_port(found: FoundDevice, listen_s: float, is_quiet: bool) -> FoundDevice:
-    """Return a port with the device on it."""
+    """Probe a port; return it with the recognised device."""
     # The simulated rig holds its own ptys open; a driver on a pty is recognised by its lock.
     holders = (
         [] if os.path.realpath(found.port).startswith('/dev/pts/') else find_holders(found.port)

@@ -98,13 +98,14 @@ FEWEST_WEIGHTS = 3
 """Smallest number of different weights; two would leave no residual and no uncertainty."""
 
 LARGEST_SPREAD_N = 0.1
-"""A weight still swings if the standard deviation within a second is larger [N]."""
+"""If the standard deviation within a second is larger than this [N], the weight still swings."""
 
 SMALLEST_CHANGE_N = 0.005
 """A reading is at rest if it changes by less than this within a second [N]."""
 
 _REJECTED = 5.0 * 1.4826
-"""Samples further from the median are outliers, in median absolute deviations: five sigma."""
+"""A sample is an outlier if its distance from the median exceeds this multiple of the median
+absolute deviation, which is five sigma."""
 
 
 class CalibrationError(TactileError):
@@ -134,7 +135,7 @@ class LoadCellFit:
     scale, offset_n : float
         Parameters of the sensor node.
     scale_error, offset_error_n : float
-        Their standard uncertainties, from the residuals.
+        Standard uncertainties of scale and offset, from the residuals.
     residuals_n : tuple of float
         Calibrated force minus true force of each reading [N].
     largest_residual_n : float

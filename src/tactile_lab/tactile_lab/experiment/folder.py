@@ -67,7 +67,7 @@ class ExperimentFolder:
             if not (self.path / PLAN).exists():
                 if self.path.exists() and not {each.name for each in self.path.iterdir()} <= _OWN:
                     raise ExperimentError(
-                        f'{self.path} exists, but is no experiment; name another'
+                        f'{self.path} exists, but is not an experiment; name another folder'
                     )
                 self.bags.mkdir(parents=True, exist_ok=True)
                 write_atomically(self.path / ORDER, '')

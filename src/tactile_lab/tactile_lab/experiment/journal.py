@@ -168,11 +168,11 @@ class Progress:
     entries : list
         Entries of the journal.
     attempts : dict
-        By trial id, in the order of their start.
+        Attempts in the order of their start; the keys are trial ids.
     mounting_ids : list of str
-        In the order in which objects were mounted.
+        Ids of the mountings, in the order in which objects were mounted.
     runs : dict
-        Number of starts of the nodes, by session.
+        Number of starts of the nodes in each session.
     setup : dict
         Set-up of the rig at the last start; empty if unknown.
 

@@ -95,7 +95,7 @@ class LiveTrial:
         return answer.label == self.request.object_label
 
     def format_answers(self) -> list[str]:
-        """Return one line per model: its label with the score, or the reason for none."""
+        """Return one line per model: the predicted label with its score, or why there is none."""
         lines = []
         for answer in self.answers:
             several = len(self.answers) > 1
@@ -141,7 +141,7 @@ class LiveSetup:
         The simulated rig, which mounts the object of each trial; on a real rig, a person does
         this.
     parameters : dict
-        ROS parameters by node name.
+        ROS parameters of each node; the keys are the names of the nodes.
     domain_id : int or None
         ROS domain; None for the domain of the environment.
     watch : WatchOptions or None
@@ -254,7 +254,7 @@ class ObserverNode(Node):  # type: ignore[misc]
         self._arrived = threading.Condition()
         self._blocks: list[StrainBlock] = []
         self._windows: dict[str, FeatureWindow] = {}
-        self._judged: dict[str, FeatureSpec] = {}  # specification used to judge a trial, by task
+        self._judged: dict[str, FeatureSpec] = {}  # specification that judges trials of each task
         self._devices: dict[str, str] = {}
         self._is_on = False
         guard = MessageGuard(self)
@@ -392,7 +392,7 @@ class LiveTrialBackend:
     needs_features : bool
         True if a trial without features is unusable.
     trials : dict
-        Completely recorded trials, by trial id.
+        Completely recorded trials; the keys are trial ids.
     audits : list
         Audits of the last session's recording.
     """
@@ -494,7 +494,7 @@ def run_live_trials(
     requests : sequence of TrialRequest
         Each with a unique trial id.
     live : list of LiveTrial
-        Each trial is appended when it is recorded, so that the caller has them after an error.
+        The recorded trials are appended to this list, also after an error.
 
     Raises
     ------

@@ -73,11 +73,11 @@ def summarise_tension(tension_n: ArrayLike) -> dict[str, float]:
 def usual_range(
     name: str, mounting_id: str, earlier: Sequence[tuple[str, Statistics]], count: int
 ) -> Range | None:
-    """Return the prediction interval of a statistic, or None with too few earlier trials.
+    """Return the prediction interval of a statistic; None if there are too few earlier trials.
 
-    With at least `FEWEST` trials of the same mounting, the interval is their mean plus and minus
-    t s sqrt(1 + 1/n), with the standard deviation s within all mountings. Otherwise the trial is
-    compared with the means of at least `FEWEST` other mountings.
+    If there are at least `FEWEST` trials of the same mounting, the interval is their mean plus and
+    minus t s sqrt(1 + 1/n), where s is the standard deviation within all mountings. Otherwise, the
+    trial is compared with the means of at least `FEWEST` other mountings.
 
     Parameters
     ----------
@@ -308,8 +308,8 @@ def run_experiment(
     """Run all remaining trials, unless the operator stops; return the progress and the reason.
 
     Every step is written to the journal before and after it happens. A trial is done when its
-    entry is on the disk, which follows its recording. Therefore no trial is lost, and none is
-    counted twice. The reason says why trials remain; it is None if none do.
+    entry is on the disk; the entry is written after the recording. Therefore no trial is lost, and
+    none is counted twice. The reason says why trials remain; it is None if no trial remains.
 
     Parameters
     ----------

@@ -53,7 +53,7 @@ class ExperimentPlan:
         Trials in each mounting.
     specimens : int
         Number of plates or objects of each label; mountings of a label alternate between them.
-        With several, an evaluation can hold out one specimen (``--group specimen``).
+        If there are several, an evaluation can hold out one specimen (``--group specimen``).
     seed : int
         Seed of the random order.
     glide_speed_m_s, hold_s : float

@@ -55,8 +55,8 @@ class CommandError(TactileError):
 class Command:
     """Command from a page: one of `ACTIONS`, for the finger with this namespace.
 
-    Actions in `OF_ALL_FINGERS` apply to all fingers. The page has the token from its address. The
-    message about the result of the command has its ``id``.
+    Actions in `OF_ALL_FINGERS` apply to all fingers. The page takes ``token`` from its address.
+    The message about the result of the command has the same ``id``.
     """
 
     action: str

@@ -147,7 +147,7 @@ class WatchControls:
         return await self._call(client, path, repeats=True)
 
     async def _call(self, client: Any, path: str, repeats: bool = False) -> Any:
-        """Call a service; with ``repeats``, call it again until it responds."""
+        """Call a service; if ``repeats`` is True, call it again until it responds."""
 
         async def call() -> Any:
             await _is_there(client, ANSWER_TIMEOUT_S)

@@ -31,11 +31,15 @@ from tactile_features.types import (
 from tactile_ros.strain import StrainBlock, StrainStatus
 
 BUCKET_NS = 10_000_000
-"""Time per two points of a plot, if samples are faster: one pixel of a plot of 10 s [ns]."""
+"""Time bucket of a plot [ns]: one pixel of a plot of 10 s. If a bucket has more than two samples,
+it is drawn with two points."""
 
 
 class Point(NamedTuple):
-    """One point of a plot. Without a tension, the line is broken: samples are missing or NaN."""
+    """One point of a plot. If the tension is None, the line is broken here.
+
+    The reason is that samples are missing or NaN.
+    """
 
     stamp_ns: int
     tension_n: float | None
@@ -44,9 +48,9 @@ class Point(NamedTuple):
 class Decimator:
     """Reduces blocks of samples to points of a plot.
 
-    Up to two samples in a time bucket are passed on unchanged. Of more samples, the smallest and
-    the largest are passed on, each at its own time. The buckets do not depend on the grouping of
-    samples in blocks.
+    If a time bucket has at most two samples, they are passed on unchanged. If it has more, the
+    smallest and the largest sample are passed on, each at its own time. The buckets do not depend
+    on the grouping of samples in blocks.
     """
 
     def __init__(self) -> None:
@@ -144,7 +148,7 @@ class Finger:
     Attributes
     ----------
     name : str
-        Its namespace; empty for the root namespace.
+        Namespace of the finger; empty for the root namespace.
     version : int
         Increases with every change except new samples.
     epoch : int
@@ -385,8 +389,8 @@ class Finger:
     def spectrum(self) -> dict[str, Any] | None:
         """Return amplitudes [N] with their source; None if there are too few samples.
 
-        During a trial and after it, the source is the window of the trial, as used by the
-        classifier. Without a window, it is the last seconds within the current phase.
+        During a trial and after it, the source is the window of the trial, which the classifier
+        uses. If there is no window, the source is the last seconds within the current phase.
         """
         spectra = (
             window

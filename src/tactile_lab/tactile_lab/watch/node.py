@@ -90,8 +90,8 @@ class WatchNode(Node):  # type: ignore[misc]
     """Subscribes to the topics of all fingers in any namespace, for a `WatchState`.
 
     It polls its topics in its own thread, and has no parameters and no lifecycle. Errors are
-    logged, because a page must not end the rig that it shows. ``answers_only`` subscribes only to
-    events and predictions.
+    logged, because a page must not end the rig that it shows. If ``answers_only`` is True, the
+    node subscribes only to events, models and predictions.
     """
 
     is_quiet = True
@@ -171,7 +171,7 @@ class WatchNode(Node):  # type: ignore[misc]
                 self.state.set_controls(finger.name, can)
 
     def _look_for_services(self) -> dict[str, list[str]]:
-        """Create clients of new services in any namespace; return the types of all by name."""
+        """Create clients of new services in any namespace; return the types of each service."""
         services = dict(self.get_service_names_and_types())
         with self._looking:
             for path, types in services.items():
@@ -190,13 +190,13 @@ class WatchNode(Node):  # type: ignore[misc]
         return self._service_clients.get(path)
 
     def stop_clients(self) -> dict[str, Any]:
-        """Return clients by name for all nodes that can move, even without samples from them."""
+        """Return clients that stop all nodes that can move; the keys are paths of services."""
         return self.clients_of(STOPS)
 
     def clients_of(self, names: tuple[str, ...]) -> dict[str, Any]:
-        """Return clients by path for services of these names, of any finger.
+        """Return clients of the services with these names, of all fingers; the keys are paths.
 
-        Some may have no server, because clients of other pages create the same names.
+        Some services may have no server, because clients of other pages create the same names.
         """
         self._look_for_services()
         ends = tuple(f'/{name}' for name in names)

@@ -58,7 +58,8 @@ PROTOCOL = 'tactile'
 
 MOST_WAITING = 64
 WAITING_S = 10.0
-"""Limits for connections that are not pages yet: beyond the number, the oldest is closed."""
+"""Limits for connections that are not pages yet: if there are more, the oldest is closed. Every
+connection is closed after the time [s]."""
 
 SEND_TIMEOUT_S = 5.0
 START_TIMEOUT_S = 10.0

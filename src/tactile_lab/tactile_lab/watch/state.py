@@ -24,7 +24,7 @@ SPECTRUM_PERIOD_S = 0.2
 """Shortest time between two spectra of a finger [s]."""
 
 LEVELS = ('ok', 'warning', 'error', 'stale')
-"""Names of the levels of diagnostics, by number."""
+"""Names of the levels of diagnostics; the index is the level."""
 
 
 class WatchState:
@@ -53,7 +53,7 @@ class WatchState:
         where : str
             Where fingers are searched, such as ``ROS domain 3``; shown while there are none.
         objects : mapping
-            Labels that can be chosen for a trial, by protocol; if empty, they are typed in.
+            Labels that can be chosen for a trial of each protocol; if empty, they are typed in.
         clock : callable
             Returns monotonic time [s].
         """
@@ -66,7 +66,7 @@ class WatchState:
         self._controls: dict[str, tuple[str, ...]] = {}
         self._devices: dict[str, tuple[float, dict[str, Any]]] = {}
         self._missing: dict[str, tuple[str, ...]] = {}
-        self._stops: dict[str, str] = {}  # reasons of stopped rigs, by namespace
+        self._stops: dict[str, str] = {}  # reason why the rig in a namespace is stopped
         self._can_release = False
         self._sentences: deque[dict[str, Any]] = deque(maxlen=MOST_SENTENCES)
         self._progress = ''
@@ -124,7 +124,7 @@ class WatchState:
                 self._version += 1
 
     def take_stop(self, namespace: str, reason: str) -> None:
-        """Set the stopped state of the rig in a namespace; without a reason it is not stopped.
+        """Set the stopped state of the rig in a namespace; an empty reason means not stopped.
 
         The latest message is valid, not the one with the highest number: a restarted rig counts
         from 0.
@@ -153,8 +153,8 @@ class WatchState:
     ) -> None:
         """Add a message that every page shows.
 
-        ``command_id`` is the command that it answers; ``finger`` is the finger that it is about,
-        or None for all.
+        ``command_id`` is the id of the command that the message answers. ``finger`` is the finger
+        that the message is about, or None for all fingers.
         """
         with self._lock:
             sentence = {'at': time.time(), 'level': level, 'text': text, 'id': command_id}

@@ -21,7 +21,7 @@ from tactile_ros.node_group import NodeGroup
 
 @dataclass
 class Watch:
-    """State of the fingers, and address of the page; empty if no page is served."""
+    """State of the fingers, and address of the page, which is empty if no page is served."""
 
     state: WatchState
     address: str = ''
@@ -37,14 +37,14 @@ def watching(
     before_trial: Callable[[TrialRequest], object] = lambda request: None,
     answers_only: bool = False,
 ) -> Iterator[Watch]:
-    """Watch the fingers of a ROS context until the block ends; with ``options`` serve a page.
+    """Watch the fingers of a ROS context until the block ends; if ``options``, serve a page.
 
     Parameters
     ----------
     simulated : bool
         True if the rig is known to be simulated; trials also state this themselves.
     objects : mapping
-        Labels that a page offers for a trial, by protocol.
+        Labels that a page offers for a trial of each protocol.
     before_trial : callable
         Called with the request of a trial before the page starts it.
     answers_only : bool

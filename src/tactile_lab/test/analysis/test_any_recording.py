@@ -362,7 +362,7 @@ def test_features_of_our_bags_have_a_file_for_each_kind(texture_bag, stiffness_b
     assert set(table['simulated'].to_pylist()) == {True}
     assert table.num_rows == 32
     assert (tmp_path / 'f_stiffness_flexion.parquet').exists()
-    assert 'take it as it is' in refusal(tmp_path, texture_bag)
+    assert 'read it directly' in refusal(tmp_path, texture_bag)
 
 
 def test_trials_numbered_anew_in_each_session_are_kept_apart(tmp_path):

@@ -257,7 +257,7 @@ def test_a_bag_of_another_rate_or_kind_is_refused(bags, models, stiffness_bag, t
 def test_options_of_cross_validation_and_a_third_model_are_refused(bags, models):
     for options in (('--folds', 5), ('--features', 'auto'), ('--report', 'x.html')):
         said = hear(bags[1], models=models, options=options)
-        assert f'{options[0]} is for cross-validation: leave --model or it out' in said
+        assert f'{options[0]} is for cross-validation; omit it, or omit --model' in said
     assert '--model is given 3 times' in hear(bags[1], models=[*models, models[0]])
     assert 'there is no column "weekday"' in hear(
         bags[1], models=models, options=('--group', 'weekday')

@@ -126,7 +126,7 @@ def test_import_says_which_other_columns_may_divide_the_trials(tmp_path):
     assert found['next'].endswith('--group day')
     assert found['remarks'] == [
         'column specimen cannot be held out: all trials of some label have the same specimen',
-        'possible beside or instead of --group day: --group subject',
+        'in addition to --group day, or instead of it: --group subject',
     ]
 
 
@@ -139,7 +139,7 @@ def test_the_channel_that_was_used_is_said_with_the_others(tmp_path):
     (tmp_path / 'table.csv').write_text('\n'.join(lines))
     columns = ('--force-column', 'fx_N,fy_N,fz_N')
     said = hear_tactile('import', tmp_path / 'table.csv', '-o', tmp_path / 'a.npz', *columns)
-    assert 'features take channel fx_N; not used: fy_N, fz_N' in said
+    assert 'features use channel fx_N; not used: fy_N, fz_N' in said
     options = ('--task', 'texture', '--repetitions', 1)
     used = 'channel: fx_N; not used: fy_N, fz_N'
     assert used in hear_tactile('evaluate', tmp_path / 'a.npz', *options)

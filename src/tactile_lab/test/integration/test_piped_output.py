@@ -47,7 +47,7 @@ CASES = [
     ('features', 'features {bag} -o {new}.csv', 0, ['{new}.csv: stiffness']),
     ('evaluate', 'evaluate {bag} --folds 3', 0, ['3 nearest neighbours', '80.0 ± 0.0']),
     ('train', 'train {bag} -o {new} --folds 3 --classifier knn', 0, ['{new}/stiffness_']),
-    ('classify', 'classify {bag} --model {model}', 0, ['answers are the stated label']),
+    ('classify', 'classify {bag} --model {model}', 0, ['predictions match the stated label']),
     ('simulate', 'simulate stiffness -o {new} --trials 1 --sessions 1', 0, ['{new}/', 'trials']),
     ('replay', 'replay {bag} --no-nodes', 2, ['{bag} contains no features', 'can use it anyway']),
     ('no-such-path', 'show {new}', 2, ["Path '{new}' does not exist."]),

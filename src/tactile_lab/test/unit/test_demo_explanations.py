@@ -55,7 +55,7 @@ def test_a_wrong_answer_is_explained_by_sessions_held_out(trained):
         trial = live(trained, 'rubber', trained.table.values[row])
     (sentence,) = explain_misses([trial], [trained])
     wanted = trial.request.object_label
-    assert sentence.startswith(f'stiffness, flexion, {wanted}, classified as {said}: so were ')
+    assert sentence.startswith(f'stiffness, flexion, {wanted}, classified as {said}: with ')
     share, whole = (int(word) for word in sentence.split() if word.isdigit())
     assert whole == 40
     assert 5 <= share <= 35  # the two only differ at random

@@ -289,7 +289,7 @@ def test_a_block_is_appended_to_a_session_and_its_trials_are_counted(folder):
 
 def test_a_folder_with_other_things_is_left_alone(tmp_path):
     (tmp_path / 'notes.txt').write_text('mine')
-    with pytest.raises(ExperimentError, match='is no experiment'):
+    with pytest.raises(ExperimentError, match='is not an experiment'):
         ExperimentFolder(tmp_path).set_up(PLAN)
     assert [path.name for path in tmp_path.iterdir()] == ['notes.txt']
 
