@@ -54,7 +54,8 @@ class _MotionConfig(EmergencyStopConfig):
     )
     heartbeat_timeout_s: float = parameter(
         0.15,
-        'time without a heartbeat after which a motion ends; the lease of the DDS liveliness',
+        'if no heartbeat arrives for this time, a motion ends; this is the lease of the DDS '
+        'liveliness',
         unit='s',
         range=(0.15, 10.0),
     )
@@ -179,16 +180,16 @@ class TendonActuatorConfig(_MotionConfig):
     )
     friction_current_a: float = parameter(
         0.02,
-        'motor current that is needed to tighten a slack tendon: the mean of current_a in the '
-        'diagnostics during a slow pull with a free, slack tendon',
+        'motor current that is needed to tighten a slack tendon. To measure it, take the mean of '
+        'current_a in the diagnostics during a slow pull of a free, slack tendon',
         unit='A',
         range=(0.0, 1.0),
     )
     current_mismatch_n: float = parameter(
         5.0,
-        'a pull is held, then slackened, if the tension computed from the motor current exceeds '
-        'the reading of the sensor by this amount, for example because the sensor is stuck; 0: '
-        'they are not compared',
+        'during a pull, the tendon is held, then slackened, if the tension computed from the '
+        'motor current exceeds the reading of the sensor by this amount, for example because the '
+        'sensor is stuck. 0: the two values are not compared',
         unit='N',
         range=(0.0, 1000.0),
     )
@@ -247,8 +248,9 @@ class TendonActuatorConfig(_MotionConfig):
     )
     hang_timeout_s: float = parameter(
         0.0,
-        'a driver whose poll does not run for this time is killed, so that launch can restart it '
-        'and the tendon is slackened. 0: never, for example under a debugger',
+        'if the poll of the driver does not run for this time, the driver is killed, so that '
+        'launch can restart it and the tendon is slackened. 0: never, for example under a '
+        'debugger',
         unit='s',
         range=(0.0, 60.0),
     )

@@ -7,7 +7,7 @@ A client defines a `Motion` by functions for its device, and `Motions.run` execu
 
 ===========  ====================================================================================
 refused      another motion is running, or ``begin`` raises: nothing has moved
-begun        under a lock; a stop that was requested before ends the motion before it starts
+begun        under a lock; if a stop was requested before, the motion ends before it starts
 running      ``begin`` has returned a generator, which moves the device, yields the progress, and
              returns the result once the device is at rest at its target
 stopped      by the caller's ``should_stop`` or by `Motions.request_stop`, at any time until the

@@ -224,7 +224,7 @@ class MotionNode(PollingNode):
         """Handle a change of the rig's stopped state. May be called on any thread."""
 
     def find_loss(self) -> Refusal | None:
-        """Return why a running motion must end, if the client does not detect it; or None."""
+        """Return a reason to end a running motion that the client does not detect, or None."""
         return None
 
     def set_up(self, config: Any) -> None:

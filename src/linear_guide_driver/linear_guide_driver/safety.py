@@ -471,7 +471,7 @@ class TendonSafety:
         if state is self.state and state is State.RELEASING:
             return
         if state is State.RELEASING:
-            self._release_at_ns = None  # a hold that follows a release is not timed
+            self._release_at_ns = None  # if a hold follows, it has no time limit
         self.state, self.reason, self._cause = state, reason, ending
         pull = self._pull
         is_final = self.ending is not None and (self.ending, ending) != (

@@ -25,7 +25,7 @@ from tactile_ros.refusal import Refusal
 
 __all__ = ['EmergencyInput', 'StopLatch', 'StopState']
 
-RESET = 'remove the cause, then call the service reset of one of its nodes, or use the live page'
+RESET = 'remove the cause, then call the service reset of a node of the rig, or use the live page'
 
 
 class StopState(NamedTuple):

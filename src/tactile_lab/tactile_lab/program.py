@@ -81,7 +81,7 @@ REFUSALS = {
     'tactile_ros.errors.TactileError',
     'tactile_sim.errors.TactileSimError',
 }
-"""Our own errors, by name, because importing the classes would import slow modules."""
+"""Names of our own errors: importing their classes would import slow modules."""
 
 # Newer versions of Click suggest a command themselves, so that Typer would suggest it twice.
 _CLICK_ERRORS = getattr(getattr(typer.core, 'click', None), 'exceptions', None)

@@ -321,7 +321,7 @@ class GoalRunner:
             handle.abort()
         if not isinstance(outcome, GoalEnd):
             self._node.get_logger().error(f'goal failed: {outcome}')
-        # The message of work that does not use `Goal.check` lacks the reason of the end.
+        # If the work does not use `Goal.check`, its message lacks the reason of the end.
         message = str(outcome)
         reason = None if self._goal is None else self._goal.end_reason
         if reason is not None and str(reason) not in message:

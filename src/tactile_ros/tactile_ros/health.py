@@ -49,8 +49,8 @@ class Health(NamedTuple):
 class Diagnostics:
     """Publishes the health of a node on ``/diagnostics`` once a second.
 
-    Messages refused by the node's `MessageGuard` are added. For some time after a refused
-    message, the level is at least a warning.
+    The values of the node's `MessageGuard` are added. For some time after a refused message, the
+    level is at least a warning.
 
     Parameters
     ----------

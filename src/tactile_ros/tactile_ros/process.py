@@ -96,8 +96,8 @@ Result = TypeVar('Result')
 class Signals:
     """The signals received since `hold_signals`.
 
-    A process that has not ended `ENDS_WITHIN_S` after the last signal hangs, which Fast DDS can
-    cause. It is then ended with exit code 1 and a traceback.
+    If the process has not ended `ENDS_WITHIN_S` after the last signal, it hangs, for example in
+    Fast DDS. It is then ended with exit code 1 and a traceback.
 
     Attributes
     ----------

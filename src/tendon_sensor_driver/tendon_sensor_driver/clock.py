@@ -252,8 +252,8 @@ class SampleClock:
     """Base class of the clocks, which assign times to the samples of one sensor.
 
     The number of missing samples is the device time between two neighbouring samples in whole
-    periods, minus one. Because only neighbours are compared, neither coarse ticks nor a device
-    rate slightly off the nominal one add up to a false gap. At a deviation of 100 ppm, a gap of
+    periods, minus one. Only neighbours are compared. Therefore, coarse ticks or a small deviation
+    of the device's rate do not add up to a false gap. If the rate deviates by 100 ppm, a gap of
     several thousand samples is still counted exactly.
 
     Attributes

@@ -250,7 +250,7 @@ class LineDecoder:
         return LineReading(ticks, value, received_at_ns, self._has_dropped, SIMULATED in columns)
 
     def _check_count(self, columns: list[bytes]) -> None:
-        """Refuse a line whose value may be a part of a number that a separator divides.
+        """Refuse a line whose value may be only a part of a number with a separator in it.
 
         A line must have ``line_columns`` columns. If that is 0, the time is the only number
         that may be next to the value.

@@ -42,7 +42,7 @@ texture protocol may be refused."""
 class Publisher(NamedTuple):
     """One publisher of a topic, as listed in the ROS graph."""
 
-    node: str  # name of its node, with namespace
+    node: str  # name of the publishing node, with namespace
     type_name: str  # message type, such as ``std_msgs/msg/Float64``
     qos_conflict: str | None = None  # why its QoS is incompatible with the subscription
 
@@ -99,7 +99,7 @@ def find_stream_problem(
     topic : str
         Name of the topic.
     stream : TopicStream
-        Stream of its messages.
+        Stream of the messages on the topic.
     publishers : sequence of Publisher
         Publishers of the topic.
     is_silent : bool

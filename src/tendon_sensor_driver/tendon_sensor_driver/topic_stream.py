@@ -187,10 +187,10 @@ class StampClock(SampleClock):
     step is an irregular stamp, too, but its samples count as missing, because they may be.
 
     Three kinds of samples are dropped. A duplicate has the same stamp as the sample before. A
-    late sample has a stamp up to 0.25 s earlier. An outlier has an even earlier stamp, or one
-    that jumps forward by more than 0.1 s relative to the arrivals and lies more than 0.1 s below
-    the shortest delay. If the next sample confirms an outlier, the publisher's clock was set;
-    the number of samples missing across such a step is unknown.
+    late sample has a stamp up to 0.25 s earlier. An outlier has an even earlier stamp, or a stamp
+    that jumps forward: by more than 0.1 s relative to the arrivals, so that its delay is more than
+    0.1 s below the shortest delay. If the next sample confirms an outlier, the publisher's clock
+    was set; the number of samples missing across such a step is unknown.
 
     A sample without a stamp gets the time of arrival, with unknown error. Missing samples are
     then counted by the middleware's sequence numbers, if it provides them.

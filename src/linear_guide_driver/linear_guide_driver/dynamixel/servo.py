@@ -99,7 +99,7 @@ class Found(Enum):
 
 
 class ServoLimits(NamedTuple):
-    """Limits stored in the servo: velocity in its own units, temperature [C]."""
+    """Limits stored in the servo: velocity in the servo's units, temperature [C]."""
 
     velocity: int
     temperature_c: int

@@ -182,7 +182,7 @@ class ServoMonitor:
             self._thread.join(CLOSING_S)
 
     def fail(self, reason: str, *, is_lost: bool = False) -> None:
-        """Record an outage. Only the first reason is kept; later ones are its consequences."""
+        """Record an outage. Only the first reason is kept, because later ones follow from it."""
         with self._changed:
             is_new = self._outage is None or (is_lost and not self.is_lost)
             if is_new:

@@ -521,8 +521,8 @@ class TendonActuatorClient:
             if pull.slackens:
                 goal_m = min(self.safety.slack_m, start_m)
             self._order, self._goal_m = Order.FOLLOW, goal_m
-            # A goal that does not tighten now must not tighten either if the servo moves before
-            # the goal is written.
+            # The servo may move before the goal is written. A goal that does not tighten at this
+            # position must not tighten then.
             self._pull_state = DesiredState(
                 goal_m, servo.to_velocity(speed_m_s), self._find_current(pull), goal_m > start_m
             )
@@ -648,7 +648,7 @@ class TendonActuatorClient:
             if order is not Order.FOLLOW:
                 self._desire(order)
             elif was is Order.RELEASE and self.safety.zero is Zero.UNKNOWN:
-                self._desire(Order.HOLD)  # slack according to the sensor, before the goal
+                self._desire(Order.HOLD)  # the sensor reads slack before the goal is reached
         alarm = self.safety.alarm
         if alarm and alarm != self._reported_alarm:
             self._require_connection()[1].report_trouble(alarm)

@@ -6,8 +6,8 @@
 No IO and no clock. A move is divided into short pieces, because Grbl does not monitor its serial
 connection: if the driver dies or the cable is cut, it executes all planned motion. The duration
 of a piece is chosen so that a full planner and a full receive buffer contain ``run_on_s`` of
-motion. The controller sets the pace, because it answers a line only when it has room for it. Grbl
-joins pieces of a straight line without braking if the next pieces arrive in time.
+motion. The controller sets the pace, because it answers a line only when it has room for the
+motion. Grbl joins pieces of a straight line without braking if the next pieces arrive in time.
 """
 
 from __future__ import annotations

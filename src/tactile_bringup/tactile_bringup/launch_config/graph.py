@@ -112,10 +112,11 @@ class ModelChoice:
     def of_finger(
         cls, given: str, stated: NodeParameters, task: str = '', contact: str = ''
     ) -> ModelChoice | None:
-        """Return the models at the path ``given`` or, if it is empty, those of a parameter file.
+        """Return the models at a path or, if it is empty, the models that a file states.
 
-        If the file states models for the features node or for the classifier node, they are used
-        for both nodes. See `read` for the other arguments.
+        ``given`` is the path, and ``stated`` the contents of a parameter file. Models that the
+        file states for the features node or for the classifier node are used for both nodes. See
+        `read` for the other arguments.
         """
         of_classifier, of_features = stated.get(CLASSIFIER_NODE, {}), stated.get(FEATURES_NODE, {})
         place = given or of_classifier.get('models', '') or of_features.get('models', '')

@@ -129,7 +129,7 @@ class PendingNodes:
     Parameters
     ----------
     nodes : mapping of str to node
-        Nodes by name, each spun by an executor.
+        Nodes, each spun by an executor; the keys are the names of the nodes.
     logger
         Logger of the process.
     """

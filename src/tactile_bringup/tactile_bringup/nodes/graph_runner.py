@@ -90,7 +90,7 @@ def running_graph(
     signals: Signals | None = None,
     needs_all: bool = True,
 ) -> Iterator[dict[str, Any]]:
-    """Run nodes until the block ends; yield them by name, including the namespace.
+    """Run nodes until the block ends; yield a mapping from full names to nodes.
 
     The stages of each finger call each other, see `connect_fingers`. Ctrl-Z is ignored meanwhile.
 

@@ -102,9 +102,9 @@ def run(
 
     The order is random within blocks, and drawn before the first trial (`order.csv`). Each call
     records one bag per session. The command prompts for the plate to put under the finger; each
-    prompt starts a new mounting. After a trial that failed, or differs from earlier
-    ones of its object, you can repeat it immediately. After an interruption (Ctrl-C, a crash) the
-    same command continues. No trial is lost and none is counted twice.
+    prompt starts a new mounting. If a trial has failed, or differs from earlier trials of its
+    object, you can repeat it immediately. After an interruption (Ctrl-C, a crash), the same
+    command continues the experiment. No trial is lost, and none is counted twice.
 
     `tactile train` and `tactile evaluate` accept the folder. `sessions` of a plan may be increased
     later.

@@ -465,7 +465,7 @@ def judge(
     parts = [f'{audit.sample_count} samples, complete']
     lack: str | None = None
     if window is None:
-        lack = 'the features node published no window; its log has the reason'
+        lack = 'the features node published no window; see its log for the reason'
     elif window.outcome != WindowOutcome.OK:
         lack = f'no features: {window.reason}'
     if lack is not None:

@@ -383,7 +383,7 @@ def _check_finger(finger: Finger, rig: Rig, where: str) -> None:
     moment_nm = finger.bending_stiffness_nm_rad * bend_rad - _compute_weight_nm(finger, bend_rad)
     if moment_nm <= 0.0:
         raise DescriptionError(
-            f'{where}: the finger hangs lower than its contact_bend_deg by its own weight; raise '
+            f'{where}: the weight of the finger already bends it beyond contact_bend_deg; raise '
             'bending_stiffness_nm_rad, or lower mass_kg, tip_mass_kg or length_m'
         )
     tension_n = moment_nm / finger.moment_arm_m

@@ -34,9 +34,9 @@ class LoadCellDevice:
     """Load cell that sends one line per sample: time [ms], kilograms, unit, ``SIMULATED``.
 
     An ``x`` opens its menu, as in an OpenScale. In the menu it sends no lines until the next
-    ``x``, the only menu command that is simulated. Its readings equal those of
-    ``sensing.read_tension`` with the same generator, up to the rounding in the lines. Faults can
-    overload the cell or freeze its reading.
+    ``x``, the only menu command that is simulated. With the same generator, its readings equal the
+    results of ``sensing.read_tension``, apart from the rounding in the lines. Faults can overload
+    the cell or freeze its reading.
     """
 
     def __init__(self, cell: LoadCell, generator: np.random.Generator) -> None:

@@ -216,7 +216,7 @@ class Timeline:
 
 
 def plan_timeline(rig: Rig, timeline: Timeline) -> tuple[Trajectory, Trajectory]:
-    """Return the motions of guide and tendon; targets are rounded like those of the devices.
+    """Return the motions of guide and tendon, with targets rounded as the devices round them.
 
     Raises `DescriptionError` when the timeline does not fit the rig.
     """

@@ -69,7 +69,7 @@ def compute_drift_step_n(cell: LoadCell) -> float:
 def convert_one(cell: LoadCell, signal_n: float, noise: float) -> float:
     """Return the reading for one number, which may be infinite [N].
 
-    The result equals that of `convert_to_reading` bit for bit.
+    The result equals the result of `convert_to_reading`, bit for bit.
     """
     most = _count_steps(cell)
     counts = (signal_n + cell.noise_n * noise) / cell.resolution_n

@@ -93,7 +93,7 @@ def advance_trials(
 
     Notes
     -----
-    Without numba a single trial is solved by Python, about 300 times slower.
+    If numba is missing, a single trial is solved by Python, which is about 300 times slower.
     """
     control = (grip, tolerance_nm, trusted_nm, _ITERATIONS)
     trials = state.shape[1]
