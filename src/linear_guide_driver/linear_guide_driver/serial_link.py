@@ -61,7 +61,7 @@ class SerialLink:
         except (*LINE_ERRORS, ValueError) as error:
             raise DeviceConnectionError(
                 f'cannot open {port}: {error}; check that the device is plugged in, that the '
-                f'parameter port names it and that no other program uses it'
+                f'parameter port is correct and that no other program uses the port'
             ) from error
         self._port = port
         self._on_bytes, self._on_tick, self._on_lost = on_bytes, on_tick, on_lost

@@ -68,7 +68,7 @@ class EmergencyInput:
         """Return why the rig must stop, or None. Return None before the first message, too."""
         if self._last is None:
             return None
-        remedy = 'release it, check its publisher, then reset'
+        remedy = 'release the emergency stop, check its publisher, then reset the rig'
         heard_at_ns, is_stop = self._last
         if is_stop:
             return Refusal(f'the emergency stop on {self._topic} is pressed', remedy)

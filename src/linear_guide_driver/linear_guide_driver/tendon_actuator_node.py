@@ -195,7 +195,7 @@ class TendonActuatorNode(MotionNode):
             reason = 'tension_n is empty; a block must contain one sample or more'
             self.message_guard.refuse('tendon_sensor/strain', reason)
         elif not all(map(math.isfinite, block.tension_n)):
-            reason = 'a sample is not finite; the others are only compared with the limit'
+            reason = 'a sample is not finite; finite samples are only compared with the limit'
             self.message_guard.refuse('tendon_sensor/strain', reason)
         return bool(block.tension_n)
 

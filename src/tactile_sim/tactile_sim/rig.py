@@ -166,7 +166,7 @@ class PalpationRig:
         if self.tendon.displacement_m > _SLACK_M:
             raise RigError(
                 f'the tendon is tightened by {self.tendon.displacement_m * 1e3:.1f} mm; '
-                'release it before changing the plate or object under the finger: '
+                'slacken it before you change the plate or object under the finger: '
                 'ros2 service call /tendon_actuator/release std_srvs/srv/Trigger'
             )
         variation = self._variation

@@ -92,8 +92,8 @@ class TendonSensorConfig:
     )
     scale: float = parameter(
         1.0,
-        'factor on the value; a negative factor reverses its sign. For a topic, the factor from '
-        'its unit to newtons, such as 1/radius for the torque of a joint',
+        'factor by which the value is multiplied; a negative factor reverses the sign. For a '
+        'topic, it includes the conversion to newtons, such as 1/radius for the torque of a joint',
         unit='1',
         range=(-1e12, 1e12),
     )
@@ -124,8 +124,8 @@ class TendonSensorConfig:
     )
     topic: str = parameter(
         '',
-        'topic of the force: WrenchStamped, Wrench, Float64, Float32 or JointState; its type is '
-        'taken from the publisher',
+        'topic of the force: WrenchStamped, Wrench, Float64, Float32 or JointState; the message '
+        'type is taken from the publisher',
     )
     joint: str = parameter(
         '',
@@ -183,14 +183,14 @@ class TendonSensorConfig:
     )
     tare_spread_n: float = parameter(
         0.1,
-        'a tare is refused as noisy if the standard deviation of its samples exceeds this',
+        'a tare is refused as noisy if the standard deviation of its samples exceeds this value',
         unit='N',
         range=(0.0, 1e6),
     )
     tare_change_n: float = parameter(
         0.1,
-        'a tare is refused as moving if the tension rises or falls by more than this over its '
-        'samples',
+        'a tare is refused as moving if the tension rises or falls by more than this value during '
+        'its samples',
         unit='N',
         range=(0.0, 1e6),
     )

@@ -381,7 +381,7 @@ class GuideSettings:
         if 'Z' in build_options:
             raise DeviceRefusedError(
                 'the firmware sets its origin at the homing switch (option Z), which reverses the '
-                'travel; build it without HOMING_FORCE_SET_ORIGIN'
+                'travel; build the firmware without HOMING_FORCE_SET_ORIGIN'
             )
         fastest_mm_min = config.max_speed_m_s * 60e3
         if self.max_rate_mm_min < fastest_mm_min * (1 - 1e-9):

@@ -37,7 +37,8 @@ def evaluate(
         Optional[str],
         typer.Option(
             help='Train on these trials and test on the trials of --test-where, in addition to '
-            'random folds. A boolean column, or COLUMN=VALUE, as for --where; also for bags.'
+            'random folds. A boolean column, or COLUMN=VALUE, as for --where. Bags are accepted, '
+            'too.'
         ),
     ] = None,
     test_where: Annotated[

@@ -291,6 +291,6 @@ def _check_has_features(bag: 'RecordedBag', recorded: 'TactileResults') -> None:
         return
     raise NoFeaturesError(
         f'{bag.path} contains no features, so a replay has nothing to compare with. '
-        'No trial ended during the recording, or it was made without nodes '
+        'No trial ended during the recording, or the recording was made without nodes '
         '(tactile simulate). tactile train and tactile evaluate can use it anyway'
     )

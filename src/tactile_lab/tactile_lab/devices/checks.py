@@ -276,7 +276,7 @@ def check_guide(config: LinearGuideConfig, may_move: bool) -> CheckReport:
         facts['settings'] = 'valid'  # otherwise the connection would have failed
         facts['state'] = state.state if state else 'unknown'
         is_locked = state is not None and state.state == 'Alarm'
-        facts['homed since power-up'] = 'no' if is_locked else 'unknown; trials home it anyway'
+        facts['homed since power-up'] = 'no' if is_locked else 'unknown; trials begin with homing'
         if may_move:
             problems += _exercise_guide(client, config, facts)
         problems += _list_problems(
