@@ -131,7 +131,7 @@ def test_a_pressed_emergency_stop_latches_although_the_next_message_ends_it():
     latch = make_with_emergency()
     latch.hear_emergency(True, 0)
     assert TOPIC in str(latch.find_loss(0))
-    assert 'release it' in latch.reset(0).remedy
+    assert 'release the emergency stop' in latch.reset(0).remedy
     latch.hear_emergency(False, 10 * MS)
     assert latch.find_loss(10 * MS) is not None
     assert latch.reset(10 * MS) is None
