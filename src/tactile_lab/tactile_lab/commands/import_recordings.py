@@ -139,7 +139,7 @@ def next_command(archive: Path, trials: 'LabelledTrials') -> list[str]:
 
 
 def _can_hold_out(trials: 'LabelledTrials', name: str) -> bool:
-    """Return True if groups have at least two trials on average, and labels two groups each."""
+    """Return True if each label is in two or more groups, of two or more trials on average."""
     import numpy as np
 
     column = trials.columns[name]
