@@ -289,7 +289,7 @@ class TendonSafety:
             return self.zero is Zero.UNKNOWN and self.tension.reads_slack(slack_n, now_ns)
 
     def is_at_rest(self, displacement_m: float, now_ns: int) -> bool:
-        """Return True if the tendon is slack at this displacement [m] and nothing moves it."""
+        """Return True if the tendon is slack at this displacement [m], with no pull or order."""
         with self._lock:
             is_free = self._pull is None and self.state is State.FREE
             return is_free and self.is_slack(displacement_m, now_ns)
