@@ -155,7 +155,7 @@ def test_what_the_box_reports_is_in_the_status_and_in_words(rig, way):
     for kind, bit, words in (
         ('status', StrainStatus.DEVICE_ERROR, 'analog supply too high'),
         ('saturate', StrainStatus.SATURATED, 'transducer saturated or A/D error'),
-        ('stuck', StrainStatus.STUCK, ''),
+        ('stuck', StrainStatus.STUCK, None),
     ):
         since = len(rig.recorder.take())
         rig.device.fault(kind)
