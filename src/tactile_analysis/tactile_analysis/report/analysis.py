@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any, TYPE_CHECKING, TypeVar
 
-from tactile_analysis.report.answers import Answers, AnswersPlan
+from tactile_analysis.report.answers import answer, Answers
 from tactile_analysis.report.recordings import RecordingSet
 from tactile_classifier.datasets.conditions import find_mountings, find_strata
 from tactile_classifier.datasets.dataset import FeatureTable, plain_name
@@ -23,10 +23,10 @@ from tactile_classifier.datasets.splits import (
 )
 from tactile_classifier.errors import EvaluationError
 from tactile_classifier.evaluation.cross_validation import AccuracyPlan, Evaluation, Score
-from tactile_classifier.evaluation.learning_curve import LearningCurve, LearningCurvePlan
-from tactile_classifier.evaluation.permutation import PermutationBaseline, PermutationPlan
-from tactile_classifier.evaluation.plans import Plan, run_plans
-from tactile_classifier.evaluation.reliability import Reliability, ReliabilityPlan
+from tactile_classifier.evaluation.learning_curve import LearningCurve, measure_learning_curve
+from tactile_classifier.evaluation.permutation import measure_permutation, PermutationBaseline
+from tactile_classifier.evaluation.plans import Attempt, Plan, run_plans
+from tactile_classifier.evaluation.reliability import cross_validate_reliability, Reliability
 from tactile_classifier.evaluation.significance import rank_sum_p_values, RankSum
 from tactile_features.types import PROTOCOL_STIFFNESS
 
@@ -189,7 +189,7 @@ def _plan_set(
         plans['selections'] = _plan_selection(table, splits, random_state, not_done)
     if recordings.answers:
         hold_out = next(iter(recordings.hold_out), ())
-        plans['answers'] = [AnswersPlan(table, hold_out)]
+        plans['answers'] = [Attempt(answer, table, tuple(hold_out))]
     return plans, not_done
 
 
@@ -215,7 +215,7 @@ def _plan_permutation(chosen: Chosen, folds: int, random_state: int) -> list[Pla
         split = grouped_split(table, chosen.columns)
     else:
         split = stratified_split(table, folds, 1, random_state)
-    return [PermutationPlan(table, split, classifier, scaling, random_state)]
+    return [Attempt(measure_permutation, table, split, classifier, scaling, random_state)]
 
 
 def _plan_curve(
@@ -228,15 +228,13 @@ def _plan_curve(
         not_done.append('learning curve: there are no sessions or other groups to hold out')
         return []
     _, classifier, scaling = chosen.choice.chosen
-    plan = partial(
-        LearningCurvePlan, chosen.table, chosen.columns, classifier, scaling, random_state
-    )
-    return list[Plan[Any]](_try('learning curve', plan, not_done))
+    arguments = chosen.table, chosen.columns, classifier, scaling, random_state
+    return [Attempt(measure_learning_curve, *arguments)]
 
 
 def _plan_reliability(chosen: Chosen) -> list[Plan[Any]]:
     _, classifier, scaling = chosen.choice.chosen
-    return [ReliabilityPlan(chosen.table, chosen.columns, classifier, scaling)]
+    return [Attempt(cross_validate_reliability, chosen.table, chosen.columns, classifier, scaling)]
 
 
 def _plan_selection(
@@ -266,12 +264,20 @@ def _try(name: str, work: Callable[[], _Result], not_done: list[str]) -> list[_R
 def _finish_set(
     recordings: RecordingSet, found: dict[str, list[Any]], not_done: Sequence[str]
 ) -> SetResult:
-    answers = next(iter(found.get('answers', ())), None)
-    table = recordings.table
-    reliability = next(iter(found.get('reliability', ())), None)
-    if isinstance(reliability, str):
-        not_done = [*not_done, f'calibration: {reliability}']
-        reliability = None
+    table, not_done = recordings.table, list(not_done)
+
+    def take(name: str, title: str) -> Any:
+        """Return the result; None where there is none, and the reason if it was attempted."""
+        result = next(iter(found.get(name, ())), None)
+        if not isinstance(result, EvaluationError):
+            return result
+        not_done.append(f'{title}: {result}')
+        return None
+
+    curve = take('curve', 'learning curve')
+    permuted = take('permuted', 'permuted labels')
+    reliability = take('reliability', 'calibration')
+    answers = take('answers', 'unknown objects')
     return SetResult(
         recordings,
         tuple(found['evaluations']),
@@ -280,8 +286,8 @@ def _finish_set(
         (*not_done, *(answers.not_done if answers else ())),
         answers,
         stated=next(iter(found.get('stated', ())), None),
-        permuted=next(iter(found.get('permuted', ())), None),
-        curve=next(iter(found.get('curve', ())), None),
+        permuted=permuted,
+        curve=curve,
         reliability=reliability,
     )
 

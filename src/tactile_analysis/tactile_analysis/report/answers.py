@@ -5,13 +5,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, TYPE_CHECKING
 
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ClassifierError
-from tactile_classifier.evaluation.plans import Task
 from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
@@ -38,38 +37,18 @@ class Answers:
         }
 
 
-class AnswersPlan:
-    """The work on one set of trials, in one task; see `Plan`.
+def answer(table: FeatureTable, hold_out: Sequence[str]) -> Answers:
+    """Return the answers of a model on one set of trials.
 
     Trials that agree in the columns ``hold_out`` are held out together; without columns, folds are
     random.
     """
-
-    def __init__(self, table: FeatureTable, hold_out: Sequence[str]) -> None:
-        self._table = table
-        self._hold_out = tuple(hold_out)
-
-    def tasks(self) -> list[Task]:
-        """Return the tasks."""
-        return [(_try, (_evaluate_open_set, self._table, self._hold_out))]
-
-    def finish(self, answers: Sequence[tuple[Any, str]]) -> Answers:
-        """Put their results together."""
-        ((open_set, reason),) = answers
-        return Answers(open_set, (f'unknown objects: {reason}',) if reason else ())
-
-
-def _try(work: Callable[..., Any], *arguments: Any) -> tuple[Any, str]:
-    """Return the result, or None and why there is none."""
-    try:
-        return work(*arguments), ''
-    except (TactileError, ClassifierError) as error:
-        return None, str(error)
-
-
-def _evaluate_open_set(table: FeatureTable, hold_out: Sequence[str]) -> OpenSetEvaluation:
     from tactile_classifier.evaluation.open_set import evaluate_open_set  # builds models: slow
 
-    return evaluate_open_set(
-        table, CLASSIFIER, hold_out=hold_out, false_alarm_rate=FALSE_ALARM_RATE
-    )
+    try:
+        open_set = evaluate_open_set(
+            table, CLASSIFIER, hold_out=hold_out, false_alarm_rate=FALSE_ALARM_RATE
+        )
+    except (TactileError, ClassifierError) as error:
+        return Answers(None, (f'unknown objects: {error}',))
+    return Answers(open_set, ())

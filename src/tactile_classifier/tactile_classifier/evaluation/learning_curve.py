@@ -16,14 +16,13 @@ from tactile_classifier.datasets.dataset import FeatureTable, plain_name
 from tactile_classifier.datasets.splits import Fold, grouped_split, LEAST_TO_TRAIN
 from tactile_classifier.errors import EvaluationError
 from tactile_classifier.estimators.classifiers import RANDOM_STATE
-from tactile_classifier.evaluation.cross_validation import Answers, prepare_folds
+from tactile_classifier.evaluation.cross_validation import prepare_folds
 from tactile_classifier.evaluation.intervals import (
     accuracy_interval,
     difference_interval,
     Interval,
     Result,
 )
-from tactile_classifier.evaluation.plans import Task
 
 MOST_POINTS = 6
 """Largest number of points of a curve."""
@@ -93,12 +92,19 @@ class LearningCurve(Result):
         return {**super().to_dict(), 'needs_more': self.needs_more}
 
 
-class LearningCurvePlan:
-    """The learning curve of one classifier; a `Plan` of a `LearningCurve`.
+def measure_learning_curve(
+    table: FeatureTable,
+    columns: Sequence[str],
+    classifier: str,
+    scaling: str,
+    random_state: int = RANDOM_STATE,
+) -> LearningCurve:
+    """Return the learning curve of one classifier.
 
     Each group is tested once. The groups to train on are drawn at random from the others: of
     each label, the first n groups in random order that contain it. Where each group contains all
-    labels, these are the same n groups for all labels.
+    labels, these are the same n groups for all labels. scikit-learn's ``learning_curve`` draws
+    trials instead of groups.
 
     Parameters
     ----------
@@ -108,61 +114,46 @@ class LearningCurvePlan:
     Raises
     ------
     EvaluationError
-        When there are fewer than three groups of some label, or groups cannot be held out.
+        If there are fewer than three groups of some label, or groups cannot be held out.
     """
-
-    def __init__(
-        self,
-        table: FeatureTable,
-        columns: Sequence[str],
-        classifier: str,
-        scaling: str,
-        random_state: int = RANDOM_STATE,
-    ) -> None:
-        self._table = table
-        self._pair = classifier, scaling
-        self._group = ' and '.join(map(plain_name, columns))
-        split = grouped_split(table, columns)
-        assert split.groups is not None
-        self._split_name = split.name
-        self._tests = [test for _, test in split.repeats[0]]
-        self._folds = _draw(table.labels, split.groups, self._tests, self._group, random_state)
-
-    def tasks(self) -> list[Task]:
-        """Return one task."""
-        folds = [fold for points in self._folds.values() for draws in points for fold in draws]
-        return [(_predict, (self._pair, self._table, folds))]
-
-    def finish(self, answers: Sequence[Answers]) -> LearningCurve:
-        """Return the curve."""
-        (said,) = answers
-        coming = iter(said)
-        labels = self._table.labels
-        shares = dict[int, npt.NDArray[np.float64]]()
-        points = list[LearningPoint]()
-        for count, by_group in self._folds.items():
-            share = np.array(
-                [
-                    np.mean([np.mean(next(coming) == labels[test]) for _, test in draws])
-                    for draws in by_group
-                ]
-            )
-            trials = np.mean([len(train) for draws in by_group for train, _ in draws])
-            interval = accuracy_interval(share, 'groups')
-            points.append(LearningPoint(count, float(trials), float(share.mean()), interval))
-            shares[count] = share
-        counts = list(shares)
-        half = max((n for n in counts if 2 * n <= counts[-1]), default=counts[0])
-        gains = shares[counts[-1]] - shares[half]
-        return LearningCurve(
-            *self._pair,
-            self._split_name,
-            self._group,
-            tuple(points),
-            half,
-            float(gains.mean()),
-            difference_interval(gains, 'groups'),
+    group = ' and '.join(map(plain_name, columns))
+    split = grouped_split(table, columns)
+    assert split.groups is not None
+    tests = [test for _, test in split.repeats[0]]
+    folds = _draw(table.labels, split.groups, tests, group, random_state)
+    predict = prepare_folds(classifier, scaling, table)
+    labels = table.labels
+    shares = dict[int, npt.NDArray[np.float64]]()
+    points = list[LearningPoint]()
+    for count, by_group in folds.items():
+        share = np.array(
+            [
+                np.mean(
+                    [
+                        np.mean(said == labels[test])
+                        for (_, test), said in zip(draws, predict(labels, draws), strict=True)
+                    ]
+                )
+                for draws in by_group
+            ]
         )
+        trials = np.mean([len(train) for draws in by_group for train, _ in draws])
+        interval = accuracy_interval(share, 'groups')
+        points.append(LearningPoint(count, float(trials), float(share.mean()), interval))
+        shares[count] = share
+    counts = list(shares)
+    half = max((n for n in counts if 2 * n <= counts[-1]), default=counts[0])
+    gains = shares[counts[-1]] - shares[half]
+    return LearningCurve(
+        classifier,
+        scaling,
+        split.name,
+        group,
+        tuple(points),
+        half,
+        float(gains.mean()),
+        difference_interval(gains, 'groups'),
+    )
 
 
 def _draw(
@@ -212,7 +203,3 @@ def _draw(
             f'one group ({name}) has fewer than {LEAST_TO_TRAIN} trials to train on'
         )
     return possible
-
-
-def _predict(pair: tuple[str, str], table: FeatureTable, folds: Sequence[Fold]) -> Answers:
-    return prepare_folds(*pair, table)(table.labels, folds)

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import dataclasses
 
 import numpy as np
@@ -16,7 +15,6 @@ from tactile_classifier.datasets.splits import Split
 from tactile_classifier.estimators.classifiers import RANDOM_STATE
 from tactile_classifier.evaluation.cross_validation import prepare_folds
 from tactile_classifier.evaluation.intervals import Result
-from tactile_classifier.evaluation.plans import Task
 
 PERMUTATIONS = 20
 
@@ -39,61 +37,40 @@ class PermutationBaseline(Result):
     p_value: float
 
 
-class PermutationPlan:
-    """`Plan` of the baseline of one classifier, with the first repetition of a split.
+def measure_permutation(
+    table: FeatureTable,
+    split: Split,
+    classifier: str,
+    scaling: str,
+    random_state: int = RANDOM_STATE,
+) -> PermutationBaseline:
+    """Return the baseline of one classifier, with the first repetition of a split.
 
     Labels are permuted within the held-out groups, so that each group keeps its number of trials
     of each label (as in scikit-learn's ``permutation_test_score``), or see `permute_labels`.
     """
-
-    def __init__(
-        self,
-        table: FeatureTable,
-        split: Split,
-        classifier: str,
-        scaling: str,
-        random_state: int = RANDOM_STATE,
-    ) -> None:
-        self._table, self._split = table, split.once()
-        self._pair = classifier, scaling
-        self._random_state = random_state
-
-    def tasks(self) -> list[Task]:
-        """Return the only task."""
-        return [(_permute, (self._pair, self._table, self._split, self._random_state))]
-
-    def finish(self, answers: Sequence[npt.NDArray[np.float64]]) -> PermutationBaseline:
-        """Return the baseline."""
-        ((true, *permuted),) = answers
-        count = len(permuted)
-        reached = sum(each >= true - 1e-9 for each in permuted)
-        return PermutationBaseline(
-            *self._pair,
-            self._split.name,
-            count,
-            float(np.mean(permuted)),
-            float(max(permuted)),
-            (1 + reached) / (1 + count),
-        )
-
-
-def _permute(
-    pair: tuple[str, str], table: FeatureTable, split: Split, random_state: int
-) -> npt.NDArray[np.float64]:
-    """Return the accuracy on the true labels, then the accuracies on permuted ones."""
-    rng = np.random.default_rng(random_state)
+    split = split.once()
     (folds,) = split.repeats
     groups = np.zeros(len(table), dtype=np.intp) if split.groups is None else split.groups
-    predict = prepare_folds(*pair, table)
-    accuracies = []
-    for i in range(1 + PERMUTATIONS):
-        labels = permute_labels(table.labels, groups, rng) if i else table.labels
-        answers = predict(labels, folds)
-        right = [
-            np.mean(said == labels[test]) for (_, test), said in zip(folds, answers, strict=True)
-        ]
-        accuracies.append(np.mean(right))
-    return np.array(accuracies)
+    predict = prepare_folds(classifier, scaling, table)
+
+    def measure(labels: npt.NDArray[np.str_]) -> float:
+        answers = zip(folds, predict(labels, folds), strict=True)
+        return float(np.mean([np.mean(said == labels[test]) for (_, test), said in answers]))
+
+    rng = np.random.default_rng(random_state)
+    true = measure(table.labels)
+    permuted = [measure(permute_labels(table.labels, groups, rng)) for _ in range(PERMUTATIONS)]
+    reached = sum(each >= true - 1e-9 for each in permuted)
+    return PermutationBaseline(
+        classifier,
+        scaling,
+        split.name,
+        PERMUTATIONS,
+        float(np.mean(permuted)),
+        max(permuted),
+        (1 + reached) / (1 + PERMUTATIONS),
+    )
 
 
 def permute_labels(

@@ -14,6 +14,7 @@ import warnings
 from joblib import delayed, Parallel
 import sklearn
 
+from tactile_classifier.errors import EvaluationError
 from tactile_classifier.estimators.classifiers import on_one_thread
 
 Result = TypeVar('Result', covariant=True)
@@ -32,6 +33,28 @@ class Plan(Protocol[Result]):
 
     def finish(self, answers: Sequence[Any]) -> Result:
         """Return the result; the answers are in the order of the tasks."""
+
+
+class Attempt:
+    """`Plan` of one call; its result is that of the function, or the EvaluationError it raised."""
+
+    def __init__(self, function: Callable[..., Any], *arguments: Any) -> None:
+        self._task: Task = (_attempt, (function, *arguments))
+
+    def tasks(self) -> list[Task]:
+        """Return the call as the only task."""
+        return [self._task]
+
+    def finish(self, answers: Sequence[Any]) -> Any:
+        """Return the result of the call."""
+        return answers[0]
+
+
+def _attempt(function: Callable[..., Any], *arguments: Any) -> Any:
+    try:
+        return function(*arguments)
+    except EvaluationError as error:
+        return error
 
 
 @on_one_thread

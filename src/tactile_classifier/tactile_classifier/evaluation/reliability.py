@@ -20,10 +20,9 @@ from tactile_classifier.confidence.fit_calibration import (
     make_group_folds,
 )
 from tactile_classifier.datasets.dataset import FeatureTable
-from tactile_classifier.errors import ClassifierError
+from tactile_classifier.errors import ClassifierError, EvaluationError
 from tactile_classifier.estimators.classifiers import RANDOM_STATE
 from tactile_classifier.evaluation.intervals import accuracy_interval, Interval, Result
-from tactile_classifier.evaluation.plans import Task
 
 DRAWS = 200
 """Random draws for the calibration error of perfect probabilities."""
@@ -111,42 +110,29 @@ def measure_reliability(
     )
 
 
-class ReliabilityPlan:
-    """The reliability of one classifier on held-out folds; a `Plan`.
+def cross_validate_reliability(
+    table: FeatureTable, columns: Sequence[str], classifier: str, scaling: str
+) -> Reliability:
+    """Return the reliability of one classifier on held-out folds.
 
     Scores come from models of the other folds, and their map to probabilities from the held-out
-    scores of the other folds, as on a model card. Its result is a `Reliability`, or a sentence
-    where the trials do not allow it.
+    scores of the other folds, as on a model card.
 
     Parameters
     ----------
     columns : sequence of str
         Trials that agree in these are held out together; see `make_group_folds`.
+
+    Raises
+    ------
+    EvaluationError
+        If the trials do not allow it.
     """
-
-    def __init__(
-        self, table: FeatureTable, columns: Sequence[str], classifier: str, scaling: str
-    ) -> None:
-        self._arguments = table, tuple(columns), classifier, scaling
-
-    def tasks(self) -> list[Task]:
-        """Return one task."""
-        return [(_measure, self._arguments)]
-
-    def finish(self, answers: Sequence[Reliability | str]) -> Reliability | str:
-        """Return its result."""
-        (found,) = answers
-        return found
-
-
-def _measure(
-    table: FeatureTable, columns: Sequence[str], classifier: str, scaling: str
-) -> Reliability | str:
     try:
         folds = make_group_folds(table, columns)
         scores, true = hold_out_scores(table, classifier, scaling, folds.fold)
     except (ClassifierError, ValueError) as error:
-        return str(error)
+        raise EvaluationError(str(error)) from error
     probabilities = hold_out_probabilities(scores, true, folds.fold)
     is_right = probabilities.argmax(axis=1) == true
     return measure_reliability(

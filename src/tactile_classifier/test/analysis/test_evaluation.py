@@ -14,7 +14,7 @@ from sklearn.svm import SVC
 from tactile_classifier.datasets.splits import grouped_split, stratified_split
 from tactile_classifier.errors import DatasetError, EvaluationError
 from tactile_classifier.evaluation.cross_validation import evaluate, make_score
-from tactile_classifier.evaluation.permutation import PermutationPlan
+from tactile_classifier.evaluation.permutation import measure_permutation
 from tactile_classifier.evaluation.plans import run_plans
 
 
@@ -131,11 +131,6 @@ def test_recall_shows_what_accuracy_hides():
     assert (stated['recall'], stated['balanced_accuracy']) == ({'rare': 0.0, 'usual': 1.0}, 0.5)
 
 
-def permute(table, split, *pair):
-    (baseline,) = run_plans([PermutationPlan(table, split, *pair)])
-    return baseline
-
-
 def test_permuted_labels_are_named_at_chance_under_the_same_folds():
     rng = np.random.default_rng(1)
     # Three labels in each of four groups; the group shifts all features.
@@ -144,13 +139,13 @@ def test_permuted_labels_are_named_at_chance_under_the_same_folds():
     values[:, 0] += 40.0 * label
     table = make_table(label.astype(str), values, session_id=group)
     split = grouped_split(table, ['session_id'])
-    baseline = permute(table, split, 'knn', 'none')
+    baseline = measure_permutation(table, split, 'knn', 'none')
     assert (baseline.split, baseline.permutations) == ('one session held out', 20)
     assert baseline.p_value == 1 / 21
     assert baseline.mean == pytest.approx(1 / 3, abs=0.08)
     assert baseline.mean < baseline.largest < 0.7
     noise = dataclasses.replace(table, values=rng.normal(size=(48, 3)))
-    assert permute(noise, split, 'knn', 'none').p_value > 0.05
+    assert measure_permutation(noise, split, 'knn', 'none').p_value > 0.05
 
 
 class TwoParts:

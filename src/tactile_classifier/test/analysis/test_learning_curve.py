@@ -11,9 +11,8 @@ import pytest
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import EvaluationError
 from tactile_classifier.evaluation.cross_validation import evaluate
-from tactile_classifier.evaluation.learning_curve import LearningCurvePlan, MOST_POINTS
+from tactile_classifier.evaluation.learning_curve import measure_learning_curve, MOST_POINTS
 from tactile_classifier.evaluation.permutation import permute_labels
-from tactile_classifier.evaluation.plans import run_plans
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 
@@ -31,8 +30,7 @@ def make_table(sessions, offset, noise, trials=6, column='session_id'):
 
 
 def find_curve(table, columns=('session_id',), classifier='knn'):
-    (curve,) = run_plans([LearningCurvePlan(table, columns, classifier, 'none')])
-    return curve
+    return measure_learning_curve(table, columns, classifier, 'none')
 
 
 def test_of_separate_labels_one_session_is_enough():
@@ -109,7 +107,7 @@ def test_random_convolutions_have_a_curve_too():
     )
     columns = {'session_id': np.arange(24) // 8}
     table = FeatureTable(values, np.array(['a', 'b'])[code], spec, columns)
-    (curve,) = run_plans([LearningCurvePlan(table, ['session_id'], 'rocket', 'none')])
+    curve = find_curve(table, classifier='rocket')
     assert [point.groups for point in curve.points] == [1, 2]
     assert curve.points[-1].mean > 0.9
 

@@ -10,8 +10,12 @@ import pytest
 
 from tactile_classifier.confidence.fit_calibration import compute_calibration_error
 from tactile_classifier.datasets.dataset import FeatureTable
-from tactile_classifier.evaluation.plans import run_plans
-from tactile_classifier.evaluation.reliability import measure_reliability, ReliabilityPlan
+from tactile_classifier.errors import EvaluationError
+from tactile_classifier.evaluation.plans import Attempt, run_plans
+from tactile_classifier.evaluation.reliability import (
+    cross_validate_reliability,
+    measure_reliability,
+)
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 
@@ -56,17 +60,18 @@ def test_probabilities_that_are_too_large_are_seen():
     assert again.error == compute_calibration_error(probabilities, true)
 
 
-def test_the_plan_holds_groups_out_and_says_why_it_cannot():
+def test_reliability_holds_groups_out_and_says_why_it_cannot():
     generator = np.random.default_rng(5)
     code = np.tile(np.arange(3), 24)
     values = 2.0 * np.eye(3)[code] + generator.normal(size=(72, 3))
     spec = spec_for('stiffness', FeatureConfig())
     labels = np.array(['pla', 'rubber', 'sponge'])[code]
     table = FeatureTable(values, labels, spec, {'session_id': np.arange(72) // 18})
-    (found,) = run_plans([ReliabilityPlan(table, ['session_id'], 'svm_linear', 'standard')])
+    found = cross_validate_reliability(table, ['session_id'], 'svm_linear', 'standard')
     assert (found.split, found.trials) == ('one session held out', 72)
     assert found.error < 0.2
     few = table.take(np.r_[0:9, 10])  # one trial of one label is not enough
     few = FeatureTable(few.values, np.r_[['a'] * 9, ['b']], spec)
-    (why,) = run_plans([ReliabilityPlan(few, [], 'knn', 'none')])
-    assert 'has only one trial' in why
+    (why,) = run_plans([Attempt(cross_validate_reliability, few, [], 'knn', 'none')])
+    assert isinstance(why, EvaluationError)
+    assert 'has only one trial' in str(why)

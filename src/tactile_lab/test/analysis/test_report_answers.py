@@ -14,7 +14,7 @@ from tactile_analysis.datasets.feature_tables import open_features
 from tactile_analysis.datasets.reading import select_features
 from tactile_analysis.report import answers as answers_module
 from tactile_analysis.report.analysis import analyse
-from tactile_analysis.report.answers import AnswersPlan
+from tactile_analysis.report.answers import answer
 from tactile_analysis.report.build import build_page
 from tactile_analysis.report.recordings import make_sets
 from tactile_analysis.report.significance import find_components, format_alike_pairs
@@ -22,7 +22,6 @@ from tactile_analysis.report.summary import answer_rows
 from tactile_classifier.confidence import fit_calibration
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.evaluation.open_set import evaluate_open_set
-from tactile_classifier.evaluation.plans import run_plans
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 from tactile_ros.errors import TactileError
@@ -42,11 +41,6 @@ def make_holds(gap, each=15):
     )
 
 
-def answer(table, hold_out=('session_id',)):
-    (answers,) = run_plans([AnswersPlan(table, hold_out)])
-    return answers
-
-
 @pytest.fixture(scope='module')
 def answered(simulate_bag):
     """Return the results of simulated textures, and the page made of them."""
@@ -64,7 +58,7 @@ def answered(simulate_bag):
 
 def test_unknown_twin_is_missed_and_a_far_label_is_not():
     table = make_holds(gap=0.0)
-    answers = answer(table)
+    answers = answer(table, ['session_id'])
     alone = evaluate_open_set(table, 'knn', hold_out=('session_id',), false_alarm_rate=0.05)
     assert answers.open_set == alone
     rows = dict(answer_rows(answers))
@@ -82,7 +76,7 @@ def test_what_cannot_be_done_says_why_and_the_rest_is_done():
     assert answers.open_set.split == 'stratified 6-fold over trials'
     assert max(unknown.miss_rate for unknown in answers.open_set.unknown) == 0.0
     assert answers.not_done == ()
-    two = answer(holds.take(np.isin(holds.labels, ['far', 'twin'])))
+    two = answer(holds.take(np.isin(holds.labels, ['far', 'twin'])), ['session_id'])
     assert two.open_set is None
     assert two.not_done[0].startswith('unknown objects: there are 2 labels')
 
