@@ -125,13 +125,14 @@ def evaluate(
             recordings, task, model, group or [], archives, statements, Output(as_json)
         )
         return
-    from tactile_analysis.datasets.automatic_features import AUTO, choose_automatically
+    from tactile_analysis.datasets.automatic_features import AUTO
     from tactile_analysis.datasets.feature_tables import open_features
     from tactile_analysis.datasets.reading import Reading
     from tactile_analysis.report.analysis import analyse
     from tactile_analysis.report.recordings import make_sets
     from tactile_analysis.sources.files import SourceOptions
     from tactile_lab.cluster import on_cluster
+    from tactile_lab.commands.train import choose_with_progress
 
     output = Output(as_json)
     is_auto = features == AUTO
@@ -155,19 +156,15 @@ def evaluate(
         with open_features(
             recordings, reading, SourceOptions(**vars(statements)), folds=folds
         ) as source:
-            said: list[str] = []
-            with output.progress('choosing features and classifier') as show:
-                chosen = choose_automatically(
-                    source,
-                    folds,
-                    seed,
-                    said.append,
-                    next(iter(hold_out), ()),
-                    any_set=is_auto or not (features or over or detrend),
-                    repetitions=repetitions,
-                    progress=show,
-                )
-            output.say(*said)
+            chosen = choose_with_progress(
+                source,
+                output,
+                folds,
+                seed,
+                columns=next(iter(hold_out), ()),
+                any_set=is_auto or not (features or over or detrend),
+                repetitions=repetitions,
+            )
             with output.progress('reading'):
                 sets = make_sets(
                     source,

@@ -158,7 +158,7 @@ def train(
     recordings. A model gives calibrated probabilities, and classifies windows that differ from all
     training trials as *unknown*. Existing model files are only replaced with --force.
     """
-    from tactile_analysis.datasets.automatic_features import AUTO, choose_automatically
+    from tactile_analysis.datasets.automatic_features import AUTO
     from tactile_analysis.datasets.feature_tables import open_features
     from tactile_analysis.datasets.reading import Reading
     from tactile_analysis.sources.files import SourceOptions
@@ -216,21 +216,17 @@ def train(
                     output.say(*source.steps)
                 else:
                     read_with_progress(source, output)
-                said: list[str] = []
-                with output.progress('choosing features and classifier') as show:
-                    chosen = choose_automatically(
-                        source,
-                        folds,
-                        seed,
-                        said.append,
-                        options.split(group),
-                        any_set=automatic,
-                        must_hold_out=bool(group),
-                        scaling=scaling or '',
-                        repetitions=repetitions,
-                        progress=show,
-                    )
-                output.say(*said)
+                chosen = choose_with_progress(
+                    source,
+                    output,
+                    folds,
+                    seed,
+                    columns=options.split(group),
+                    any_set=automatic,
+                    must_hold_out=bool(group),
+                    scaling=scaling or '',
+                    repetitions=repetitions,
+                )
                 tables = {key: each.table for key, each in chosen.items()}
                 trained += write(tables, chosen=chosen, hold_out=options.split(group))
     if len(lengths) > 1:
@@ -313,6 +309,19 @@ def read_with_progress(source: 'RecordingFeatures', output: Output) -> 'FeatureT
         left_out.append(f'{len(found.left_out) - 5} more')
     output.say(*source.steps, *(f'left out: {each}' for each in left_out))
     return found
+
+
+def choose_with_progress(
+    source: 'RecordingFeatures', output: Output, folds: int, seed: int, **choice: Any
+) -> 'dict[tuple[str, ...], Chosen]':
+    """Return the choice of `choose_automatically` for each table, and print the reasons."""
+    from tactile_analysis.datasets.automatic_features import choose_automatically
+
+    said: list[str] = []
+    with output.progress('choosing features and classifier') as show:
+        chosen = choose_automatically(source, folds, seed, said.append, progress=show, **choice)
+    output.say(*said)
+    return chosen
 
 
 def model_path(folder: Path, key: tuple[str, ...], window_s: Optional[float] = None) -> Path:
