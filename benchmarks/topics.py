@@ -39,6 +39,7 @@ TOPICS = (
     Topic('significance', 'kernels.significance', 'rank-sum tests of all pairs of classes'),
     Topic('inference', 'kernels.inference', 'one window through a model file'),
     Topic('predictions', 'kernels.predictions', 'one window, beside another checkout', LONG),
+    Topic('training', 'kernels.training', 'train and evaluate, beside another checkout', LONG),
     Topic('simulator', 'simulator.schemes', 'texture trials: speed and error by step'),
     Topic('rig-cpu', 'simulator.rig_cpu', 'processor time of the simulated rig', LONG),
     Topic(

@@ -3,18 +3,15 @@
 
 """Ctrl-C during the choice of features ends `tactile train` and leaves nothing behind."""
 
+import os
 from pathlib import Path
+import re
 import signal
+import subprocess
+import sys
 
 import numpy as np
-from tactile_command import program
-
-from tactile_testing.waiting import wait_until
-
-
-def list_threads(pid):
-    """Return the names of the threads of a process."""
-    return [task.joinpath('comm').read_text() for task in Path(f'/proc/{pid}/task').iterdir()]
+import tactile_command
 
 
 def list_children(pid):
@@ -24,18 +21,41 @@ def list_children(pid):
 
 
 def test_an_interrupt_ends_the_choice_and_leaves_nothing(tmp_path):
-    path, models = tmp_path / 'trials.npz', tmp_path / 'models'
-    label = np.repeat(['fine', 'coarse', 'flat'], 200)
-    x = np.random.default_rng(0).normal(size=(600, 1, 200))
+    path = tmp_path / 'trials.npz'
+    label = np.repeat(['fine', 'coarse', 'flat'], 100)
+    x = np.random.default_rng(0).normal(size=(300, 1, 200))
     np.savez(path, x=x, label=label, rate_hz=60.0)
-    before = set(tmp_path.iterdir())
-    with program('train', path, '--task', 'texture', '-o', models) as process:
-        # The workers of the choice are threads; linear algebra starts fewer while importing.
-        idle = len(list_threads(process.pid))
-        wait_until(lambda: len(list_threads(process.pid)) > idle + 2, timeout_s=120.0)
+    ours, terminal = os.openpty()  # the bar is only shown on a terminal
+    arguments = ('train', path, '--task', 'texture', '-o', tmp_path / 'models')
+    process = subprocess.Popen(
+        [sys.executable, tactile_command.__file__, *map(str, arguments)],
+        stdout=subprocess.DEVNULL,
+        stderr=terminal,
+        env={**os.environ, 'TERM': 'xterm', 'COLUMNS': '120'},
+    )
+    os.close(terminal)
+    said = ''
+    try:
+        while not re.search(r'[1-9]\d*/\d+', said):  # a part of the choice is done
+            said += os.read(ours, 4096).decode()
         assert list_children(process.pid) == []
         process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=60)
-    assert process.returncode == 130, errors
-    assert 'Traceback' not in errors
-    assert set(tmp_path.iterdir()) == before
+        said = read_all(ours)
+        assert process.wait(timeout=60) == 130, said
+    finally:
+        process.kill()
+        process.wait()
+        os.close(ours)
+    assert 'Traceback' not in said
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def read_all(terminal):
+    """Return the text until the program ends."""
+    said = b''
+    try:
+        while part := os.read(terminal, 4096):
+            said += part
+    except OSError:  # Linux reports the end of a pseudo-terminal as an error
+        pass
+    return said.decode()
