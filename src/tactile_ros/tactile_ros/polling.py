@@ -126,7 +126,7 @@ def _ignore(message: Any, info: Any) -> None: ...
 
 
 class MisfitWarnings:
-    """Warns of publishers whose QoS does not fit the subscriptions of a node, once for each.
+    """Warns once of each publisher whose QoS is incompatible with a subscription of a node.
 
     rclpy's own warning names neither the publisher nor a remedy.
     """

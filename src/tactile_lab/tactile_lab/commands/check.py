@@ -71,7 +71,7 @@ def check(
             reports.append(report)
             output.say(_as_table(report))
     is_fit = not any(report.problems for report in reports)
-    output.say('All fit.' if is_fit else 'Not fit for trials.')
+    output.say('Ready for trials.' if is_fit else 'Not ready for trials; see the remedies above.')
     output.result(
         {
             'simulated': given.simulated or any('simulated' in report.facts for report in reports),
@@ -145,5 +145,5 @@ def _as_table(report: 'CheckReport') -> Table:
         if problem.remedy:
             table.add_row('remedy', Prose(problem.remedy))
     if not report.problems:
-        table.add_row('fit for trials', 'yes', style='green')
+        table.add_row('ready for trials', 'yes', style='green')
     return table
