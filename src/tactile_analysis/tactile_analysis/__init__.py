@@ -6,9 +6,9 @@
 For example::
 
     from pathlib import Path
-    from tactile_analysis import classify_recording, open_features, Recording
+    from tactile_analysis import classify_recording, open_features, TrialSet
 
-    recording = Recording.load('bags')  # or CSV, Parquet, .npy, .npz; see `SourceOptions`
+    recording = TrialSet.load('bags')  # or CSV, Parquet, .npy, .npz; see `SourceOptions`
     recording.trials[0].signal.values  # the samples of one trial
     recording.to_frame()  # all samples, as a pandas.DataFrame
 
@@ -32,7 +32,7 @@ _HOMES = {
     'FeatureTables': 'tactile_analysis.datasets.feature_tables',
     'ModelEvaluation': 'tactile_analysis.datasets.model_accuracy',
     'Reading': 'tactile_analysis.datasets.reading',
-    'Recording': 'tactile_analysis.recording',
+    'TrialSet': 'tactile_analysis.trial_set',
     'RecordingFeatures': 'tactile_analysis.datasets.feature_tables',
     'RecordingSet': 'tactile_analysis.report.recordings',
     'SetResult': 'tactile_analysis.report.analysis',

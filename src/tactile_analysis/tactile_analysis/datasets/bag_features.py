@@ -22,7 +22,7 @@ from tactile_analysis.datasets.feature_tables import (
     Samples,
 )
 from tactile_analysis.datasets.reading import Reading
-from tactile_analysis.recording import Recording
+from tactile_analysis.trial_set import TrialSet
 from tactile_bags.errors import BagError
 from tactile_bags.experiment_journal import Correction
 from tactile_bags.recorded_bag import RecordedBag
@@ -52,7 +52,7 @@ Row = tuple[FeatureWindow, TrialEvent, str, str]
 class BagFeatures(RecordingFeatures):
     """Features of bags with trial events, of all fingers (namespaces) in each bag."""
 
-    def __init__(self, recording: Recording, reading: Reading) -> None:
+    def __init__(self, recording: TrialSet, reading: Reading) -> None:
         super().__init__(recording, reading)
         reading.check_for_bags()
         self._fields = reading.choose_fields()

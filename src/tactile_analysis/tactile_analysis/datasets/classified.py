@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tactile_analysis.datasets.bag_features import event_before
 from tactile_analysis.datasets.feature_tables import prepare_trials, speeds_of
 from tactile_analysis.datasets.reading import Reading
-from tactile_analysis.recording import Recording
+from tactile_analysis.trial_set import TrialSet
 from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
 from tactile_bags.replay import replay_phases
 from tactile_classifier.answering import ModelSet
@@ -74,13 +74,13 @@ class ClassifiedTrials:
 
 
 def classify_recording(
-    recording: Recording, models: Path, reading: Reading | None = None
+    recording: TrialSet, models: Path, reading: Reading | None = None
 ) -> ClassifiedTrials:
     """Classify the trials of a recording.
 
     Parameters
     ----------
-    recording : Recording
+    recording : TrialSet
         For bags with trial events, features are computed again with the extractor of the live
         node. For other recordings each trial is one window; longer trials are cut as in training.
     models : Path
@@ -117,7 +117,7 @@ def classify_recording(
     return ClassifiedTrials(found, (*loaded.refused, *trials.steps, *skipped))
 
 
-def _classify_bags(recording: Recording, models: ModelSet) -> Iterator[ClassifiedTrial]:
+def _classify_bags(recording: TrialSet, models: ModelSet) -> Iterator[ClassifiedTrial]:
     specs = tuple({model.spec.digest: model.spec for model in models.models}.values())
     for bag in recording.bags:
         for namespace in bag.namespaces:
@@ -135,7 +135,7 @@ def _classify_bags(recording: Recording, models: ModelSet) -> Iterator[Classifie
 
 
 def _classify_trials(
-    recording: Recording, trials: LabelledTrials, model: TactileModel, reading: Reading
+    recording: TrialSet, trials: LabelledTrials, model: TactileModel, reading: Reading
 ) -> Iterator[ClassifiedTrial]:
     _check_unit(trials, model)
     signals = _channel_of(trials, model, reading)

@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_analysis.datasets.reading import parse_span, Reading, select_trials
-from tactile_analysis.recording import Recording
 from tactile_analysis.sources.files import SourceOptions
+from tactile_analysis.trial_set import TrialSet
 from tactile_bags.trial import Trial
 from tactile_classifier.datasets.archive import LabelledTrials, Skipped
 from tactile_classifier.datasets.dataset import FeatureTable, usable_table
@@ -76,7 +76,7 @@ class RecordingFeatures(ABC):
     steps: tuple[str, ...] = ()
     skipped: tuple[Skipped, ...] = ()
 
-    def __init__(self, recording: Recording, reading: Reading) -> None:
+    def __init__(self, recording: TrialSet, reading: Reading) -> None:
         self.recording = recording
         self.reading = reading
 
@@ -110,7 +110,7 @@ class RecordingFeatures(ABC):
 
 
 def features_of(
-    recording: Recording, reading: Reading | None = None, *, folds: int = 0
+    recording: TrialSet, reading: Reading | None = None, *, folds: int = 0
 ) -> RecordingFeatures:
     """Return the features of an open recording.
 
@@ -140,12 +140,12 @@ def open_features(
         yield features_of(recording, reading, folds=folds)
 
 
-def load_recording(paths: Sequence[Path], statements: SourceOptions | None = None) -> Recording:
-    """Open recordings; see `Recording.load`.
+def load_recording(paths: Sequence[Path], statements: SourceOptions | None = None) -> TrialSet:
+    """Open recordings; see `TrialSet.load`.
 
     Raises `TactileError` if ``statements`` are given for bags with trial events.
     """
-    recording = Recording.load(paths, statements)
+    recording = TrialSet.load(paths, statements)
     if recording.is_own and statements not in (None, SourceOptions()):
         recording.close()
         raise TactileError(
@@ -193,7 +193,7 @@ _STATED_BY_TRIALS = ('rate_hz', 'texture_samples', 'stiffness_samples')
 class TrialFeatures(RecordingFeatures):
     """Features of labelled trials after selection, resampling and cropping; one window each."""
 
-    def __init__(self, recording: Recording, reading: Reading, folds: int = 0) -> None:
+    def __init__(self, recording: TrialSet, reading: Reading, folds: int = 0) -> None:
         super().__init__(recording, reading)
         if reading.task is None:
             raise TactileError(

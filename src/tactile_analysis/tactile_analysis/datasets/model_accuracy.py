@@ -16,7 +16,7 @@ import numpy as np
 
 from tactile_analysis.datasets.feature_tables import features_of
 from tactile_analysis.datasets.reading import Reading
-from tactile_analysis.recording import Recording
+from tactile_analysis.trial_set import TrialSet
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.evaluation.intervals import Result
 from tactile_classifier.evaluation.model_accuracy import (
@@ -117,7 +117,7 @@ class _Row(NamedTuple):
 
 
 def evaluate_models(
-    recording: Recording, reading: Reading, paths: Sequence[Path], columns: Sequence[str] = ()
+    recording: TrialSet, reading: Reading, paths: Sequence[Path], columns: Sequence[str] = ()
 ) -> ModelEvaluation:
     """Evaluate one or two model files on the labelled trials of a recording.
 
@@ -127,7 +127,7 @@ def evaluate_models(
 
     Parameters
     ----------
-    recording : Recording
+    recording : TrialSet
     reading : Reading
         Selection of trials, and cropping of archives. Features and task follow from the models.
     paths : sequence of Path
@@ -214,7 +214,7 @@ def _check_question(
 
 
 def _read_table(
-    recording: Recording, reading: Reading, model: TactileModel, path: Path
+    recording: TrialSet, reading: Reading, model: TactileModel, path: Path
 ) -> tuple[FeatureTable, tuple[str, ...]]:
     """Return the features of a model, and the reasons for trials without features."""
     spec = model.spec
@@ -298,7 +298,7 @@ def _predict(row: _Row | None) -> str:
 
 
 def _explain_nothing_left(
-    recording: Recording,
+    recording: TrialSet,
     models: Sequence[TactileModel],
     paths: Sequence[Path],
     labels: Names,

@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_analysis.recording import Recording
 from tactile_analysis.report.analysis import SetResult
 from tactile_analysis.report.answers import Answers, CLASSIFIER
+from tactile_analysis.trial_set import TrialSet
 from tactile_analysis.wording import format_nested, format_span, name_candidate
 from tactile_bags.recorded_bag import RecordedBag
 from tactile_classifier.datasets.dataset import plain_name
@@ -54,7 +54,7 @@ class Source:
     corrections: tuple[str, ...] = ()
 
 
-def describe_sources(paths: Sequence[Path], recording: Recording) -> list[Source]:
+def describe_sources(paths: Sequence[Path], recording: TrialSet) -> list[Source]:
     """Return name, digest and facts of each bag of ours, or else of each named path.
 
     ``recording`` is the open recording of the paths. A folder of files is one source.
@@ -72,7 +72,7 @@ def describe_sources(paths: Sequence[Path], recording: Recording) -> list[Source
     ]
 
 
-def _format_corrections(bag: RecordedBag, recording: Recording) -> Iterator[str]:
+def _format_corrections(bag: RecordedBag, recording: TrialSet) -> Iterator[str]:
     for trial in recording.trials:
         correction = bag.corrections.get(trial.name)
         if correction is None or trial.source != str(bag.path):

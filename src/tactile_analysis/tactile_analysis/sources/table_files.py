@@ -34,7 +34,7 @@ CHECKED_ROWS = 1000
 """Number of rows of a text column that are searched for numbers in another format."""
 
 METADATA_KEY = b'tactile'
-"""Metadata entry of a table with the statements of `Recording.to_table`, as JSON."""
+"""Metadata entry of a table with the statements of `TrialSet.to_table`, as JSON."""
 
 UNIT, ROLE = b'unit', b'role'
 """Metadata entries of a column."""
@@ -124,7 +124,7 @@ def read_table(path: Path, options: SourceOptions = SourceOptions()) -> Table:  
 
 
 def _stated_rate_hz(metadata: Any) -> float | None:
-    """Return the sample rate in the metadata of a table from `Recording.to_table`, or None."""
+    """Return the sample rate in the metadata of a table from `TrialSet.to_table`, or None."""
     try:
         rate_hz = float(json.loads((metadata or {}).get(METADATA_KEY, b'{}'))['rate_hz'])
     except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
@@ -303,7 +303,7 @@ def _texts_to_numpy(path: Path, name: str, column: Any) -> NDArray[Any]:
 
 
 def build_long_table(trials: Sequence[tuple[Trial, str]], rate_hz: float | None) -> pyarrow.Table:
-    """Return the table of some trials, each with its name; see `Recording.to_table`."""
+    """Return the table of some trials, each with its name; see `TrialSet.to_table`."""
     if not trials:
         raise SourceError('no trial is included, so there is nothing to write')
     signals = [trial.signal for trial, _ in trials]

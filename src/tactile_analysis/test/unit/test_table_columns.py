@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from tactile_analysis import Recording, SourceError, SourceOptions
+from tactile_analysis import SourceError, SourceOptions, TrialSet
 
 UNITS = {'N': 1.0, 'mN': 1e-3, 'kN': 1e3}
 TIMES = {'s': 1.0, 'ms': 1e-3, 'us': 1e-6}
@@ -50,9 +50,9 @@ def test_exact_names_with_units_are_taken_in_any_order(
     options = SourceOptions(label='pla')
     if max(map(abs, values)) * UNITS[unit] > 1e6:
         with pytest.raises(SourceError, match='tendons carry'):
-            Recording.load(path, options)
+            TrialSet.load(path, options)
         return
-    recording = Recording.load(path, options)
+    recording = TrialSet.load(path, options)
     (trial,) = recording.trials
     expected = values if unit == 'N' else np.array(values) * UNITS[unit]
     np.testing.assert_array_equal(trial.signal.values[0], expected)
@@ -68,10 +68,10 @@ def test_other_names_are_never_taken_for_the_force(tmp_path_factory, name, more)
         tmp_path_factory.getbasetemp() / 'other' / 'a.csv', [f'time_s,{name}{more}', *rows]
     )
     with pytest.raises(SourceError, match='--force-column') as refused:
-        Recording.load(path, SourceOptions(label='pla'))
+        TrialSet.load(path, SourceOptions(label='pla'))
     assert f'time_s = 0.0, {name} = 0.5' in str(refused.value)
     stated = SourceOptions(label='pla', force_column=name)
-    assert Recording.load(path, stated).trials[0].signal.values[0, 1] == 1.5 * 1.0
+    assert TrialSet.load(path, stated).trials[0].signal.values[0, 1] == 1.5 * 1.0
 
 
 @pytest.mark.parametrize('names', ['time_s,force_n,tension_n', 'time_s,t_ms,force_n'])
@@ -79,19 +79,19 @@ def test_two_columns_that_fit_are_refused_until_one_is_stated(tmp_path, names):
     folder = write_trials(tmp_path, names, [f'{i / 100},{i},{i % 3}' for i in range(9)])
     role = 'time' if 't_ms' in names else 'force'
     with pytest.raises(SourceError, match=f'--{role}-column'):
-        Recording.load(folder)
+        TrialSet.load(folder)
     column = {'time': 'time_s', 'force': 'tension_n'}[role]
-    assert Recording.load(folder, SourceOptions(**{f'{role}_column': column})).trials
+    assert TrialSet.load(folder, SourceOptions(**{f'{role}_column': column})).trials
 
 
 def test_times_without_a_unit_are_refused_with_the_rate_in_each(tmp_path):
     folder = write_trials(tmp_path, 'time,force_n', [f'{10 * i},{i % 3}' for i in range(9)])
     with pytest.raises(SourceError, match=re.escape('s: 0.1 Hz, ms: 100 Hz, us: 1e+05 Hz')):
-        Recording.load(folder)
-    recording = Recording.load(folder, SourceOptions(time_unit='ms'))
+        TrialSet.load(folder)
+    recording = TrialSet.load(folder, SourceOptions(time_unit='ms'))
     assert recording.trials[0].signal.rate_hz == 100.0
     with pytest.raises(SourceError, match=r'--time-unit is "hours".* s, ms'):
-        Recording.load(folder, SourceOptions(time_unit='hours'))
+        TrialSet.load(folder, SourceOptions(time_unit='hours'))
 
 
 FORMS = [
@@ -109,7 +109,7 @@ def test_dates_are_read_in_the_stated_form(tmp_path, form, text):
     rows = [f'{date};{i % 3}' for i, date in enumerate([*before, *after])]
     folder = write_trials(tmp_path, 'time;force_n', rows)
     options = SourceOptions(separator='semicolon', time_unit=form)
-    signal = Recording.load(folder, options).trials[0].signal
+    signal = TrialSet.load(folder, options).trials[0].signal
     np.testing.assert_allclose(np.diff(signal.time_s), 0.01, atol=1e-6)
 
 
@@ -117,10 +117,10 @@ def test_dates_of_another_form_are_named_with_file_column_and_row(tmp_path):
     rows = [f'{12 + i}/11/2026 10:00:00,1' for i in range(3)]
     folder = write_trials(tmp_path, 'time,force_n', rows)
     with pytest.raises(SourceError, match=r'row 1 .*"12/11/2026 .* day-first'):
-        Recording.load(folder)
+        TrialSet.load(folder)
     write_trials(tmp_path, 'time,force_n', ['12/11/2026 10:00:00,1', '11/13/2026 10:00:00,1'])
     with pytest.raises(SourceError, match=r'pla/1\.csv: column "time", data row 2.*"11/13'):
-        Recording.load(folder, SourceOptions(time_unit='day-first'))
+        TrialSet.load(folder, SourceOptions(time_unit='day-first'))
 
 
 def test_a_text_in_a_column_of_numbers_names_file_column_and_row(tmp_path):
@@ -128,13 +128,13 @@ def test_a_text_in_a_column_of_numbers_names_file_column_and_row(tmp_path):
     broken = folder / 'rubber' / '1.csv'
     broken.write_text(broken.read_text().replace('0.04,4', '0.04,4 N'))
     with pytest.raises(SourceError, match=r'rubber/1\.csv: column "force_n" .* row 5 .* "4 N"'):
-        Recording.load(folder)
+        TrialSet.load(folder)
 
 
 def test_text_behind_a_closing_quotation_mark_is_refused(tmp_path):
     write(tmp_path / 'a.csv', ['time_s,force_n', '0.00,"1"', '0.01,"1"5', '0.02,2'])
     with pytest.raises(SourceError, match=r'a\.csv: line 2 '):
-        Recording.load(tmp_path / 'a.csv', SourceOptions(label='pla'))
+        TrialSet.load(tmp_path / 'a.csv', SourceOptions(label='pla'))
 
 
 @given(st.lists(st.sampled_from(list('0123456789.,; eE+-\tN"')), max_size=12).map(''.join))
@@ -143,7 +143,7 @@ def test_a_cell_of_any_form_is_its_number_or_refused(tmp_path_factory, cell):
     path = tmp_path_factory.getbasetemp() / 'cell' / 'a.csv'
     write(path, ['time_s,force_n', '0.00,1.5', f'0.01,{cell}', '0.02,2.5'])
     try:
-        (trial,) = Recording.load(path, SourceOptions(label='pla')).trials
+        (trial,) = TrialSet.load(path, SourceOptions(label='pla')).trials
         values = trial.signal.values[0]
     except SourceError:
         return

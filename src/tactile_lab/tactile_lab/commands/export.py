@@ -22,7 +22,7 @@ from tactile_lab.output import (
 from tactile_ros.errors import named_errors
 
 if TYPE_CHECKING:
-    from tactile_analysis import Recording
+    from tactile_analysis import TrialSet
     from tactile_bags import Trial
 
 _SIZES = {
@@ -52,13 +52,13 @@ def export(
     Markdown with the fields that dataset hubs read; add the licence yourself. `tactile import`
     reads the table. Excluded trials are not written.
     """
-    from tactile_analysis import Recording, SourceOptions
+    from tactile_analysis import SourceOptions, TrialSet
 
     output = Output(as_json)
     refuse_suffix('--output', file, TABLES)
     card = file.with_suffix('.md')
     refuse_to_replace([file, card], force=force)
-    with Recording.load(recordings, SourceOptions(**vars(statements))) as recording:
+    with TrialSet.load(recordings, SourceOptions(**vars(statements))) as recording:
         table = recording.to_table()
         counting = [trial for trial in recording.trials if not trial.why_not]
         left_out = [f'{t.name}: {t.why_not}' for t in recording.trials if t.why_not]
@@ -85,7 +85,7 @@ def export(
     )
 
 
-def format_card(file: Path, recording: 'Recording', trials: 'Sequence[Trial]', table: Any) -> str:
+def format_card(file: Path, recording: 'TrialSet', trials: 'Sequence[Trial]', table: Any) -> str:
     """Return the dataset card of an exported table: Markdown with a YAML header."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -136,7 +136,7 @@ def format_card(file: Path, recording: 'Recording', trials: 'Sequence[Trial]', t
     )
 
 
-def _stated(recording: 'Recording') -> str:
+def _stated(recording: 'TrialSet') -> str:
     """Return entries of the metadata of the bags as text, without paths."""
     found = {
         f'{name}: {value}'

@@ -13,7 +13,7 @@ from tactile_lab.output import Output, PICTURES, refuse_suffix, refuse_to_replac
 from tactile_ros.errors import named_errors, TactileError
 
 if TYPE_CHECKING:
-    from tactile_analysis import Recording
+    from tactile_analysis import TrialSet
     from tactile_classifier.datasets.archive import LabelledTrials
 
 SHOWN_LABELS = 12
@@ -50,7 +50,7 @@ def import_recordings(
     """
     import numpy as np
 
-    from tactile_analysis import Recording, SourceOptions
+    from tactile_analysis import SourceOptions, TrialSet
     from tactile_classifier.datasets.archive import save_archive
 
     output = Output(as_json)
@@ -58,7 +58,7 @@ def import_recordings(
     if plot is not None:
         refuse_suffix('--plot', plot, PICTURES)
     refuse_to_replace([archive, *([plot] if plot else [])], force=force)
-    with Recording.load(recordings, SourceOptions(**vars(statements))) as recording:
+    with TrialSet.load(recordings, SourceOptions(**vars(statements))) as recording:
         if recording.is_own:
             raise TactileError(
                 f'{recording.paths[0]} is a bag with trial events: train, evaluate and features '
@@ -149,7 +149,7 @@ def _can_hold_out(trials: 'LabelledTrials', name: str) -> bool:
     )
 
 
-def _draw(plot: Path, recording: 'Recording', trials: 'LabelledTrials') -> None:
+def _draw(plot: Path, recording: 'TrialSet', trials: 'LabelledTrials') -> None:
     from tactile_analysis.plots import plot_signals
 
     usable = [trial for trial in recording.trials if not trial.why_not]

@@ -115,12 +115,12 @@ def replay(
 
 def _list_bags(path: Path) -> list[Path]:
     """Return the bags of an experiment's folder that contain trials, or the bag itself."""
-    from tactile_analysis.recording import Recording
+    from tactile_analysis.trial_set import TrialSet
     from tactile_bags.experiment_journal import is_experiment
 
     if not is_experiment(path):
         return [path]
-    with Recording.load(path) as recording:  # without runs that ended before their first trial
+    with TrialSet.load(path) as recording:  # without runs that ended before their first trial
         return [bag.path for bag in recording.bags]
 
 

@@ -15,7 +15,7 @@ from tactile_lab.output import Output, PICTURES, refuse_suffix
 from tactile_ros.errors import named_errors, TactileError
 
 if TYPE_CHECKING:
-    from tactile_analysis import Recording
+    from tactile_analysis import TrialSet
     from tactile_bags import RecordedBag, Trial
 
 SPARE = ('simulated', 'mounting', 'ended', 'finger', 'contact', 'session', 'task', 'seconds')
@@ -94,9 +94,9 @@ def show(
     output.result({'path': str(path), **found, **contents.details})
 
 
-def _open(path: Path) -> 'Recording':
-    from tactile_analysis.recording import OWN, Recording
+def _open(path: Path) -> 'TrialSet':
     from tactile_analysis.sources.files import find_leaves, SourceKind
+    from tactile_analysis.trial_set import OWN, TrialSet
     from tactile_bags.experiment_journal import is_experiment
     from tactile_bags.recorded_bag import RecordedBag
 
@@ -108,11 +108,11 @@ def _open(path: Path) -> 'Recording':
         )
     (leaf, *more) = find_leaves([path])
     if not more and leaf.kind is SourceKind.BAG and leaf.path == path:  # also a bag without trials
-        return Recording(OWN, path.name, [path], bags=[RecordedBag(path)])
-    return Recording.load(path)
+        return TrialSet(OWN, path.name, [path], bags=[RecordedBag(path)])
+    return TrialSet.load(path)
 
 
-def describe_recording(recording: 'Recording') -> Contents:
+def describe_recording(recording: 'TrialSet') -> Contents:
     """Return the contents of a recording."""
     if recording.kind == 'archive':
         return _describe_archive(recording)
@@ -176,7 +176,7 @@ def _describe_trial(number: int, trial: 'Trial') -> dict[str, Any]:
     }
 
 
-def _describe_archive(recording: 'Recording') -> Contents:
+def _describe_archive(recording: 'TrialSet') -> Contents:
     import numpy as np
 
     archive = recording.to_arrays(skip_bad=True)
@@ -225,7 +225,7 @@ def describe_card(path: Path) -> Contents:
     return Contents('model', {**list_facts(model.manifest)}, [], details)
 
 
-def _draw(plot: Path, path: Path, recording: 'Recording', trial: Optional[int]) -> str:
+def _draw(plot: Path, path: Path, recording: 'TrialSet', trial: Optional[int]) -> str:
     """Draw one trial, or all trials of an experiment; return what was drawn."""
     from tactile_analysis.plots import plot_all_trials, plot_signals, plot_strain
     from tactile_bags.experiment_journal import is_experiment

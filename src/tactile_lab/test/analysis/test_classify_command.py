@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from tactile_command import ask_tactile, hear_tactile
 
-from tactile_analysis import Recording
+from tactile_analysis import TrialSet
 from tactile_analysis.datasets.classified import classify_recording
 from tactile_analysis.sources.files import SourceError
 from tactile_classifier.datasets.archive import LabelledTrials, save_archive
@@ -82,7 +82,7 @@ def test_a_recording_is_loaded_without_an_invented_label(model, tmp_path):
     text = path.read_text().replace('trial,', 'material,').replace('\n0,', '\nsilk,')
     path.write_text(text)
     loaded = load_model(model)
-    with Recording.load(path) as recording:
+    with TrialSet.load(path) as recording:
         (trial,) = recording.trials
         assert trial.label == ''
         assert loaded.classify(trial.signal.values, trial.signal.rate_hz).label == 'fine'
@@ -149,7 +149,7 @@ def test_a_model_finds_its_channel_among_several(tmp_path):
 
 def test_bags_are_classified_as_live(stiffness_bag, trained):
     found = ask_tactile('classify', stiffness_bag, '--model', trained)
-    with Recording.load(stiffness_bag) as recording:
+    with TrialSet.load(stiffness_bag) as recording:
         trials = {trial.name: trial for trial in recording.trials}
         answers = classify_recording(recording, trained)
     assert [each['trial'] for each in found['trials']] == list(trials)

@@ -10,7 +10,7 @@ import pytest
 from tactile_command import ask_tactile, hear_tactile, tactile
 import yaml
 
-from tactile_analysis import Recording
+from tactile_analysis import TrialSet
 from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.datasets.dataset import table_from_trials
 from tactile_classifier.model_file.model import load_model
@@ -27,7 +27,7 @@ def test_trials_of_our_bags_come_back_equal(stiffness_bag, tmp_path):
     assert imported['unit'] == 'N'
     assert imported['rate_hz'] == 60.0
     back = load_archive(tmp_path / 'trials.npz', folds=0)
-    with Recording.load(stiffness_bag) as recording:
+    with TrialSet.load(stiffness_bag) as recording:
         whole = recording.to_arrays()
         assert len(back) == len(recording.trials)
         for row, trial in enumerate(recording.trials):

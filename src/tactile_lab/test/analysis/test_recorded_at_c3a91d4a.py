@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
-from tactile_analysis import Recording
+from tactile_analysis import TrialSet
 from tactile_bags import EVENT, FEATURES, STRAIN, TactileBag
 from tactile_bags.recorded_setup import nominal_rate_hz, recorded_features, recorded_models
 from tactile_bags.replay import recorded_results, replay_through_core
@@ -70,7 +70,7 @@ def test_other_messages_are_decoded_by_the_definitions_of_the_bag(bag, stored):
 
 
 def test_its_trial_is_loaded_with_label_and_samples():
-    (trial,) = Recording.load([RECORDING]).trials
+    (trial,) = TrialSet.load([RECORDING]).trials
     assert (trial.label, trial.session_id, trial.contact) == ('pla', 's1', 'flexion')
     assert trial.columns['simulated'] is True
     assert trial.signal.values.shape == (1, 397)

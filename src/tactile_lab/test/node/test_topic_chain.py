@@ -15,7 +15,7 @@ from rclpy.qos import qos_profile_sensor_data
 from rclpy.time import Time
 from tactile_command import ask_tactile, hear_tactile, program
 
-from tactile_analysis import Recording
+from tactile_analysis import TrialSet
 from tactile_bags import EVENT, STRAIN, TactileBag
 from tactile_bags.message_records import read_records
 from tactile_features.conversions import event_to_msg
@@ -183,7 +183,7 @@ def test_a_simulated_finger_marks_all_that_comes_of_it(context, tmp_path):
     assert all(block.status & StrainBlock.STATUS_SIMULATED for block in blocks)
     with TactileBag(bag) as opened:
         assert opened.metadata['simulated'] is True
-    with Recording.load(bag) as recording:
+    with TrialSet.load(bag) as recording:
         contents = describe_recording(recording)
     assert contents.facts['simulated'] == 'SIMULATED'
     assert [trial['simulated'] for trial in contents.trials] == [True]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from tactile_command import ask_tactile
 
-from tactile_analysis import Recording
+from tactile_analysis import TrialSet
 from tactile_analysis.datasets.feature_tables import open_features
 from tactile_analysis.report.recordings import usual_splits
 from tactile_analysis.report.summary import describe_sources
@@ -25,11 +25,11 @@ from tactile_testing.recordings import check_source
 
 
 def test_a_bag_keeps_what_a_recording_promises(stiffness_bag):
-    check_source(lambda: Recording.load(stiffness_bag))
+    check_source(lambda: TrialSet.load(stiffness_bag))
 
 
 def test_trials_have_labels_events_and_signals(stiffness_bag):
-    with Recording.load(stiffness_bag) as recording, TactileBag(stiffness_bag) as bag:
+    with TrialSet.load(stiffness_bag) as recording, TactileBag(stiffness_bag) as bag:
         assert recording.is_own
         assert len(recording.trials) == 15
         blocks = [block for _, block in read_records(bag.messages(STRAIN))]
@@ -58,7 +58,7 @@ def test_a_bag_is_opened_once_and_replayed_as_ever(stiffness_bag, opened):
     with TactileBag(stiffness_bag) as bag:
         expected = replay_phases(bag, recorded_features(bag), finish=True).windows
     del opened[:]
-    with Recording.load(stiffness_bag) as recording:
+    with TrialSet.load(stiffness_bag) as recording:
         (bag,) = recording.bags
         for _ in range(2):
             assert replay_phases(bag, recorded_features(bag), finish=True).windows == expected
@@ -81,7 +81,7 @@ def test_a_trial_is_simulated_where_metadata_events_or_samples_say_so(
         return message
 
     bag = rewrite(stiffness_bag, tmp_path / 'bag', change, simulated=where == 'metadata')
-    with Recording.load(bag) as recording:
+    with TrialSet.load(bag) as recording:
         assert {trial.simulated for trial in recording.trials} == {where != 'nowhere'}
 
 
@@ -104,15 +104,15 @@ def test_a_bag_of_an_experiment_without_a_trial_is_left_out(stiffness_bag, rewri
         folder / 'bags' / 's1-02',
         lambda kind, message: None if kind == EVENT else message,
     )
-    with Recording.load(folder) as recording:
+    with TrialSet.load(folder) as recording:
         assert len(recording.trials) == 15
     shutil.rmtree(folder / 'bags' / 's1-01')
     with pytest.raises(SourceError, match='no trial was recorded'):
-        Recording.load(folder)
+        TrialSet.load(folder)
 
 
 def test_specimens_of_the_journal_are_a_column_that_can_be_held_out(stiffness_bag, tmp_path):
-    with Recording.load(stiffness_bag) as recording:
+    with TrialSet.load(stiffness_bag) as recording:
         labels = {trial.name: trial.label for trial in recording.trials}
     entries = []
     for i, (name, label) in enumerate(labels.items()):
@@ -139,7 +139,7 @@ def test_specimens_of_the_journal_are_a_column_that_can_be_held_out(stiffness_ba
 
 
 def test_the_journal_of_an_experiment_says_what_counts(stiffness_bag, tmp_path):
-    with Recording.load(stiffness_bag) as recording:
+    with TrialSet.load(stiffness_bag) as recording:
         ids = [trial.name for trial in recording.trials]
         sessions = {trial.session_id for trial in recording.trials}
     entries = [{'kind': 'began', 'key': each, 'trial_id': each} for each in ids]
@@ -157,7 +157,7 @@ def test_the_journal_of_an_experiment_says_what_counts(stiffness_bag, tmp_path):
         {'kind': 'relabelled', 'trial_id': ids[5], 'label': 'cork'},
     ]
     one = make_experiment(tmp_path / 'one', stiffness_bag, entries)
-    with Recording.load(one) as recording:
+    with TrialSet.load(one) as recording:
         why_not = [trial.why_not for trial in recording.trials]
         assert why_not[:5] == [
             'repeated (failed)',
@@ -178,7 +178,7 @@ def test_the_journal_of_an_experiment_says_what_counts(stiffness_bag, tmp_path):
             f'{ids[5]} was relabelled cork',
         )
     two = make_experiment(tmp_path / 'two', stiffness_bag, entries)
-    with Recording.load([one, two]) as recording:
+    with TrialSet.load([one, two]) as recording:
         assert {trial.session_id for trial in recording.trials} == {
             f'{name}/{session}' for name in ('one', 'two') for session in sessions
         }
@@ -187,5 +187,5 @@ def test_the_journal_of_an_experiment_says_what_counts(stiffness_bag, tmp_path):
     assert shown['facts']['do not count'] == '3'
     assert 'excluded' in (tmp_path / 'all.svg').read_text()
     (tmp_path / 'recordings.txt').write_text('one\ntwo\n')
-    with Recording.load(tmp_path / 'recordings.txt') as recording:
+    with TrialSet.load(tmp_path / 'recordings.txt') as recording:
         assert len(recording.trials) == 30

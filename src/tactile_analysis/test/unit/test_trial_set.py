@@ -12,7 +12,7 @@ import pyarrow.csv
 import pyarrow.parquet
 import pytest
 
-from tactile_analysis import Recording, SourceError, SourceOptions
+from tactile_analysis import SourceError, SourceOptions, TrialSet
 from tactile_classifier.datasets.archive import load_archive, save_archive
 from tactile_classifier.errors import DatasetError
 from tactile_testing.recordings import check_source
@@ -57,7 +57,7 @@ def write_list(folder):
 
 
 def write_long_table(folder):
-    table = Recording.load(write_archive(folder / 'a.npz', unit='mN')).to_table()
+    table = TrialSet.load(write_archive(folder / 'a.npz', unit='mN')).to_table()
     pyarrow.parquet.write_table(table, folder / 'trials.parquet')
     return folder / 'trials.parquet'
 
@@ -72,14 +72,14 @@ SOURCES = {
 
 
 @pytest.mark.parametrize('source', SOURCES)
-def test_every_source_keeps_what_a_recording_promises(tmp_path, source):
+def test_every_source_keeps_what_a_set_of_trials_promises(tmp_path, source):
     path = SOURCES[source](tmp_path)
-    check_source(lambda: Recording.load(path))
+    check_source(lambda: TrialSet.load(path))
 
 
 def test_an_archive_is_trials_and_the_same_archive_again(tmp_path):
     path = write_archive(tmp_path / 'a.npz', unit='mN')
-    recording = Recording.load(path)
+    recording = TrialSet.load(path)
     assert recording.kind == 'archive'
     assert recording.unit == 'N'
     assert recording.rate_hz == 100.0
@@ -99,31 +99,31 @@ def test_an_archive_is_trials_and_the_same_archive_again(tmp_path):
     save_archive(tmp_path / 'b.npz', whole)
     assert load_archive(tmp_path / 'b.npz', folds=0).unit == 'N'
     with pytest.raises(DatasetError, match=r'mN.*--unit.*kN'):
-        _ = Recording.load(path, SourceOptions(unit='kN')).trials
+        _ = TrialSet.load(path, SourceOptions(unit='kN')).trials
 
 
 def test_a_unit_that_is_not_known_is_the_first_note(tmp_path):
-    recording = Recording.load(write_archive(tmp_path / 'a.npz'))
+    recording = TrialSet.load(write_archive(tmp_path / 'a.npz'))
     assert '--unit' in recording.notes[0]
-    stated = Recording.load(tmp_path / 'a.npz', SourceOptions(unit='N'))
+    stated = TrialSet.load(tmp_path / 'a.npz', SourceOptions(unit='N'))
     assert stated.unit == stated.to_arrays().unit == stated.trials[0].signal.unit == 'N'
     assert not stated.notes
 
 
 def test_a_column_of_units_stays_a_column(tmp_path):
     path = write_archive(tmp_path / 'a.npz', unit=np.array(['N'] * 6))
-    recording = Recording.load(path)
+    recording = TrialSet.load(path)
     assert recording.unit == ''
     assert recording.trials[0].columns['unit'] == 'N'
     with pytest.raises(DatasetError, match='unit in'):
-        Recording.load(write_archive(tmp_path / 'b.npz', unit=3)).to_arrays()
+        TrialSet.load(write_archive(tmp_path / 'b.npz', unit=3)).to_arrays()
 
 
 def test_a_trial_that_cannot_be_used_says_why(tmp_path):
     x = np.random.default_rng(0).normal(size=(3, 1, 20))
     x[1, 0, 4] = np.nan
     np.savez(tmp_path / 'a.npz', x=x, label=['a', 'b', 'c'], rate_hz=10.0)
-    trials = Recording.load(tmp_path / 'a.npz').trials
+    trials = TrialSet.load(tmp_path / 'a.npz').trials
     assert [bool(trial.why_not) for trial in trials] == [False, False, True]
     assert '1 of 20' in trials[2].why_not
 
@@ -132,7 +132,7 @@ def test_equal_trials_are_refused(tmp_path):
     x = np.tile(np.sin(np.arange(30.0)), (4, 1, 1))
     np.savez(tmp_path / 'a.npz', x=x, label=['a', 'b'] * 2, rate_hz=10.0)
     with pytest.raises(DatasetError, match='all 4'):
-        Recording.load(tmp_path / 'a.npz').to_arrays()
+        TrialSet.load(tmp_path / 'a.npz').to_arrays()
 
 
 @pytest.mark.parametrize('heading', ['force_mN', 'tension [mN]', 'Force (mN)', 'Kraft (mN)'])
@@ -143,7 +143,7 @@ def test_forces_are_converted_from_the_unit_of_their_heading(tmp_path, heading):
         text = '\n'.join([f'time_s,{heading}', *rows])
         (tmp_path / 'lab' / label / '01.csv').write_text(text)
     options = SourceOptions(force_column=heading if 'Kraft' in heading else '')
-    recording = Recording.load(tmp_path / 'lab', options)
+    recording = TrialSet.load(tmp_path / 'lab', options)
     assert recording.unit == 'N'
     assert recording.trials[0].signal.values[0, :3].tolist() == [0.003, 0.004, 0.005]
     assert re.search('mN.* N', ' '.join(recording.notes))
@@ -151,7 +151,7 @@ def test_forces_are_converted_from_the_unit_of_their_heading(tmp_path, heading):
     assert recording.trials[0].signal.rate_hz == 100.0
     assert recording.to_arrays().unit == 'N'
     with pytest.raises(SourceError, match=r'mN.*--unit'):
-        Recording.load(tmp_path / 'lab', SourceOptions(force_column=heading, unit='N'))
+        TrialSet.load(tmp_path / 'lab', SourceOptions(force_column=heading, unit='N'))
 
 
 @pytest.mark.parametrize(('unit', 'newtons'), [('N', 1.0), ('kN', 1e3), ('g', 9.80665e-3)])
@@ -162,24 +162,24 @@ def test_a_stated_unit_is_converted_and_forces_beyond_a_million_newtons_are_refu
         (tmp_path / 'lab' / label).mkdir(parents=True)
         rows = [f'{i / 100},{i % 7 + len(label)}' for i in range(50)]
         (tmp_path / 'lab' / label / '01.csv').write_text('\n'.join(['time_s,force', *rows]))
-    recording = Recording.load(tmp_path / 'lab', SourceOptions(unit=unit))
+    recording = TrialSet.load(tmp_path / 'lab', SourceOptions(unit=unit))
     assert recording.trials[0].signal.values[0, :2].tolist() == [3 * newtons, 4 * newtons]
     assert recording.unit == 'N'
     broken = tmp_path / 'lab' / 'pla' / '01.csv'
     broken.write_text(broken.read_text().replace('0.05,8', '0.05,1234567890'))
     with pytest.raises(SourceError, match=r'lab/pla/01\.csv, force: sample 5 '):
-        Recording.load(tmp_path / 'lab', SourceOptions(unit=unit))
+        TrialSet.load(tmp_path / 'lab', SourceOptions(unit=unit))
     x = np.random.default_rng(0).normal(size=(3, 1, 20))
     x[2, 0, 7] = -2e6
     np.savez(tmp_path / 'a.npz', x=x, label=['a', 'b', 'a'], rate_hz=10.0, unit='N')
     with pytest.raises(DatasetError, match=r'row 2.* 2e\+06 N'):
-        Recording.load(tmp_path / 'a.npz').to_arrays()
+        TrialSet.load(tmp_path / 'a.npz').to_arrays()
 
 
 @pytest.mark.parametrize('suffix', ['.parquet', '.csv'])
 def test_the_long_table_is_read_back_equal(tmp_path, suffix):
     write_archive(tmp_path / 'a.npz', unit='mN')
-    first = Recording.load(tmp_path / 'a.npz')
+    first = TrialSet.load(tmp_path / 'a.npz')
     table = first.to_table()
     assert table.column_names[:4] == ['trial', 'label', 'session_id', 'time_s']
     assert table.schema.field('channel_1').metadata[b'unit'] == b'N'
@@ -193,7 +193,7 @@ def test_the_long_table_is_read_back_equal(tmp_path, suffix):
     else:
         pyarrow.csv.write_csv(table, path)
         options = SourceOptions(force_column='channel_0,channel_1', unit='N')
-    again = Recording.load(path, options)
+    again = TrialSet.load(path, options)
     one, two = first.to_arrays(), again.to_arrays()
     np.testing.assert_array_equal(one.lengths, two.lengths)
     for row, count in enumerate(one.lengths):
@@ -207,7 +207,7 @@ def test_the_long_table_is_read_back_equal(tmp_path, suffix):
 
 def test_a_stated_rate_that_the_times_do_not_have_is_refused(tmp_path):
     write_archive(tmp_path / 'a.npz')
-    table = Recording.load(tmp_path / 'a.npz').to_table()
+    table = TrialSet.load(tmp_path / 'a.npz').to_table()
     for stated, problem in (
         (b'{"rate_hz": 50.0}', '50 Hz.* trial 0 .*100 Hz'),
         (b'{"rate_hz": "x"}', ''),
@@ -216,7 +216,7 @@ def test_a_stated_rate_that_the_times_do_not_have_is_refused(tmp_path):
     ):
         changed = table.replace_schema_metadata({b'tactile': stated})
         pyarrow.parquet.write_table(changed, tmp_path / 'b.parquet')
-        recording = Recording.load(tmp_path / 'b.parquet')
+        recording = TrialSet.load(tmp_path / 'b.parquet')
         if problem:
             with pytest.raises(SourceError, match=problem):
                 recording.to_arrays()
@@ -237,31 +237,31 @@ def write_stated(folder, rates_hz):
 
 def test_rates_that_files_state_agree_or_are_named(tmp_path):
     same = write_stated(tmp_path / 'same', {'pla': 100.0, 'rubber': 100.5})
-    assert Recording.load(same).to_arrays().rate_hz == 100.0
+    assert TrialSet.load(same).to_arrays().rate_hz == 100.0
     with pytest.raises(SourceError, match=r'--rate-hz .*60 Hz.* 100\.5 Hz'):
-        Recording.load(same, SourceOptions(rate_hz=60.0)).to_arrays()
+        TrialSet.load(same, SourceOptions(rate_hz=60.0)).to_arrays()
     mixed = write_stated(tmp_path / 'mixed', {'pla': 100.0, 'rubber': 50.0})
     told = r'100 Hz \(mixed/pla/1\.parquet\), 50 Hz \(mixed/rubber/1\.parquet\)'
     with pytest.raises(SourceError, match=told):
-        Recording.load(mixed).to_arrays()
+        TrialSet.load(mixed).to_arrays()
     rows = [f'{i / 50!r},{i % 7}.5' for i in range(40)]  # stamps instead of the statement
     (mixed / 'rubber' / '1.parquet').unlink()
     (mixed / 'rubber' / '1.csv').write_text('\n'.join(['time_s,force_n', *rows]))
     with pytest.raises(SourceError, match=told.replace('rubber/1\\.parquet', 'rubber/1\\.csv')):
-        Recording.load(mixed).to_arrays()
+        TrialSet.load(mixed).to_arrays()
 
 
 def test_a_pipe_is_no_recording(tmp_path):
     os.mkfifo(tmp_path / 'pipe.csv')
     with pytest.raises(SourceError, match=r'pipe\.csv'):
-        Recording.load(tmp_path / 'pipe.csv')
+        TrialSet.load(tmp_path / 'pipe.csv')
     with pytest.raises(SourceError):
-        Recording.load(tmp_path)
+        TrialSet.load(tmp_path)
 
 
 def test_the_long_table_is_a_frame(tmp_path):
     pytest.importorskip('pandas', reason='pandas is not installed')
-    recording = Recording.load(write_archive(tmp_path / 'a.npz'))
+    recording = TrialSet.load(write_archive(tmp_path / 'a.npz'))
     assert len(recording.to_frame()) == recording.to_table().num_rows
 
 
@@ -272,11 +272,11 @@ def test_a_list_file_stands_for_its_recordings(tmp_path):
         text = '\n'.join(['time_s,force_n', *rows])
         (tmp_path / 'data' / f'{label}_01.csv').write_text(text)
     (tmp_path / 'recordings.txt').write_text('# mine\ndata/pla_01.csv\n\ndata/rubber_01.csv\n')
-    recording = Recording.load(tmp_path / 'recordings.txt', SourceOptions(label_from='file'))
+    recording = TrialSet.load(tmp_path / 'recordings.txt', SourceOptions(label_from='file'))
     assert [trial.label for trial in recording.trials] == ['pla', 'rubber']
     (tmp_path / 'recordings.txt').write_text('data/pla_01.csv\ndata/gone.csv\n')
     with pytest.raises(SourceError, match=r'recordings\.txt, line 2: .*gone\.csv'):
-        Recording.load(tmp_path / 'recordings.txt')
+        TrialSet.load(tmp_path / 'recordings.txt')
 
 
 def test_a_trial_with_a_pause_does_not_count_and_is_not_written(tmp_path):
@@ -285,7 +285,7 @@ def test_a_trial_with_a_pause_does_not_count_and_is_not_written(tmp_path):
         times = [i for i in range(60) if trial != 1 or not 20 <= i < 30]
         lines += [f'a,{trial},{i / 100},{(i * (trial + 2)) % 7}' for i in times]
     (tmp_path / 'long.csv').write_text('\n'.join(lines))
-    recording = Recording.load(tmp_path / 'long.csv')
+    recording = TrialSet.load(tmp_path / 'long.csv')
     assert [trial.why_not for trial in recording.trials] == [
         '',
         'trial 1: no samples for 0.11 s, from 0.19 s on',
@@ -306,7 +306,7 @@ def write_holds(folder, *names):
 
 
 def facts_of(folder, **options):
-    with Recording.load(folder, SourceOptions(**options)) as recording:
+    with TrialSet.load(folder, SourceOptions(**options)) as recording:
         return [
             {name: text for name, text in trial.columns.items() if name != 'source'}
             for trial in recording.trials
@@ -326,7 +326,7 @@ def test_folders_of_sessions_are_columns_and_not_labels(tmp_path, days, column):
     names = (f'{day}/{label}_{i}.csv' for i, (label, day) in enumerate(pairs))
     flat = write_holds(tmp_path / 'flat', *names)
     assert {facts['label'] for facts in facts_of(flat)} == {''}
-    with Recording.load(flat) as recording, pytest.raises(SourceError, match='--label-from file'):
+    with TrialSet.load(flat) as recording, pytest.raises(SourceError, match='--label-from file'):
         recording.to_arrays()
     stated = facts_of(flat, label_from='file')
     assert sorted(stated, key=lambda facts: facts['label']) == expected
@@ -337,4 +337,4 @@ def test_columns_in_newtons_are_proposed_as_channels(tmp_path):
     path = tmp_path / 'a.csv'
     path.write_text('time_s,fx_N,fy_N,speed\n0,1,2,3\n0.01,2,3,3\n')
     with pytest.raises(SourceError, match='--force-column "fx_N,fy_N" for 2 channels'):
-        Recording.load(path)
+        TrialSet.load(path)

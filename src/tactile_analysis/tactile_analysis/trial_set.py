@@ -4,7 +4,7 @@
 """Recordings of any kind, as trials with signals.
 
 ```python
-recording = Recording.load('bags')
+recording = TrialSet.load('bags')
 for trial in recording.trials:
     trial.label, trial.session_id, trial.why_not, trial.signal, trial.events, trial.answers
 ```
@@ -57,7 +57,7 @@ OWN = 'bags with trial events'
 """Kind of a recording of bags of this package; other kinds are `SourceKind` values."""
 
 
-class Recording:
+class TrialSet:
     """Trials of one or several recordings. A context manager; after closing, nothing can be read.
 
     Make one by `load`.
@@ -101,7 +101,7 @@ class Recording:
     @classmethod
     def load(
         cls, paths: str | Path | Sequence[str | Path], options: SourceOptions | None = None
-    ) -> Recording:
+    ) -> TrialSet:
         """Read a recording.
 
         Parameters
@@ -146,7 +146,7 @@ class Recording:
             notes=notes,
         )  # fmt: skip
 
-    def __enter__(self) -> Recording:
+    def __enter__(self) -> TrialSet:
         return self
 
     def __exit__(self, *_: object) -> None:
