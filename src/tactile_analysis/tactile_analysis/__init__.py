@@ -6,16 +6,18 @@
 For example::
 
     from pathlib import Path
-    from tactile_analysis import classify_recording, open_features, TrialSet
+    from tactile_analysis import classify_recording, features_of, TrialSet
 
-    recording = TrialSet.load('bags')  # or CSV, Parquet, .npy, .npz; see `SourceOptions`
-    recording.trials[0].signal.values  # the samples of one trial
-    recording.to_frame()  # all samples, as a pandas.DataFrame
+    trials = TrialSet.load('bags')  # or CSV, Parquet, .npy, .npz; see `SourceOptions`
+    trials.to_frame()  # label, session, source and so on, one row per trial
+    trials = trials.select('contact=flexion').exclude('label=cork', 'the plate was loose')
+    trials.trials[0].signal.values  # the samples of one trial, read when needed
+    trials.to_table()  # all samples, as a pyarrow.Table
+    trials.to_arrays()  # signals and labels as arrays
 
-    with open_features([Path('bags')]) as features:
-        tables = features.tables().tables  # one `FeatureTable` for each task and contact
+    tables = features_of(trials).tables().tables  # a `FeatureTable` for each task and contact
 
-    classify_recording(recording, Path('models'))  # the label of each trial, by model files
+    classify_recording(trials, Path('models'))  # the label of each trial, by model files
 
 ``tactile import``, ``features``, ``train``, ``evaluate``, ``classify``, ``export`` and the report
 are these functions with printing.
@@ -43,6 +45,7 @@ _HOMES = {
     'choose_automatically': 'tactile_analysis.datasets.automatic_features',
     'classify_recording': 'tactile_analysis.datasets.classified',
     'evaluate_models': 'tactile_analysis.datasets.model_accuracy',
+    'features_of': 'tactile_analysis.datasets.feature_tables',
     'make_sets': 'tactile_analysis.report.recordings',
     'open_features': 'tactile_analysis.datasets.feature_tables',
     'read_tables': 'tactile_analysis.datasets.feature_tables',

@@ -4,9 +4,11 @@
 """Recordings of any kind, as trials with signals.
 
 ```python
-recording = TrialSet.load('bags')
-for trial in recording.trials:
+trials = TrialSet.load('bags')
+for trial in trials:
     trial.label, trial.session_id, trial.why_not, trial.signal, trial.events, trial.answers
+trials.to_frame()  # one row per trial
+trials = trials.select('session_id=a,b').exclude('label=cork', 'the plate was loose')
 ```
 
 A recording may consist of bags of this package, the folder of an experiment, an archive
@@ -17,15 +19,17 @@ of these.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tactile_analysis.sources.files import (
     find_leaves,
@@ -55,6 +59,9 @@ if TYPE_CHECKING:
 
 OWN = 'bags with trial events'
 """Kind of a recording of bags of this package; other kinds are `SourceKind` values."""
+
+Where = str | ArrayLike
+"""Selection of trials; see `TrialSet.select`."""
 
 
 class TrialSet:
@@ -97,6 +104,8 @@ class TrialSet:
         self._raw = tuple(raw)
         self._options = options or SourceOptions()
         self._found = notes or ImportNotes()
+        self._numbers: tuple[int, ...] | None = None
+        self._excluded: dict[int, str] = {}
 
     @classmethod
     def load(
@@ -146,6 +155,12 @@ class TrialSet:
             notes=notes,
         )  # fmt: skip
 
+    def __len__(self) -> int:
+        return len(self.trials)
+
+    def __iter__(self) -> Iterator[Trial]:
+        return iter(self.trials)
+
     def __enter__(self) -> TrialSet:
         return self
 
@@ -190,6 +205,170 @@ class TrialSet:
             unknown.append('sample rate (--rate-hz)')
         first = [f'unknown: {", ".join(unknown)}'] if unknown else []
         return [*first, *self._found.lines]
+
+    # -- selection ---------------------------------------------------------------------------
+
+    @property
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Properties of the trials by name, each of shape (trials,).
+
+        ``trial``, ``label``, ``session``, ``mounting``, ``contact``, ``task``, ``simulated``,
+        ``source`` and ``why_not`` always exist. Other properties follow, such as
+        ``glide_speed_m_s``. Where only some trials have a property, the others have None.
+        """
+        trials = self.trials
+        found: dict[str, list[Any]] = {
+            'trial': [trial.name for trial in trials],
+            'label': [trial.label for trial in trials],
+            'session': [trial.session_id for trial in trials],
+            'mounting': [trial.mounting_id for trial in trials],
+            'contact': [trial.contact for trial in trials],
+            'task': [trial.task for trial in trials],
+            'simulated': [trial.simulated for trial in trials],
+            'source': [trial.source for trial in trials],
+            'why_not': [trial.why_not for trial in trials],
+        }
+        for name in dict.fromkeys(name for trial in trials for name in trial.columns):
+            found.setdefault(name, [trial.columns.get(name) for trial in trials])
+        return {name: _to_column(values) for name, values in found.items()}
+
+    def to_frame(self) -> Any:
+        """Return `columns` as a pandas.DataFrame with one row per trial."""
+        import pandas  # slow to import
+
+        return pandas.DataFrame(self.columns)
+
+    def select(self, where: Where) -> TrialSet:
+        """Return a set with some of the trials.
+
+        Parameters
+        ----------
+        where : str, or array_like of bool of shape (trials,)
+            ``COLUMN=VALUE[,VALUE...]`` with a name of `columns`, ``COLUMN`` for a boolean column,
+            or a mask.
+
+        Raises
+        ------
+        TactileError
+            When there is no such column, no trial is selected, or the mask has another shape.
+        """
+        chosen = np.flatnonzero(self._find_mask(where)).tolist()
+        return self._change([(i, self.trials[i]) for i in chosen])
+
+    def exclude(self, where: Where, why: str) -> TrialSet:
+        """Return a set in which some trials are excluded from training and evaluation.
+
+        Parameters
+        ----------
+        where : str, or array_like of bool of shape (trials,)
+            As in `select`.
+        why : str
+            The reason, for ``why_not``. Files are not changed.
+        """
+        if not why:
+            raise SourceError('exclude: state why the trials are excluded')
+        mask = self._find_mask(where)
+        return self._change(
+            [(i, replace(t, why_not=why) if mask[i] else t) for i, t in enumerate(self.trials)],
+            dict.fromkeys(np.flatnonzero(mask).tolist(), why),
+        )
+
+    def relabel(self, where: Where, label: str) -> TrialSet:
+        """Return a set in which some trials have another label; files are not changed.
+
+        ``where`` is as in `select`.
+        """
+        mask = self._find_mask(where)
+        return self._change(
+            [(i, replace(t, label=label) if mask[i] else t) for i, t in enumerate(self.trials)]
+        )
+
+    def find_window(
+        self, source: str, namespace: str, name: str, start_ns: int
+    ) -> tuple[Trial, str] | None:
+        """Return the trial of a window in a bag, and the reason stated in `exclude`.
+
+        None if the trial is not in this set. ``start_ns`` is the start of the window (ROS time)
+        [ns].
+        """
+        numbers = self._numbers or range(len(self.trials))
+        found = [
+            (trial.begin_ns, number, trial)
+            for number, trial in zip(numbers, self.trials, strict=True)
+            if (trial.source, trial.namespace, trial.name) == (source, namespace, name)
+            and trial.events
+            and trial.begin_ns is not None
+            and trial.begin_ns <= start_ns <= trial.events[-1].stamp_ns
+        ]
+        if not found:
+            return None
+        _, number, trial = max(found, key=lambda each: each[0])
+        return trial, self._excluded.get(number, '')
+
+    @property
+    def is_changed(self) -> bool:
+        """True for sets that `select`, `exclude` or `relabel` returned."""
+        return self._numbers is not None
+
+    def _find_mask(self, where: Where) -> NDArray[np.bool_]:
+        if isinstance(where, str):
+            # Imported lazily: it imports scikit-learn.
+            from tactile_analysis.datasets.reading import select_trials
+
+            return select_trials(self.columns, where, 'select')
+        mask = np.asarray(where)
+        if mask.shape != (len(self),) or mask.dtype.kind != 'b':
+            raise SourceError(
+                f'the mask is {mask.dtype} of shape {mask.shape}; it must be bool of shape '
+                f'({len(self)},), one per trial'
+            )
+        if not mask.any():
+            raise SourceError('the mask selects no trial')
+        return mask
+
+    def _change(
+        self,
+        trials: Sequence[tuple[int, Trial]],
+        excluded: Mapping[int, str] = MappingProxyType({}),
+    ) -> TrialSet:
+        """Return a set with these trials, each with its index in this set.
+
+        ``excluded`` has the reasons of newly excluded trials, by index.
+        """
+        numbers = self._numbers or tuple(range(len(self)))
+        found = copy(self)
+        found.__dict__ |= {
+            'trials': tuple(trial for _, trial in trials),
+            '_numbers': tuple(numbers[i] for i, _ in trials),
+            '_excluded': {**self._excluded, **{numbers[i]: why for i, why in excluded.items()}},
+        }
+        return found
+
+    def _keep(self, loaded: LabelledTrials) -> LabelledTrials:
+        """Return the included trials of an archive with their present labels."""
+        if self._numbers is None:
+            return loaded
+        rows = [*self._whole.rows.tolist(), *(each.row for each in self._whole.skipped)]
+        kept = {
+            rows[number]: trial.label
+            for number, trial in zip(self._numbers, self.trials, strict=True)
+            if not trial.why_not
+        }
+        mask = np.isin(loaded.rows, list(kept))
+        if not mask.any():
+            raise SourceError(f'{self.paths[0]}: no trial is included')
+        labels = np.array([kept[row] for row in loaded.rows[mask].tolist()])
+        return replace(loaded.take(mask), label=labels)
+
+    def _kept_raw(self) -> tuple[RawTrial, ...]:
+        """Return the trials of files that are not excluded, with their present labels."""
+        if self._numbers is None:
+            return self._raw
+        return tuple(
+            replace(self._raw[n], columns={**self._raw[n].columns, 'label': trial.label})
+            for n, trial in zip(self._numbers, self.trials, strict=True)
+            if n not in self._excluded
+        )
 
     # -- trials of other software ------------------------------------------------------------
 
@@ -267,11 +446,14 @@ class TrialSet:
             When the trials are unusable as a data set.
         """
         if self._arrays is not None:
-            trials = self._from_arrays(folds=folds, skip_bad=skip_bad, needs_label=needs_label)
+            trials = self._from_arrays(
+                folds=folds, skip_bad=skip_bad or self.is_changed, needs_label=needs_label
+            )
+            trials = self._keep(trials)
             return replace(trials, steps=(*self.notes, *trials.steps))
-        if needs_label and self._found.no_label is not None:
+        if needs_label and self._found.no_label is not None and not all(t.label for t in self):
             raise self._found.no_label
-        raw, notes = self._raw, ImportNotes(self.notes)
+        raw, notes = self._kept_raw(), ImportNotes(self.notes)
         if self.is_own:
             raw = tuple(_raw_of(trial, name) for trial, name in self._named_trials())
         arrays = arrays_from_trials(raw, self._options.rate_hz, notes, skip_bad=skip_bad)
@@ -312,13 +494,6 @@ class TrialSet:
         stated_hz = None if self._arrays is None else self.rate_hz
         return build_long_table(self._named_trials(), stated_hz)
 
-    def to_frame(self) -> Any:
-        """Return `to_table` as a pandas.DataFrame."""
-        import pandas  # slow to import
-
-        frame: pandas.DataFrame = self.to_table().to_pandas()
-        return frame
-
     @property
     def rate_hz(self) -> float | None:
         """Sample rate of all trials [Hz]; None if unknown or not the same for all."""
@@ -331,6 +506,10 @@ class TrialSet:
         else:
             rates = {raw.rate_hz for raw in self._raw}
         return rates.pop() if len(rates) == 1 else None
+
+
+def _to_column(values: Sequence[Any]) -> NDArray[Any]:
+    return np.array(values, dtype=object if any(value is None for value in values) else None)
 
 
 def _other_trial(

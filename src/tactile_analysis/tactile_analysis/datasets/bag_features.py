@@ -79,7 +79,9 @@ class BagFeatures(RecordingFeatures):
                         f'{finger}{path} was recorded with other feature parameters than '
                         f'{paths[0]}: train on each of them separately, or give --features'
                     )
-                specs |= _collect(bag, namespace, features, found, refused, left_out)
+                specs |= _collect(
+                    self.recording, bag, namespace, features, found, refused, left_out
+                )
         if not found:
             raise BagError(
                 f'no labelled trial with features in {", ".join(paths) or "no bag"}'
@@ -164,6 +166,7 @@ def _compared(features: RecordedFeatures) -> tuple[object, ...]:
 
 
 def _collect(
+    trials: TrialSet,
     bag: RecordedBag,
     namespace: str,
     features: RecordedFeatures,
@@ -186,12 +189,22 @@ def _collect(
     }
     for window in replayed.windows:
         event = event_before(window, events[window.trial_id])
+        excluded = ''
+        if trials.is_changed:
+            place = str(bag.path), namespace, window.trial_id
+            known = trials.find_window(*place, window.window_start_ns)
+            if known is None:
+                continue
+            trial, excluded = known
+            event = replace(event, object_label=trial.label)
         end = _end_after(window, events[window.trial_id])
         # The task follows from the features: a trial may have a window of the other protocol.
         key = task_of(window.feature_set), event.contact, window.specification_digest
         if window.outcome == WindowOutcome.OK and _identify(window) in refused:
             continue
-        if window.trial_id in dropped:
+        if excluded:
+            left_out.append(f'{window.trial_id}: {excluded}')
+        elif window.trial_id in dropped:
             left_out.append(f'{window.trial_id}: {dropped[window.trial_id]}')
         elif window.outcome != WindowOutcome.OK:
             left_out.append(f'{window.trial_id}: {window.reason}')

@@ -129,6 +129,12 @@ def _classify_bags(recording: TrialSet, models: ModelSet) -> Iterator[Classified
                 events[event.trial_id].append(event)
             for window in replayed.windows:
                 label = event_before(window, events[window.trial_id]).object_label
+                if recording.is_changed:
+                    place = str(bag.path), namespace, window.trial_id
+                    known = recording.find_window(*place, window.window_start_ns)
+                    if known is None:
+                        continue
+                    label = known[0].label
                 for model in models.find(window):
                     answer = model.answer(window)
                     yield ClassifiedTrial(window.trial_id, str(bag.path), label, model, answer)

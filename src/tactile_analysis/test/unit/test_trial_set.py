@@ -15,6 +15,7 @@ import pytest
 from tactile_analysis import SourceError, SourceOptions, TrialSet
 from tactile_classifier.datasets.archive import load_archive, save_archive
 from tactile_classifier.errors import DatasetError
+from tactile_ros.errors import TactileError
 from tactile_testing.recordings import check_source
 
 
@@ -259,10 +260,40 @@ def test_a_pipe_is_no_recording(tmp_path):
         TrialSet.load(tmp_path)
 
 
-def test_the_long_table_is_a_frame(tmp_path):
+def test_the_columns_are_a_frame_with_one_row_per_trial(tmp_path):
     pytest.importorskip('pandas', reason='pandas is not installed')
-    recording = TrialSet.load(write_archive(tmp_path / 'a.npz'))
-    assert len(recording.to_frame()) == recording.to_table().num_rows
+    trials = TrialSet.load(write_archive(tmp_path / 'a.npz'))
+    frame = trials.to_frame()
+    assert len(frame) == len(trials) == 6
+    assert frame.label.tolist() == [trial.label for trial in trials]
+    assert frame.speed_mm_s.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+    assert {'session', 'mounting', 'contact', 'task', 'simulated', 'why_not'} <= {*frame}
+
+
+@pytest.mark.parametrize('source', SOURCES)
+def test_a_set_is_selected_excluded_and_relabelled_without_changing_the_loaded_one(
+    tmp_path, source
+):
+    whole = TrialSet.load(SOURCES[source](tmp_path))
+    before = whole.to_arrays()
+    pla = whole.select('label=pla')
+    assert {trial.label for trial in pla} == {'pla'}
+    np.testing.assert_array_equal(pla.to_arrays().label, before.label[before.label == 'pla'])
+    first = np.arange(len(whole)) == 0
+    without = whole.exclude(first, 'the plate was loose')
+    assert without.trials[0].why_not == 'the plate was loose'
+    assert len(without) == len(whole)
+    left = without.to_arrays()
+    assert len(left) == len(before) - 1
+    np.testing.assert_array_equal(left.x[0, :, :30], before.x[1, :, :30])
+    named = without.relabel(~first, 'cork').to_arrays()
+    assert set(named.label) == {'cork'}
+    assert len(named) == len(before) - 1
+    assert without.select(first).trials[0].why_not
+    np.testing.assert_array_equal(whole.to_arrays().label, before.label)
+    for wrong in ('label=gone', 'nothing=1', first[1:]):
+        with pytest.raises(TactileError):
+            whole.select(wrong)
 
 
 def test_a_list_file_stands_for_its_recordings(tmp_path):

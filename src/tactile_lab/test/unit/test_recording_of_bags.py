@@ -11,7 +11,7 @@ import pytest
 from tactile_command import ask_tactile
 
 from tactile_analysis import TrialSet
-from tactile_analysis.datasets.feature_tables import open_features
+from tactile_analysis.datasets.feature_tables import features_of, open_features
 from tactile_analysis.report.recordings import usual_splits
 from tactile_analysis.report.summary import describe_sources
 from tactile_analysis.sources.files import SourceError
@@ -136,6 +136,22 @@ def test_specimens_of_the_journal_are_a_column_that_can_be_held_out(stiffness_ba
     split = grouped_split(table, ['specimen'])
     assert split.name == 'one specimen held out'
     assert ('specimen',) in usual_splits(table)[0]
+
+
+def test_features_are_of_the_selected_and_relabelled_trials(stiffness_bag):
+    with TrialSet.load(stiffness_bag) as trials:
+        (whole,) = features_of(trials).tables().tables.values()
+        label = trials.trials[0].label
+        some = trials.select(f'label={label}')
+        first = np.arange(len(some)) == 0
+        changed = some.exclude(first, 'the object was loose').relabel(~first, 'cork')
+        found = features_of(changed).tables()
+        (table,) = found.tables.values()
+        assert set(table.labels) == {'cork'}
+        np.testing.assert_array_equal(table.values, whole.values[whole.labels == label][1:])
+        assert any('the object was loose' in sentence for sentence in found.left_out)
+        (again,) = features_of(trials).tables().tables.values()
+        assert again.compute_sha256() == whole.compute_sha256()
 
 
 def test_the_journal_of_an_experiment_says_what_counts(stiffness_bag, tmp_path):
