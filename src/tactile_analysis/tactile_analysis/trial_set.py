@@ -51,6 +51,8 @@ from tactile_classifier.datasets.archive import (
     read_arrays,
     trials_from_arrays,
 )
+from tactile_classifier.datasets.dataset import find_column
+from tactile_ros.errors import TactileError
 
 if TYPE_CHECKING:
     import pyarrow
@@ -59,6 +61,9 @@ if TYPE_CHECKING:
 
 OWN = 'bags with trial events'
 """Kind of a recording of bags of this package; other kinds are `SourceKind` values."""
+
+Columns = Mapping[str, NDArray[Any]]
+"""Properties of trials by name, each of shape (trials,)."""
 
 Where = str | ArrayLike
 """Selection of trials; see `TrialSet.select`."""
@@ -312,9 +317,6 @@ class TrialSet:
 
     def _find_mask(self, where: Where) -> NDArray[np.bool_]:
         if isinstance(where, str):
-            # Imported lazily: it imports scikit-learn.
-            from tactile_analysis.datasets.reading import select_trials
-
             return select_trials(self.columns, where, 'select')
         mask = np.asarray(where)
         if mask.shape != (len(self),) or mask.dtype.kind != 'b':
@@ -606,3 +608,41 @@ def _read_others(
 
 def _examples(leaves: Sequence[SourceFile]) -> str:
     return ', '.join({leaf.kind: leaf.name for leaf in leaves}.values())
+
+
+def select_trials(columns: Columns, text: str, option: str) -> NDArray[np.bool_]:
+    """Return a mask of the trials with ``COLUMN=VALUE[,VALUE...]``, or with a true ``COLUMN``.
+
+    Raises `TactileError` if the column does not exist, the value is invalid for the column, or no
+    trial is selected.
+    """
+    asked, equals, values = text.partition('=')
+    name = find_column(columns, asked)
+    if name not in columns:
+        raise TactileError(
+            f'--{option}: there is no column "{asked}"; there are: {", ".join(columns) or "none"}'
+        )
+    column = np.asarray(columns[name])
+    if not equals:
+        if column.dtype.kind not in 'biu':
+            raise TactileError(f'--{option}: column {name} is not boolean; write {name}=VALUE')
+        chosen = column.astype(bool)
+    else:
+        chosen = np.isin(column, [_value(v, column, name, option) for v in values.split(',')])
+    if not chosen.any():
+        raise TactileError(f'--{option}: no trial has {text if equals else f"{name} = True"}')
+    return chosen
+
+
+def _value(text: str, column: NDArray[Any], name: str, option: str) -> Any:
+    """Convert ``text`` to the type of the column."""
+    if column.dtype.kind == 'U':
+        return text
+    if column.dtype.kind == 'b' and text.lower() in ('true', 'false'):
+        return text.lower() == 'true'
+    try:
+        return column.dtype.type(float(text) if column.dtype.kind == 'b' else text)
+    except (ValueError, OverflowError) as error:
+        raise TactileError(
+            f'--{option}: "{text}" is not a valid value of column {name} ({column.dtype})'
+        ) from error

@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_analysis.datasets.reading import parse_span, Reading, select_trials
+from tactile_analysis.datasets.reading import parse_span, Reading
 from tactile_analysis.sources.files import SourceOptions
-from tactile_analysis.trial_set import TrialSet
+from tactile_analysis.trial_set import select_trials, TrialSet
 from tactile_bags.trial import Trial
 from tactile_classifier.datasets.archive import LabelledTrials, Skipped
 from tactile_classifier.datasets.dataset import FeatureTable, usable_table

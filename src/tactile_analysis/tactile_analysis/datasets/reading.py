@@ -5,15 +5,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tactile_analysis.trial_set import Columns, select_trials
 from tactile_classifier.datasets.archive import LabelledTrials
-from tactile_classifier.datasets.dataset import FeatureTable, find_column
+from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import Split, stated_split
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
@@ -22,7 +22,6 @@ from tactile_features.feature_sets.texture_spatial import SpatialWindow
 from tactile_features.types import PHASE_GLIDE, SET_TEXTURE_SPATIAL
 from tactile_ros.errors import TactileError
 
-Columns = Mapping[str, NDArray[Any]]
 Trials = TypeVar('Trials', LabelledTrials, FeatureTable)
 
 
@@ -180,44 +179,6 @@ def select_features(table: FeatureTable, names: str | None) -> FeatureTable:
         units=tuple(table.spec.units[i] for i in chosen),
     )
     return FeatureTable(table.values[:, chosen], table.labels, spec, table.columns)
-
-
-def select_trials(columns: Columns, text: str, option: str) -> NDArray[np.bool_]:
-    """Return a mask of the trials with ``COLUMN=VALUE[,VALUE...]``, or with a true ``COLUMN``.
-
-    Raises `TactileError` if the column does not exist, the value is invalid for the column, or no
-    trial is selected.
-    """
-    asked, equals, values = text.partition('=')
-    name = find_column(columns, asked)
-    if name not in columns:
-        raise TactileError(
-            f'--{option}: there is no column "{asked}"; there are: {", ".join(columns) or "none"}'
-        )
-    column = np.asarray(columns[name])
-    if not equals:
-        if column.dtype.kind not in 'biu':
-            raise TactileError(f'--{option}: column {name} is not boolean; write {name}=VALUE')
-        chosen = column.astype(bool)
-    else:
-        chosen = np.isin(column, [_value(v, column, name, option) for v in values.split(',')])
-    if not chosen.any():
-        raise TactileError(f'--{option}: no trial has {text if equals else f"{name} = True"}')
-    return chosen
-
-
-def _value(text: str, column: NDArray[Any], name: str, option: str) -> Any:
-    """Convert ``text`` to the type of the column."""
-    if column.dtype.kind == 'U':
-        return text
-    if column.dtype.kind == 'b' and text.lower() in ('true', 'false'):
-        return text.lower() == 'true'
-    try:
-        return column.dtype.type(float(text) if column.dtype.kind == 'b' else text)
-    except (ValueError, OverflowError) as error:
-        raise TactileError(
-            f'--{option}: "{text}" is not a valid value of column {name} ({column.dtype})'
-        ) from error
 
 
 def parse_span(text: str) -> tuple[float, float]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from tactile_command import ask_and_hear_tactile, ask_tactile, hear_tactile
 
-from tactile_analysis.datasets.reading import select_trials
+from tactile_analysis.trial_set import select_trials
 from tactile_bags import EVENT
 from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.datasets.dataset import table_from_trials
