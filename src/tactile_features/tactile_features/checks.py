@@ -23,16 +23,16 @@ from tactile_features.feature_sets.registry import CHOOSER
 FloatArray = NDArray[np.float64]
 
 SAMPLES = 180
-"""Samples of a window if neither the feature set nor the speed determines the number."""
+"""Number of samples in a window if neither the feature set nor the speed determines it."""
 
 SPEED_M_S = 0.015
 """Sliding speed of the windows [m/s]."""
 
 FEW = 10
-"""Batches with fewer windows are computed repeatedly."""
+"""A batch with fewer windows than this is computed three times, a larger one once."""
 
 BATCHES = (1, 6, 129, 481)
-"""Numbers of windows in a batch; large batches use other algorithms of linear algebra."""
+"""Numbers of windows in a batch; linear algebra uses other algorithms for large batches."""
 
 
 class FeatureSetCheckError(FeatureError):
@@ -55,12 +55,16 @@ def check_feature_set(
     config: WindowParameters | None = None,
     windows: FloatArray | None = None,
 ) -> None:
-    """Check that a feature set keeps the contract of `FeatureSet`.
+    """Check that a feature set fulfils the contract of `FeatureSet`.
 
-    It checks that the attributes are valid, that names are distinct, that `compute` returns one
-    finite float64 for each name and does not change its input, that a window gives the same bits
-    by itself and at any place in a batch, and that the error for windows without a value lists
-    all of them. It does not check that the values are correct.
+    The following is checked:
+
+    - The attributes are valid, and the names of the features are distinct.
+    - `compute` returns one finite float64 for each name, and does not change its input.
+    - A window gives the same bits by itself as at any place in a batch.
+    - If windows have no value, the error lists all of them.
+
+    The check does not show whether the values are correct.
 
     Parameters
     ----------
@@ -68,7 +72,8 @@ def check_feature_set(
     config : FeatureConfig, optional
         Parameters of the feature set; defaults if omitted.
     windows : ndarray of shape (m, n), optional
-        Further windows [N]. For a set whose window has a fixed length, n must be that length.
+        Further windows to compute [N]. If the windows of the feature set have a fixed number of
+        samples, n must be this number.
 
     Raises
     ------
@@ -84,7 +89,7 @@ def check_feature_set(
     _check_window(spec, name)
     count = spec.sample_count or SAMPLES
     names = _check_names(bound, name, rate_hz, bound.sample_count)
-    # Each glide has a different speed, so such windows are never computed in large batches.
+    # If the features need the speed, windows are computed one by one, never in large batches.
     sizes = BATCHES[:2] if feature_set.needs_speed else BATCHES
     kinds = [_make_windows(rows, count) for rows in sizes]
     if windows is not None:
@@ -119,7 +124,7 @@ def _check_attributes(feature_set: type[FeatureSet], name: str) -> None:
         not unknown,
         'attributes',
         f'{name}: cut, options and count_field must name fields of FeatureConfig that feature '
-        f'sets see; {", ".join(sorted(unknown))} is not such a field',
+        f'sets can read; {", ".join(sorted(unknown))} is not such a field',
     )
     _require(
         bool(counted) or not feature_set.can_be_early,
@@ -133,7 +138,7 @@ def _check_window(spec: WindowSpec, name: str) -> None:
     _require(
         all(np.isfinite(length) and length >= 0 for length in lengths),
         'window',
-        f'{name}: window() returned {spec}; lengths must be finite and not negative',
+        f'{name}: window() returned {spec}; its values must be finite and not negative',
     )
 
 
@@ -145,7 +150,7 @@ def _check_names(bound: FeatureSet, name: str, rate_hz: float, count: int) -> li
     _require(
         bool(names) and is_text and len(set(names)) == len(names) and described == again,
         'names',
-        f'{name}: describe() must return the same distinct names with units at each call',
+        f'{name}: describe() must return distinct names with units, and the same at each call',
     )
     return names
 
@@ -196,7 +201,8 @@ def _check_values(
                 for each in again
             ),
             'repeatable',
-            f'{name}: compute() returned other bits in the second call; keep no state',
+            f'{name}: compute() returned other bits when it was called again; it must not depend '
+            'on earlier calls',
         )
         one = _compute(bound, batch[last].copy(), rate_hz, speed_m_s)
         is_same = one.shape == (features,) and one.tobytes() == values[last].tobytes()
@@ -209,8 +215,8 @@ def _check_values(
     _require(
         is_same,
         'batch',
-        f'{name}: a window gives other bits by itself than in a batch of {len(batch)}; use sums '
-        'along the last axis instead of matrix products',
+        f'{name}: a window gives other bits by itself than in a batch of {len(batch)} windows; '
+        'use sums along the last axis instead of matrix products',
     )
 
 
@@ -225,8 +231,8 @@ def _check_undefined(
         _require(
             error.windows == (1, 3),
             'undefined',
-            f'{name}: windows 1 and 3 of a batch are constant, and UndefinedFeatureError.windows '
-            f'is {error.windows}; name all windows without a value',
+            f'{name}: windows 1 and 3 of a batch are constant, but UndefinedFeatureError.windows '
+            f'is {error.windows}; it must contain the indices of all windows without a value',
         )
     else:
         _require(

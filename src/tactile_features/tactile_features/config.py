@@ -55,7 +55,7 @@ class FeatureConfig(WindowParameters):
     )
     samples_timeout_s: float = parameter(
         5.0,
-        'a window is refused when its samples are missing this long after the end of its phase',
+        'time to wait for missing samples after the end of a phase; then its window is refused',
         unit='s',
         range=(0.5, 600.0),
     )
@@ -72,7 +72,7 @@ class FeatureConfig(WindowParameters):
     )
     buffer_s: float = parameter(
         120.0,
-        'how long samples are kept for the events of their trial, and events for their samples',
+        'longest time that samples wait for trial events, and trial events for samples',
         unit='s',
         range=(1.0, 600.0),
     )
@@ -139,7 +139,7 @@ class FeatureConfig(WindowParameters):
         )
 
     def without_detection(self) -> FeatureConfig:
-        """Return these parameters with stated phases and the defaults for detected ones."""
+        """Return a copy with stated phases and the default of each ``detected_*`` parameter."""
         found: dict[str, Any] = {
             item.name: item.default
             for item in dataclasses.fields(self)
@@ -169,7 +169,7 @@ class FeaturesNodeConfig(FeatureConfig):
     )
     contact: str = parameter(
         '',
-        'ignore models of another contact than this one; if empty, use models of any contact',
+        'use only models of this contact; if empty, use models of any contact',
         choices=('', CONTACT_FLEXION, CONTACT_ABDUCTION),
     )
 
@@ -180,7 +180,7 @@ class FeaturesNodeConfig(FeatureConfig):
 
 
 def round_rate(rate_hz: float) -> float:
-    """Return a measured rate [Hz] with three digits, unless that changes it by 0.1 % or more."""
+    """Round a measured rate [Hz] to three digits; to six if three change it by 0.1 % or more."""
     short = float(f'{rate_hz:.3g}')
     return short if abs(short / rate_hz - 1.0) < 1e-3 else float(f'{rate_hz:.6g}')
 

@@ -3,9 +3,9 @@
 
 """Conversion of ROS messages to records and back.
 
-The functions ``*_from_msg`` read fields by name only. They accept messages of rclpy and
-messages that the rosbags library has deserialised. They raise `MessageError` for a message with
-invalid or unknown values.
+The functions ``*_from_msg`` read fields by name only. They therefore accept messages of rclpy and
+messages that the rosbags library deserialised. If a message has invalid or unknown values, they
+raise `MessageError`.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ def strain_block_from_msg(msg: Any) -> StrainBlock:
 
 
 def check_record(block: StrainBlock) -> StrainBlock:
-    """Return a driver's block as if it came in a message: checked, read-only, without wrench."""
+    """Check a block of a driver; return it read-only and without wrench, like a received block."""
     if block.wrench is not None or block.tension_n.flags.writeable:
         tension_n = block.tension_n.view()
         tension_n.flags.writeable = False  # other stages share the array
@@ -141,7 +141,7 @@ def event_from_msg(msg: Any) -> TrialEvent:
 
 
 def feature_window_from_record(window: FeatureWindow) -> FeatureWindow:
-    """Return a window of this process as if it came in a message: checked and read-only."""
+    """Check a window and make its values read-only, like those of a received window."""
     window.values.flags.writeable = False
     return check_window(window)
 
@@ -224,7 +224,7 @@ def specifications_from_msg(msg: Any) -> FeatureSpecifications:
     """
     config = _from_json('config', msg.config)
     if not isinstance(config, dict):
-        raise MessageError('config is not a JSON object of parameters by name')
+        raise MessageError('config is not a JSON object that maps parameter names to values')
     specs = tuple(_spec_from_msg(entry) for entry in msg.specifications)
     return FeatureSpecifications(specs, config, _stamp_from_msg(msg.header.stamp))
 
@@ -239,7 +239,7 @@ def _spec_from_msg(msg: Any) -> FeatureSpec:
     fields = {
         field.name: getattr(msg, field.name)
         for field in dataclasses.fields(FeatureSpec)
-        if hasattr(msg, field.name)  # a live node has one signal, and names no channel
+        if hasattr(msg, field.name)  # the message has no channel: a live node has one signal
     }
     fields['parameters'] = {
         name: _from_json(name, value) for name, value in zip(names, values, strict=True)

@@ -18,8 +18,8 @@ class UndefinedFeatureError(FeatureError):
     Attributes
     ----------
     windows : tuple of int
-        Indices of all windows of a batch for which the feature is undefined; otherwise empty
-        or (0,).
+        For a batch, the indices of all windows whose feature is undefined. For a single window,
+        empty or (0,).
     """
 
     def __init__(self, message: str, windows: tuple[int, ...] = ()) -> None:

@@ -1,10 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Feature sets as scikit-learn transformers. No other module of this package imports scikit-learn.
+"""Feature sets as scikit-learn transformers.
 
-Each transformer takes windows that are already cut, and computes the same numbers as the feature
-node for the same samples.
+Each transformer takes windows that are already cut out of their phases. For the same samples, it
+computes the same numbers as the feature node. No other module of this package imports
+scikit-learn.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ _Fitted = TypeVar('_Fitted', bound='FeatureTransformer')
 def validate_data(estimator: Any, *arrays: Any, **options: Any) -> Any:
     """Check the arrays of ``fit`` or ``predict`` with any supported version of scikit-learn.
 
-    Arguments and errors are those of `sklearn.utils.validation.validate_data`.
+    The arguments and the errors are the same as in `sklearn.utils.validation.validate_data`.
     """
     if hasattr(validation, 'validate_data'):
         return validation.validate_data(estimator, *arrays, **options)
@@ -44,15 +45,16 @@ def validate_data(estimator: Any, *arrays: Any, **options: Any) -> Any:
 class FeatureTransformer(TransformerMixin, BaseEstimator):
     """Base class of the transformers.
 
-    To use a feature set of another package in a pipeline, derive a class with its name in
-    ``feature_set`` and a constructor that stores ``rate_hz``.
+    To use a feature set of another package in a pipeline, derive a class from this one. Set
+    ``feature_set`` to the name of the feature set, and write a constructor that stores
+    ``rate_hz``.
 
     Attributes
     ----------
     feature_set : str
         Name of a registered feature set.
     options : mapping of str to str
-        Field of `FeatureConfig` by the name of the constructor's parameter.
+        Maps each parameter of the constructor to the field of `FeatureConfig` that it sets.
     specification_ : FeatureSpec
         Names, units and options of the features, after ``fit``.
     n_features_in_ : int
@@ -65,7 +67,7 @@ class FeatureTransformer(TransformerMixin, BaseEstimator):
     rate_hz: float
 
     def fit(self: _Fitted, X: ArrayLike, y: Any = None) -> _Fitted:  # noqa: N803
-        """Check the parameters, and learn the number of samples in a window.
+        """Check the parameters, and store the specification of the features.
 
         Parameters
         ----------
@@ -104,14 +106,15 @@ class FeatureTransformer(TransformerMixin, BaseEstimator):
         Returns
         -------
         ndarray of shape (windows, features)
-            Features in the order of `get_feature_names_out`; ``specification_.units`` has their
-            units.
+            Features in the order of `get_feature_names_out`. Their units are in
+            ``specification_.units``.
 
         Raises
         ------
         ValueError
-            When the shape is another than in ``fit``, a value is not finite, or a feature of a
-            window is undefined; the message has the number of the window.
+            When the number of columns differs from ``fit``, a value is not finite, or a feature
+            of a window is undefined. For an undefined feature, the message has the number of the
+            window.
         """
         check_is_fitted(self)
         rows = validate_data(self, X, dtype=np.float64, reset=False)
@@ -128,7 +131,7 @@ class FeatureTransformer(TransformerMixin, BaseEstimator):
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[Any]:
         """Return the names of the features, an array of str objects of shape (features,).
 
-        ``input_features`` are the names of the columns of ``X``. They are only checked.
+        If ``input_features`` is given, it must equal the column names of ``X`` in ``fit``.
         """
         check_is_fitted(self)
         validation._check_feature_names_in(self, input_features)  # noqa: SLF001
@@ -266,8 +269,8 @@ class HoldWaveform(FeatureTransformer):
 class SpatialTransformer(FeatureTransformer):
     """Base class of the transformers over distance, which need the sliding speed of each window.
 
-    The windows of ``X`` have equally many samples. Where a window of ``length_m`` has fewer
-    samples at its speed, the middle of the row is used.
+    All rows of ``X`` have the same number of samples. At some speeds, a window of ``length_m`` has
+    fewer samples than its row. Then the middle of the row is used.
     """
 
     options = MappingProxyType({'length_m': 'spatial_length_m', 'finest_m': 'spatial_finest_m'})
@@ -355,7 +358,7 @@ class SpatialWaveform(SpatialTransformer):
 
 @contextmanager
 def _as_value_error() -> Iterator[None]:
-    """Raise a `ValueError`, as scikit-learn expects it, in place of a `FeatureError`."""
+    """Raise a `ValueError`, as scikit-learn expects, instead of a `FeatureError`."""
     try:
         yield
     except FeatureError as error:

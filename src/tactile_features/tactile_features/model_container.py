@@ -3,14 +3,14 @@
 
 """Container of a model file: arrays and a JSON manifest in one ``.npz`` file.
 
-NumPy reads the file without pickle: ``np.load('texture.npz')``. The array ``manifest`` holds the
-manifest as JSON, and ``sha256`` the digest over all other arrays. The digest detects damage; it is
-not a signature.
+NumPy reads the file without pickle: ``np.load('texture.npz')``. The array ``manifest`` contains
+the manifest as JSON. The array ``sha256`` contains the digest of all other arrays. The digest
+detects damage; it is not a signature.
 
-A model file is untrusted input. Only `open_container` reads it. The function accepts a subset of
-the format: uncompressed arrays of four types, with headers as `numpy.savez` writes them. Sizes are
-compared with the number of bytes in the file before an array is read. Nothing in a file is
-evaluated, and no entry can name a file or a class.
+A model file is untrusted input. Only `open_container` reads it. This function accepts a subset of
+the ``.npz`` format: uncompressed arrays of four types, with the headers that `numpy.savez` writes.
+Before an array is read, its size is compared with the number of bytes in the file. Nothing in the
+file is evaluated, and no entry can refer to another file or to a class.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Container(NamedTuple):
 
 
 def pack_container(manifest: Mapping[str, Any], arrays: Arrays) -> bytes:
-    """Return the bytes of a model file; equal contents give equal bytes.
+    """Return the bytes of a model file. Equal contents give equal bytes.
 
     Names of arrays consist of lower-case letters, digits, ``_`` and ``.``. Arrays are doubles,
     floats or 64-bit integers, with up to four dimensions. Raises ModelFileError when the file
@@ -75,7 +75,7 @@ def pack_container(manifest: Mapping[str, Any], arrays: Arrays) -> bytes:
     size = sum(each.nbytes for each in contents.values())
     if size > MAX_MODEL_BYTES - MAX_MANIFEST_BYTES or len(text) > MAX_MANIFEST_BYTES:
         raise ModelFileError(
-            f'it would have {(size + len(text)) / 2**20:.0f} MiB, the limit is '
+            f'it would have {(size + len(text)) / 2**20:.0f} MiB, but the limit is '
             f'{MAX_MODEL_BYTES >> 20} MiB: train it on fewer trials or shorter windows'
         )
     contents[MANIFEST] = np.array(text)
@@ -103,13 +103,13 @@ def read_limited(path: Path) -> bytes:
     size = path.stat().st_size
     if size > MAX_MODEL_BYTES:
         raise ModelFileError(
-            f'it has {size / 2**20:.0f} MiB, the limit is {MAX_MODEL_BYTES >> 20} MiB'
+            f'it has {size / 2**20:.0f} MiB, but the limit is {MAX_MODEL_BYTES >> 20} MiB'
         )
     return path.read_bytes()
 
 
 def is_model_file(path: Path) -> bool:
-    """Return True for a ``.npz`` file with a manifest; archives of trials have none."""
+    """Return True for a ``.npz`` file with a manifest; archives of trials have no manifest."""
     try:
         with zipfile.ZipFile(path) as file:
             return f'{MANIFEST}.npy' in file.namelist()
@@ -120,8 +120,8 @@ def is_model_file(path: Path) -> bool:
 def open_container(data: bytes) -> Container:
     """Return the contents of a model file after checking it completely.
 
-    Raises ModelFileError when the data are not a ``.npz`` file, lack the manifest or the digest,
-    were changed after they were written, or contain anything but plain arrays.
+    Raises ModelFileError when the data are not a ``.npz`` file, have no manifest or no digest,
+    were changed after they were written, or contain anything except plain arrays.
     """
     arrays = _read_arrays(data)
     missing = {MANIFEST, DIGEST} - arrays.keys()
@@ -156,7 +156,7 @@ def _read_arrays(data: bytes) -> dict[str, npt.NDArray[Any]]:
         with zipfile.ZipFile(io.BytesIO(data)) as file:
             members = file.infolist()
             if sum(member.file_size for member in members) > len(data):
-                raise ModelFileError('it announces more bytes than it has')
+                raise ModelFileError('its index states more bytes than the file has')
             for member in members:
                 name = _check_member(member)
                 if name in arrays:
@@ -168,7 +168,7 @@ def _read_arrays(data: bytes) -> dict[str, npt.NDArray[Any]]:
 
 
 def _check_index(data: bytes) -> None:
-    """Refuse data that are not a ZIP file, or whose index takes long to read."""
+    """Refuse data that are not a ZIP file, or whose index is too large."""
     if not data.startswith(b'PK\x03\x04'):
         raise ModelFileError('it is not an .npz file')
     signature, *_, size, _, _ = _END.unpack(data[-_END.size :].rjust(_END.size, b'\0'))
@@ -193,14 +193,15 @@ def _parse_array(name: str, data: bytes) -> npt.NDArray[Any]:
     header = _HEADER.match(data)
     if header is None or header.end() != 10 + int.from_bytes(data[8:10], 'little'):
         raise ModelFileError(
-            f'its array "{name}" is not of doubles, floats, 64-bit integers or bytes'
+            f'its array "{name}" does not consist of doubles, floats, 64-bit integers or bytes'
         )
     dtype = np.dtype(header[1].decode())
     shape = tuple(int(size) for size in header[2].replace(b' ', b'').split(b',') if size)
     size = math.prod(shape) * dtype.itemsize
     if size != len(data) - header.end():
         raise ModelFileError(
-            f'its array "{name}" announces {size} bytes and has {len(data) - header.end()}'
+            f'the header of its array "{name}" states {size} bytes, but the array has '
+            f'{len(data) - header.end()}'
         )
     if not size:
         return np.empty(shape, dtype)

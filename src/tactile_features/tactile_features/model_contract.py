@@ -31,7 +31,7 @@ LONGEST_BUFFER_S = 600.0
 """Largest buffer; every window that a feature node can compute fits into it [s]."""
 
 MOST_NAMED = 5
-"""Number of refused files that one error names; further files are counted."""
+"""One error describes at most this number of refused files, and counts the others."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class FeaturePlan:
 
 
 def plan_features(config: FeatureConfig, models: str | Path, contact: str = '') -> FeaturePlan:
-    """Return the features that model files need; without ``models``, the plan is empty.
+    """Return the features that model files need; if ``models`` is empty, the plan is empty.
 
     Raises `ModelFileError` when no file is usable.
     """
@@ -129,7 +129,7 @@ def check_version(manifest: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def parse_spec(fields: Mapping[str, Any]) -> FeatureSpec:
-    """Return the feature specification of a manifest; check its task and contact, too."""
+    """Return the feature specification of a manifest, after checking its task and contact."""
     types = {'task': str, 'contact': str, 'spec': dict, DIGEST: str}
     for name, expected in types.items():
         if type(fields.get(name)) is not expected:
@@ -175,10 +175,10 @@ _Loaded = TypeVar('_Loaded', bound=_OfContact)
 def load_usable(
     models: str | Path, contact: str, load: Callable[[Path], _Loaded]
 ) -> tuple[list[_Loaded], list[str]]:
-    """Return the result of ``load`` for each model file, and one sentence for each refused file.
+    """Load all model files; return the results, and one sentence for each refused file.
 
-    The other parameters are as in `read_contracts`. ``load`` raises `ModelFileError` to refuse a
-    file. This function raises it when no file is usable.
+    The parameters ``models`` and ``contact`` are as in `read_contracts`. To refuse a file,
+    ``load`` raises `ModelFileError`. If no file is usable, this function raises it.
     """
     loaded: list[_Loaded] = []
     refused: list[str] = []
@@ -224,7 +224,7 @@ def _list_files(models: str | Path) -> list[Path]:
 
 @contextmanager
 def refusals_of(path: str | Path) -> Iterator[None]:
-    """Add the name of the file to errors about it."""
+    """Raise errors that occur inside as `ModelFileError` with the name of the file."""
     try:
         yield
     except OSError as error:

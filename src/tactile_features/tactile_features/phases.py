@@ -6,8 +6,9 @@
     rest ── rise ──▶ held ──────────────▶ fall ── flat ──▶ rest
      contact │  hold │    glide │  release │    done │
 
-A finger is pulled, holds or glides, and is released; each of these bends the tension. How often
-and how exactly they are detected is in docs/phases.md.
+The tendon of a finger is pulled, the finger holds or glides, and the tendon is released. Each of
+these changes bends the curve of the tension. docs/phases.md shows how often and how exactly they
+are detected.
 """
 
 from __future__ import annotations
@@ -42,10 +43,10 @@ _MAD_TO_SIGMA = 1.4826
 """Ratio of the standard deviation of a normal distribution to its median absolute deviation."""
 
 _JUMPED_SHARE = 0.3
-"""A sample past this fraction of a jump counts as after the jump."""
+"""A sample that has passed this fraction of the height of a jump counts as after the jump."""
 
 REDUCED_HZ = 60.0
-"""Streams with a higher rate are averaged down to about this rate [Hz]."""
+"""If the rate of a stream is higher, its samples are averaged to about this rate [Hz]."""
 
 MEMORY = 900
 """Smallest number of latest samples that are kept."""
@@ -53,8 +54,9 @@ MEMORY = 900
 SLOPE_STEPS = 5
 """Number of sample steps over which a slope is computed."""
 
-_BEND_BEFORE = 6  # samples before the estimated place in which a bend is searched
-_BEND_AFTER = 6  # samples after it
+# A bend is searched from _BEND_BEFORE samples before its estimated position to _BEND_AFTER after.
+_BEND_BEFORE = 6
+_BEND_AFTER = 6
 
 # Chosen on training sessions of the simulator, see docs/phases.md.
 _REST_LEARN = 9  # rest samples needed before a trial can begin
@@ -62,28 +64,29 @@ _REST_MEMORY = 60  # latest rest samples used to estimate the rest level and the
 _REST_RENEW = 15  # re-estimate the rest level every 15 samples, counted by sample number
 _CONFIRM = 3  # consecutive samples that confirm a rise or a fall
 _RISE_SIGMAS = 6.0  # threshold of a rise, in standard deviations of the noise
-_ONSET_SIGMAS = 3.0  # threshold of its onset, in standard deviations of the noise
+_ONSET_SIGMAS = 3.0  # threshold of the onset of a rise, in standard deviations of the noise
 _ONSET_SHARE = 0.05  # lowest threshold of the onset, as a fraction of the threshold of a rise
-_FLAT_SHARE = 0.1  # a rise or fall ends where its slope is below this fraction of its maximum
-_FLAT_SAMPLES = 6  # for this number of consecutive samples
+_FLAT_SHARE = 0.1  # below this fraction of its maximum slope, a rise or a fall is flat
+_FLAT_SAMPLES = 6  # a rise ends after this number of consecutive flat samples
 _BEND_SHARE = 0.5  # slope near the bend, as a fraction of the maximum slope
-_AGAIN_SHARE = 0.25  # an increase by this fraction of the level is a new pull
-_FALLEN_SHARE = 0.25  # below this fraction of the level, the tendon has been released
+_AGAIN_SHARE = 0.25  # if the tension increases by this fraction of the level, a new pull begins
+_FALLEN_SHARE = 0.25  # if the tension is below this fraction of the level, a release has begun
 _RELEASE_NS = 1_000_000_000  # a release begins at most this long before half the tension is gone
 _GUARD_S = 0.15  # duration of the transient after the contact
-_GLIDE_BEFORE = 18  # largest number of samples before a glide used to detect it
-_GLIDE_LEAST = 8  # smallest number of them
-_GLIDE_AFTER = (6, 12, 24, 48)  # numbers of samples after it, tried in this order
+_GLIDE_BEFORE = 18  # largest number of samples before a glide that are used to detect it
+_GLIDE_LEAST = 8  # smallest number of samples before a glide that are used to detect it
+_GLIDE_AFTER = (6, 12, 24, 48)  # numbers of samples after its start, tried in this order
 _GLIDE_SIGMAS = 5.0  # threshold of the jump at the start of a glide, in standard deviations
 _GLIDE_SHARE = 0.015  # lowest threshold of that jump, as a fraction of the level
 _GLIDE_CONFIRM_S = 0.3  # after this time, a jump cannot be the start of a release
 
 
 def estimate_noise_n(tension_n: FloatArray) -> float:
-    """Return the standard deviation of the noise, from differences of consecutive samples [N].
+    """Estimate the standard deviation of the noise from differences of consecutive samples [N].
 
-    The median absolute difference is independent of the level and of drift, and is not affected by
-    a few samples of a contact. It can be 0 if the converter's step is coarser than the noise.
+    The median absolute difference depends neither on the level nor on drift, and a few samples of
+    a contact do not affect it. If the step of the converter is larger than the noise, the result
+    can be 0.
     """
     if len(tension_n) < 2:
         return 0.0
@@ -93,8 +96,8 @@ def estimate_noise_n(tension_n: FloatArray) -> float:
 def locate_bend(time_s: FloatArray, tension_n: FloatArray, least: int = 3) -> int:
     """Return the index of the sample at which two straight lines fit best.
 
-    Each line is fitted independently to at least ``least`` of the ``n >= 2 * least - 1`` samples
-    around one bend. The returned sample belongs to both lines.
+    The two lines are fitted independently, each to at least ``least`` samples. The returned sample
+    belongs to both lines, so at least ``2 * least - 1`` samples are needed.
     """
     errors = [
         _line_error(time_s[: i + 1], tension_n[: i + 1]) + _line_error(time_s[i:], tension_n[i:])
@@ -118,9 +121,9 @@ class Step(NamedTuple):
     height_n : float
         Height of the jump [N].
     spread : float
-        Standard deviation of the height over the standard deviation of one sample [1].
+        Standard deviation of the height divided by the standard deviation of one sample [1].
     before_n : float
-        Standard deviation of the samples before the jump about a line fitted to them [N].
+        Standard deviation of the samples before the jump from a line fitted to them [N].
     slope_n_s : float
         Common slope of the line on both sides [N/s].
     """
@@ -132,10 +135,10 @@ class Step(NamedTuple):
 
 
 def measure_step(time_s: FloatArray, tension_n: FloatArray, first_after: int) -> Step:
-    """Return the jump of a straight line with a common slope on both sides.
+    """Fit a straight line with a jump and the same slope on both sides; return the jump.
 
-    Ordinary least squares. ``first_after``, the index of the first sample after the jump, must be
-    between 3 and ``n - 1``.
+    The fit is an ordinary least-squares fit. ``first_after`` is the index of the first sample
+    after the jump; it must be between 3 and ``n - 1``.
     """
     time, tension = np.split(time_s, [first_after]), np.split(tension_n, [first_after])
     centres = [(float(t.mean()), float(x.mean())) for t, x in zip(time, tension, strict=True)]
@@ -154,9 +157,9 @@ def measure_step(time_s: FloatArray, tension_n: FloatArray, first_after: int) ->
 def locate_step(time_s: FloatArray, tension_n: FloatArray, least: int) -> int:
     """Return the index of the last sample before a jump.
 
-    First the jump of the best-fitting line is located. A jump may take several samples, so the
-    index then moves back to the sample where the jump began. ``least`` is the smallest number of
-    samples before the jump, at least 3.
+    First, the jump with the largest ratio of height to standard deviation is located. Because a
+    jump may last several samples, the index then moves back to the sample at which the jump began.
+    ``least`` is the smallest number of samples before the jump, and at least 3.
     """
     steps = {i: measure_step(time_s, tension_n, i) for i in range(least, len(time_s) - 1)}
     first_after = max(steps, key=lambda i: abs(steps[i].height_n) / steps[i].spread)
@@ -170,7 +173,7 @@ def locate_step(time_s: FloatArray, tension_n: FloatArray, least: int) -> int:
 
 
 class ReducedSignal:
-    """Samples averaged in groups; the result does not depend on their division into blocks.
+    """Means of groups of samples. They do not depend on how the samples are grouped into blocks.
 
     Attributes
     ----------
@@ -223,7 +226,7 @@ class ReducedSignal:
         tension_n = sum(tension for _, tension in self._pending) / count
         self._pending.clear()
         if self.stamp_ns and stamp_ns <= self.stamp_ns[-1]:
-            return False  # arrival times can repeat or step back
+            return False  # if stamps are arrival times, they can repeat or step back
         self.stamp_ns.append(stamp_ns)
         self.tension_n.append(tension_n)
         if len(self.stamp_ns) > 2 * MEMORY:
@@ -237,7 +240,7 @@ class ReducedSignal:
         return (self.tension_n[-1] - self.tension_n[first]) / elapsed_s
 
     def slopes(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Return the start of each slope in memory [ns], and the slope [N/s]."""
+        """Return the start [ns] and the value [N/s] of each slope over the stored means."""
         stamp_ns = np.array(self.stamp_ns)
         tension_n = np.array(self.tension_n)
         first, last = slice(None, -SLOPE_STEPS), slice(SLOPE_STEPS, None)
@@ -260,15 +263,15 @@ class ReducedSignal:
 class SignalPhases:
     """Detection of phases in a stream of samples.
 
-    The result depends only on the samples, not on their grouping into blocks. An event is returned
-    when it is certain, some tenths of a second after its stamp; a release is returned when three
-    quarters of the tension are gone. A trial whose glide leaves no trace in the tension ends as
-    aborted.
+    The result does not depend on how the samples are grouped into blocks. An event is returned
+    when it is certain, which is some tenths of a second after its stamp. A release is returned
+    when the tension has fallen to a quarter. If no glide is found in a trial of the texture
+    protocol, the trial ends as aborted.
 
-    The result does not depend on when the detection joins a stream, either. A detection that joins
-    late reports no trial until its state equals the state of a detection from the beginning: after
-    `_REST_MEMORY` samples of rest, or at the end of a trial. A stream whose first sequence
-    number is 0 is observed from its beginning.
+    The result does not depend on when the detection joins a stream, either. If it joins late, it
+    reports no trial until its state equals that of a detection that has observed the stream from
+    the beginning. This is the case after `_REST_MEMORY` samples of rest, or at the end of a trial.
+    If the first sequence number is 0, the stream is observed from its beginning.
     """
 
     def __init__(self, config: FeatureConfig) -> None:
@@ -285,7 +288,7 @@ class SignalPhases:
         self._is_settled = False
 
     def abort(self, message: str) -> list[TrialEvent]:
-        """Discard all samples; return the end of the trial that was under way, if any."""
+        """Discard all samples; return an event that aborts the current trial, if there is one."""
         is_silent = self._is_at_rest or not self._is_settled
         events = (
             [] if is_silent else [self._event(PHASE_ABORTED, self._signal.stamp_ns[-1], message)]
@@ -421,7 +424,7 @@ class SignalPhases:
         if self._glide_ns is None:
             self._glide_ns = self._find_glide()
         elif self._signal.stamp_ns[-1] - self._glide_ns > _GLIDE_CONFIRM_S * 1e9:
-            # The start of a release looks the same for a short time.
+            # For a short time, the start of a release looks like the start of a glide.
             self._has_glide = True
             return [self._event(PHASE_GLIDE, self._glide_ns)]
         return []
@@ -461,8 +464,9 @@ class SignalPhases:
     def _earliest_release_ns(self) -> int:
         """Return the earliest possible start of the release [ns].
 
-        It lies some time before half of the tension was gone. The limit is needed because a soft
-        object can relax faster at the start of a hold than a slow hand releases it.
+        The limit is a fixed time before the tension fell to half, or longer for a slow release. It
+        is needed because a soft object can relax at the start of a hold faster than a slow hand
+        releases it.
         """
         shares = (np.array(self._signal.tension_n) - self._rest_n) / self._level_n
         half = np.flatnonzero(shares >= 0.5)
@@ -500,7 +504,7 @@ class SignalPhases:
 def find_phases(
     time_ns: ArrayLike, tension_n: ArrayLike, config: FeatureConfig
 ) -> tuple[TrialEvent, ...]:
-    """Return the phases that `SignalPhases` detects in an array, in the order of time.
+    """Detect the phases in an array with `SignalPhases`; return them in the order of time.
 
     Parameters
     ----------
@@ -509,7 +513,7 @@ def find_phases(
     tension_n : array_like of shape (n,)
         Tension [N]; values that are not finite are ignored.
     config : FeatureConfig
-        ``phases`` names the protocol.
+        Its parameter ``phases`` must be the protocol, ``texture`` or ``stiffness``.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Specifications of features, which the feature node and model files compare."""
+"""Specifications of features. They show whether a model fits the windows of a feature node."""
 
 from __future__ import annotations
 
@@ -26,27 +26,28 @@ from tactile_features.feature_sets.registry import (
 )
 
 EARLY = 'early_windows'
-"""Parameter of specifications with early windows, which end before their phase."""
+"""Parameter of the specification of early windows, which are returned before the phase ends."""
 
 MEAN, ALL = 'mean', 'all'
 """Values of ``channel``: the mean of all channels, or the features of every channel."""
 
 SAME_RATE = 1e-3
-"""Largest relative difference of two equal sample rates; stamps cannot show less."""
+"""Two sample rates count as equal if their relative difference is smaller than this. Stamps cannot
+show smaller differences."""
 
 _DIGEST_DIGITS = 16
 
-_MOST_CHANNELS = 8  # number of channels that are listed by name
+_MOST_CHANNELS = 8  # largest number of channels that a text lists by name
 _NUMBER_AT_END = re.compile(r'\d+(\.\d+)?$')
 
 
 def is_same_rate(first_hz: float, second_hz: float) -> bool:
-    """Return whether two sample rates [Hz] differ by less than `SAME_RATE`."""
+    """Return True if the relative difference of two sample rates [Hz] is below `SAME_RATE`."""
     return abs(first_hz - second_hz) < SAME_RATE * abs(second_hz)
 
 
 def format_rates(first_hz: float, second_hz: float) -> tuple[str, str]:
-    """Return two rates [Hz] with the digits in which they differ."""
+    """Format two rates [Hz] with enough digits to show their difference, at least 6."""
     for digits in range(6, 17):
         texts = f'{first_hz:.{digits}g}', f'{second_hz:.{digits}g}'
         if texts[0] != texts[1]:
@@ -63,23 +64,23 @@ class FeatureSpec:
     feature_set : str
         Name of the feature set.
     version : int
-        Increased when features of the same name would have other values.
+        Version of the feature set; increased when the same features get other values.
     rate_hz : float
         Nominal sample rate of the window [Hz].
     sample_count : int
-        Samples in a window; 0 if the phase or the sliding speed decides.
+        Number of samples in a window; 0 if it depends on the phase or on the sliding speed.
     names, units : tuple of str
         One per feature.
     parameters : mapping of str to float or str
-        Position of the window within the phase, gap policy, and options of the feature set, by the
-        names of `FeatureConfig`. Windows that are already cut state only the options. Limits that
-        refuse windows without changing values are not included. ``early_windows`` is included
-        (as 1) if windows are early.
+        Position of the window within the phase, gap policy, and options of the feature set. The
+        keys are fields of `FeatureConfig`. If windows are already cut, only the options are
+        included. Limits that refuse windows, but do not change values, are not included. If
+        windows are early, ``early_windows`` is included with the value 1.
     channel : str
-        Name of the channel that the features are computed from, `MEAN` or `ALL`, for recordings
-        with several channels. Empty if the signal has only one channel, as in a live node.
+        For a recording with several channels, the name of the channel from which the features are
+        computed, `MEAN` or `ALL`. Empty if the signal has only one channel, as in a live node.
     channels : tuple of str
-        Names of all channels of these recordings; empty if ``channel`` is empty.
+        Names of all channels of the recording; empty if ``channel`` is empty.
     """
 
     feature_set: str
@@ -96,9 +97,9 @@ class FeatureSpec:
     def digest(self) -> str:
         """The first 16 hex digits of the SHA-256 of the specification as canonical JSON.
 
-        Canonical: sorted keys, no spaces, ASCII, each number as the shortest text of its double.
-        The digest is therefore the same on every platform, and for 60 and 60.0. Unused channels
-        are ignored.
+        Canonical JSON has sorted keys, no spaces and only ASCII; each number is written as the
+        shortest text of its double. The digest is therefore the same on every platform, and the
+        same for 60 and 60.0. Unused channels are ignored.
         """
         parameters = {  # adding 0.0 removes the sign of zero
             name: value if isinstance(value, str) else float(value) + 0.0
@@ -112,18 +113,18 @@ class FeatureSpec:
 
     @property
     def is_early(self) -> bool:
-        """True if a window is returned with its last sample, before the phase ends."""
+        """True if windows are returned with their last sample, before the phase ends."""
         return bool(self.parameters.get(EARLY))
 
     @property
     def missing_parameters(self) -> tuple[str, ...]:
-        """Parameters in the specifications of a feature node that this specification lacks."""
+        """Parameters that a specification of a feature node has, but this one does not have."""
         found = find_feature_set(self.feature_set)
         names = (*found.cut, *found.options) if found else ()
         return tuple(name for name in names if name not in self.parameters)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the specification for JSON, without channels where there is only one."""
+        """Return the specification for JSON; without channels if the signal has only one."""
         values = dataclasses.asdict(self)
         if not self.channel:
             del values['channel'], values['channels']
@@ -171,7 +172,8 @@ class FeatureSpec:
     def config_values(self) -> dict[str, Any]:
         """Return the fields of `FeatureConfig` that yield these features.
 
-        Specifications of windows that are already cut do not contain how they were cut.
+        If the windows are already cut, their position within the phase is not known and is left
+        out.
         """
         values: dict[str, Any] = {'rate_hz': self.rate_hz}
         found = find_feature_set(self.feature_set)
@@ -199,13 +201,14 @@ class FeatureSpec:
         Parameters
         ----------
         config : FeatureConfig
-            Other parameters: limits, time-outs, and parameters that this specification lacks
-            because its windows were already cut.
+            The remaining parameters: limits, time-outs, and parameters that this specification
+            does not have because its windows were already cut.
 
         Raises
         ------
         FeatureError
-            When these features cannot be computed, or exceed the limits of ``config``.
+            When these features cannot be computed, or their windows exceed the limits of
+            ``config``.
         """
         found = find_feature_set(self.feature_set)
         if found is None:
@@ -230,11 +233,11 @@ class FeatureSpec:
         return bound
 
     def mismatch(self, other: FeatureSpec) -> str | None:
-        """Return how the features of ``other`` differ from these, or None if they do not.
+        """Return how ``other`` differs from this specification, or None if they agree.
 
-        Parameters and channels that only one of the two specifications has are not compared,
-        because windows that are already cut lack parameters, and live signals have no channel
-        name. Rates are compared with `is_same_rate`.
+        A parameter or a channel is compared only if both specifications have it, because windows
+        that are already cut have fewer parameters, and live signals have no channel name. Rates
+        are compared with `is_same_rate`.
         """
         pairs = [
             ('feature set', self.feature_set, other.feature_set),
@@ -263,7 +266,7 @@ class FeatureSpec:
         return None
 
     def _has_names_of(self, other: FeatureSpec) -> bool:
-        """Return whether the names are equal, apart from frequencies of nearly equal rates."""
+        """Return True if the names are equal, except for the frequencies of nearly equal rates."""
         if self.names == other.names:
             return True
         if self.rate_hz == other.rate_hz or len(self.names) != len(other.names):
@@ -271,7 +274,7 @@ class FeatureSpec:
         return all(map(_differ_by_rate, self.names, other.names))
 
     def describe_channel(self) -> str:
-        """Return the used channel and the unused ones; empty if there is only one channel."""
+        """Return a text with the used and the unused channels; empty if there is only one."""
         if self.channel in (MEAN, ALL):
             return f'{self.channel} of {len(self.channels)} ({_list_some(self.channels)})'
         unused = [name for name in self.channels if name != self.channel]
@@ -303,11 +306,11 @@ class FeatureSpecifications:
     Attributes
     ----------
     specs : tuple of FeatureSpec
-        Distinct by digest.
+        The specifications, with distinct digests.
     config : mapping
-        Parameters of the node by name, as in `FeatureConfig`, which all windows share.
+        Parameters of the node, common to all windows. The keys are fields of `FeatureConfig`.
     stamp_ns : int
-        Time of the configuration, ROS time [ns].
+        Time at which the node was configured, ROS time [ns].
     """
 
     specs: tuple[FeatureSpec, ...]
@@ -369,8 +372,8 @@ def array_spec(
 ) -> FeatureSpec:
     """Return the specification of windows that are already cut.
 
-    ``config`` names the feature set and its options; defaults if omitted. Raises `FeatureError`
-    for an unknown task, or a rate [Hz] that is not positive.
+    ``config`` selects the feature set and its options; defaults if omitted. If the task is unknown
+    or the rate [Hz] is not positive, raises `FeatureError`.
     """
     if not (math.isfinite(rate_hz) and rate_hz > 0.0):
         raise FeatureError(f'the rate is {rate_hz} Hz; it must be positive')

@@ -39,19 +39,20 @@ STRAIN_TOPIC = 'tendon_sensor/strain'
 WATCH_PERIOD_S = 0.5
 
 TRIAL_POLL_S, IDLE_POLL_S = 0.01, 0.1
-"""Periods of polling the samples during a trial and between trials [s]. Windows are complete
-only during a trial; between trials, the samples fill the buffers."""
+"""Periods of polling the samples during a trial and between trials [s]. Windows become complete
+only during a trial. Between trials, samples only fill the buffers."""
 
 HISTORY_S = 5.0
-"""Latched events arrive within this time after the start [s]; later ones count as new."""
+"""Latched events arrive within this time after the start [s]. Later events count as new."""
 
 
 class FeaturesStage(Stage):
     """Stage that turns samples and events into windows of features.
 
-    The stage subscribes when it is created, so that a trial that is under way when the node is
-    activated is complete. ``emit`` is called with each window while the node is active. Invalid
-    parameters, and models of which none is usable, raise `FeatureError`.
+    The stage subscribes when it is created. If a trial has already begun when the node is
+    activated, its samples are therefore complete. While the node is active, ``emit`` is called
+    with each window. If parameters are invalid, or no model is usable, the constructor raises
+    `FeatureError`.
     """
 
     def __init__(
@@ -66,7 +67,7 @@ class FeaturesStage(Stage):
         plan = plan_features(shared, config.models, config.contact)
         self.extractor = TrialFeatureExtractor(shared, plan.specs)
         self._refused = plan.refused
-        # What came before the first samples; None once the rate of the sensor is known.
+        # Events that came before the first samples; None after the rate of the sensor is known.
         self._early_events: list[tuple[TrialEvent, bool]] | None = []
         self._follows_sensor = not plan.specs and shared.rate_hz == FeatureConfig.rate_hz
         for sentence in plan.refused:
@@ -81,7 +82,7 @@ class FeaturesStage(Stage):
         self._detected = node.create_lifecycle_publisher(
             TrialEventMsg, '~/detected_events', EVENTS
         )
-        # Latched, because recorders and classifiers need it from the start.
+        # Latched, because recorders and classifiers need the specifications when they start.
         self._specifications = node.create_publisher(
             FeatureSpecificationsMsg, '~/specifications', LATEST
         )
@@ -136,7 +137,7 @@ class FeaturesStage(Stage):
         self._node.poll_every(IDLE_POLL_S if self.extractor.is_idle else TRIAL_POLL_S)
 
     def _meet_sensor(self, sensor_hz: float, events: Sequence[tuple[TrialEvent, bool]]) -> None:
-        """Follow the rate of the sensor [Hz], or say that it does not fit the models."""
+        """Use the rate of the sensor [Hz], or warn that the models need another rate."""
         self._early_events = None
         logger = self._node.get_logger()
         rates = sorted({spec.rate_hz for spec in self.extractor.specifications})
@@ -156,8 +157,8 @@ class FeaturesStage(Stage):
             needed = ' and '.join(f'{hz:g}' for hz in others)
             self._refused = (
                 *self._refused,
-                f'the models or rate_hz need {needed} Hz, and the sensor delivers {sensor_hz:g} '
-                f'Hz: have it publish at {needed} Hz, or train on your own recordings',
+                f'the models or rate_hz need {needed} Hz, but the sensor delivers {sensor_hz:g} '
+                f'Hz: let it publish at {needed} Hz, or train on your own recordings',
             )
             logger.warning(self._refused[-1])
         if self._follows_sensor:
@@ -173,12 +174,12 @@ class FeaturesStage(Stage):
         self._specifications.publish(specifications_to_msg(announced))
 
     def _on_event(self, event: TrialEvent, published_ns: int) -> None:
-        """Process an event. After a start, latched events of earlier trials arrive first."""
+        """Process an event. When the node starts, latched events of earlier trials come first."""
         if event.stamp_ns == 0:
             raise MessageError(
                 f'the event {event.phase} of trial {event.trial_id} has no stamp: set '
                 'header.stamp = node.get_clock().now().to_msg() when the phase begins, or publish '
-                'it by `tactile event`, or by `ros2 topic pub` with "header: auto"'
+                'it with `tactile event`, or with `ros2 topic pub` and "header: auto"'
             )
         is_first = time.monotonic() - self._begun_s < HISTORY_S
         is_past = is_first and published_ns < self._begun_ns
@@ -225,12 +226,13 @@ class FeaturesStage(Stage):
 class TactileFeaturesNode(StageNode):
     """Node that publishes ``~/features`` for the trials on the strain and event topics.
 
-    Phases detected in the tension are published on ``~/detected_events``. The specification of
-    each kind of window is latched on ``~/specifications``. With the parameter ``models``, the
-    model files determine the features: full windows, early windows of several lengths, or both.
+    Phases that are detected in the tension are published on ``~/detected_events``. The
+    specification of each kind of window is latched on ``~/specifications``. If the parameter
+    ``models`` is set, the model files determine the features: full windows, early windows of
+    several lengths, or both.
 
-    A window whose samples do not arrive is refused after ``samples_timeout_s``, even if no other
-    data arrive.
+    If the samples of a window do not arrive, the window is refused after ``samples_timeout_s``,
+    even if no other data arrive.
 
     Attributes
     ----------
@@ -238,7 +240,7 @@ class TactileFeaturesNode(StageNode):
         Called with each window while the node is active. Set it before the node is configured.
     """
 
-    poll_s = TRIAL_POLL_S  # sufficient for windows of seconds, and fewer wake-ups cost less
+    poll_s = TRIAL_POLL_S  # short compared with windows of seconds; fewer wake-ups save CPU time
 
     def __init__(self, node_name: str = 'tactile_features', **node_options: Any) -> None:
         self.emit: Callable[[FeatureWindow], object] = ignore

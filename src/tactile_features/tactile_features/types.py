@@ -3,7 +3,7 @@
 
 """Input and output records of the extractor, without ROS.
 
-The constants repeat those in the messages of ``tactile_msgs``; a test compares them.
+The constants have the same values as in the messages of ``tactile_msgs``; a test compares them.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ SET_STIFFNESS_REGRESSION = 'stiffness_regression'
 
 
 def contacts_agree(first: str, second: str) -> bool:
-    """Return True if two contacts are equal or at least one of them is not stated."""
+    """Return True if two contacts are equal or at least one of them is empty (unknown)."""
     return len({first, second} - {''}) < 2
 
 
@@ -99,7 +99,8 @@ class FeatureWindow:
     specification_digest : str
         `FeatureSpec.digest` of the specification of the values; empty if unknown.
     stamp_error_s : float
-        Largest bound on the stamp error of its samples [s]; negative if unknown.
+        Bound on the stamp error, the largest of all samples of the window [s]; negative if
+        unknown.
     """
 
     feature_set: str

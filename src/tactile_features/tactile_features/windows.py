@@ -26,10 +26,10 @@ SAMPLE = np.dtype(
         ('interpolated', np.bool_),
     ]
 )
-"""One sample. ``latest_ns``: running maximum of the stamps, for binary search. ``stamp_error_s``:
-bound on the error of the stamp; negative if unknown. ``step_ns``: step of the host's clock between
-the previous sample and this one. ``hole``: samples are missing between them, the samples paused,
-or the clock was stepped."""
+"""One sample. ``latest_ns`` is the running maximum of the stamps, for binary search.
+``stamp_error_s`` is a bound on the error of the stamp; negative if unknown. ``step_ns`` is the
+step of the host's clock between the previous sample and this one. ``hole`` is True if samples are
+missing between the previous sample and this one, the samples paused, or the clock was stepped."""
 
 _LARGEST_STEP_NS = 1 << 62
 
@@ -41,35 +41,37 @@ _BREAKS = _CLOCK_STEP | int(StrainStatus.RECONNECTED)
 _EVENTS = _BREAKS | _RESYNCHRONISED
 
 SET_BACK_NS = 1_000_000_000
-"""Stamps that lie further back than this mean that the clock was set back [ns]."""
+"""If the stamps of a block are further back than this, the clock was set back [ns]."""
 
 PAUSE_NS = 500_000_000
-"""Largest jump of the stamps at a resynchronised block, beyond its sequence numbers [ns]."""
+"""If the stamps jump by more than this at a resynchronised block, in addition to the time that
+its sequence numbers explain, the samples have paused [ns]."""
 
 Samples = NDArray[Any]
 """An array of `SAMPLE`."""
 
 
 class SampleBuffer:
-    """Buffer of samples; the result does not depend on the sizes of the blocks.
+    """Buffer of samples. Its contents do not depend on how samples are grouped into blocks.
 
-    - A block that repeats sequence numbers is late or a duplicate. Its repeated samples are
-      dropped. If its stamps are new, the driver was restarted instead.
-    - A run of at most ``max_gap_samples`` lost samples is interpolated linearly between the
-    samples
-      next to it. A longer run is a hole. A restart, a reconnection, after which the number of
-      lost samples is unknown, and a step of the host's clock are holes, too.
-    - The memory is bounded: samples are kept for ``buffer_ns`` by their stamps, and at most
-      ``capacity`` of them.
+    - If a block repeats sequence numbers and stamps, it is late or a duplicate, and the repeated
+      samples are dropped. If only the sequence numbers repeat, the driver was restarted.
+    - If at most ``max_gap_samples`` consecutive samples are lost, they are interpolated linearly.
+      If more are lost, the gap is marked as a hole. A restart, a step of the host's clock and a
+      reconnection are also marked as holes; after a reconnection, the number of lost samples is
+      unknown.
+    - The memory is bounded: a sample is kept for ``buffer_ns``, measured by the stamps, and the
+      buffer keeps at most ``capacity`` samples.
 
     Attributes
     ----------
     late_sample_count, restart_count : int
-        Number of samples dropped as repeated; number of restarts of the stream or its clock.
+        Number of repeated samples that were dropped; number of restarts of the stream and of
+        backward steps of its clock.
     new_count : int
         Number of samples that the last `add` appended, including interpolated ones.
     evicted_ns : int or None
-        Latest stamp that has been removed from the buffer [ns].
+        Stamp of the latest sample that was removed from the buffer [ns].
     watermark_ns : int or None
         Latest stamp seen [ns]; None before the first sample.
     """
@@ -98,7 +100,7 @@ class SampleBuffer:
 
     @property
     def new_samples(self) -> Samples:
-        """Samples appended by the last `add`, an array of `SAMPLE`; valid until the next one."""
+        """Samples appended by the last `add`, an array of `SAMPLE`; valid until the next `add`."""
         return self._data[self._end - self.new_count : self._end]
 
     @property
@@ -125,7 +127,10 @@ class SampleBuffer:
         )
 
     def add(self, block: StrainBlock) -> bool:
-        """Append a block; return True if earlier samples were removed: the clock was set back."""
+        """Append a block.
+
+        If the clock was set back, remove all earlier samples and return True.
+        """
         self.new_count = 0
         count = len(block.tension_n)
         if count == 0:
@@ -165,7 +170,7 @@ class SampleBuffer:
         return False
 
     def _append_next(self, block: StrainBlock, count: int) -> None:
-        """Append a continuing block in place: `_unpack` and `_append` in one, but faster."""
+        """Append a block that continues the last one. Faster than `_unpack` and `_append`."""
         if self._end + count > len(self._data):
             self._make_room(count)
         self.new_count += count
@@ -200,7 +205,7 @@ class SampleBuffer:
         self._end += count
 
     def _join(self, last: Any, new: Samples, lost_before: int, period_ns: int) -> None:
-        """Interpolate or mark the gap between the last sample and the next ones."""
+        """Interpolate the gap between the last sample and the new ones, or mark it as a hole."""
         lost = int(new['sequence'][0]) - int(last['sequence']) - 1
         if lost < 0:
             self.restart_count += 1
@@ -212,7 +217,7 @@ class SampleBuffer:
             self._append(_interpolate(last, new[0], lost))
 
     def evict(self) -> None:
-        """Remove samples that are too old, or exceed the capacity."""
+        """Remove samples that are too old, and the oldest ones if the buffer is full."""
         watermark_ns = self.watermark_ns
         if watermark_ns is None:
             return

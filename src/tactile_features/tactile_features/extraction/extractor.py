@@ -45,14 +45,14 @@ from tactile_features.windows import SampleBuffer
 from tactile_ros.strain import StrainBlock
 
 GRACE_S = 0.5
-"""Longest time that a sample takes to arrive [s]; later it counts as missing."""
+"""Longest time that a sample may need to arrive [s]; after that, it counts as missing."""
 
 _SET_BACK = 'the clock of the samples was set back'
 LONGEST_STEP_S = 0.5
 
 
 class _Lane:
-    """One specification that is computed: its buffer and its early windows that are incomplete."""
+    """The buffer and the incomplete early windows of one specification."""
 
     def __init__(self, config: FeatureConfig, phase: str, buffer: SampleBuffer) -> None:
         self.config = config
@@ -92,7 +92,7 @@ class _Lane:
 
 
 class _FinishedPhase:
-    """The windows of one finished phase, one per specification.
+    """The windows of one finished phase, one for each specification.
 
     Each window is computed as soon as its samples have arrived, independently of the others. The
     windows are returned in the order of the specifications.
@@ -138,41 +138,44 @@ class _FinishedPhase:
 
 
 class TrialFeatureExtractor:
-    """Cut one window per specification out of every finished glide and hold phase.
+    """Cut windows out of every finished glide and hold phase, and compute their features.
 
-    With ``wanted``, a phase has the windows of the wanted specifications of that phase. A phase
-    without a wanted specification has one window, computed with the parameters in ``config``. The
-    windows of one specification do not depend on other wanted specifications.
+    If ``wanted`` contains specifications for a phase, the phase has one window for each of them.
+    Otherwise it has one window, computed with the parameters in ``config``. The windows of one
+    specification do not depend on the other specifications.
     The windows of one phase are returned in the order of the specifications.
 
-    Early windows are returned as soon as their samples have arrived. If the phase ends inside the
-    window, a refusal with the same specification follows.
+    An early window is returned as soon as its samples have arrived. If the phase then ends inside
+    the window, a refusal with the same specification follows.
 
-    With ``phases`` other than ``stated``, the events are detected in the tension, and added events
-    are ignored.
+    If the parameter ``phases`` is not ``stated``, events are detected in the tension, and added
+    events are ignored.
 
-    The windows depend only on stamps and sequence numbers. The same windows with the same bits are
-    returned in the same order, however events and blocks interleave and however samples are
-    grouped into blocks. This requires that neither topic runs ahead of the other by more than
-    ``buffer_s`` and that the clock of the samples is not set back by a second or more.
+    The windows depend only on the samples and events with their stamps and sequence numbers. It
+    does not matter in which order events and blocks are added, nor how samples are grouped into
+    blocks: the same windows are returned in the same order, with the same bits. This requires that
+    neither topic is ahead of the other by more than ``buffer_s``, and that the clock of the
+    samples is not set back by 1 s or more.
 
-    A window whose samples do not arrive is refused `GRACE_S` after ``samples_timeout_s`` by
-    `time_out`, which a node calls by a monotonic clock, and by `pass_time`, which a replay
-    calls at the end of its data. If later samples arrive, the window is refused because of their
-    stamps, with the same bits. A replay therefore equals the live windows, unless a sample with a
-    stamp within ``samples_timeout_s`` took longer than `GRACE_S` to arrive.
+    If the samples of a window are still missing ``samples_timeout_s`` plus `GRACE_S` after the end
+    of its phase, the window is refused. A node measures this time with a monotonic clock and calls
+    `time_out`. A replay calls `pass_time` at the end of its data. If later samples arrive before
+    that, the window is refused because of the stamps of these samples, with the same result. The
+    windows of a replay therefore equal the live windows. The only exception is a sample that is
+    stamped within ``samples_timeout_s``, but took longer than `GRACE_S` to arrive.
 
     Parameters
     ----------
     config : FeatureConfig
-        Parameters that all windows share, and parameters that the specifications do not state.
+        Parameters that do not depend on the specification, and the parameters of phases for which
+        ``wanted`` has no specification.
     wanted : sequence of FeatureSpec
-        The specifications to compute; if empty, ``config`` determines them.
+        The specifications to compute; if empty, ``config`` chooses them.
 
     Attributes
     ----------
     config : FeatureConfig
-        Its ``rate_hz`` is the rate of the wanted specifications if they have a common one.
+        If all wanted specifications have the same rate, ``rate_hz`` is this rate.
     specifications : tuple of FeatureSpec
         All specifications that are computed, distinct and complete.
     block_count, sample_count, event_count : int
@@ -206,7 +209,7 @@ class TrialFeatureExtractor:
         self._detected: list[TrialEvent] = []
 
     def _make_lanes(self, wanted: Sequence[FeatureSpec]) -> tuple[_Lane, ...]:
-        """Return one lane per distinct specification or phase without a specification."""
+        """Return a lane for each distinct specification, and for each phase that has none."""
         bound: dict[str, tuple[str, FeatureConfig]] = {}
 
         def add(phase: str, config: FeatureConfig) -> None:
@@ -225,7 +228,8 @@ class TrialFeatureExtractor:
 
     def _buffer_for(self, config: FeatureConfig) -> SampleBuffer:
         """Return the buffer shared by all specifications with the same gap policy."""
-        # Twice the nominal rate: a stream that is too fast shall be reported, not cut off.
+        # Room for twice the nominal rate: a stream that is too fast must be reported. In a smaller
+        # buffer its windows would only be incomplete.
         capacity = round(2 * config.buffer_s * config.rate_hz)
         key = capacity, config.max_gap_samples
         if key not in self._buffers:
@@ -248,7 +252,7 @@ class TrialFeatureExtractor:
         return self._buffer.restart_count
 
     def add_block(self, block: StrainBlock) -> list[FeatureWindow]:
-        """Add samples; return the windows that are now complete, in the order of their phases."""
+        """Add samples; return the windows that are complete now, in the order of their phases."""
         self.block_count += 1
         self.sample_count += len(block.tension_n)
         for buffer in self._buffers.values():
@@ -278,16 +282,16 @@ class TrialFeatureExtractor:
         return windows
 
     def add_event(self, event: TrialEvent, *, is_past: bool = False) -> list[FeatureWindow]:
-        """Add the start of a phase; return the windows that are now complete.
+        """Add the event that starts a phase; return the windows that are complete now.
 
-        Events are ignored if the parameter ``phases`` says that they are detected in the tension.
+        If the parameter ``phases`` is not ``stated``, the event is only counted.
 
         Parameters
         ----------
         event : TrialEvent
         is_past : bool
-            True for an event that was published before this process subscribed to the samples. The
-            phase that it ends is then not refused when its samples do not arrive.
+            True for an event that was published before this process subscribed to the samples. If
+            samples of the phase that this event ends are missing, no refusal is returned.
         """
         self.event_count += 1
         return [] if self._signal else self._take_event(event, is_past=is_past)
@@ -314,7 +318,8 @@ class TrialFeatureExtractor:
     def is_idle(self) -> bool:
         """True between trials, while no window waits for samples.
 
-        Always False if phases are detected in the tension, because any sample may begin a trial.
+        If phases are detected in the tension, always False, because a trial may begin at any
+        sample.
         """
         event = self._event
         is_between = event is None or event.phase in (PHASE_DONE, PHASE_ABORTED)
@@ -322,10 +327,10 @@ class TrialFeatureExtractor:
 
     @property
     def waits_since_ns(self) -> int | None:
-        """Time at which the oldest waiting window should have had all its samples [ns], or None.
+        """Nominal time of the last sample of the oldest waiting window [ns], or None.
 
-        The time is on the clock of the samples: the end of the phase or of the early window. The
-        end of an early window may lie in the future.
+        This is the end of the phase or of the early window, on the clock of the samples. The end
+        of an early window may lie in the future.
         """
         oldest = self._find_oldest()
         return oldest[0] if oldest else None
@@ -375,7 +380,7 @@ class TrialFeatureExtractor:
         return windows
 
     def finish(self) -> list[FeatureWindow]:
-        """Return windows for the finished phases that still wait: the stream has ended."""
+        """Return windows for the finished phases that still wait, because the stream has ended."""
         return self._give_up(WindowOutcome.GAP, 'the stream ended before all samples had arrived')
 
     def _take_early(self) -> list[FeatureWindow]:
@@ -385,7 +390,8 @@ class TrialFeatureExtractor:
             while lane.early and self._is_overdue(lane.early[0].due_ns):
                 window = lane.early[0]
                 windows += [*window.give(window.time_out()), *lane.take_early()]
-        # Sorted by the time of their last sample, so that grouping into blocks has no effect.
+        # Sorted by the time of their last sample, so that the order does not depend on how samples
+        # are grouped into blocks.
         windows.sort(key=lambda window: window.window_end_ns)
         return self._count_early(windows)
 
@@ -397,7 +403,8 @@ class TrialFeatureExtractor:
     def _take_complete(self) -> list[FeatureWindow]:
         windows: list[FeatureWindow] = []
         while self._waiting:
-            # Only the oldest phase is taken, so that the order does not depend on arrival.
+            # Only windows of the oldest phase are returned, so that the order of windows does not
+            # depend on the order in which samples and events arrive.
             phase = self._waiting[0]
             windows += self._count(phase, phase.take())
             if phase.is_over:
@@ -415,7 +422,7 @@ class TrialFeatureExtractor:
     def _count(
         self, phase: _FinishedPhase, windows: Sequence[FeatureWindow]
     ) -> list[FeatureWindow]:
-        """Return the windows to publish: refused windows of past phases are skipped."""
+        """Count and return the windows to publish; skip refused windows of past phases."""
         given = [w for w in windows if w.outcome == WindowOutcome.OK or not phase.is_past]
         for window in given:
             self.window_counts[window.outcome] += 1
@@ -426,13 +433,13 @@ class TrialFeatureExtractor:
         return event is not None and event.stamp_ns - due_ns > self._buffer_ns
 
     def _forget_past(self, step_ns: int) -> list[FeatureWindow]:
-        """Refuse waiting windows, and the phase under way, when the clock is set back."""
+        """Refuse the waiting windows and those of the current phase when the clock is set back."""
         if not step_ns:
             return self._give_up(WindowOutcome.GAP, f'{_SET_BACK} before its samples arrived')
         windows = self._give_up(WindowOutcome.BAD_TIME, format_clock_step(step_ns, 'trial'))
         event = self._event
         if event is not None and event.phase in (PHASE_GLIDE, PHASE_HOLD):
-            self._event = None  # the end of this phase will be on another clock
+            self._event = None  # the end of this phase will be stamped after the clock step
             reason = format_clock_step(step_ns, event.phase)
             phase = _FinishedPhase(event, event, self._lanes, is_past=False)
             self._waiting.append(phase)
@@ -455,7 +462,7 @@ class TrialFeatureExtractor:
 def _begins_again(begun: TrialEvent, event: TrialEvent) -> bool:
     """Return True if the event starts a repetition of the trial instead of ending the phase.
 
-    An event with an earlier stamp that ends the phase comes from a clock that was set back.
+    If an event that ends the phase has an earlier stamp than its start, the clock was set back.
     """
     is_earlier = event.stamp_ns < begun.stamp_ns
     return is_earlier and event.phase in (PHASE_APPROACH, PHASE_TOUCH, begun.phase)
@@ -476,15 +483,15 @@ def features_from_trials(
     task : str
         ``texture`` or ``stiffness``.
     x : array_like of shape (trials, samples)
-        Tension [N]; each row is one window. A feature set whose window length depends on the
-        speed uses the middle of each row.
+        Tension [N]; each row is one window. If the window length of the feature set depends on
+        the speed, the middle of each row is used.
     rate_hz : float
         Sample rate [Hz].
     config : FeatureConfig, optional
-        Names the feature set and its options; defaults if omitted. Parameters that say how
-        windows are cut have no effect.
+        Selects the feature set and its options; defaults if omitted. Parameters of the position
+        of windows have no effect, because the windows are already cut.
     speeds_m_s : array_like of shape (trials,), optional
-        Sliding speed of each trial [m/s]; required by feature sets over distance.
+        Sliding speed of each trial [m/s]; required if the feature set needs the speed.
 
     Returns
     -------
@@ -498,7 +505,8 @@ def features_from_trials(
         When the shape, the rate or the speeds are invalid, a value is not finite or a feature
         is undefined; the message names the trial.
     """
-    tension = np.asarray(x, dtype=np.float64, order='C')  # as in the stream: bits depend on it
+    # C order, as in the live stream: another memory layout can change the last bits of features.
+    tension = np.asarray(x, dtype=np.float64, order='C')
     if tension.ndim != 2 or tension.shape[1] < 2:
         raise FeatureError(
             f'the trials have shape {tension.shape}; it must be (trials, samples), samples >= 2'
@@ -527,7 +535,10 @@ def _compute_each(
     speeds_m_s: ArrayLike | None,
     feature_count: int,
 ) -> NDArray[np.float64]:
-    """Return the features of the middle of each trial; the window length depends on its speed."""
+    """Return the features of each trial one by one, if the window length depends on the speed.
+
+    The window is in the middle of the trial.
+    """
     speeds = np.asarray([] if speeds_m_s is None else speeds_m_s, dtype=np.float64)
     if speeds.shape != tension_n.shape[:1]:
         raise FeatureError(
@@ -561,10 +572,10 @@ def _times_ns(count: int, rate_hz: float) -> NDArray[np.int64]:
 class SampleTimeout:
     """Decide when to refuse a window whose samples do not arrive while no other data arrive.
 
-    A window is refused when it has waited `GRACE_S` longer than ``samples_timeout_s`` and no
-    block has arrived during that time. While data arrive, the extractor decides by their stamps.
-    The time between two calls of `is_over` counts as `LONGEST_STEP_S` at most, because a process
-    that was suspended may have unread samples.
+    If a window has waited longer than ``samples_timeout_s`` plus `GRACE_S`, and no block has
+    arrived during that time, the window is refused. While blocks arrive, the extractor decides by
+    their stamps. The time between two calls of `is_over` counts as `LONGEST_STEP_S` at most: a
+    process that was suspended may have samples in its queues that it has not read yet.
     """
 
     def __init__(
@@ -578,7 +589,10 @@ class SampleTimeout:
         self._waited_s = 0.0
 
     def is_over(self) -> bool:
-        """Return True if the oldest waiting window must be refused; call it often."""
+        """Return True if the oldest waiting window must be refused.
+
+        The caller must call this several times per second.
+        """
         now_s = self._monotonic_s()
         self._waited_s += min(now_s - self._asked_s, LONGEST_STEP_S)
         self._asked_s = now_s

@@ -26,7 +26,7 @@ _BAD_STATUS = {
 }
 
 CROP_MARGIN = 10.0
-"""This many crops limit the stamp error instead of the window length, if they are shorter."""
+"""If the window is longer than this number of crops, these crops limit the stamp error."""
 
 _NO_SAMPLES: Samples = np.empty(0, SAMPLE)
 
@@ -38,7 +38,8 @@ class _Cut(NamedTuple):
     ----------
     samples : Samples
     after : SAMPLE or None
-        The sample after the window, if the end of the phase and not a count ends the window.
+        The sample after the window. None if the window has a fixed number of samples and is
+        complete.
     lead : Samples
         The samples between the start of the phase and the window.
     """
@@ -51,19 +52,20 @@ class _Cut(NamedTuple):
 class PhaseWindow:
     """The window of one finished glide or hold phase.
 
-    The feature set of the phase decides which samples form the window. It is either a fixed number
-    of samples after the crop at the start, which must end before the crop at the end, or all
-    samples between the crops.
+    The feature set of the phase determines which samples form the window. There are two kinds of
+    windows: a fixed number of samples that begins after the crop at the start and must end before
+    the crop at the end, or all samples between the two crops.
 
     A stamp error e shifts the window by e along its phase. In a texture window of length T, a
-    fraction e / T of the samples then belongs to another part of the surface. Its frequencies do
-    not change, because samples are counted. The relative error of the slope of a hold is at most
-    3 e / T: the worst errors for a regression over evenly spaced times are +e in one half and -e
-    in the other. The window length, which is compared with the nominal rate, is wrong by up to 2
-    e. Therefore e must not exceed ``max_stamp_error_share`` of T; at 1 % the length is known
-    within `RATE_TOLERANCE`. The crop at the start excludes the transient only while e is small
-    against the crop, so `CROP_MARGIN` crops replace T where they are shorter. A crop of 0 sets no
-    limit.
+    fraction e / T of the samples then belongs to another part of the surface. The frequencies do
+    not change, because the window has a fixed number of samples. The relative error of the slope
+    of a hold is at most 3 e / T: for a regression over evenly spaced times, the worst case is an
+    error of +e in one half of the window and of -e in the other half. The measured duration of
+    the window, which is compared with the nominal rate, is wrong by up to 2 e. Therefore e must
+    not exceed ``max_stamp_error_share`` of T. If this fraction is 1 %, the duration is known
+    within `RATE_TOLERANCE`. The crop at the start excludes the transient only if e is small
+    compared with the crop. Therefore, if `CROP_MARGIN` times the crop is shorter than T, it
+    replaces T in this limit. A crop of 0 sets no limit.
 
     Parameters
     ----------
@@ -110,7 +112,7 @@ class PhaseWindow:
         self._most_error_s = config.max_stamp_error_share * min(length_s, crops_s)
 
     def take(self) -> FeatureWindow | None:
-        """Return the window, or None while a sample that is still to come could change it."""
+        """Return the window, or None while samples that have not arrived yet could change it."""
         if refused := self.refuse_by_events():
             return refused
         cut = self._cut()
@@ -121,7 +123,7 @@ class PhaseWindow:
         return self.time_out() if self._is_too_late(cut.after) else self._assess(cut)
 
     def refuse_by_events(self) -> FeatureWindow | None:
-        """Return the refused window if the events already exclude features, or None."""
+        """Return a refused window if the events show that there are no features, or None."""
         if self.end.phase == PHASE_ABORTED:
             reason = f'the trial was aborted: {self.end.message or "no reason given"}'
             return self.refuse(WindowOutcome.ABORTED, reason)
@@ -169,7 +171,7 @@ class PhaseWindow:
         return self.refuse(WindowOutcome.GAP, reason)
 
     def _first_samples(self) -> _Cut | None:
-        """Return the required number of samples, or None while there are fewer."""
+        """Return the first samples after the crop, or None while some of them are missing."""
         begin = self._buffer.first_at(self._from_ns)
         end = begin + self._wanted
         return self._slice(begin, end, None) if end <= len(self._buffer.samples) else None
@@ -250,8 +252,8 @@ class PhaseWindow:
                     f"number {behind}; see the sensor's diagnostics"
                 )
             return f'the stream was interrupted and restarted at sequence number {behind}'
-        # Samples were lost next to the first or the last sample. The nominal period decides
-        # whether the lost ones belonged to the window.
+        # Samples were lost before the first or after the last sample. If a sample one nominal
+        # period away would have been inside the window, the lost samples belonged to it.
         first = samples[0] if len(samples) else after
         if first['hole'] and first['stamp_ns'] - self._period_ns >= self._from_ns:
             return 'samples are missing at the start of the window'
@@ -268,7 +270,7 @@ class PhaseWindow:
             return 'samples in the window are not finite'
         span_ns = int(samples['stamp_ns'][-1]) - int(samples['stamp_ns'][0])
         nominal_ns = (len(samples) - 1) * self._period_ns
-        # With arrival times as stamps, either end may be off by one period.
+        # If the stamps are arrival times, each end may be wrong by one period.
         if abs(span_ns - nominal_ns) > RATE_TOLERANCE * nominal_ns + 2 * self._period_ns:
             rate_hz = (len(samples) - 1) / span_ns * 1e9 if span_ns > 0 else 0.0
             return (
@@ -329,10 +331,10 @@ def _worst_error_s(samples: Samples) -> float:
 class EarlyWindow(PhaseWindow):
     """The first samples of a phase, returned as soon as they have arrived.
 
-    The window assumes that the phase continues, because its end is not known yet. It is therefore
-    the same whether the event that ends the phase arrives before or after the samples. If the
-    phase ended or was aborted inside the window, a refusal of the same specification follows when
-    both are known.
+    The window does not depend on the end of the phase, which may not be known yet. The order in
+    which the samples and the event that ends the phase arrive does not matter. If the phase ended
+    or was aborted inside the window, a refusal with the same specification follows as soon as the
+    window and the end of the phase are known.
 
     Parameters
     ----------
@@ -342,8 +344,8 @@ class EarlyWindow(PhaseWindow):
         Its feature set for the phase must be early (`FeatureSet.is_early`).
     buffer : SampleBuffer
     is_past : bool
-        True if the start was published before this process subscribed to the samples. A window
-        without features is then not returned.
+        True if the start was published before this process subscribed to the samples. In this
+        case, refused windows are not returned.
 
     Attributes
     ----------
@@ -396,7 +398,10 @@ class EarlyWindow(PhaseWindow):
         return self._contradict()
 
     def give(self, window: FeatureWindow) -> list[FeatureWindow]:
-        """Mark the window as returned; return it, unless it is to be skipped."""
+        """Mark the window as returned; return it, unless it is a refused window of a past phase.
+
+        If the phase has already ended inside the window, the refusal follows in the same list.
+        """
         self._given = window
         if window.outcome != WindowOutcome.OK and self._is_past:
             return []

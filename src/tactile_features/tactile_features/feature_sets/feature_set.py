@@ -23,8 +23,8 @@ WINDOWS = ('none', 'hann')
 
 FloatArray = NDArray[np.float64]
 RATE_TOLERANCE = 0.02
-"""Largest relative deviation of the mean rate of a window from its nominal rate [1]. It shifts
-the upper end of the spectrum of 180 samples by less than two bins."""
+"""Largest relative deviation of the mean rate of a window from its nominal rate [1]. A deviation
+of this size shifts the upper end of the spectrum of 180 samples by less than two bins."""
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,8 @@ class WindowParameters:
 
     rate_hz: float = parameter(
         60.0,
-        'nominal sample rate of the tension. Without models and with the default, the node uses '
-        'the rate of the sensor instead, with windows of the same duration',
+        'nominal sample rate of the tension. If this is the default and no models are given, the '
+        'node uses the rate of the sensor instead; windows keep their duration',
         unit='Hz',
         range=(1.0, 20000.0),
     )
@@ -49,7 +49,7 @@ class WindowParameters:
     )
     texture_crop_end_s: float = parameter(
         0.1,
-        'crop at the end of the glide: a texture window must end this long before it',
+        'crop at the end of the glide; a texture window must end before the crop',
         unit='s',
         range=(0.0, 60.0),
     )
@@ -99,7 +99,8 @@ class WindowParameters:
     )
     max_gap_samples: int = parameter(
         0,
-        'longest run of lost samples that is interpolated linearly; 0 refuses any loss',
+        'largest number of consecutive lost samples that are interpolated linearly; if more are '
+        'lost, the window is refused',
         unit='1',
         range=(0, 1000),
     )
@@ -126,9 +127,11 @@ class WindowSpec:
     crop_start_s, crop_end_s : float
         Time that is left out at the start and at the end of the phase [s].
     shortest_s : float
-        The window is refused when the phase is shorter than this between its crops [s].
+        If the part of the phase between the crops is shorter than this, the window is refused
+        [s].
     sample_count : int
-        Length of the window after the crop, in samples; 0 for all samples between the crops.
+        Number of samples in the window, which begins after the crop at the start; 0 for all
+        samples between the crops.
     """
 
     crop_start_s: float
@@ -162,20 +165,20 @@ class WindowSamples:
 class FeatureSet(ABC):
     """A feature set with the parameters of one configuration.
 
-    To add a feature set in another package, derive a class from this one and register it in that
-    package's ``setup.py``, in the entry point group ``tactile.feature_sets``, under the ``name``
-    of the class. See docs/feature_sets.md.
+    To add a feature set in another package, derive a class from this one. Register it in the
+    ``setup.py`` of that package, in the entry point group ``tactile.feature_sets``, under the
+    ``name`` of the class. See docs/feature_sets.md.
 
     Parameters
     ----------
     config : FeatureConfig
-        A feature set uses only the parameters that affect its values.
+        Parameters of the windows. A feature set uses only those that affect its values.
 
     Attributes
     ----------
     name : str
     version : int
-        Increased when features of the same name would have other values.
+        Must be increased whenever a change of the code changes the values of the features.
     phase : str
         The phase that contains the window: ``glide`` or ``hold``.
     needs_speed : bool
@@ -183,16 +186,16 @@ class FeatureSet(ABC):
     is_waveform : bool
         True if the features are consecutive values of one signal, for classifiers of its shape.
     can_be_early : bool
-        True if the window may consist of the first samples of a phase and be returned as soon as
-        they have arrived. Requires ``count_field`` and features that need no later samples.
+        True if the window may be returned as soon as its last sample has arrived, before the
+        phase ends. Requires ``count_field``, and features that need no later samples.
     cut : tuple of str
-        Fields of `FeatureConfig` that say which part of the phase the window is. Specifications of
-        windows that are already cut do not state them.
+        Fields of `FeatureConfig` for the position of the window within the phase. They are left
+        out of the specification of windows that are already cut.
     options : tuple of str
-        Fields of `FeatureConfig` that say what is computed.
+        Fields of `FeatureConfig` that affect the computation of the features.
     count_field : str
-        The field of `FeatureConfig` with the number of samples in a window; empty if the phase
-        or the speed decides.
+        The field of `FeatureConfig` with the number of samples in a window; empty if this number
+        depends on the phase or on the speed.
     """
 
     name: ClassVar[str]
@@ -211,8 +214,9 @@ class FeatureSet(ABC):
     def window(self, rate_hz: float, speed_m_s: float) -> WindowSpec:
         """Return the position of the window within its phase.
 
-        By default, a glide has a window of ``sample_count`` samples between the crops of a texture
-        window, and a hold has a window of all samples between the crops of a stiffness window.
+        By default, the window of a glide has ``sample_count`` samples between the crops of a
+        texture window. The window of a hold is between the crops of a stiffness window. If
+        ``sample_count`` is 0, the window has all samples between its crops.
 
         Parameters
         ----------
@@ -256,7 +260,8 @@ class FeatureSet(ABC):
         Raises
         ------
         UndefinedFeatureError
-            When a feature of a window is undefined; ``windows`` has the indices of such windows.
+            When a feature of a window is undefined. ``windows`` contains the indices of all such
+            windows.
         FeatureError
             When the samples are invalid.
         """
@@ -268,15 +273,15 @@ class FeatureSet(ABC):
 
     @property
     def sample_count(self) -> int:
-        """Samples in a window of this configuration; 0 if the phase or the speed decides."""
+        """Number of samples in a window; 0 if it depends on the phase or on the speed."""
         return int(getattr(self.config, self.count_field)) if self.count_field else 0
 
 
 def glide_window(config: WindowParameters, sample_count: int, rate_hz: float) -> WindowSpec:
     """Return the position of a window between the crops of a texture window.
 
-    With ``sample_count`` 0, the window has all samples between the crops, which must leave at
-    least ``texture_samples``.
+    If ``sample_count`` is 0, the window has all samples between the crops. These must be at least
+    ``texture_samples``.
     """
     count = sample_count or config.texture_samples
     shortest_s = (count - 1) / rate_hz * (1 - RATE_TOLERANCE)

@@ -78,7 +78,7 @@ def _load(entry: Any) -> type[FeatureSet]:
 
 
 def list_feature_sets(phase: str) -> tuple[str, ...]:
-    """Return the names of the feature sets of a phase, those in this package first."""
+    """Return the names of the feature sets of a phase; those of this package come first."""
     others = [entry.name for entry in entry_points(group=GROUP)]
     names = dict.fromkeys([*(each.name for each in BUILT_IN), *sorted(others)])
     found = [(name, find_feature_set(name)) for name in names]
@@ -86,7 +86,11 @@ def list_feature_sets(phase: str) -> tuple[str, ...]:
 
 
 def check_choice(parameter: str, name: str, phase: str) -> type[FeatureSet]:
-    """Return the feature set that a parameter names; raise `FeatureError` if it does not fit."""
+    """Return the feature set called ``name``.
+
+    If it is not installed or belongs to another phase, raise `FeatureError` with the name of the
+    parameter.
+    """
     found = find_feature_set(name)
     if found is None or found.phase != phase:
         raise FeatureError(

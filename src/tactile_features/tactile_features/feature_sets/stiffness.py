@@ -30,7 +30,8 @@ REGRESSION_UNITS = ('N/s', 'N', '1')
 
 # Number of windows that are processed together, so that their data stay in the cache.
 _BLOCK_WINDOWS = 240
-# Largest ratio of a subtracted term to the remaining sum of squares: two bits are cancelled.
+# Largest ratio of a subtracted term to the remaining sum of squares. At this ratio, the
+# subtraction cancels two bits.
 _MOST_CANCELLED = 3.0
 # Sums of squares outside this range would overflow or underflow in intermediate results.
 _LEAST, _MOST = 1e-200, 1e200
@@ -54,11 +55,12 @@ class StiffnessRegression(FeatureSet):
 def compute_regression(time_ns: ArrayLike, tension_n: ArrayLike) -> FloatArray:
     """Return slope, intercept and Pearson's correlation coefficient of tension against time.
 
-    Closed form about the means: ``slope = S_tx / S_tt``,
-    ``correlation = S_tx / sqrt(S_tt * S_xx)``. Times are subtracted as integers, and one sample
-    is subtracted from the tensions, so that neither the time since 1970 nor an offset of the
-    sensor costs precision. A single window takes the same path as a window in a batch, so that
-    both give the same bits. A constant window, as without contact, has slope 0 and correlation 0.
+    Closed form with sums about the means: ``slope = S_tx / S_tt``,
+    ``correlation = S_tx / sqrt(S_tt * S_xx)``. The first time is subtracted as an integer, and one
+    sample is subtracted from the tensions. The time since 1970 and an offset of the sensor
+    therefore cost no precision. A single window and a window in a batch are computed in the same
+    way, and give the same bits. A constant window, for example without contact, has slope 0 and
+    correlation 0.
 
     Parameters
     ----------
@@ -110,7 +112,8 @@ def _centre_times(time_ns: NDArray[Any]) -> _TimeAxis:
     span = int(time_ns.max()) - int(time_ns.min())
     if span == 0:
         raise FeatureError('a regression needs at least two different times; all are equal')
-    # n * time - sum is exact in integers, as long as it fits into 64 bits.
+    # n * time - sum is exact in integers. If it does not fit into 64 bits, Python integers are
+    # used.
     whole: Any = np.int64 if n * span < 2**62 else object
     elapsed = time_ns.astype(whole) - int(time_ns[0])
     total = elapsed.sum()
@@ -119,13 +122,13 @@ def _centre_times(time_ns: NDArray[Any]) -> _TimeAxis:
 
 
 def _fit(axis: _TimeAxis, tension: FloatArray) -> FloatArray:
-    """Return the fitted lines of windows; values are not finite after over- or underflow."""
+    """Return the fitted line of each window; after overflow or underflow, its values are NaN."""
     n = len(axis.centred)
-    # The middle of a press is closer to the mean than its beginning.
+    # The sample in the middle of a hold is closer to the mean than the first sample.
     near = tension[:, n // 2].copy()
     with np.errstate(all='ignore'):
         mean, s_tx, s_xx = _sum(axis, tension, near)
-        # The sample was far from the mean: compute again about a better reference.
+        # The subtracted sample was far from the mean: compute again with the mean instead.
         far = np.flatnonzero(n * mean * mean > _MOST_CANCELLED * s_xx)
         if len(far):
             near[far] += mean[far]
@@ -166,8 +169,8 @@ def _sum(
 def _fit_scaled(axis: _TimeAxis, tension: FloatArray) -> FloatArray:
     """Fit windows of extreme magnitude, and constant windows.
 
-    Tensions are divided by a power of two: squares neither overflow nor underflow, without loss of
-    precision.
+    Tensions are divided by a power of two, so that their squares neither overflow nor underflow.
+    This division loses no precision.
     """
     if not np.isfinite(tension).all():
         raise FeatureError('the tension has values that are not finite')
@@ -189,9 +192,9 @@ def _fit_scaled(axis: _TimeAxis, tension: FloatArray) -> FloatArray:
 class StiffnessRelaxation(StiffnessRegression):
     """Slope, intercept and correlation of a hold, and the ratio of slope to intercept [1/s].
 
-    The mounting scales slope and intercept by the same factor, as it scales the force of the
-    press. Their ratio does not change. The sensor must be tared, because an offset changes the
-    ratio.
+    The force of the press differs between mountings. It scales slope and intercept by the same
+    factor, so their ratio does not depend on it. The sensor must be tared, because an offset
+    changes the ratio.
     """
 
     name = 'stiffness_relaxation'

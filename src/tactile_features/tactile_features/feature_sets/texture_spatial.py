@@ -41,8 +41,8 @@ MAX_SAMPLES = 100_000
 
 LARGEST_SHARE = 4
 """The largest scale is at most the window length divided by this number. A second difference
-spans twice its scale; at larger scales it exists only in the middle of the window and would
-depend on the position."""
+spans twice its scale. At larger scales, it could be computed only in the middle of the window, and
+would depend on the position of the window."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,7 +74,7 @@ class SpatialWindow:
 
     @property
     def scales(self) -> tuple[int, ...]:
-        """The scales in octaves from the finest scale, as multiples of the finest scale."""
+        """The scales as multiples of the finest scale: 1, 2, 4, and so on."""
         octaves = math.floor(math.log2(self.length_m / (LARGEST_SHARE * self.finest_m) + 1e-9))
         return tuple(2**octave for octave in range(octaves + 1))
 
@@ -135,7 +135,7 @@ _DIFFERENCES = ('change', 'bend')
 
 
 class TextureSpatial(FeatureSet):
-    """Texture features over distance, at any sliding speed that trial events state."""
+    """Texture features over distance, for any sliding speed; trial events state the speed."""
 
     name = SET_TEXTURE_SPATIAL
     version = 1
@@ -165,22 +165,23 @@ class TextureSpatial(FeatureSet):
 def compute_spatial(
     tension_n: ArrayLike, speed_m_s: float, rate_hz: float, window: SpatialWindow
 ) -> FloatArray:
-    """Return features that depend neither on the position of the fingertip nor on its speed.
+    """Compute features that depend neither on the position of the fingertip nor on its speed.
 
     There are three kinds of features, all in newtons:
 
-    - amplitudes of the spatial frequencies 1, 2, ... cycles per window, single-sided, with a
-      Hann window, for periodic structure;
-    - quantiles of the tension about its mean, smoothed over the finest scale with a Gaussian;
-    - for scales in octaves from the finest scale, quantiles of the first differences over that
-      distance (*change*: steps) and of the second differences (*bend*: ridges and grooves), for
-      structure that is not periodic. These are structure functions, with the distribution
-      instead of a moment.
+    - Amplitudes of the spatial frequencies 1, 2, ... cycles per window, single-sided, with a
+      Hann window. They describe periodic structure.
+    - Quantiles of the tension minus its mean, smoothed over the finest scale with a Gaussian.
+    - Quantiles of first differences (*change*) and of second differences (*bend*) of the smoothed
+      tension, at each scale from the finest one on, each twice the one before. First differences
+      respond to steps, second differences to ridges and grooves. They describe structure that is
+      not periodic. They correspond to structure functions, but describe the whole distribution
+      of the differences instead of one moment.
 
-    No feature depends on a position, so a shift of the path changes the features only by the parts
-    that enter and leave the window. Time enters only through the speed.
+    If the path of the fingertip is shifted, the features change only because of the parts of the
+    surface that enter and leave the window. The time affects the features only through the speed.
 
-    A single window takes the same path as a window in a batch, so that both give the same bits.
+    A single window and the same window in a batch give the same bits.
 
     Parameters
     ----------
@@ -200,8 +201,8 @@ def compute_spatial(
     Raises
     ------
     FeatureError
-        When the speed does not fit the window, the number of samples is wrong, or a value
-        is not finite.
+        When the window cannot be computed at that speed, the number of samples is wrong, or a
+        value is not finite.
     """
     return _compute_each(_compute_one, tension_n, speed_m_s, rate_hz, window)
 
@@ -211,8 +212,8 @@ def smooth_over_distance(
 ) -> FloatArray:
     """Return the tension over the surface, smoothed over the finest scale with a Gaussian.
 
-    Parameters and errors are those in `compute_spatial`. The result has shape (..., k) and holds
-    the tension at the positions ``window.grid_m`` [N].
+    Parameters and errors are the same as in `compute_spatial`. The result has shape (..., k) and
+    contains the tension at the positions ``window.grid_m`` [N].
     """
     return _compute_each(_smooth_one, tension_n, speed_m_s, rate_hz, window)
 
@@ -242,11 +243,11 @@ def _compute_each(
 
 
 class _Maps(NamedTuple):
-    """Linear maps from samples to amplitudes and to the smoothed grid.
+    """Linear maps from samples to amplitudes and to the smoothed tension on the grid.
 
-    ``cosine`` and ``sine`` have one row per spatial frequency. For each grid point, ``first`` is
-    the index of the first sample within reach, and ``weights`` has the weights of the samples from
-    it on.
+    ``cosine`` and ``sine`` have one row for each spatial frequency. For each grid point, ``first``
+    contains the index of the first sample within the kernel, and ``weights`` has one row with the
+    weights of this sample and the following ones.
     """
 
     cosine: FloatArray
@@ -265,7 +266,7 @@ def _maps(window: SpatialWindow, step_m: float, count: int) -> _Maps:
     cycles = np.arange(1, window.component_count + 1)[:, None] / window.length_m
     phase = 2.0 * np.pi * cycles * at_m
     weight = 2.0 * hann / hann.sum()
-    # Subtracted, because the mean that remains after weighting would leak into component 1.
+    # Weighting leaves a mean, which would leak into component 1. It is subtracted here.
     level = np.ones(count) / count
     cosine, sine = weight * np.cos(phase), weight * np.sin(phase)
     cosine -= cosine.sum(axis=1, keepdims=True) * level
@@ -282,7 +283,7 @@ def _maps(window: SpatialWindow, step_m: float, count: int) -> _Maps:
 
 def _compute_one(tension_n: FloatArray, window: SpatialWindow, maps: _Maps) -> FloatArray:
     with np.errstate(over='ignore', invalid='ignore'):
-        # Differences to the first sample are exact under a large offset, as in texture_spectrum.
+        # With a large offset, differences to the first sample are exact, as in texture_spectrum.
         change = tension_n - tension_n[0]
         change -= change.mean()
         amplitude = np.hypot(maps.cosine @ change, maps.sine @ change)

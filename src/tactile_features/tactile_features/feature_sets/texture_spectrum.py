@@ -51,12 +51,12 @@ class TextureSpectrum(FeatureSet):
 def compute_spectrum(
     tension_n: ArrayLike, detrend: str = 'mean', window: str = 'none'
 ) -> FloatArray:
-    """Return the single-sided amplitudes of the Fourier components.
+    """Compute the single-sided amplitudes of the Fourier components.
 
-    Component ``k`` of ``n`` samples is ``2 / n * |X_k|``, and ``1 / n * |X_k|`` at the Nyquist
-    frequency, so that a sine of amplitude A in the middle of bin ``k`` gives A there. With a
-    window function, its sum replaces ``n``. The component at 0 Hz is set to 0, because it
-    contains only the offset of the sensor or rounding errors.
+    Component ``k`` of ``n`` samples is ``2 / n * |X_k|``; at the Nyquist frequency, it is
+    ``1 / n * |X_k|``. A sine of amplitude A whose frequency is the centre of bin ``k`` gives A in
+    this bin. If there is a window function, its sum replaces ``n``. The component at 0 Hz is set
+    to 0, because it contains only the offset of the sensor or rounding errors.
 
     A single window gives the same bits as the same window in a batch.
 
@@ -96,7 +96,7 @@ def compute_spectrum(
         )
     rows = np.ascontiguousarray(tension).reshape(-1, n)
     amplitude = np.empty((len(rows), n // 2 + 1))
-    # Indices about the middle are exact, and so is their sum of squares while doubles hold it.
+    # Indices relative to the middle are exact, and their sum of squares is exact up to 2**53.
     index = np.arange(n) - (n - 1) / 2.0
     square = n * (n * n - 1) / 12.0
     weight = np.sin(np.pi * np.arange(n) / n) ** 2 if window == 'hann' else None
@@ -108,12 +108,12 @@ def compute_spectrum(
             if is_raw:
                 change = some.copy()
             else:
-                # Differences to the first sample are exact under a large offset.
+                # With a large offset, differences to the first sample are exact.
                 change = some - some[:, :1]
                 change -= change.mean(axis=1, keepdims=True)
-                # The second pass removes the rounding error of a steep line.
+                # A steep line leaves rounding errors, which the second pass removes.
                 for _ in range(2 if detrend == 'linear' else 0):
-                    # The order of this sum depends only on n, unlike a matrix product.
+                    # Not a matrix product: the order of summation must depend only on n.
                     slope = np.add.reduce(change * index, axis=1, keepdims=True) / square
                     change -= slope * index
                     change -= change.mean(axis=1, keepdims=True)

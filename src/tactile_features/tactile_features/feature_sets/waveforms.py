@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Waveforms: the tension itself, including its level, for classifiers of its shape."""
+"""Waveforms: the tension itself, including its level, for classifiers that learn its shape."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ GLIDE_PARTS = 600
 too slow. For 3 s of samples, averages over 5 ms keep the shape up to 100 Hz."""
 
 HOLD_PARTS = 100
-"""Largest number of values of a hold: relaxation is slow, and averages contain less noise."""
+"""Largest number of values of a hold. Relaxation is slow, and averages contain less noise."""
 
 
 class GlideWaveform(FeatureSet):
@@ -114,7 +114,7 @@ def average_parts(tension_n: FloatArray, parts: int) -> FloatArray:
     if n <= parts:
         return tension_n.copy()
     first = tension_n[..., :1]
-    # Differences to the first sample are exact under a large offset.
+    # With a large offset, differences to the first sample are exact.
     change = tension_n - first
     edges = np.arange(parts + 1) * n / parts
     at = np.minimum(edges.astype(np.intp), n - 1)

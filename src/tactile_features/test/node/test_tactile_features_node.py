@@ -362,7 +362,7 @@ def test_models_of_another_rate_than_the_sensor_are_told_once(
     bench.bring_up()
     for first in (0, 100):
         bench.strain.publish(block(first, 100, period_ns=10_000_000))
-    sentence = 'need 60 Hz, and the sensor delivers 100 Hz: have it publish at 60 Hz'
+    sentence = 'need 60 Hz, but the sensor delivers 100 Hz: let it publish at 60 Hz'
     bench.spin_until(lambda: health and sentence in health[-1].message)
     assert health[-1].level == DiagnosticStatus.WARN
     assert capfd.readouterr().err.count(sentence) == 1
