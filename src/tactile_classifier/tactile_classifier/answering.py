@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Classification of each window by every model that fits it.
+"""Classification of windows: each window is classified by every model that fits it.
 
-`ModelSet` holds the models of a finger; `WindowClassifier` uses it and counts the results.
+`ModelSet` contains the models of a finger. `WindowClassifier` uses it and counts the results.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ class ModelSet:
     contact : str
         Classify only windows of this contact; an empty string allows all contacts.
     refused : sequence of str
-        One sentence per file that cannot be used.
+        One sentence for each file that cannot be used.
 
     Attributes
     ----------
     infos : tuple of ModelInfo
-        Facts of each model.
+        Metadata of each model, for the ``ModelInfos`` message.
     """
 
     def __init__(
@@ -50,10 +50,10 @@ class ModelSet:
 
     @classmethod
     def load(cls, models: str | Path, contact: str = '') -> ModelSet:
-        """Return the models of a folder with ``*.npz`` files, or of one file.
+        """Load the models of a folder with ``*.npz`` files, or one model file.
 
-        Files that cannot be loaded are listed in ``refused``; the other models are used. Models of
-        another contact are ignored. Raises ModelFileError if no model is usable.
+        For each file that cannot be loaded, ``refused`` contains a sentence; the other files are
+        used. Models of another contact are ignored. Raises ModelFileError if no model is usable.
         """
         known: dict[str, str] = {}
 
@@ -71,7 +71,7 @@ class ModelSet:
 
     @property
     def unfed(self) -> tuple[str, ...]:
-        """One sentence per model whose features the feature node does not announce.
+        """One sentence for each model whose features the feature node has not announced.
 
         Empty until the feature node has announced its specifications.
         """
@@ -83,7 +83,7 @@ class ModelSet:
         )
 
     def set_specifications(self, specs: Iterable[FeatureSpec]) -> None:
-        """Store the specifications of future windows, as announced by the feature node."""
+        """Store the specifications that the feature node announced for future windows."""
         announced = tuple(specs)
         self._digests = frozenset(spec.digest for spec in announced)
         for model in self.models:
@@ -92,9 +92,10 @@ class ModelSet:
     def classify(self, window: FeatureWindow) -> list[WindowPrediction]:
         """Return the results for one window, in the order of the models.
 
-        A model classifies the windows that have its specification. If a window matches no model,
-        each model of the same feature set whose own features are not announced returns the reason.
-        The remaining models are skipped because they receive their own windows.
+        A model classifies a window if their specifications are equal. If no model has the
+        specification of the window, each model of its feature set and contact whose specification
+        the feature node has not announced returns a result with the reason instead of a label.
+        Other models return nothing, because they receive windows with their own specification.
         """
         if not contacts_agree(self._contact, window.contact):
             return []
@@ -132,11 +133,12 @@ class WindowClassifier:
     Attributes
     ----------
     counts : dict of str to int
-        Counters by name, as in the diagnostics. "windows for others" were classified by no model.
+        Counters by name, as in the diagnostics. "windows for others" counts windows for which no
+        model returned a result.
     mismatch : str or None
-        Difference between the specifications of the last window and of its model, if any.
+        Difference between the specifications of the last window and of its model, or None.
     is_told : bool
-        True once the feature node has announced its specifications.
+        True after the feature node has announced its specifications.
     """
 
     def __init__(self, models: ModelSet) -> None:
@@ -152,7 +154,10 @@ class WindowClassifier:
         self._by_id = {model.model_id: model for model in models.models}
 
     def announce(self, announced: FeatureSpecifications) -> tuple[str, ...]:
-        """Store the announced specifications; return a sentence per model without features."""
+        """Store the announced specifications.
+
+        Returns a sentence for each model whose features were not announced.
+        """
         self.is_told = True
         self.models.set_specifications(announced.specs)
         return self.models.unfed

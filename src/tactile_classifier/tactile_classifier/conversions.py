@@ -119,9 +119,9 @@ def vision_class() -> Any:
 
 
 def vision_from_msg(answer: Any) -> Any:
-    """Convert to vision_msgs/Classification: labels with their scores, best first.
+    """Convert to vision_msgs/Classification: labels with their scores, highest score first.
 
-    The message is empty for an unknown object, and for a window without features.
+    If the object is unknown or the window has no features, the message has no results.
     """
     from vision_msgs.msg import ObjectHypothesis
 

@@ -14,15 +14,15 @@ class ClassifierError(Exception):
 
 
 class DatasetError(ClassifierError, ValueError):
-    """The trials cannot be used as they are. A `ValueError`, as scikit-learn expects it."""
+    """The trials cannot be used as they are. A `ValueError`, as scikit-learn expects."""
 
 
 class TooFewTrialsError(DatasetError):
-    """There are too few trials for what was asked; more recordings are the remedy."""
+    """There are too few trials; the user must record more."""
 
 
 class EvaluationError(ClassifierError, ValueError):
-    """The trials do not allow the requested split."""
+    """The requested split is impossible with these trials."""
 
 
 @contextmanager

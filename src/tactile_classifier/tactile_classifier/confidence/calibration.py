@@ -17,10 +17,11 @@ Matrix = npt.NDArray[np.float64]
 class Calibration:
     """Map from raw scores to probabilities that preserves their order.
 
-    Softmax of ``slope * scores`` (temperature scaling, Guo et al. 2017). ``offset`` is added to
-    the term of the predicted label, like the constant of Platt scaling (1999). ``slope`` is
-    positive, in the inverse unit of the scores. ``offset`` is a natural logarithm [1]. It is not
-    negative, because the second label could otherwise become more probable than the predicted one.
+    The probabilities are the softmax of ``slope * scores`` (temperature scaling, Guo et al. 2017).
+    Before the softmax, ``offset`` is added to the term of the predicted label, like the constant
+    of Platt scaling (1999). ``slope`` is positive; its unit is the inverse of the unit of the
+    scores. ``offset`` is a natural logarithm [1]. It is not negative: otherwise, another label
+    could become more probable than the predicted label.
     """
 
     slope: float

@@ -3,8 +3,8 @@
 
 """Calibration of probabilities and of the novelty threshold on held-out trials.
 
-Trials of one session share a mounting. Whole sessions are therefore held out if the table has two
-or more sessions.
+Trials of one session share a mounting, and are therefore similar. If each label occurs in at least
+two sessions, whole sessions are held out.
 """
 
 from __future__ import annotations
@@ -35,10 +35,11 @@ from tactile_classifier.estimators.classifiers import (
 from tactile_classifier.types import VOTES
 
 MAX_FOLDS = 6
-"""Maximum number of folds of trials or sessions, unless the labels require more."""
+"""Maximum number of folds. More are used only if groups cannot be divided into that few folds."""
 
 BOUNDS = ((1e-3, 1e3), (0.0, 50.0))
-"""Bounds of the slope (relative to the spread of the scores) and offset of a calibration."""
+"""Bounds of the slope and of the offset of a calibration. The slope is for scores that were
+divided by their spread."""
 
 PRECISE = {'ftol': 1e-14, 'gtol': 1e-8}
 
@@ -54,7 +55,7 @@ Indices = npt.NDArray[np.intp]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class GroupFolds:
-    """Folds for holding out whole groups such as sessions, repeats, or single trials.
+    """Folds that hold out whole groups of trials, such as sessions, or single trials.
 
     Attributes
     ----------
@@ -63,9 +64,10 @@ class GroupFolds:
     fold : ndarray of int, shape (trials,)
         Fold of each trial.
     session : ndarray of int, shape (trials,), or None
-        Group of each trial; None if the folds consist of repeats or single trials.
+        Group of each trial. None if the folds are random, or if the groups are repeated
+        conditions.
     names : tuple of str
-        Names of the groups; empty without groups.
+        Names of the groups; empty if ``session`` is None.
     """
 
     split: str
@@ -75,11 +77,11 @@ class GroupFolds:
 
     @property
     def groups(self) -> int:
-        """Number of groups; 0 if the folds consist of repeats or single trials."""
+        """Number of groups; 0 if ``session`` is None."""
         return len(self.names)
 
     def divide(self, novelty: Matrix) -> HeldOutNovelty:
-        """Group the novelties of held-out trials, shape (trials,), by session."""
+        """Divide the novelties of held-out trials, shape (trials,), into those of each session."""
         return HeldOutNovelty.divide(novelty, self.session, self.names)
 
     def take(self, keep: npt.NDArray[np.bool_]) -> GroupFolds:
@@ -89,13 +91,17 @@ class GroupFolds:
 
 
 def make_group_folds(table: FeatureTable, columns: Sequence[str] = ('session_id',)) -> GroupFolds:
-    """Return folds of whole groups if each label occurs in two or more; otherwise of trials.
+    """Return folds that hold out whole groups of trials, or random folds if that is impossible.
 
-    Trials that have equal values in all columns form a group. Columns missing in the table are
-    ignored. Without columns, single trials are held out. The groups of each label are distributed
-    over the folds, so that a model fitted on the other folds knows every label of the held-out
-    fold. Without groups, all trials of a repeated condition (`find_cells`) stay in one fold, as do
-    copies (`find_copies`). Raises TooFewTrialsError if a label has only one trial.
+    Trials that have equal values in all ``columns`` form a group; columns that the table does not
+    have are ignored. Groups are held out if each label occurs in at least two of them. If not, the
+    trials of each repeated condition (`find_cells`) are used as groups, under the same rule. The
+    groups of each label are distributed over several folds, so that a model that is fitted to the
+    other folds knows every label of the held-out fold.
+
+    If neither is possible, or ``columns`` is empty, the folds are random and stratified by label.
+    Copies (`find_copies`) always stay in one fold. Raises TooFewTrialsError if a label has only
+    one trial.
     """
     codes = np.unique(table.labels, return_inverse=True)[1]
     if (folds := _hold_groups_out(table, codes, columns)) is not None:
@@ -117,7 +123,10 @@ def make_group_folds(table: FeatureTable, columns: Sequence[str] = ('session_id'
 def _hold_groups_out(
     table: FeatureTable, codes: Indices, columns: Sequence[str]
 ) -> GroupFolds | None:
-    """Return folds of whole groups, or None if a label (``codes``) occurs in one group only."""
+    """Return folds that hold out whole groups, or None if a label occurs in only one group.
+
+    ``codes`` contains the index of the label of each trial.
+    """
     group: Indices = np.zeros(len(table), dtype=np.intp)
     for column in columns:
         if column in table.columns:
@@ -141,16 +150,16 @@ def _hold_groups_out(
 def _spread(contains: npt.NDArray[np.bool_]) -> Indices:
     """Assign groups to folds so that no label has all its groups in one fold.
 
-    Groups with the most labels are assigned first. Each group goes to the fold with the fewest
-    groups that share its labels. In ``contains``, shape (groups, labels), each label occurs in two
-    or more groups.
+    Groups with the most labels are assigned first. Each group is assigned to the fold that has the
+    fewest groups with the same labels. ``contains`` has shape (groups, labels); each label must
+    occur in two or more groups.
     """
     groups, labels = contains.shape
     folds = min(MAX_FOLDS, groups)
     fold = np.zeros(groups, dtype=np.intp)
     size = np.zeros(folds, dtype=np.intp)
     count = np.zeros((folds, labels), dtype=np.intp)
-    # Names only determine the order of groups with the same labels.
+    # The order of the groups' names matters only between groups with the same labels.
     for i in sorted(range(groups), key=lambda i: (-contains[i].sum(), *~contains[i], i)):
         same = count[:, contains[i]]
         only_here = (same > 0) & (same == same.sum(axis=0))
@@ -159,7 +168,7 @@ def _spread(contains: npt.NDArray[np.bool_]) -> Indices:
         count[fold[i], contains[i]] += 1
     if ((count > 0).sum(axis=0) > 1).all():
         return fold
-    # No assignment to a few folds works for these labels: one fold per group.
+    # No assignment to this number of folds was found: use one fold for each group.
     return np.arange(groups)
 
 
@@ -170,9 +179,10 @@ def score_held_out(
     scaling: str,
     parameters: Mapping[str, Any] | None = None,
 ) -> tuple[Matrix, Indices]:
-    """Return raw scores of some trials by a model of the others, and the true labels' columns.
+    """Fit a model to the other trials and return the raw scores of the held-out ones.
 
-    ``parameters`` are those of `build_estimator`.
+    The scores have shape (held-out trials, labels). The second result is the column of each
+    trial's true label. ``parameters`` is the argument of `build_estimator`.
     """
     train, test = table.take(~held_out), table.take(held_out)
     estimator = build_estimator(classifier, scaling, table.channels, parameters)
@@ -188,7 +198,7 @@ def hold_out_scores(
     fold: Indices,
     parameters: Mapping[str, Any] | None = None,
 ) -> tuple[Matrix, Indices]:
-    """Score each trial with a model of the other folds.
+    """Score each trial with a model that is fitted to the other folds.
 
     Returns the raw scores, shape (trials, labels), and the column of each true label.
     """
@@ -202,10 +212,11 @@ def hold_out_scores(
 def hold_out_novelty(
     table: FeatureTable, fold: Indices, known: npt.NDArray[np.bool_] | slice = slice(None)
 ) -> Matrix:
-    """Return novelties, shape (trials,), from measures fitted to the known trials of other folds.
+    """Compute the novelty of each trial with a measure that is fitted to the other folds.
 
-    With two folds, each measure is fitted to one fold and has no distances between folds. It then
-    uses the scales of the measure fitted to all known trials.
+    The measures are fitted only to ``known`` trials. The novelties have shape (trials,). If there
+    are two folds, each measure is fitted to one fold and has no distances between folds. In this
+    case, it uses the scales of a measure that is fitted to all known trials.
     """
     novelty = np.zeros(len(table))
     values, labels, of_known = table.values[known], table.labels[known], fold[known]
@@ -220,10 +231,11 @@ def hold_out_novelty(
 
 
 def fit_novelty(table: FeatureTable, folds: GroupFolds) -> tuple[NoveltyMeasure, HeldOutNovelty]:
-    """Fit the novelty measure to all trials, and compute the novelties of held-out trials.
+    """Fit the novelty measure to all trials; compute the novelties of held-out trials.
 
-    This is not split conformal prediction, because a separate measure is fitted for each fold. The
-    measure of all trials has more references, so novelties of new trials tend to be lower.
+    The held-out novelties come from a separate measure for each fold, so this is not split
+    conformal prediction. The measure of all trials has more reference trials than these, so it
+    tends to give lower novelties for new trials.
     """
     novelty = hold_out_novelty(table, folds.fold)
     return fit_measure(table.values, table.labels, folds.fold), folds.divide(novelty)
@@ -231,11 +243,12 @@ def fit_novelty(table: FeatureTable, folds: GroupFolds) -> tuple[NoveltyMeasure,
 
 @dataclasses.dataclass(frozen=True)
 class UnlearnedLabels:
-    """Rejection of labels that were left out of the training, one label at a time.
+    """Results of leaving one label at a time out of the training.
 
-    ``auroc`` is the probability that a trial of a left-out label is more novel than a trial of a
-    known label. ``miss_rate`` and ``strict_miss_rate`` are the fractions of left-out trials that
-    receive a known label with the default and the strict threshold [1].
+    ``labels`` is the number of labels. ``auroc`` is the probability that a trial of the left-out
+    label is more novel than a trial of a known label; negative if unknown. ``miss_rate`` and
+    ``strict_miss_rate`` are the fractions of the trials of left-out labels that are not rejected
+    by the default and by the strict threshold [1].
     """
 
     labels: int
@@ -247,9 +260,10 @@ class UnlearnedLabels:
 def leave_labels_out(
     table: FeatureTable, folds: GroupFolds, false_alarm_rate: float
 ) -> UnlearnedLabels | None:
-    """Measure the rejection of each label by a model that was not trained on it.
+    """Measure how well trials of a label are rejected if the label was not in the training.
 
-    Returns None if fewer than two labels, or too few trials for the rate, would remain.
+    Returns None if fewer than two labels would remain, or too few trials for a threshold with
+    this false alarm rate.
     """
     missed: list[list[float]] = []
     areas = []
@@ -278,12 +292,12 @@ def leave_labels_out(
 
 
 def fit_calibration(scores: Matrix, true: Indices) -> Calibration:
-    """Return the maximum-likelihood calibration for held-out labels.
+    """Fit a calibration to the raw scores of held-out trials by maximum likelihood.
 
-    Scores have shape (trials, labels); ``true`` holds column indices, shape (trials,). As in
-    Platt's targets, one fictitious error is added, so that a classifier without errors does not
-    reach probability 1. The scores are first divided by their spread, so that the result does not
-    depend on their unit. The loss is convex in slope and offset.
+    The scores have shape (trials, labels); ``true`` contains the column of each true label, shape
+    (trials,). As in Platt's targets, one fictitious error is added. A classifier without errors
+    therefore does not reach probability 1. The scores are first divided by their spread, so that
+    the result does not depend on their unit. The loss is convex in slope and offset.
     """
     trials, labels = scores.shape
     doubt = 1.0 / (trials + 2.0)
@@ -311,17 +325,22 @@ def fit_calibration(scores: Matrix, true: Indices) -> Calibration:
 
 
 def compute_calibration_error(probabilities: Matrix, true: Indices) -> float:
-    """Return the expected calibration error of the predictions [1].
+    """Compute the expected calibration error of the predictions [1].
 
-    Mean over the trials of the difference between accuracy and mean probability, in ten
-    equal-width bins of the probability (Naeini et al. 2015). Probabilities have shape
-    (trials, labels); ``true`` holds column indices, shape (trials,).
+    The trials are divided into ten bins of equal width by the probability of their predicted label
+    (Naeini et al. 2015). The result is the mean absolute difference between accuracy and mean
+    probability in each bin, weighted by the number of trials. The probabilities have shape
+    (trials, labels); ``true`` contains the column of each true label, shape (trials,).
     """
     return binned_error(probabilities.max(axis=1), probabilities.argmax(axis=1) == true)
 
 
 def binned_error(stated: Matrix, is_right: npt.NDArray[np.bool_]) -> float:
-    """Return the expected calibration error of stated probabilities, both of shape (trials,)."""
+    """Compute the expected calibration error of stated probabilities [1].
+
+    ``stated`` contains the probability of each predicted label, ``is_right`` whether the label is
+    correct; both have shape (trials,).
+    """
     surplus = np.bincount(find_bins(stated), stated - is_right, BINS)
     return float(np.abs(surplus).sum() / len(stated))
 
@@ -332,12 +351,12 @@ def find_bins(stated: Matrix) -> Indices:
 
 
 def compute_uncalibrated(scores: Matrix, score_kind: str) -> Matrix:
-    """Return uncalibrated probabilities: vote fractions unchanged, other scores as softmax."""
+    """Return uncalibrated probabilities: vote fractions as they are, or the softmax of scores."""
     return scores if score_kind == VOTES else Calibration(1.0, 0.0).compute(scores)
 
 
 def hold_out_probabilities(scores: Matrix, true: Indices, fold: Indices) -> Matrix:
-    """Return probabilities from calibrations fitted to the held-out scores of the other folds."""
+    """Compute the probabilities of each fold with a calibration fitted to the other folds."""
     probabilities = np.zeros(scores.shape)
     for i in np.unique(fold):
         others = fit_calibration(scores[fold != i], true[fold != i])
@@ -349,7 +368,8 @@ def hold_out_probabilities(scores: Matrix, true: Indices, fold: Indices) -> Matr
 class Surplus:
     """Mean probability of the predictions minus their accuracy, over held-out sessions.
 
-    ``mean`` and ``half_width`` of the 95 % interval (Student's t over the sessions) [1].
+    ``mean`` and ``half_width`` are the centre and half of the width of the 95 % interval
+    (Student's t over the sessions) [1].
     """
 
     mean: float
@@ -359,7 +379,10 @@ class Surplus:
 def measure_surplus(
     probabilities: Matrix, true: Indices, session: Indices | None
 ) -> Surplus | None:
-    """Return how much too large the probabilities are, or None with fewer than two sessions."""
+    """Measure how much the probabilities exceed the accuracy.
+
+    Returns None if there are fewer than two sessions.
+    """
     if session is None or session.max() < 1:
         return None
     stated = probabilities.max(axis=1) - (probabilities.argmax(axis=1) == true)
@@ -373,9 +396,11 @@ class HeldOutCalibration:
     """Calibration and novelty measure of a model, with their errors on held-out trials.
 
     ``calibration`` is fitted to all held-out scores, ``novelty`` to all trials. The threshold is
-    computed from ``held_out_novelty``, the novelties by measures of the other folds. The errors
-    are expected calibration errors before and after calibration [1]. ``accuracy`` is the accuracy
-    on held-out trials [1]. ``surplus`` is the stated probability minus the accuracy by session.
+    computed from ``held_out_novelty``: the novelties of trials whose fold was held out when the
+    measure was fitted. ``error_before`` and ``error_after`` are the expected calibration errors
+    before and after calibration [1]. ``accuracy`` is the accuracy on held-out trials [1].
+    ``surplus`` is the stated probability minus the accuracy, over the sessions; None if there are
+    fewer than two sessions.
     """
 
     calibration: Calibration
@@ -398,11 +423,11 @@ def calibrate_held_out(
     strict: bool = False,
     parameters: Mapping[str, Any] | None = None,
 ) -> HeldOutCalibration:
-    """Fit calibration and threshold on held-out folds; return them with their errors.
+    """Fit the calibration and the novelty threshold on held-out folds, and measure their errors.
 
-    With ``strict`` the threshold is the strict one of `HeldOutNovelty.compute_threshold`;
-    ``parameters`` are those of `build_estimator`. Raises
-    TooFewTrialsError when there are too few for the rate, or for the classifier.
+    If ``strict`` is True, the strict threshold of `HeldOutNovelty.compute_threshold` is used.
+    ``parameters`` is the argument of `build_estimator`. Raises TooFewTrialsError when there are
+    too few trials for the false alarm rate or for the classifier.
     """
     fold = folds.fold
     scores, true = hold_out_scores(table, classifier, scaling, fold, parameters)

@@ -18,14 +18,14 @@ Indices = npt.NDArray[np.intp]
 def fit_measure(values: Matrix, labels: npt.NDArray[np.str_], fold: Indices) -> NoveltyMeasure:
     """Fit the novelty measure to training trials of shape (trials, k).
 
-    Features that do not vary within any label are ignored. ``fold`` is the fold of each trial, for
-    example its session.
+    A feature that varies within no label is ignored. ``fold`` contains the fold of each trial, for
+    example the number of its session.
     """
     classes, owner = np.unique(labels, return_inverse=True)
     centre = values.mean(axis=0)
     residuals = _find_residuals(values, owner, fold)
     spread = np.sqrt((residuals**2).mean(axis=0))
-    # A smaller spread is the rounding error of the mean.
+    # A smaller spread comes only from the rounding error of the mean.
     varies = spread > 1e-12 * np.abs(values).max(axis=0)
     scale = np.divide(1.0, spread, out=np.zeros_like(spread), where=varies)
     within = _whiten(residuals, scale)
@@ -49,8 +49,9 @@ def fit_measure(values: Matrix, labels: npt.NDArray[np.str_], fold: Indices) -> 
 def _find_residuals(values: Matrix, owner: Indices, fold: Indices) -> Matrix:
     """Return the deviations from the mean of each label, corrected for the degrees of freedom.
 
-    With two folds, a measure fitted to one fold contains no differences between folds. The measure
-    of all trials must be comparable, so the residuals are then taken within label and fold.
+    If there are two folds, each held-out measure is fitted to one fold and contains no differences
+    between folds. The measure of all trials must be comparable. In this case, the deviations are
+    therefore computed from the mean of each label in each fold.
     """
     if len(np.unique(fold)) == 2:
         crossed = divide_groups(owner, fold)
@@ -59,12 +60,12 @@ def _find_residuals(values: Matrix, owner: Indices, fold: Indices) -> Matrix:
     means = np.stack([values[owner == i].mean(axis=0) for i in range(len(counts))])
     unbiased = np.sqrt(counts / np.maximum(counts - 1, 1))[owner, np.newaxis]
     residuals: Matrix = ((values - means[owner]) * unbiased)[counts[owner] > 1]
-    # With one trial per label there is no spread within labels: use the spread of all trials.
+    # If each label has one trial, there is no spread within labels: use that of all trials.
     return residuals if len(residuals) else values - values.mean(axis=0)
 
 
 def _whiten(residuals: Matrix, scale: Matrix) -> Matrix:
-    """Return the whitening matrix of the shrunk covariance of the residuals."""
+    """Return the whitening matrix for the covariance of the residuals, shrunk (Ledoit-Wolf)."""
     counts = scale > 0.0
     transform = np.zeros((len(scale), len(scale)))
     if counts.any():
@@ -75,9 +76,10 @@ def _whiten(residuals: Matrix, scale: Matrix) -> Matrix:
 
 
 def _median_distance(points: Matrix, fold: Indices) -> float:
-    """Return the median distance to the nearest point of another fold; 1 if all are equal.
+    """Return the median over the points of the distance to the nearest point of another fold.
 
-    With one fold, the nearest of all other points is used.
+    If there is only one fold, the nearest of all other points is used. If the median is 0 or there
+    are no other points, returns 1.
     """
     lengths = (points**2).sum(axis=1)
     squares = lengths[:, np.newaxis] + lengths - 2.0 * points @ points.T
@@ -93,7 +95,8 @@ def _median_distance(points: Matrix, fold: Indices) -> float:
 def compute_auroc(is_new: npt.NDArray[np.bool_], novelty: Matrix) -> float:
     """Return the area under the receiver operating characteristic [1].
 
-    Fraction of pairs in which the new trial has the higher novelty; ties count half.
+    This is the fraction of pairs of a new and a known trial in which the new trial has the higher
+    novelty. A tie counts as half a pair.
     """
     known, new = np.sort(novelty[~is_new]), novelty[is_new]
     ranks = np.searchsorted(known, new) + np.searchsorted(known, new, side='right')

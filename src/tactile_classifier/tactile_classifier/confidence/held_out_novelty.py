@@ -18,20 +18,21 @@ from tactile_classifier.errors import ModelFileError, refuse_damage, TooFewTrial
 Matrix = npt.NDArray[np.float64]
 
 SESSIONS_BEYOND = 0.1
-"""Fraction of new sessions in which the strict threshold may fail, given enough sessions."""
+"""If there are enough sessions, the strict threshold may fail in this fraction of new sessions."""
 
 
 def trials_needed(rate: float) -> int:
-    """Return the minimum number of calibration trials for a conformal threshold at a rate."""
+    """Return the smallest number of trials for a conformal threshold with this rejection rate."""
     return math.ceil(round(1.0 / rate, 9)) - 1
 
 
 def rank_of_sessions(count: int) -> int:
-    """Return the rank of the session whose quantile bounds the quantile of a new session.
+    """Return the rank, from 1, of the session quantile that is used as strict threshold.
 
-    A new session, exchangeable with the ``count`` others, does not exceed the value of this rank
-    with probability ``rank / (count + 1)``. This is at least 1 - `SESSIONS_BEYOND` with nine or
-    more sessions. With fewer sessions the largest value is used: ``count / (count + 1)``.
+    If a new session is exchangeable with the ``count`` other sessions, its quantile does not
+    exceed the quantile of this rank with probability ``rank / (count + 1)``. If there are nine or
+    more sessions, this probability is at least 1 - `SESSIONS_BEYOND`. If there are fewer, the
+    largest quantile is used, and the probability is ``count / (count + 1)``.
     """
     return min(count, math.ceil(round((count + 1) * (1.0 - SESSIONS_BEYOND), 9)))
 
@@ -45,9 +46,10 @@ class HeldOutNovelty:
     Attributes
     ----------
     sessions : tuple of arrays
-        Novelties of the trials of each session; one array for all trials without sessions.
+        Novelties of the trials of each session. If sessions are not used, one array with all
+        trials.
     names : tuple of str
-        Names of the sessions; empty without sessions.
+        Names of the sessions; empty if sessions are not used.
     """
 
     sessions: tuple[Matrix, ...]
@@ -57,7 +59,10 @@ class HeldOutNovelty:
     def divide(
         cls, novelty: Matrix, session: npt.NDArray[np.intp] | None, names: Sequence[str]
     ) -> HeldOutNovelty:
-        """Group novelties by session; ``session`` holds indices into ``names``, or is None."""
+        """Divide novelties into those of each session.
+
+        ``session`` contains an index into ``names`` for each trial, or is None.
+        """
         if session is None:
             return cls((novelty,))
         found = np.unique(session)
@@ -67,23 +72,25 @@ class HeldOutNovelty:
     def compute_threshold(self, rate: float, *, strict: bool = False) -> float:
         """Return the novelty above which a window is unknown.
 
-        The default is the quantile over all trials, with equal weight per session: the false
-        rejection rate holds on average over sessions. Without sessions, the threshold is the
-        ``ceil((n + 1) * (1 - rate))``-th smallest of ``n`` novelties. A new, exchangeable trial
-        exceeds it with at most probability ``rate`` (split conformal prediction: Vovk, Gammerman
-        and Shafer 2005; Lei et al. 2018).
+        By default, the threshold is the quantile over all trials, with the same total weight for
+        each session. The false rejection rate then holds on average over sessions. If sessions are
+        not used, the threshold is the ``ceil((n + 1) * (1 - rate))``-th smallest of ``n``
+        novelties. The probability that a new, exchangeable trial exceeds it is at most ``rate``
+        (split conformal prediction: Vovk, Gammerman and Shafer 2005; Lei et al. 2018).
 
-        The strict threshold holds in most new sessions. A quantile is computed per session, and
-        the threshold is the quantile with the rank `rank_of_sessions` (Dunn, Wasserman and Ramdas
-        2022; Duchi, Gupta, Jiang and Sur 2024, for environments). The quantile of a new session
-        does not exceed it with probability ``rank / (count + 1)``. For a session with fewer trials
-        than `trials_needed`, its largest novelty is used.
+        With the strict threshold, the false rejection rate holds in most new sessions. One
+        quantile is computed for each session, and the threshold is the quantile with the rank
+        `rank_of_sessions` (Dunn, Wasserman and Ramdas 2022; for environments, Duchi, Gupta, Jiang
+        and Sur 2024). With probability ``rank / (count + 1)``, the quantile of a new session does
+        not exceed it. If a session has fewer trials than `trials_needed`, its largest novelty is
+        used as its quantile.
 
         Parameters
         ----------
         rate : float
             False rejection rate, between 0 and 1 [1].
         strict : bool
+            Return the strict threshold.
 
         Raises
         ------
@@ -95,14 +102,14 @@ class HeldOutNovelty:
         if count < needed:
             raise TooFewTrialsError(
                 f'a threshold with a false rejection rate of {rate:g} needs {needed} '
-                f'trial{"s" * (needed != 1)}, has {count}'
+                f'trial{"s" * (needed != 1)}, but the number of held-out trials is {count}'
             )
         return _find_threshold(self.sessions, rate, strict)
 
     def reject_sessions(self, rate: float, *, strict: bool = False) -> tuple[float, ...]:
-        """Return the false rejection rate of each session with the threshold of the others [1].
+        """Compute the false rejection rate of each session with the other sessions' threshold [1].
 
-        Empty with fewer than two sessions.
+        If there are fewer than two sessions, the result is empty.
         """
         if len(self.names) < 2:
             return ()
@@ -113,11 +120,11 @@ class HeldOutNovelty:
         return tuple(found)
 
     def compute_p_value(self, novelty: float, *, strict: bool = False) -> float:
-        """Return the conformal p-value of a novelty.
+        """Return the conformal p-value of a novelty [1].
 
-        By default, the p-value is at most the false rejection rate if and only if the novelty
-        exceeds the threshold. For the strict threshold this requires `trials_needed` trials in
-        each session.
+        The p-value is at most the false rejection rate if and only if the novelty exceeds the
+        threshold for this rate. If ``strict`` is True, this is true only if each session has at
+        least `trials_needed` trials.
         """
         shares = [float(np.mean(each >= novelty)) for each in self.sessions]
         sizes = [len(each) for each in self.sessions]
@@ -130,7 +137,7 @@ class HeldOutNovelty:
         return round((1 + count * float(np.mean(shares))) / (1 + count), 12)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return a dictionary for JSON; `read` is the inverse."""
+        """Return a dictionary for JSON, which `read` converts back."""
         return {
             'names': list(self.names),
             'sessions': [np.sort(x).tolist() for x in self.sessions],
@@ -151,7 +158,7 @@ class HeldOutNovelty:
 
 
 def _find_threshold(sessions: Sequence[Matrix], rate: float, strict: bool) -> float:
-    """Return the threshold of `compute_threshold`, or the largest novelty with too few trials."""
+    """Return the threshold of `compute_threshold`; if there are too few trials, the largest."""
     if strict:
         quantiles = sorted(_find_quantile([each], rate) for each in sessions)
         return quantiles[rank_of_sessions(len(quantiles)) - 1]
@@ -159,7 +166,7 @@ def _find_threshold(sessions: Sequence[Matrix], rate: float, strict: bool) -> fl
 
 
 def _find_quantile(sessions: Sequence[Matrix], rate: float) -> float:
-    """Return the smallest novelty that at most the conformal fraction of the trials exceeds."""
+    """Return the smallest novelty that is exceeded by at most the allowed fraction of trials."""
     novelty = np.concatenate(sessions)
     weight = np.concatenate([np.full(len(x), 1.0 / (len(sessions) * len(x))) for x in sessions])
     order = np.argsort(novelty)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Novelty: distance of a window from the training trials, independent of the classifier.
+"""Novelty: distance of a window from the training trials. It does not depend on the classifier.
 
 `fit_measure` fits the measure. docs/answers.md explains why this measure was chosen.
 """
@@ -26,15 +26,17 @@ NEAREST_TO_ALL = 1e-6
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class NoveltyMeasure:
-    """Distance to the nearest training trial, times the relative distance to the nearest label.
+    """Distance to the nearest training trial, multiplied by a distance to the nearest label.
 
-    The first factor is the geometric mean of two distances to the nearest trial: one of the
-    unchanged features, one of features whitened by the covariance within labels. Each distance is
-    divided by a median: the distance of trials of the same label to the nearest trial of another
-    training fold, such as another session. The second factor is d / D. d is the Mahalanobis
-    distance to the mean of the nearest label, with a common covariance within labels; D is the
-    distance to the mean of all trials, with the covariance of all trials. Covariances are shrunk
-    (Ledoit and Wolf 2004).
+    The first factor is the geometric mean of two distances to the nearest trial. The first
+    distance is between the unchanged features. The second is between features that are whitened by
+    the covariance within labels. Each distance is divided by a typical distance for the label of
+    the nearest trial: the median, over the trials of this label, of the distance to the nearest
+    trial of the label in another training fold, such as another session.
+
+    The second factor is d / D. d is the Mahalanobis distance to the mean of the nearest label,
+    with a common covariance within labels. D is the Mahalanobis distance to the mean of all
+    trials, with the covariance of all trials. The covariances are shrunk (Ledoit and Wolf 2004).
 
     Attributes
     ----------

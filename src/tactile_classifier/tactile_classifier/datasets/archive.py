@@ -4,9 +4,9 @@
 """Labelled-trials archives: raw signals of many trials in one NumPy ``.npz`` file.
 
 An archive contains ``x`` (trials, channels, samples), ``label`` (trials,), ``rate_hz`` () and any
-number of further columns (trials,) for selecting, grouping or holding out trials. Trials of
-unequal length are either padded, with ``length``, or concatenated, with ``offsets``: see `LAYOUT`.
-Pickled objects are refused.
+number of further columns (trials,), which can be used to select, group or hold out trials. If the
+trials have different lengths, they are either padded and ``length`` is added, or concatenated and
+``offsets`` is added: see `LAYOUT`. Pickled objects are refused.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ LARGEST_N = 1e6
 """Values above this limit are implausible as tension of a tendon [N]."""
 
 FEW_SAMPLES = 16
-"""Shorter trials cause a warning, because their spectrum has at most eight components."""
+"""Trials with fewer samples cause a warning: their spectrum has at most eight components."""
 
 LAYOUT = """an archive contains the following arrays, with one entry per trial unless stated:
   x        numbers of shape (trials, channels, samples), or (trials, samples); or X
@@ -66,7 +66,7 @@ Channel = int | str
 Array = npt.NDArray[Any]
 Indices = npt.NDArray[np.intp]
 
-_MAX_FACTOR = 10_000  # limits the resampling filter to 100,000 taps on each side
+_MAX_FACTOR = 10_000  # at this factor, the resampling filter has 100,000 taps on each side
 
 
 def _no_numbers() -> Indices:
@@ -149,7 +149,7 @@ class LabelledTrials:
         )
 
     def signal(self, channel: Channel = 0) -> npt.NDArray[np.float64]:
-        """Return one channel, or the mean of all, shape (trials, samples).
+        """Return one channel, or the mean of all channels, shape (trials, samples).
 
         Raises DatasetError when there is no such channel.
         """
@@ -161,7 +161,7 @@ class LabelledTrials:
         return self.x[:, self.channels.index(name)].astype(np.float64)
 
     def where(self, column: str, value: object = True) -> LabelledTrials:
-        """Select the trials with this value in a column.
+        """Return the trials that have this value in a column.
 
         Raises DatasetError when there is no such column, or no such trial.
         """
@@ -185,9 +185,10 @@ class LabelledTrials:
         )
 
     def drop(self, bad: Mapping[int, str]) -> LabelledTrials:
-        """Remove the trials with the given indices; store the reasons in ``skipped``.
+        """Return the trials except those with the given indices; add these to ``skipped``.
 
-        Raises DatasetError if ``skip_bad`` is not set, or no trial remains.
+        ``bad`` maps each index to the reason. Raises DatasetError if a trial would be left out but
+        ``skip_bad`` is not set, or if no trial remains.
         """
         if not bad:
             return self
@@ -207,8 +208,9 @@ class LabelledTrials:
     def between(self, start_s: float, stop_s: float) -> LabelledTrials:
         """Cut all trials to the time from ``start_s`` to ``stop_s``, excluding ``stop_s``.
 
-        Raises DatasetError if all trials are shorter, no sample remains, or some trials are
-        shorter and ``skip_bad`` is not set.
+        Trials that end before ``stop_s`` are left out if ``skip_bad`` is set. Raises DatasetError
+        if ``skip_bad`` is not set and such a trial exists, if all trials are shorter, or if no
+        sample remains.
         """
         longest = int(self.lengths.max())
         first, last = (round(t * self.rate_hz, 6) for t in (start_s, stop_s))
@@ -245,10 +247,10 @@ class LabelledTrials:
     def resample(self, rate_hz: float) -> LabelledTrials:
         """Resample the trials with `scipy.signal.resample_poly`.
 
-        The anti-aliasing filter has linear phase and no delay: a Kaiser window with beta 5, ten
-        periods of the slower rate on each side. Beyond both ends, the signal is extrapolated by
-        the line through its first and last sample. Raises DatasetError if the ratio of the rates
-        is not a ratio of integers up to 10,000.
+        The anti-aliasing filter has linear phase and no delay. It uses a Kaiser window with beta
+        5 and extends over ten periods of the slower rate on each side. Beyond both ends, the
+        signal is extrapolated by the line through its first and last sample. Raises DatasetError
+        if the ratio of the rates is not a ratio of two integers up to 10,000.
         """
         from scipy.signal import resample_poly  # takes half a second to import
 
@@ -292,12 +294,12 @@ def load_archive(
     ----------
     path : str or Path
     folds : int
-        Number of cross-validation folds. If it is not 0, archives with only one label are refused,
-        because they cannot be cross-validated.
+        Number of cross-validation folds. If it is not 0, an archive with only one label is
+        refused, because it cannot be cross-validated.
     skip_bad : bool
         Leave out unusable trials; the reasons are stored in ``skipped``.
     rate_hz : float, optional
-        Sample rate if the archive contains none [Hz].
+        Sample rate, for an archive that contains no rate [Hz].
 
     Raises
     ------
@@ -327,7 +329,7 @@ def read_arrays(path: Path) -> dict[str, Array]:
 
 
 def save_archive(path: Path, trials: LabelledTrials) -> None:
-    """Write trials as an archive that `load_archive` reads, replacing the file."""
+    """Write trials as an archive that `load_archive` reads; replace an existing file."""
     arrays = {
         **trials.columns,
         'x': trials.x,
@@ -349,7 +351,10 @@ def save_archive(path: Path, trials: LabelledTrials) -> None:
 
 
 def _check_headers(path: Path, archive: zipfile.ZipFile) -> None:
-    """Check sizes and types from the headers; raise DatasetError before unsafe data is loaded."""
+    """Check sizes and types in the headers, before any data is loaded.
+
+    Raises DatasetError if an array contains pickled objects, or the arrays are too large.
+    """
     total = 0
     for member in archive.infolist():
         if not member.filename.endswith('.npy'):
@@ -390,10 +395,11 @@ def trials_from_arrays(
     unit: str = '',
     needs_label: bool = True,
 ) -> LabelledTrials:
-    """Return the trials of arrays, like `load_archive`; ``path`` is the source in messages.
+    """Return the trials in arrays, with the same checks as `load_archive`.
 
-    ``unit`` is the unit of the signals, if known. Forces are converted to N. Without
-    ``needs_label``, trials may lack a label, which is then empty, and constant trials are allowed.
+    ``path`` is named in messages as the source. ``unit`` is the unit of the signals, if known.
+    Forces are converted to N. If ``needs_label`` is False, labels may be missing (they are then
+    empty), and constant trials are allowed.
     """
     x, label, rate, steps = _find_arrays(path, arrays, rate_hz, needs_label=needs_label)
     x, lengths = _unpack_signals(path, x, arrays)
@@ -449,11 +455,11 @@ def _find_arrays(
     *,
     needs_label: bool = True,
 ) -> tuple[Array, Array, Array, tuple[str, ...]]:
-    """Remove signals, labels and rate from the arrays and return them.
+    """Remove signals, labels and sample rate from ``arrays`` and return them.
 
-    Other common names of the arrays are accepted; a sentence is returned for each of them.
-    ``rate_hz`` is used if the arrays contain no rate. Raises DatasetError if an array is missing
-    or the rate is given twice.
+    Other common names of the arrays are accepted; for each of them, a sentence is returned. If the
+    arrays contain no rate, ``rate_hz`` is used. Raises DatasetError if an array is missing, or if
+    the rate in the arrays differs from ``rate_hz``.
     """
     named = {key: _find_name(key, arrays) for key in ('x', 'label', 'rate_hz')}
     if rate_hz is not None and not named['rate_hz']:
@@ -485,7 +491,10 @@ def _find_arrays(
 
 
 def _take_unit(path: Path, arrays: dict[str, Array]) -> str:
-    """Remove the unit of the signals from the arrays and return it; a column of units stays."""
+    """Remove the unit of the signals from ``arrays`` and return it.
+
+    If ``unit`` has one entry per trial, it is an ordinary column and is not removed.
+    """
     if 'unit' not in arrays or arrays['unit'].ndim:
         return ''
     unit = _decode_text(path, 'unit', arrays.pop('unit'))
@@ -515,8 +524,8 @@ def _find_name(key: str, arrays: dict[str, Array]) -> str:
 def _unpack_signals(path: Path, x: Array, arrays: dict[str, Array]) -> tuple[Array, Indices]:
     """Return signals of shape (trials, channels, samples), and the number of valid samples.
 
-    Removes ``length`` and ``offsets`` from the arrays. A ``length`` that does not hold integers is
-    an ordinary column and stays.
+    Removes ``length`` and ``offsets`` from ``arrays``. If ``length`` does not contain integers, it
+    is an ordinary column and is not removed.
     """
     if 'offsets' in arrays:
         return _unpack_joined(path, x, arrays.pop('offsets'))
@@ -550,8 +559,8 @@ def _unpack_joined(path: Path, x: Array, offsets: Array) -> tuple[Array, Indices
     lengths = np.diff(bounds)
     if not fits or bounds[0] != 0 or bounds[-1] != joined.shape[1] or lengths.min() < 1:
         raise DatasetError(
-            f'offsets in {path} must be increasing integers from 0 to {joined.shape[1]}, the '
-            'number of samples in x, one more than the number of trials'
+            f'offsets in {path} must be increasing integers from 0 to {joined.shape[1]}, which is '
+            'the number of samples in x; there must be one more than trials'
         )
     shape = (len(lengths), len(joined), int(lengths.max()))
     total = math.prod(shape) * joined.dtype.itemsize
@@ -585,7 +594,7 @@ def _find_unusable(path: Path, x: Array, lengths: Indices, unit: str) -> dict[in
         return {}
     unusable = {}
     for row, (trial, count) in enumerate(zip(x, lengths.tolist(), strict=True)):
-        # Converted to Python floats, because a limit of 1e100 overflows float32.
+        # Converted to Python floats, because float32 cannot represent the limit of 1e100.
         low, high = float(trial[:, :count].min()), float(trial[:, :count].max())
         if not (math.isfinite(low) and math.isfinite(high)):
             bad = ~np.isfinite(trial[:, :count])

@@ -13,20 +13,21 @@ import numpy.typing as npt
 from tactile_classifier.datasets.dataset import divide_groups, FeatureTable, plain_name
 
 GROUPS = ('session_id', 'mounting_id', 'specimen', 'bag')
-"""Columns that say which trials share a state of the rig."""
+"""Columns that group trials which share a state of the rig, such as a mounting."""
 
 _NUMBERS = ('repetition', 'trial', 'trial_id', 'trial_block', 'window_start_ns', 'window_end_ns')
-"""Columns that number the trials and therefore do not describe conditions."""
+"""Columns that number the trials. They do not describe conditions."""
 
 MOST_NAMED = 5
-"""Number of copies listed in a warning."""
+"""Largest number of copies that a warning lists."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Cells:
-    """Cells: trials of the same label under the same conditions.
+    """Cells. A cell contains the trials that have the same label and the same conditions.
 
-    ``columns`` define the conditions; ``cell`` is the cell of each trial, shape (trials,).
+    ``columns`` are the columns that define the conditions. ``cell`` contains the number of the
+    cell of each trial, shape (trials,).
     """
 
     columns: tuple[str, ...]
@@ -35,7 +36,10 @@ class Cells:
     def average(
         self, values: npt.NDArray[np.float64]
     ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.intp]]:
-        """Return the mean of ``values`` (one per trial) in each cell, and the trials per cell."""
+        """Return the mean of ``values`` in each cell, and the number of trials in each cell.
+
+        ``values`` has one entry per trial.
+        """
         sizes = np.bincount(self.cell)
         return np.bincount(self.cell, values) / sizes, sizes
 
@@ -44,16 +48,17 @@ class Cells:
         """One sentence about repeats in random folds."""
         same = ' and '.join(map(plain_name, self.columns))
         return (
-            f'random folds test repeats of training trials: the {len(self.cell)} trials form '
-            f'{self.cell.max() + 1} groups of the same label and {same}. '
-            f'Accuracy may be lower for a new {same}. Intervals are over these groups'
+            f'with random folds, test trials repeat training trials: the {len(self.cell)} trials '
+            f'form {self.cell.max() + 1} groups with the same label and {same}. '
+            f'Accuracy may be lower for a new {same}. Intervals are computed over these groups'
         )
 
 
 def find_cells(table: FeatureTable) -> Cells | None:
     """Return the cells of repeated conditions, or None if most cells contain a single trial.
 
-    A condition is a column with several values for one label, except the columns in `_NUMBERS`.
+    A column describes a condition if it has several values for one label. Columns in `_NUMBERS`
+    and columns with almost as many values as there are trials are not used.
     """
     cell = np.unique(table.labels, return_inverse=True)[1]
     columns: list[str] = []
@@ -70,7 +75,7 @@ def find_cells(table: FeatureTable) -> Cells | None:
 
 
 def cells_of_copies(copies: npt.NDArray[np.intp]) -> Cells | None:
-    """Return copies as cells without conditions, or None if there are no copies."""
+    """Return cells that contain a trial and its copies, or None if there are no copies."""
     cell = np.unique(copies, return_inverse=True)[1]
     return Cells((), cell) if cell.max() + 1 < len(cell) else None
 
@@ -100,12 +105,12 @@ def find_strata(table: FeatureTable) -> npt.NDArray[np.intp] | None:
 
 
 def find_mountings(table: FeatureTable) -> npt.NDArray[np.intp] | None:
-    """Return the mounting of each trial for tests of means of mountings, or None.
+    """Return the number of the mounting of each trial, for tests over mountings, or None.
 
-    Trials of one mounting share the position of the plate or object and are not independent
-    samples. A mounting belongs to one label and one session. If mountings are not known for all
-    trials, one mounting per label and session is assumed. Returns None if neither mountings nor
-    sessions are known.
+    Trials of one mounting share the position of the plate or object. They are not independent
+    samples, so tests compare the means of mountings. A mounting belongs to one label and one
+    session. If the mounting of a trial is unknown, one mounting for each label and session is
+    assumed. Returns None if neither mountings nor sessions are known.
     """
     columns = [
         table.columns[name] for name in ('session_id', 'mounting_id') if name in table.columns
@@ -130,9 +135,9 @@ def find_tied_labels(table: FeatureTable) -> list[str]:
     """Return warnings for grouping columns that are confounded with the labels.
 
     A label is tied if all its trials belong to one group that contains no other label. A model may
-    then learn the group, random folds overestimate the accuracy, and the label is unknown if that
-    group is held out. If a group with several labels contains all trials of a label, only the
-    latter applies; this is also reported.
+    then learn the group instead of the label, and random folds overestimate the accuracy. If the
+    group is held out, the model does not know the label. If the group also contains other labels,
+    only this last problem remains; this is reported, too.
     """
     labels, label = np.unique(table.labels, return_inverse=True)
     warnings = []

@@ -3,23 +3,31 @@
 
 """Copies: trials whose features are equal, or closer than independent repetitions can be.
 
-A copy in the test part of a fold makes the accuracy too high, because a classifier that memorizes
-its training trials predicts its label. Copies arise if a file is read twice, if a recording is
-exported again with fewer digits, or by data augmentation with noise.
+If the test part of a fold contains a copy of a training trial, the accuracy is too high, because a
+classifier that memorizes its training trials knows the label of the copy. Copies arise if a file
+is read twice, if a recording is exported again with fewer digits, or if trials are multiplied by
+adding noise (data augmentation).
 
-Two trials are copies if their features are equal. Two trials of one label are also copies if they
-are nearly equal: each feature is divided by its standard deviation within the label, and the root
-mean square of the differences is less than a tenth of the smallest distance that independent
-repetitions are likely to have. This distance is estimated from the variation of the trials. If the
-features of one label are normal with eigenvalues ``l_1 >= ... >= l_k`` of their correlation
-matrix, the squared distance of two trials is at least ``2 l_j / k`` times a chi-squared variable
-of ``j`` degrees of freedom, for every ``j``. The quantile at 1e-6 divided by the number of pairs
-is used, so one table in a million contains an independent pair below it. The factors of a tenth
-and a millionth allow for features that are not normal, for example repetitions that are much
-closer within a mounting than between mountings. With many independent features (the spectrum of
-noise) the limit is about 0.05. With three features (a regression) it is about 1e-5 to 1e-4,
-because among many trials two may agree in three numbers. Repetitions on a smooth plate are not
-copies: they differ by the noise of the sensor, and the features are divided by this noise.
+Two trials are copies if their features are equal. Two trials with the same label are also copies
+if their features are nearly equal. To decide this, each feature is divided by its standard
+deviation within the label. The distance of two trials is the root mean square of the differences
+of these features. Trials are copies if their distance is less than a tenth of the smallest
+distance that independent repetitions are likely to have.
+
+The smallest likely distance is estimated from the variation of the trials. Let the features of one
+label be normally distributed, and let ``l_1 >= ... >= l_k`` be the eigenvalues of their
+correlation matrix. For every ``j``, the squared distance of two trials is then at least
+``2 l_j / k`` times a chi-squared variable with ``j`` degrees of freedom. The smallest likely
+distance follows from the chi-squared quantile at the probability 1e-6 / p, where p is the number
+of pairs of trials with equal labels. At most one table in a million then contains an independent
+pair that is closer. The factors of a tenth and a millionth allow for features that are not normal,
+for example if repetitions within a mounting are much closer than repetitions in different
+mountings.
+
+With many independent features (the spectrum of noise), the limit is about 0.05. With three
+features (those of a regression), it is about 1e-5 to 1e-4, because two of many trials may agree in
+three numbers by accident. Repetitions on a smooth plate are not copies: they differ by the noise
+of the sensor, and the features are divided by this noise.
 """
 
 from __future__ import annotations
@@ -34,10 +42,12 @@ IndexArray = npt.NDArray[np.intp]
 Matrix = npt.NDArray[np.float64]
 
 DIGEST_BITS = 20
-"""Resolution of a digest: number of bits of the largest feature of a trial."""
+"""Resolution of a digest: number of bits to which the largest feature of a trial is rounded. The
+other features of the trial are rounded to the same step."""
 
 CHANCE = 1e-6
-"""Expected number of independent pairs in a table below the smallest likely distance."""
+"""Expected number of independent pairs in a table that are closer than the smallest likely
+distance."""
 
 FRACTION = 0.1
 """Maximum distance of copies, as a fraction of the smallest likely distance of repetitions."""
@@ -49,10 +59,10 @@ A label whose trials are all copies has a smaller deviation.
 """
 
 SAMPLED = 500
-"""Maximum number of trials for estimating the eigenvalues."""
+"""Maximum number of trials that are used to estimate the eigenvalues."""
 
 BLOCK = 2**20
-"""Number of distances computed per block."""
+"""Number of distances that are computed together in one block."""
 
 
 def digest_rows(values: Matrix) -> list[str]:
@@ -63,9 +73,10 @@ def digest_rows(values: Matrix) -> list[str]:
 
 
 def find_copies(values: Matrix, labels: npt.NDArray[np.str_]) -> IndexArray:
-    """Return the index of the original of each trial; its own index if it is not a copy.
+    """Return the index of the original of each trial; if it is not a copy, its own index.
 
-    The original is the first of the trials that are copies of each other, also indirectly.
+    Trials that are copies of the same trial are also copies of each other. The original is the
+    first of all trials that are copies of each other.
 
     Parameters
     ----------
@@ -121,7 +132,7 @@ def _compute_limit(scaled: Matrix, labels: int, pairs: float) -> float:
         return 0.0
     sample = scaled[np.linspace(0, trials - 1, min(trials, SAMPLED)).astype(int)]
     squares = np.linalg.svd(sample, compute_uv=False) ** 2
-    # With few trials, no more eigenvalues than degrees of freedom can be estimated.
+    # Not more eigenvalues can be estimated than there are degrees of freedom.
     largest = squares[: min(freedom, len(squares))] / (len(sample) * freedom / trials)
     freedoms = np.arange(1, len(largest) + 1)
     quantiles = 2.0 * gammaincinv(freedoms / 2.0, CHANCE / pairs)  # of chi-squared
@@ -129,7 +140,7 @@ def _compute_limit(scaled: Matrix, labels: int, pairs: float) -> float:
 
 
 def _find_near(scaled: Matrix, limit: float) -> Iterator[tuple[IndexArray, IndexArray]]:
-    """Yield the pairs of rows within a squared distance, block by block."""
+    """Yield the pairs of rows whose squared distance is at most ``limit``, block by block."""
     square = np.square(scaled).sum(axis=1)
     step = max(1, BLOCK // len(scaled))
     for start in range(0, len(scaled), step):
@@ -140,7 +151,7 @@ def _find_near(scaled: Matrix, limit: float) -> Iterator[tuple[IndexArray, Index
 
 
 def _join(first: IndexArray, a: IndexArray, b: IndexArray) -> IndexArray:
-    """Update ``first``: trials ``a`` are copies of trials ``b``."""
+    """Return ``first`` updated with the fact that trials ``a`` are copies of trials ``b``."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables of features with labels, the input of training and evaluation."""
+"""Tables of features with labels. Training and evaluation use them."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ class FeatureTable:
     spec : FeatureSpec
     columns : mapping of str to ndarray of shape (trials,)
         Metadata of each trial, such as ``trial_id``, ``session_id``, ``contact`` and
-        ``simulated``. Columns ``session`` and ``mounting`` are renamed to ``session_id`` and
-        ``mounting_id`` unless these exist.
+        ``simulated``. A column ``session`` is renamed to ``session_id`` if there is no column of
+        that name. ``mounting`` is renamed to ``mounting_id`` in the same way.
 
     Raises
     ------
@@ -108,9 +108,11 @@ class FeatureTable:
         return found is not None and found.is_waveform
 
     def column(self, name: str) -> npt.NDArray[Any]:
-        """Return a column; ``session`` and ``mounting`` also find the names with ``_id``.
+        """Return a column.
 
-        Raises DatasetError when there is none.
+        The names ``session`` and ``mounting`` also find ``session_id`` and ``mounting_id``.
+
+        Raises DatasetError when there is no such column.
         """
         found = find_column(self.columns, name)
         if found not in self.columns:
@@ -120,7 +122,7 @@ class FeatureTable:
         return self.columns[found]
 
     def take(self, keep: npt.NDArray[Any]) -> FeatureTable:
-        """Select trials with a mask or an index array."""
+        """Return the trials that a mask or an index array selects."""
         return FeatureTable(
             self.values[keep],
             self.labels[keep],
@@ -129,7 +131,7 @@ class FeatureTable:
         )
 
     def compute_sha256(self) -> str:
-        """Return the digest of specification, labels and exact values."""
+        """Return the SHA-256 digest of the specification, the labels and the exact values."""
         digest = hashlib.sha256()
         text = json.dumps([self.spec.to_dict(), self.labels.tolist()], sort_keys=True)
         digest.update(text.encode())
@@ -139,9 +141,9 @@ class FeatureTable:
     def digest_trials(self) -> list[str]:
         """Return a digest of the features of each trial, 16 hex digits.
 
-        The features are rounded to about a millionth of the largest feature of the trial. The
-        digest is therefore the same on computers that round differently, but differs between
-        trials.
+        The features are rounded to about a millionth of the largest feature of the trial.
+        Computers that round differently therefore give the same digest, but different trials give
+        different digests.
         """
         return digest_rows(self.values)
 
@@ -158,11 +160,11 @@ def divide_groups(group: npt.NDArray[np.intp], column: npt.NDArray[Any]) -> npt.
 
 
 _OUR_NAMES = {'session': 'session_id', 'mounting': 'mounting_id'}
-"""Alternative names of columns in imported recordings."""
+"""Names of columns in imported recordings, and our names for them."""
 
 
 def find_column(columns: Mapping[str, Any], name: str) -> str:
-    """Return the name, or alternative name, of a column in ``columns``."""
+    """Return ``name`` if there is such a column, otherwise our name for it if there is one."""
     return name if name in columns else _OUR_NAMES.get(name, name)
 
 
@@ -187,18 +189,19 @@ def table_from_trials(
     config: FeatureConfig | None = None,
     speeds_m_s: npt.NDArray[Any] | None = None,
 ) -> FeatureTable:
-    """Compute the features of one or all channels of trials that are already cut.
+    """Compute the features of trials that are already cut, for one channel or all channels.
 
-    The units follow from the unit of the trials, or newton if it is unknown. If ``skip_bad`` is
-    set, trials without features are left out: see `usable_table`.
+    The units of the features follow from the unit of the trials; if it is unknown, newton is
+    assumed. If ``trials.skip_bad`` is set, trials without features are left out; `usable_table`
+    also returns which trials remain.
 
     Parameters
     ----------
     task : str
         ``texture`` or ``stiffness``.
     trials : LabelledTrials
-        Each trial is one window: cut trials with `LabelledTrials.between` first. A feature set
-        over distance uses the middle of each trial.
+        Each trial is one window: cut the trials with `LabelledTrials.between` first. If the
+        feature set is over distance, the middle of each trial is used.
     channel : int or str
         Index of the channel, from 0, or its name. ``'all'`` concatenates the features of all
         channels; ``'mean'`` uses the mean of all channels.
@@ -210,7 +213,7 @@ def table_from_trials(
     Raises
     ------
     DatasetError
-        If the channel does not exist, or a trial has no features.
+        If the channel does not exist, or if a trial has no features and ``skip_bad`` is not set.
     """
     return usable_table(task, trials, channel, config=config, speeds_m_s=speeds_m_s)[0]
 
@@ -223,7 +226,7 @@ def usable_table(
     config: FeatureConfig | None = None,
     speeds_m_s: npt.NDArray[Any] | None = None,
 ) -> tuple[FeatureTable, LabelledTrials]:
-    """Like `table_from_trials`; also return the trials that have features."""
+    """Like `table_from_trials`, but also return the trials that have features."""
     trials = trials.cut_to_shortest()
     channel, channels = trials.name_channel(channel), trials.channels
     while True:

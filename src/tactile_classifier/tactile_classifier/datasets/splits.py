@@ -26,17 +26,17 @@ REPETITIONS = 10
 _INNER_FOLDS = 3
 
 LEAST_TO_TRAIN = 3
-"""Smallest number of training trials, which three nearest neighbours need."""
+"""Smallest number of training trials. The classifier with three nearest neighbours needs them."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Split:
     """One or more divisions of the trials into folds.
 
-    ``name`` is shown with every result. ``repeats`` holds the folds of each repetition; a
-    repetition tests each trial once. ``groups``, shape (trials,), is the group of each trial if
-    whole groups are held out. ``copies``, shape (trials,), is `FeatureTable.copies`; trials with
-    equal numbers stay in one fold.
+    ``name`` is shown with every result. ``repeats`` contains the folds of each repetition; within
+    a repetition, no trial is tested twice. If whole groups are held out, ``groups``, shape
+    (trials,), contains the group of each trial. ``copies``, shape (trials,), is
+    `FeatureTable.copies`; trials with equal numbers in it stay in one fold.
     """
 
     name: str
@@ -51,7 +51,7 @@ class Split:
 
     @property
     def spread_of(self) -> str:
-        """Source of the spread of accuracies: ``groups`` or ``repetitions``."""
+        """``groups`` or ``repetitions``: what the spread of accuracies is computed over."""
         return 'repetitions' if self.groups is None else 'groups'
 
     def once(self) -> Split:
@@ -60,7 +60,12 @@ class Split:
         return dataclasses.replace(self, name=name, repeats=self.repeats[:1])
 
     def take(self, keep: npt.NDArray[np.bool_]) -> Split:
-        """Return the split of the trials selected by a mask, without folds that become empty."""
+        """Return the split for the trials that a mask selects.
+
+        Folds without any of these trials in their test part are left out.
+
+        ``keep`` has shape (trials,).
+        """
         place = np.cumsum(keep) - 1
         repeats = tuple(
             tuple(
@@ -83,10 +88,10 @@ class Split:
     ) -> list[Fold]:
         """Divide the training trials of a fold into inner folds, for nested cross-validation.
 
-        If the split holds out groups, the inner folds consist of whole groups; otherwise trials
-        are divided at random. Indices refer to the table. Folds whose training part lacks a class
-        are left out. Raises EvaluationError if too few groups, or too few trials of a class,
-        remain.
+        If the split holds out groups, the inner folds also hold out whole groups. In this case,
+        inner folds whose training part lacks a class are left out. Otherwise, trials are divided
+        at random. Indices refer to the whole table. Raises EvaluationError if too few groups or
+        too few trials of a class remain.
         """
         if self.groups is None:
             copies = train if self.copies is None else self.copies[train]
@@ -120,7 +125,7 @@ def _divide_groups(
     names = np.unique(groups)
     inner: list[Fold] = []
     if len(names) > 1:
-        # Equals GroupKFold(shuffle=True), which requires scikit-learn 1.6.
+        # The same as GroupKFold(shuffle=True), which requires scikit-learn 1.6.
         splitter = KFold(min(folds, len(names)), shuffle=True, random_state=random_state)
         held_out = [np.isin(groups, names[test]) for _, test in splitter.split(names)]
         known = len(np.unique(labels))
@@ -138,22 +143,23 @@ def _divide_groups(
 
 
 LARGE_TABLE = 2_000_000_000
-"""Trials squared times features above which `choose_repetitions` uses one repetition [1]."""
+"""If the number of trials squared times the number of features is larger than this,
+`choose_repetitions` chooses one repetition [1]."""
 
 
 def choose_repetitions(table: FeatureTable, wanted: int | None) -> tuple[int, str]:
-    """Return the number of repetitions, and a sentence if it is less than the default.
+    """Choose the number of repetitions; also return a sentence if it is below the default.
 
-    The time of a fit grows with trials squared times features, and with many trials a repetition
-    changes the mean little. ``wanted`` is returned if given; otherwise `REPETITIONS`, or 1 for a
-    table larger than `LARGE_TABLE`.
+    If ``wanted`` is given, it is returned. Otherwise, the number is `REPETITIONS`, or 1 if the
+    table is larger than `LARGE_TABLE`. The time of a fit grows with the number of trials squared
+    times the number of features, and if there are many trials, repetitions change the mean little.
     """
     trials, features = table.values.shape
     if wanted is not None or trials**2 * features <= LARGE_TABLE:
         return wanted or REPETITIONS, ''
     return 1, (
         f'large table ({trials} trials x {features} features): cross-validation runs once instead '
-        f'of {REPETITIONS} times; use --repetitions {REPETITIONS} for all, which takes longer'
+        f'of {REPETITIONS} times; --repetitions {REPETITIONS} runs all, but takes longer'
     )
 
 
@@ -165,9 +171,10 @@ def stratified_split(
 ) -> Split:
     """Return a stratified k-fold split with several repetitions.
 
-    If a class has fewer trials than ``folds``, the number of folds is reduced to its number of
-    trials. If fewer than three training trials would remain, leave-one-out is used, once. The name
-    of the split states this. Raises EvaluationError if a class has only one trial.
+    If a class has fewer trials than ``folds``, the number of folds is reduced to the number of
+    trials in this class. If fewer than three training trials would remain, one repetition of
+    leave-one-out is used instead. The name of the split states both. Raises EvaluationError if a
+    class has only one trial.
     """
     if folds < 2 or repetitions < 1:
         raise EvaluationError('cross-validation needs at least two folds and one repetition')
@@ -196,7 +203,7 @@ def stratified_split(
 def count_different(
     labels: npt.NDArray[np.str_], copies: IndexArray
 ) -> tuple[npt.NDArray[np.str_], IndexArray]:
-    """Return the labels and the number of trials of each, without copies."""
+    """Return the labels and the number of trials of each label; copies are not counted."""
     different = np.unique(copies, return_index=True)[1]
     return np.unique(labels[different], return_counts=True)
 
@@ -206,8 +213,8 @@ def divide_stratified(
 ) -> list[Fold]:
     """Return stratified random folds; copies stay in one fold.
 
-    Without copies they equal the folds of scikit-learn's `StratifiedKFold`. In ``copies``, shape
-    (trials,), copies have equal numbers.
+    In ``copies``, shape (trials,), trials that are copies of each other have equal numbers. If
+    there are no copies, the folds equal those of scikit-learn's `StratifiedKFold`.
     """
     numbers, different = np.unique(copies, return_index=True)
     splitter = StratifiedKFold(folds, shuffle=True, random_state=random_state)
@@ -217,12 +224,13 @@ def divide_stratified(
 
 
 def grouped_split(table: FeatureTable, columns: Sequence[str]) -> Split:
-    """Return a leave-one-group-out split; a group is all trials with equal values in the columns.
+    """Return a leave-one-group-out split.
 
-    A copy of a trial in an earlier group is tested with that group.
+    A group contains all trials that have equal values in the columns. If a trial is a copy of a
+    trial in an earlier group, it is tested with that group.
 
-    Raises EvaluationError when there is one group only, or a class is in one group only, and
-    DatasetError when there is no such column.
+    Raises EvaluationError when there is only one group, or when a class occurs in only one group.
+    Raises DatasetError when there is no such column.
     """
     name = ' and '.join(map(plain_name, columns))
     _check_classes(table)
@@ -255,8 +263,9 @@ def stated_split(
 ) -> Split:
     """Return a split with one fold, from masks of the training and test trials.
 
-    ``train_is`` and ``test_is`` describe the trials in messages. Raises EvaluationError if a trial
-    is in both masks, a class occurs only in ``test``, or ``train`` contains only one class.
+    In messages, ``train_is`` and ``test_is`` describe the trials. Raises EvaluationError if a
+    trial or a copy of it is in both masks, a class occurs only in ``test``, or ``train`` contains
+    only one class.
     """
     both = np.flatnonzero(train & test)
     if len(both):

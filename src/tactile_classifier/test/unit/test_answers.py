@@ -143,7 +143,8 @@ def test_too_few_trials_give_raw_scores_and_the_reason(stiffness_table, tmp_path
     table = stiffness_table.take(np.r_[0:6, 12:18, 24:30])
     trained = train(table, 'svm_linear')
     assert trained.manifest.calibration == {
-        'reason': 'a threshold with a false rejection rate of 0.05 needs 19 trials, has 18'
+        'reason': 'a threshold with a false rejection rate of 0.05 needs 19 trials, '
+        'but the number of held-out trials is 18'
     }
     model = write_model(tmp_path / 'm.npz', trained)
     found = model.compute(table.values)

@@ -75,7 +75,8 @@ def test_only_too_few_trials_are_a_reason_for_no_probabilities(small_table, monk
     few = small_table.take(np.arange(36) % 3 == 0)
     stated = train(few, 'knn', false_alarm_rate=0.01).manifest.calibration
     assert stated == {
-        'reason': 'a threshold with a false rejection rate of 0.01 needs 99 trials, has 12'
+        'reason': 'a threshold with a false rejection rate of 0.01 needs 99 trials, '
+        'but the number of held-out trials is 12'
     }
 
     def fail(*_, **__):
