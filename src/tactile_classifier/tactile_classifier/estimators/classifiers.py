@@ -27,10 +27,10 @@ from tactile_classifier.types import ALL_CLASSIFIERS, MARGIN, ROCKET, SCALINGS, 
 DEFAULT_SCALING = {'texture': 'none', 'stiffness': 'standard'}
 """Default scaling of each task.
 
-All texture features are amplitudes in newtons. Their magnitudes carry information, and scaling
-would give components that contain only noise the same weight as the others. The stiffness features
-slope [N/s], intercept [N] and correlation [1] have different units. Without scaling, the unit of
-force would determine their weights.
+All texture features are amplitudes in newtons. Their magnitudes carry information: scaling would
+give components that contain only noise the same weight as the others. The stiffness features slope
+[N/s], intercept [N] and correlation [1] have different units. If they were not scaled, their
+weights would depend on the unit of force.
 """
 
 SCORE_KINDS = {
@@ -48,7 +48,7 @@ RANDOM_STATE = 0
 
 MAX_SVM_STEPS = 1_000_000
 """Maximum number of solver steps of an SVM for one pair of labels. Real and simulated recordings
-needed at most 58 499 steps. With large features and classes that are not separable, the solver may
+needed at most 58 499 steps. If features are large and classes are not separable, the solver may
 never converge."""
 
 
@@ -56,7 +56,7 @@ class NearestNeighbours(KNeighborsClassifier):  # type: ignore[misc]
     """scikit-learn's nearest-neighbour classifier; `fit` refuses too few trials."""
 
     def fit(self, X: Any, y: Any) -> NearestNeighbours:  # noqa: N803
-        """Fit; raise TooFewTrialsError if there are fewer trials than neighbours."""
+        """Fit the classifier; raise TooFewTrialsError if it has fewer trials than neighbours."""
         super().fit(X, y)
         if self.n_samples_fit_ < self.n_neighbors:
             raise TooFewTrialsError(
@@ -70,7 +70,7 @@ class SupportVectorMachine(SVC):  # type: ignore[misc]
     """scikit-learn's `SVC`; `fit` warns with a remedy if the solver does not converge."""
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None) -> SupportVectorMachine:  # noqa: N803
-        """Fit; warn if the solver has not converged after `MAX_SVM_STEPS`."""
+        """Fit the machine; warn if the solver has not converged after `MAX_SVM_STEPS`."""
         with warnings.catch_warnings():
             warnings.simplefilter('ignore', ConvergenceWarning)
             super().fit(X, y, sample_weight)
@@ -94,7 +94,7 @@ def warn_of_labels_never_given(estimator: Pipeline, values: Any) -> None:
     if never:
         warnings.warn(
             f'the {machine.kernel} support vector machine never predicts {", ".join(never)}, even '
-            'for its training trials, because the numbers of trials per label outweigh the '
+            'for its training trials. The numbers of trials per label influence it more than the '
             'features: use the scaling "standard", another classifier, or the same number of '
             'trials for each label',
             stacklevel=2,
@@ -102,7 +102,7 @@ def warn_of_labels_never_given(estimator: Pipeline, values: Any) -> None:
 
 
 def default_scaling(task: str, classifier: str) -> str:
-    """Return the default scaling."""
+    """Return the default scaling of a classifier for a task."""
     return 'none' if classifier == ROCKET else DEFAULT_SCALING[task]
 
 
@@ -121,9 +121,9 @@ def build_estimator(
     scaling : str
         One of `SCALINGS`; random convolutions only accept ``none``.
     channels : int
-        The features are those of so many channels, one after another.
+        Number of channels. The features of all channels are concatenated.
     parameters : mapping, optional
-        Parameters of the classifier that replace ours, such as ``C``.
+        Parameters of the classifier, such as ``C``, that replace the defaults of this package.
 
     Raises
     ------
@@ -133,10 +133,10 @@ def build_estimator(
     if scaling not in SCALINGS:
         raise ValueError(f'scaling is "{scaling}"; it must be one of {", ".join(SCALINGS)}')
     if classifier == ROCKET and scaling != 'none':
-        raise ValueError('random convolutions take a waveform as it is: use the scaling "none"')
+        raise ValueError('random convolutions need an unscaled waveform: use the scaling "none"')
     chosen = dict(parameters or {})
     if isinstance(weights := chosen.get('class_weight'), Mapping):
-        # Newer versions of scikit-learn look a label such as '1' up as an integer.
+        # Newer versions of scikit-learn convert a label such as '1' to an integer for the lookup.
         numbers = {int(label): w for label, w in weights.items() if str(label).isdecimal()}
         chosen['class_weight'] = {**weights, **numbers}
     machine = _classifier(classifier, channels).set_params(**chosen)
@@ -149,18 +149,21 @@ def build_estimator(
 def compute_raw_scores(
     estimator: Pipeline, values: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
-    """Return uncalibrated scores, shape (windows, labels), of windows of shape (windows, k)."""
+    """Return the uncalibrated scores of windows, shape (windows, labels).
+
+    ``values`` contains the features of the windows, shape (windows, k).
+    """
     if hasattr(estimator, 'predict_proba'):
         return np.asarray(estimator.predict_proba(values))
     scores = np.asarray(estimator.decision_function(values))
-    # For two labels, scikit-learn returns one value, positive for the second label.
+    # For two labels, scikit-learn returns only one value; it is positive for the second label.
     return np.stack([-scores, scores], axis=1) if scores.ndim == 1 else scores
 
 
 def _classifier(name: str, channels: int) -> Any:
     if name == 'knn':
-        # A tree with a single leaf computes distances from differences and compares them in the
-        # order of the trials. algorithm='brute' is less accurate with large offsets.
+        # A tree with a single leaf computes distances from differences, and compares the trials in
+        # their order. algorithm='brute' is less accurate if features have large offsets.
         return NearestNeighbours(NEIGHBOURS, algorithm='kd_tree', leaf_size=2**31 - 1)
     if name in ('svm_linear', 'svm_rbf'):
         # break_ties: always predict the label with the largest decision value.
@@ -184,8 +187,8 @@ _Result = TypeVar('_Result')
 def on_one_thread(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
     """Decorate a function to run linear algebra on one thread.
 
-    OpenBLAS distributes even small matrices over several threads that wait for each other; this
-    took five times as long on two busy cores. With one thread, results are also identical for any
+    OpenBLAS distributes even small matrices over several threads that wait for each other. On two
+    busy cores, this took five times as long. On one thread, the results are also identical for any
     number of cores.
     """
 

@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Loops of random convolutions, compiled by numba; `convolutions` has the NumPy version.
+"""Loops of random convolutions, compiled by numba. `convolutions` contains the NumPy version.
 
-Each addition is rounded to single precision, in the given order. Additions must not be reordered
-or contracted to fused operations.
+The result of each addition is rounded to single precision. Additions must not be reordered, and
+must not be combined with multiplications to fused operations.
 """
 
 from __future__ import annotations
@@ -27,10 +27,11 @@ _OPTIONS: Any = {
 def _shift(x: Any, dilation: Any, order: Any, common: Any, extra: Any) -> None:
     """Compute the common part of all kernels, and the contribution of each weight of 2.
 
-    The signal has shape (channels, samples); ``order`` is the order in which the weights of -1 are
-    added. The result ``common``, of the same shape, is the convolution with nine weights of -1.
-    The result ``extra``, shape (channels, 9, samples), is three times the sample at each weight.
-    The signal is zero beyond its ends. All arrays are float32.
+    The signal ``x`` has shape (channels, samples). ``order`` is the order in which the weights of
+    -1 are added. The results are written to ``common`` and ``extra``. ``common``, shape (channels,
+    samples), is the convolution with nine weights of -1. ``extra``, shape (channels, 9, samples),
+    is three times the sample at each weight. The signal is zero beyond its ends. All arrays are
+    float32.
     """
     channels, samples = x.shape
     taps = extra.shape[1]
@@ -76,11 +77,11 @@ def _add(common: Any, extra: Any, source: Any, kernel: Any, fitting: Any, sums: 
 def add_chosen(
     x: Any, rows: Any, dilation: Any, sources: Any, kernels: Any, order: Any, sums: Any
 ) -> None:
-    """Compute the sums of each kernel, shape (kernels, samples), on the signal chosen for it.
+    """Apply each kernel to the signal chosen for it; write to ``sums``, shape (kernels, samples).
 
-    Signals ``x`` have shape (trials, channels, samples), float32. ``rows`` is the index of the
-    signal of each kernel, ``sources`` holds its channels and ``kernels`` the positions of its
-    weights of 2. See `_shift` for ``order``.
+    The signals ``x`` have shape (trials, channels, samples), float32. For each kernel, ``rows``
+    contains the index of its signal, ``sources`` its channels, and ``kernels`` the positions of
+    its weights of 2. See `_shift` for ``order``.
     """
     channels, samples = x.shape[1:]
     common = np.empty((channels, samples), dtype=np.float32)
@@ -95,10 +96,11 @@ def count_above(
     x: Any, dilation: Any, parity: Any, biases: Any, sources: Any, kernels: Any, order: Any,
     shares: Any,
 ) -> None:  # fmt: skip
-    """Compute the fraction of samples above each bias, shape (trials, kernels, biases).
+    """Compute the fraction of samples above each bias; write it to ``shares``.
 
-    Kernels whose index modulo two equals ``parity`` use all samples. The other kernels only use
-    samples where the kernel lies within the signal. See `add_chosen` for the other arguments.
+    ``shares`` has shape (trials, kernels, biases). Kernels whose index modulo two equals
+    ``parity`` use all samples. The other kernels use only samples at which the whole kernel is
+    inside the signal. See `add_chosen` for the other arguments.
     """
     channels, samples = x.shape[1:]
     edge = (9 // 2) * dilation

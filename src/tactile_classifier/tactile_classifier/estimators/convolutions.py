@@ -3,14 +3,14 @@
 
 """Random convolutions of a signal, the features of MiniRocket, in NumPy.
 
-Dempster, Schmidt and Webb (2021), "MiniRocket", KDD, doi:10.1145/3447548.3467231. Each of 84
-kernels of nine weights, three of them 2 and six of them -1, is applied to the signal at several
-dilations. A feature is the fraction of samples at which the result exceeds a bias. The weights of
-a kernel add up to zero. The level of a signal therefore only matters at its ends, where the kernel
-extends beyond the signal and uses zeros.
+Dempster, Schmidt and Webb (2021), "MiniRocket", KDD, doi:10.1145/3447548.3467231. There are 84
+kernels. Each has nine weights; three weights are 2, and six are -1. Each kernel is applied to the
+signal at several dilations. A feature is the fraction of samples at which the result exceeds a
+bias. The weights of a kernel add up to zero. The level of a signal therefore affects the result
+only at its ends, where the kernel extends beyond the signal and uses zeros.
 
-Convolutions are computed in single precision, with the additions in the same order as in the
-library aeon, because rounding can change the count of samples above a bias.
+Convolutions are computed in single precision, with additions in the same order as in the library
+aeon: rounding can change the number of samples above a bias.
 `compiled_convolutions` performs the same additions with numba, with identical results.
 """
 
@@ -40,12 +40,13 @@ ADDED = (0, 1, 2, 3, 5, 6, 7, 8)
 """Order in which the weights of -1 are added, after the weight in the middle."""
 
 LARGEST = float(np.finfo(np.float32).max) / (12 * MAX_CHANNELS)
-"""Bound on the values of a signal. The magnitudes of the nine weights add up to 12, and up to nine
-channels are added."""
+"""Bound on the values of a signal. The magnitudes of the nine weights of a kernel add up to 12,
+and a kernel adds up to nine channels."""
 
 MANY_SIGNALS = 16
-"""Minimum number of signals for using the compiled loops. Loading numba takes 0.5 s and 178 MB, so
-the loops are used for training and evaluation, but not in a node with one window at a time."""
+"""Minimum number of signals for which the compiled loops are loaded. Loading numba takes 0.5 s and
+178 MB. The loops are therefore used for training and evaluation, but not in a node, which has one
+window at a time."""
 
 _ORDER = np.array(ADDED)
 _PAIRS, _pair_of = np.unique(KERNELS[:, :2], axis=0, return_inverse=True)
@@ -60,9 +61,10 @@ Indices = npt.NDArray[np.int64]
 class RandomConvolutions:
     """Kernels with dilations and biases, fitted to signals of one length.
 
-    The features are ordered by dilation, then kernel, then bias, as in aeon. Each dilation has
-    ``biases`` of shape (84, biases) [unit of the signal], and ``sources`` of shape (84, 9) with
-    the channels that each kernel adds up, padded with -1.
+    The features are ordered by dilation, then by kernel, then by bias, as in aeon. ``biases`` and
+    ``sources`` contain one array for each dilation. The biases have shape (84, biases) [unit of
+    the signal]. The sources have shape (84, 9): the channels that each kernel adds up, padded with
+    -1.
     """
 
     samples: int
@@ -103,9 +105,10 @@ class RandomConvolutions:
         return values
 
     def sum_chosen(self, x: Single, rows: Indices, at: int) -> Single:
-        """Return the sums of each kernel on the signal chosen for it, shape (84, samples).
+        """Apply each kernel to the signal chosen for it; return the sums, shape (84, samples).
 
-        ``rows`` holds the index of the signal of each kernel, ``at`` the index of the dilation.
+        ``rows`` contains the index of the signal for each kernel; ``at`` is the index of the
+        dilation.
         """
         sums = np.empty((len(KERNELS), self.samples), dtype=np.float32)
         arguments = x, rows, self.dilations[at], self.sources[at], KERNELS, _ORDER, sums
@@ -128,7 +131,11 @@ def to_single(signals: npt.ArrayLike) -> Single:
 
 
 def load_loops(signals: int) -> Any:
-    """Return the compiled loops, or this module for few signals or without numba."""
+    """Return the module with the compiled loops, or this module.
+
+    This module is returned if numba is not installed, or if there are few signals and the compiled
+    loops are not loaded yet.
+    """
     compiled = 'tactile_classifier.estimators.compiled_convolutions'
     if signals < MANY_SIGNALS and compiled not in sys.modules:
         return sys.modules[__name__]

@@ -3,9 +3,9 @@
 
 """Fitting of random convolutions, and a ridge classifier on their features.
 
-Biases are identical to the biases of aeon's `MiniRocket` with the same seed. Features equal its
-features in double precision. docs/decisions/0007-random-convolutions.md explains why aeon is not
-used.
+The biases are identical to those of aeon's `MiniRocket` with the same seed. The features equal the
+features of `MiniRocket` in double precision. docs/decisions/0007-random-convolutions.md explains
+why aeon is not used.
 """
 
 from __future__ import annotations
@@ -40,10 +40,11 @@ MAX_DILATIONS = 32
 def fit_convolutions(
     signals: npt.ArrayLike, features: int = 10_000, random_state: int = 0
 ) -> RandomConvolutions:
-    """Choose channels at random, and biases as quantiles of convolved training signals.
+    """Fit random convolutions: channels are random, biases are quantiles of convolved signals.
 
-    Signals have shape (trials, channels, samples); ``features`` is rounded down to a multiple
-    of 84. Raises DatasetError if a signal is too short or not finite in single precision.
+    The training signals have shape (trials, channels, samples). The number of ``features`` is
+    rounded down to a multiple of 84. Raises DatasetError if a signal is too short, or not finite
+    in single precision.
     """
     x = to_single(signals)
     trials, channels, samples = x.shape
@@ -65,7 +66,10 @@ def fit_convolutions(
 
 
 def _choose_dilations(samples: int, count: int) -> tuple[Indices, Indices]:
-    """Return the dilations, and the number of biases per kernel at each, ``count`` in total."""
+    """Return the dilations, and the number of biases per kernel at each dilation.
+
+    The numbers of biases add up to ``count``.
+    """
     exponents = np.logspace(
         0, np.log2((samples - 1) / (TAPS - 1)), min(count, MAX_DILATIONS), base=2
     )
@@ -90,13 +94,13 @@ def _choose_channels(channels: int, dilations: int, random_state: int) -> tuple[
 
 
 def _golden(count: int) -> Single:
-    """Return a low-discrepancy sequence between 0 and 1, from the golden ratio."""
+    """Return a low-discrepancy sequence between 0 and 1, made with the golden ratio."""
     golden = (np.sqrt(5) + 1) / 2
     return np.asarray(np.arange(1, count + 1) * golden % 1, dtype=np.float32)
 
 
 def _quantiles(values: Single, share: Single) -> Single:
-    """Return quantiles of each row by linear interpolation, shape (rows, quantiles)."""
+    """Return the quantiles of each row, shape (rows, quantiles), with linear interpolation."""
     ordered = np.sort(values, axis=1).astype(np.float64)
     rank = (values.shape[1] - 1) * share.astype(np.float64)
     low = rank.astype(np.intp)
@@ -107,23 +111,24 @@ def _quantiles(values: Single, share: Single) -> Single:
 
 
 ALPHAS = np.logspace(-3, 3, 10)
-"""Candidate strengths of the ridge penalty; chosen by leave-one-out on the training trials."""
+"""Candidate strengths of the ridge penalty. Leave-one-out on the training trials selects one."""
 
 FEATURES = 4998
-"""Number of features for each of the two references."""
+"""Number of features of each of the two sets of convolutions."""
 
 
 class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
     """Two sets of random convolutions, and a linear classifier of their features.
 
-    The features of a trial are the concatenated waveforms of its channels, of equal length. Beyond
-    the ends of a waveform a kernel uses zeros, so the level of the waveform matters. Half of the
-    kernels process the waveform itself. The other half processes the waveform minus the mean of
-    the training trials. This half keeps its precision with any offset, and distinguishes levels
-    whose differences are small relative to their mean.
+    A row of ``X`` contains the concatenated waveforms of the channels of a trial, which have equal
+    length. Beyond the ends of a waveform, a kernel uses zeros, so the level of the waveform
+    affects the features. The first set is applied to the waveform itself. The second set is
+    applied to the waveform minus the mean of the training trials. It keeps its precision with any
+    offset, and distinguishes levels whose differences are small compared with their mean.
 
-    ``references_``, shape (2, channels), is subtracted before each half of ``convolutions_``.
-    ``coef_`` has shape (labels, features); for two labels it has one row, for the second label.
+    ``references_``, shape (2, channels), contains the level that is subtracted for each set in
+    ``convolutions_``. ``coef_`` has shape (labels, features). If there are two labels, it has only
+    one row, for the second label.
     """
 
     def __init__(self, channels: int = 1, random_state: int = 0) -> None:
@@ -140,7 +145,7 @@ class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: igno
         Parameters
         ----------
         X : array_like of shape (trials, channels * samples)
-            Waveforms, those of each channel one after another; nine samples or more.
+            Concatenated waveforms of the channels, each with nine samples or more.
         y : array_like of shape (trials,)
             Labels.
 
@@ -165,7 +170,10 @@ class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: igno
         return self
 
     def decision_function(self, X: npt.ArrayLike) -> Matrix:  # noqa: N803
-        """Return one score a label; of two labels one alone, positive for the second."""
+        """Return one score per label, shape (windows, labels).
+
+        If there are two labels, the result has shape (windows,): positive for the second label.
+        """
         scores = self._transform(self._check(X)) @ self.coef_.T + self.intercept_
         return np.asarray(scores[:, 0] if len(self.classes_) == 2 else scores)
 
@@ -181,10 +189,10 @@ class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: igno
         labels: npt.NDArray[np.str_],
         folds: Sequence[tuple[Indices, Indices]],
     ) -> list[npt.NDArray[np.str_]]:
-        """Fit a linear classifier per fold; return the predictions for its test trials.
+        """Fit a linear classifier for each fold; return the predictions for its test trials.
 
-        The convolutions of this classifier are not fitted again. They were fitted to the
-        waveforms, but not to the labels, of the test trials.
+        The convolutions are not fitted again. They were therefore fitted to the waveforms of the
+        test trials, too, but not to their labels.
         """
         shares = self._transform(self._check(values))
         answers = []
@@ -214,8 +222,11 @@ class RandomConvolutionClassifier(ClassifierMixin, BaseEstimator):  # type: igno
 
 
 def _fit_ridge(shares: Matrix, labels: npt.ArrayLike) -> tuple[RidgeClassifierCV, Matrix]:
-    """Return the linear classifier, and the divisor of each feature."""
-    # The mean is not subtracted, because this does not change the classifier.
+    """Fit a linear classifier to features that are divided by their spread.
+
+    Returns the classifier and the divisor of each feature.
+    """
+    # The mean is not subtracted, because subtracting it would not change the classifier.
     spread = shares.std(axis=0)
     # For equal values, the computed spread is a rounding error such as 5e-17 instead of 0.
     spread[(shares == shares[0]).all(axis=0)] = 1.0

@@ -40,10 +40,10 @@ KNOWN_NOVELTY = 'held_out_novelty'
 class Confidence:
     """Calibration and novelty threshold of a model.
 
-    ``novelty_threshold`` is the novelty above which a window is "unknown" [1]; negative without a
-    threshold. ``slope`` and ``offset`` are the parameters of `Calibration`; negative if scores are
-    raw. Expected calibration errors and accuracy are measured on held-out trials [1]; negative if
-    not calibrated.
+    If the novelty of a window exceeds ``novelty_threshold``, the window is "unknown" [1]; negative
+    if there is no threshold. ``slope`` and ``offset`` are the parameters of `Calibration`;
+    negative if scores are raw. The expected calibration errors and the accuracy are measured on
+    held-out trials [1]; negative if not calibrated.
     """
 
     novelty_threshold: float = -1.0
@@ -58,8 +58,8 @@ class Confidence:
 class TrainingTrials:
     """Conditions under which the training trials were recorded.
 
-    Numbers of sessions, mountings and speeds (0 if not recorded), range of sliding speeds [m/s]
-    (negative if not recorded), and number of simulated trials.
+    The fields are the numbers of sessions, mountings and speeds (0 if not recorded), the range of
+    sliding speeds [m/s] (negative if not recorded), and the number of simulated trials.
     """
 
     sessions: int = 0
@@ -77,7 +77,8 @@ class Manifest:
     Attributes
     ----------
     contact : str
-        Flexion or abduction; empty if the training trials contained both, or did not state it.
+        Flexion or abduction; empty if the training trials contain both, or their contact is
+        unknown.
     spec : FeatureSpec
         Specification of the features.
     labels : tuple of str
@@ -93,26 +94,28 @@ class Manifest:
     trial_digests : tuple of str
         Digests of the training trials in any order; see `FeatureTable.digest_trials`.
     versions : mapping of str to str
-        Library versions.
+        Versions of the libraries that trained the model.
     cross_validation : mapping
         ``mean``, ``spread``, ``spread_of``, ``split`` and ``interval``; empty if not evaluated.
-        ``choice`` describes the automatic choice of features and classifier, if any
-        (`FeatureChoice.summarise`); the other entries then describe its nested score.
+        If features and classifier were chosen automatically, ``choice`` describes the choice
+        (`FeatureChoice.summarise`), and the other entries describe its nested score.
     created : str
         Time of training (ISO 8601, UTC).
     confidence : Confidence
     calibration : mapping
-        The held-out trials used for threshold and probabilities: ``split``, ``groups``, ``trials``
-        and ``held_out`` (the columns that define a group). ``strict`` is true for the strict
-        threshold. If there is no calibration, ``reason`` states why. ``held_out_novelty``:
-        novelties of held-out trials by group (`HeldOutNovelty`). ``surplus``: stated probability
-        minus accuracy, by group (`Surplus`). ``unlearned``: rejection of labels that were left out
-        of the training (`UnlearnedLabels`).
+        The held-out trials that were used for the threshold and the probabilities: ``split``,
+        ``groups``, ``trials`` and ``held_out`` (the columns that define a group). ``strict`` is
+        true for the strict threshold. If there is no calibration, ``reason`` states why.
+        ``held_out_novelty`` contains the novelties of held-out trials of each group
+        (`HeldOutNovelty`). ``surplus`` is the stated probability minus the accuracy, over the
+        groups (`Surplus`). ``unlearned`` is the rejection of labels that were left out of the
+        training (`UnlearnedLabels`).
     false_alarm_rate : float
-        Fraction of windows of known labels that the threshold rejects [1]; negative without a
-        threshold.
+        Fraction of windows of known labels that the threshold may reject [1]; negative if there is
+        no threshold.
     parameters : mapping
-        Parameters of the classifier that differ from those of ``tactile train``, such as ``C``.
+        Parameters of the classifier, such as ``C``, that differ from the defaults of
+        ``tactile train``.
     """
 
     task: str
@@ -147,7 +150,10 @@ class Manifest:
 
     @classmethod
     def from_dict(cls, entries: Mapping[str, Any]) -> Manifest:
-        """Return the manifest that `to_dict` gave; raise ModelFileError for other entries."""
+        """Return a manifest from the dictionary that `to_dict` returned.
+
+        Raises ModelFileError if an entry is missing, invalid or unknown.
+        """
         fields = {'parameters': {}, **check_version(entries)}
         _check_types(fields)
         fields['spec'] = parse_spec(fields)
@@ -187,7 +193,10 @@ _Entry = TypeVar('_Entry', Confidence, TrainingTrials)
 
 
 def _read_entry(name: str, entry: Any, absent: _Entry) -> _Entry:
-    """Check that an entry has the fields and types of ``absent`` and no number below -1."""
+    """Check that an entry has the fields and types of ``absent``, and return it as a record.
+
+    Numbers must be finite and at least -1.
+    """
     defaults = dataclasses.asdict(absent)
     if not isinstance(entry, dict) or set(entry) != set(defaults):
         raise ModelFileError(f'its manifest has no valid entry "{name}"')
@@ -216,7 +225,7 @@ MAX_LINE = 500
 """Maximum length of a line in characters; longer lines are truncated."""
 
 MAX_LABELS = 40
-"""Maximum number of labels listed; further labels are counted."""
+"""Maximum number of labels that are listed; further labels are only counted."""
 
 
 KNN_TIES = 'broken in favour of the earlier trial'
@@ -231,7 +240,7 @@ def format_card(manifest: Manifest) -> str:
 
 
 def format_features(spec: FeatureSpec) -> str:
-    """Return the name of the feature set with its options."""
+    """Return a text with the name of the feature set and its options."""
     found = find_feature_set(spec.feature_set)
     options = [name for name in (found.options if found else ()) if name in spec.parameters]
     stated = [f'{name} {spec.parameters[name]}' for name in options]
@@ -287,14 +296,15 @@ def read_known_novelty(manifest: Manifest) -> HeldOutNovelty | None:
 
 
 MAX_SESSIONS = 12
-"""Maximum number of sessions listed; further sessions are counted."""
+"""Maximum number of sessions that are listed; further sessions are only counted."""
 
 
 @refuse_damage('an entry of its manifest is')
 def describe_thresholds(manifest: Manifest) -> dict[str, str]:
-    """Return the false rejection of the default and the strict threshold on held-out trials.
+    """Describe the false rejection by the default and by the strict threshold.
 
-    The false rejection rate of a session is measured with the threshold of the other sessions.
+    The false rejection rate of a session is measured with a threshold that is computed from the
+    other sessions.
     """
     threshold, calibration = manifest.confidence.novelty_threshold, manifest.calibration
     if threshold < 0.0:
@@ -345,9 +355,9 @@ def _format_shares(shares: Sequence[float], names: Sequence[str]) -> str:
 def _format_accuracy(manifest: Manifest) -> str:
     """Return the accuracy for the card.
 
-    The cross-validated accuracy is used; it is nested if the classifier was chosen inside the
-    folds. Without cross-validation, the accuracy on the held-out trials of the calibration is
-    used.
+    This is the cross-validated accuracy; it is nested if the classifier was chosen inside the
+    folds. If there was no cross-validation, it is the accuracy on the held-out trials of the
+    calibration.
     """
     score, calibration = manifest.cross_validation, manifest.calibration
     if score:
@@ -435,10 +445,10 @@ def list_limits(manifest: Manifest) -> list[str]:
 
 
 FEWEST_GROUPS = 5
-"""With fewer held-out groups, the card always warns that the probabilities are uncertain."""
+"""If there are fewer held-out groups, the card warns that the probabilities are uncertain."""
 
 WIDEST_SURPLUS = 0.1
-"""Half-width of the interval of `Surplus` above which the card warns [1]."""
+"""If the half-width of the interval of `Surplus` is larger than this, the card warns [1]."""
 
 
 @refuse_damage('an entry of its manifest is')
