@@ -38,9 +38,10 @@ LOG_PERIOD_S = 10.0
 
 
 class ClassifierStage(Stage):
-    """Stage that classifies windows of features with each model that fits.
+    """Stage that classifies each window of features with all models that fit it.
 
-    ``answering`` contains models and counters. Raises ModelFileError if no model file is usable.
+    ``answering`` contains the models and the counters. If no model file is usable, the constructor
+    raises ModelFileError.
     """
 
     def __init__(self, node: TactileClassifierNode, config: ClassifierConfig) -> None:
@@ -133,12 +134,12 @@ class ClassifierStage(Stage):
 class TactileClassifierNode(StageNode):
     """Publishes ``~/classification``: for each window, one result of each model that fits.
 
-    A model of early windows is used during the phase, with its own probabilities and threshold for
-    unknown objects. If the parameter ``vision_messages`` is set, results are also published on
-    ``~/vision_classification``. The models are published on ``~/models`` (latched).
+    A model of early windows returns its result during the phase. It has its own probabilities and
+    its own threshold for unknown objects. If the parameter ``vision_messages`` is set, results are
+    also published on ``~/vision_classification``. The models are latched on ``~/models``.
 
-    Models are loaded when the node is configured. Files that cannot be used are reported, and the
-    remaining models are used.
+    Models are loaded when the node is configured. If a file cannot be used, this is reported, and
+    the other models are used.
     """
 
     poll_s = 0.02  # there are only a few windows per trial

@@ -3,7 +3,7 @@
 
 """Classification results, model information, constants and display names, without ROS.
 
-A test checks that the constants equal the ones in Classification.msg.
+A test checks that the constants equal those in Classification.msg.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ ROCKET = 'rocket'
 ALL_CLASSIFIERS = (*CLASSIFIERS, ROCKET)
 
 SCALINGS = ('standard', 'none')
-"""Standardized features (zero mean and unit variance over the training trials), or unchanged."""
+"""``standard``: features have zero mean and unit variance over the training trials. ``none``:
+features are unchanged."""
 
 TASKS = (PROTOCOL_TEXTURE, PROTOCOL_STIFFNESS)
 
@@ -38,7 +39,8 @@ MARGIN = 'margin'
 PROBABILITY = 'probability'
 
 UNKNOWN, NO_ANSWER = 'unknown', 'no answer'
-"""Replace the label if the window is too novel, or has no features or no finite scores."""
+"""``unknown`` replaces the label if the window is too novel. ``no answer`` replaces it if the
+window has no features or no finite scores."""
 
 
 class PredictionOutcome(IntEnum):
@@ -60,14 +62,15 @@ class WindowPrediction:
     reason : str
         One sentence if ``outcome`` is not ``PredictionOutcome.LABEL``; empty otherwise.
     labels, scores : tuple
-        One score per label; a higher score is more likely. No scores without features.
+        The labels, and one score for each of them; a higher score means a more likely label. If
+        the window has no features, ``scores`` is empty.
     score_kind : str
         ``votes``, ``margin`` or ``probability``.
     novelty, novelty_threshold : float
         Negative if the model has no novelty measure.
     false_alarm_rate : float
-        Fraction of windows of known labels that the threshold rejects [1]; negative without a
-        threshold.
+        Fraction of windows of known labels that the threshold may reject [1]; negative if there is
+        no threshold.
     window_start_ns, window_end_ns : int
         Stamps of the first and last sample of the window (ROS time) [ns].
     """
@@ -98,7 +101,7 @@ class WindowPrediction:
 
 @dataclasses.dataclass(frozen=True)
 class ModelInfo:
-    """A model loaded by a classifier node; the fields equal the fields of ModelInfo.msg."""
+    """A model that a classifier node has loaded; the fields are the same as in ModelInfo.msg."""
 
     model_id: str
     path: str
@@ -113,7 +116,7 @@ class ModelInfo:
 
 @dataclasses.dataclass(frozen=True)
 class ModelInfos:
-    """All models loaded by a classifier node, and one sentence per refused file.
+    """All models that a classifier node has loaded, and one sentence for each refused file.
 
     ``stamp_ns`` is the time at which the node was configured (ROS time) [ns].
     """

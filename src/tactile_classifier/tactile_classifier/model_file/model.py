@@ -50,17 +50,18 @@ class Prediction:
     reason : str
         One sentence if the label is ``'unknown'`` or ``'no answer'``; otherwise empty.
     probabilities : mapping of str to float
-        Probability of each label, calibrated on held-out trials. If empty, ``missing`` states why.
+        Probability of each label, calibrated on held-out trials. If it is empty, ``missing``
+        states why.
     scores : mapping of str to float
-        Score of each label; a higher score is more likely. Equal to ``probabilities`` for a
-        calibrated model.
+        Score of each label; a higher score means a more likely label. If the model is calibrated,
+        the scores equal ``probabilities``.
     novelty, novelty_threshold : float or None
-        Distance to the training trials, and threshold above which a window is unknown [1].
+        Distance to the training trials [1]. If it exceeds the threshold, the window is unknown.
     p_value : float or None
-        Fraction of held-out trials of known labels that are at least as novel [1]; small values
-        mean that the window is novel.
+        Fraction of held-out trials of known labels that are at least as novel as this window [1].
+        A small value means that the window is unlike the training trials.
     missing : tuple of str
-        One sentence for each of probabilities, novelty and p-value that is not available.
+        If probabilities, novelty or p-value are not available, one sentence for each.
     """
 
     label: str
@@ -74,7 +75,10 @@ class Prediction:
 
 
 class _Judged(NamedTuple):
-    """Result for one window of features; without scores, or with novelty -1, if not available."""
+    """Result for one window of features.
+
+    If there are no scores, ``scores`` is empty. If there is no novelty, ``novelty`` is -1.
+    """
 
     outcome: PredictionOutcome
     label: str = ''
@@ -108,7 +112,7 @@ class TactileModel:
     data : bytes
         Contents of the model file.
     path : str
-        Path of the file; empty if it has not been written.
+        Path of the file; empty if the model is not stored in a file.
 
     Attributes
     ----------
@@ -155,23 +159,30 @@ class TactileModel:
         return self.manifest.contact
 
     def check_fits(self, spec: FeatureSpec) -> None:
-        """Raise ModelFileError if features of ``spec`` differ from the training features."""
+        """Raise ModelFileError if ``spec`` differs from the specification of the training."""
         reason = self.spec.mismatch(spec)
         if reason is not None:
             raise ModelFileError(f'model {self.model_id} was trained on other features: {reason}')
 
     def set_specifications(self, specs: Iterable[FeatureSpec]) -> None:
-        """Store the specifications of future windows, as announced by the feature node.
+        """Store the specifications that the feature node announced for future windows.
 
-        A model trained on windows that were already cut does not state how they were cut. It
-        accepts every announced specification that does not contradict its own, and all windows
-        before the first announcement. Other models accept windows with their own digest, or of an
-        announced specification whose rate differs by less than `SAME_RATE`.
+        The announced specifications decide which windows fit the model (`fits`):
+
+        - If the specification of the model is complete, windows fit if their digest is that of the
+          model, or if their announced specification differs only in the rate, by less than
+          `SAME_RATE`.
+        - If the model was trained on windows that were already cut, its specification does not
+          contain the position of the window within the phase. Windows then fit if their announced
+          specification agrees in everything else. Before the first announcement, all windows fit.
         """
         self._announced = {spec.digest: spec for spec in specs}
 
     def fits(self, digest: str) -> bool:
-        """Return True if the digest denotes the features that the model was trained on."""
+        """Return True if windows whose specification has this digest fit the model.
+
+        See `set_specifications`.
+        """
         if digest == self.spec.digest:
             return True
         if not self._announced:
@@ -212,18 +223,19 @@ class TactileModel:
         Parameters
         ----------
         samples : array_like of shape (n,)
-            Tension in the unit of the training [N], evenly spaced: the part of a trial that the
-            model was trained on (``spec.sample_count`` samples; 0 for any length). A model
-            trained on recordings with several channels takes all channels, shape (channels, n).
-            If it uses only one channel, ``spec.channel``, this channel can be passed instead.
+            Tension at evenly spaced times, in the unit of the training [N]. Pass the same part of
+            a trial as in training. It has ``spec.sample_count`` samples; if this is 0, any
+            length is allowed. If the model was trained on recordings with several channels, pass
+            all channels, shape (channels, n). If it uses only one of them, ``spec.channel``, this
+            channel can be passed instead.
         rate_hz : float
             Sample rate [Hz]; must equal ``spec.rate_hz`` within 0.1 %.
         speed_m_s : float
             Sliding speed, for features that need it [m/s].
         cut : bool
-            Cut the window from a longer signal, as in training. The window begins at the time
-            that the model states, or else at the first sample. Feature sets over distance use the
-            middle of the signal.
+            Cut the window out of a longer signal, as in training. If the model contains the start
+            time of the window, the window begins there; otherwise, it begins at the first sample.
+            For feature sets over distance, the window is in the middle of the signal.
 
         Raises
         ------
@@ -252,23 +264,24 @@ class TactileModel:
     def compute_features(
         self, windows: npt.ArrayLike, speed_m_s: npt.ArrayLike = 0.0
     ) -> npt.NDArray[np.float64]:
-        """Return the features of windows of samples, shape (windows, k).
+        """Compute the features of windows of samples, shape (windows, k).
 
-        Rows without features, such as those of a window with a missing sample, are not a number.
+        If a window has no features, for example because a sample is missing, its row is NaN.
 
         Parameters
         ----------
         windows : array_like of shape (windows, n) or (windows, channels, n)
             Tension in the unit of the training [N], at the rate ``spec.rate_hz``. See `classify`.
         speed_m_s : float or array_like of shape (windows,)
-            Sliding speed, for features over distance [m/s]. They take the middle of each window.
+            Sliding speed, for feature sets over distance [m/s]. They use the middle of each
+            window.
 
         Raises
         ------
         DatasetError
-            When shape, length or speed are not those of the model's windows.
+            When shape, length or speed do not fit the model.
         ModelFileError
-            When this installation computes other features than the model was trained on.
+            When this installation cannot compute the features that the model was trained on.
         """
         each = np.asarray(windows, dtype=np.float64)
         if each.ndim < 2:
@@ -292,31 +305,33 @@ class TactileModel:
     def predict(
         self, windows: npt.ArrayLike, *, speed_m_s: npt.ArrayLike | None = None
     ) -> npt.NDArray[np.str_]:
-        """Return the likeliest label of each window, also of windows of unknown objects.
+        """Return the most likely label of each window, even if the object may be unknown.
 
         Parameters
         ----------
         windows : array_like of shape (windows, k) or (windows, n)
             Rows of features in the order and units of ``spec``, or windows of samples as in
-            `compute_features`. Rows of ``k = len(spec.names)`` values are features unless
-            ``speed_m_s`` is given.
+            `compute_features`. If rows have ``k = len(spec.names)`` values and ``speed_m_s`` is
+            omitted, they are features.
         speed_m_s : float or array_like of shape (windows,), optional
             Sliding speed of windows of samples, for features over distance [m/s].
 
         Raises
         ------
         DatasetError
-            When the shape is not that of the model's features or windows, or a window has no
-            features; `predict_or_unknown` marks such windows.
+            When the shape fits neither the features nor the windows of the model, or when a window
+            has no features (`predict_or_unknown` marks such windows instead).
         """
         return np.array(self.labels)[self._predict_all(windows, speed_m_s).answer]
 
     def predict_or_unknown(
         self, windows: npt.ArrayLike, *, speed_m_s: npt.ArrayLike | None = None
     ) -> npt.NDArray[np.str_]:
-        """Return a label, ``'unknown'`` or ``'no answer'`` (without features) for each window.
+        """Return a label for each window, or ``'unknown'`` or ``'no answer'``.
 
-        Parameters are those of `predict`. Raises DatasetError when the shape is wrong.
+        ``'unknown'`` means that the window is unlike all training trials; ``'no answer'`` means
+        that it has no features. The parameters are the same as in `predict`. Raises DatasetError
+        when the shape is wrong.
         """
         found = self.compute(self._read(windows, speed_m_s))
         names = np.array(self.labels, dtype=object)[found.answer]
@@ -331,8 +346,8 @@ class TactileModel:
     ) -> npt.NDArray[np.float64]:
         """Return the calibrated probability of each label [1], shape (windows, labels).
 
-        Columns are in the order of ``labels``. Parameters and errors are those of `predict`.
-        Raises DatasetError when the model has no calibration.
+        The columns are in the order of ``labels``. Parameters and errors are the same as in
+        `predict`. In addition, raises DatasetError when the model has no calibration.
         """
         if self.manifest.score_kind != PROBABILITY:
             raise DatasetError(
@@ -345,8 +360,9 @@ class TactileModel:
     ) -> npt.NDArray[np.float64]:
         """Return the distance to the training trials [1], shape (windows,).
 
-        A window above ``manifest.confidence.novelty_threshold`` is unknown. Parameters and errors
-        are those of `predict`. Raises DatasetError when the model has no novelty measure.
+        If it exceeds ``manifest.confidence.novelty_threshold``, the window is unknown. Parameters
+        and errors are the same as in `predict`. In addition, raises DatasetError when the model
+        has no novelty measure.
         """
         if self.predictor.novelty is None:
             raise DatasetError(f'model {self.model_id} has no novelty measure: {self._why_raw}')
@@ -355,15 +371,18 @@ class TactileModel:
     def p_value(
         self, windows: npt.ArrayLike, *, speed_m_s: npt.ArrayLike | None = None
     ) -> npt.NDArray[np.float64]:
-        """Return the share of held-out trials that are at least as novel [1], shape (windows,).
+        """Return the fraction of held-out trials that are at least as novel [1], shape (windows,).
 
-        A small value means that the window is unlike all training trials. Parameters and errors
-        are those of `novelty`.
+        A small value means that the window is unlike the training trials. Parameters and errors
+        are the same as in `novelty`.
         """
         novelty = self.novelty(windows, speed_m_s=speed_m_s)
         found = [self._compute_p_value(each) for each in novelty.tolist()]
         if None in found:
-            raise DatasetError(f'model {self.model_id} states no held-out novelties')
+            raise DatasetError(
+                f'model {self.model_id} has no p-values, because its file has no novelties of '
+                'held-out trials: train it again'
+            )
         return np.array(found, dtype=np.float64)
 
     @property
@@ -379,7 +398,10 @@ class TactileModel:
     def _read(
         self, windows: npt.ArrayLike, speed_m_s: npt.ArrayLike | None
     ) -> npt.NDArray[np.float64]:
-        """Return rows of features of the argument of `predict`."""
+        """Return rows of features for the argument of `predict`.
+
+        If ``windows`` are samples, their features are computed.
+        """
         rows = np.asarray(windows, dtype=np.float64)
         found = find_feature_set(self.spec.feature_set)
         needs_speed = found is not None and found.needs_speed
@@ -394,7 +416,7 @@ class TactileModel:
             ) from error
 
     def _predict_all(self, windows: npt.ArrayLike, speed_m_s: npt.ArrayLike | None) -> Predictions:
-        """Return the predictions; raise DatasetError when a window has none."""
+        """Return the predictions; raise DatasetError when a window has no prediction."""
         found = self.compute(self._read(windows, speed_m_s))
         without = np.flatnonzero(~_are_finite(found))
         if len(without):
@@ -412,7 +434,7 @@ class TactileModel:
     def classify_window(self, window: FeatureWindow) -> WindowPrediction:
         """Classify one window of features; the result contains the reason if there is no label.
 
-        A window whose novelty is above the threshold is unknown.
+        If the novelty of the window is above the threshold, the result is unknown.
         """
         judged = self._judge_window(window)
         return WindowPrediction(
@@ -475,10 +497,11 @@ class TactileModel:
         return reason
 
     def find_mismatch(self, window: FeatureWindow) -> str | None:
-        """Return the difference between the specification of a window and the model, or None.
+        """Return how the specification of a window differs from the model, or None if it fits.
 
-        If only the digest differs, the message names the difference, provided that the
-        specification of the window was announced; otherwise it lists all parameters of the model.
+        If only the digest differs and the specification of the window was announced, the text
+        describes the difference. If it was not announced, the text lists all parameters of the
+        model.
         """
         spec = self.spec
         pairs = [
@@ -538,6 +561,6 @@ class TactileModel:
 
 
 def _are_finite(found: Predictions) -> npt.NDArray[np.bool_]:
-    """Return which windows have finite scores and, if the model has any, finite novelties."""
+    """Return which windows have finite scores and, if there are novelties, a finite novelty."""
     finite = np.isfinite(found.scores).all(axis=1)
     return np.asarray(finite & np.isfinite(found.novelty) if len(found.novelty) else finite)

@@ -1,15 +1,15 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Prediction in NumPy: each classifier is a set of arrays with a function to compute its scores.
+"""Prediction in NumPy. Each classifier is a set of arrays with a function to compute its scores.
 
-The scores equal the scores of the original scikit-learn estimators, apart from rounding. Windows
-are computed separately, so the result of a window does not depend on the size of the batch.
+Except for rounding, the scores equal those of the original scikit-learn estimators. Each window is
+computed separately, so its result does not depend on the size of the batch.
 
-``SHAPES`` of a class contains the dimensions of its arrays, for checking model files. ``k`` is the
-number of features and ``labels`` the number of labels of the model. A number is a fixed dimension;
-arrays that share another name have equal dimensions. `check` of a class raises ModelFileError if
-the values of its arrays are inconsistent.
+``SHAPES`` of a class contains the dimensions of its arrays, which are checked when a model file is
+read. ``k`` is the number of features, and ``labels`` the number of labels of the model. A number
+is a fixed dimension. All dimensions with the same name must be equal. If the values of the arrays
+are inconsistent, `check` raises ModelFileError.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ from tactile_classifier.estimators.convolutions import (
 NEIGHBOURS = 3
 
 MAX_COMPARISONS = 2**26
-"""Maximum number of comparisons with a bias for the convolutions of one window. The limit is 40
-times the number for 180 samples in models of this package, and needs 64 MiB of memory."""
+"""Maximum number of comparisons with a bias for the convolutions of one window. This is 40 times
+the number that a model of this package needs for 180 samples, and needs 64 MiB of memory."""
 
 Matrix = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -47,10 +47,11 @@ Single = npt.NDArray[np.float32]
 class Predictions(NamedTuple):
     """Predictions for many windows of the same length.
 
-    ``answer``, shape (windows,), is the index of the first largest score before calibration.
-    ``scores`` has shape (windows, labels); a higher score is more likely. Their kind is
-    ``score_kind`` of the manifest, and they are NaN if features are not finite. ``novelty``, shape
-    (windows,), is an empty array if the model has no novelty measure.
+    ``answer``, shape (windows,), is the index of the predicted label: the first one with the
+    largest score before calibration. ``scores`` has shape (windows, labels); a higher score means
+    a more likely label. ``score_kind`` of the manifest is the kind of the scores. If the features
+    of a window are not finite, its scores are NaN. ``novelty`` has shape (windows,); it is empty
+    if the model has no novelty measure.
     """
 
     answer: npt.NDArray[np.intp]
@@ -70,7 +71,10 @@ class Classifier(Protocol):
         """Return the raw scores, shape (labels,), of one window of features, shape (k,)."""
 
     def find_margin(self, row: Matrix) -> float:
-        """Return the distance of one window from a tie, relative to the compared numbers."""
+        """Return how far the prediction of one window is from a tie [1].
+
+        This is the difference of the compared numbers, relative to their size.
+        """
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -95,8 +99,8 @@ class Scaling:
 class Predictor:
     """Scaling, classifier, calibration and novelty measure of one model.
 
-    Without scaling, the classifier uses the unscaled features. Without calibration, the scores are
-    raw.
+    If ``scaling`` is None, the classifier uses the unscaled features. If ``calibration`` is None,
+    the scores are raw.
     """
 
     classifier: Classifier
@@ -131,8 +135,8 @@ class Predictor:
 class Neighbours:
     """Majority vote of the three nearest training trials, by Euclidean distance.
 
-    Ties are broken in favour of the earlier trial. ``votes`` contains 1 for the label of each
-    trial and 0 for other labels.
+    Ties are broken in favour of the earlier trial. Each row of ``votes`` contains 1 for the label
+    of the trial and 0 for the other labels.
     """
 
     SHAPES: ClassVar[dict[str, tuple[str | int, ...]]] = {
@@ -198,7 +202,7 @@ class LinearMachine:
 class RadialMachine:
     """Support vector machine with a Gaussian kernel: exp(-gamma * squared distance).
 
-    ``weights`` holds the weight of each support vector in each pair of labels.
+    ``weights`` contains the weight of each support vector for each pair of labels.
     """
 
     SHAPES: ClassVar[dict[str, tuple[str | int, ...]]] = {
@@ -228,18 +232,19 @@ class RadialMachine:
         return _find_vote_margin(self.compare_pairs(row), sizes)
 
     def compute_kernel(self, row: Matrix) -> Matrix:
-        """Return the kernel of one window with each support vector."""
-        # The square is not expanded, because this loses precision with a large offset.
+        """Return the kernel between one window and each support vector, shape (vectors,)."""
+        # The square is not expanded: if features have a large offset, this would lose precision.
         change = self.vectors - row
         return np.asarray(np.exp(-self.gamma * np.einsum('ij,ij->i', change, change)))
 
 
 def count_votes(pairs: Matrix) -> Matrix:
-    """Return the score of each label from the decision values of the pairs of labels.
+    """Compute the score of each label from the decision values of all pairs of labels.
 
-    The score is the number of votes plus a confidence of at most a third of a vote, as in
-    scikit-learn's `_ovr_decision_function`. A value of 0 or more is a vote for the first label of
-    a pair. With only two labels, the single value is the score of the second label.
+    A value of 0 or more is a vote for the first label of the pair, a negative value for the
+    second. As in scikit-learn's `_ovr_decision_function`, the score of a label is its number of
+    votes plus a confidence of at most a third of a vote. If there are only two labels, the single
+    value is the score of the second label.
     """
     if len(pairs) == 1:
         return np.concatenate([-pairs, pairs])
@@ -252,8 +257,9 @@ def count_votes(pairs: Matrix) -> Matrix:
 def _make_ballots(pairs: int) -> tuple[Matrix, Matrix]:
     """Return arrays for counting votes.
 
-    The first is the number of pairs in which each label is the first. The second, shape
-    (pairs, labels), has 1 for the first label of a pair and -1 for the second.
+    The first array contains, for each label, the number of pairs in which it is the first label.
+    The second array, shape (pairs, labels), contains 1 for the first label of a pair and -1 for
+    the second.
     """
     labels = round((1 + math.sqrt(1 + 8 * pairs)) / 2)
     first, second = np.triu_indices(labels, 1)
@@ -262,7 +268,10 @@ def _make_ballots(pairs: int) -> tuple[Matrix, Matrix]:
 
 
 def _find_vote_margin(pairs: Matrix, sizes: Matrix) -> float:
-    """Return the margin of decision values, which are sums of terms with the given sizes."""
+    """Return the margin of decision values; see `Classifier.find_margin`.
+
+    ``sizes`` contains the sum of the absolute terms of each decision value.
+    """
     *_, second, first = np.sort(count_votes(pairs))
     of_pairs = (_compare(value, 0.0, size) for value, size in zip(pairs, sizes, strict=True))
     return min(*of_pairs, _compare(first, second, abs(first)), np.inf)
@@ -279,10 +288,10 @@ def _check_pairs(intercept: Matrix, labels: int) -> None:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Tree:
-    """Decision tree; a node compares one feature in single precision, as in scikit-learn.
+    """Decision tree. A node compares one feature in single precision, as in scikit-learn.
 
-    ``below`` and ``above`` are the child nodes, both -1 at a leaf. ``shares`` holds the fraction
-    of each label among the training trials of a node.
+    ``below`` and ``above`` contain the child nodes of each node; both are -1 if the node is a
+    leaf. ``shares`` contains the fraction of each label among the training trials of a node.
     """
 
     SHAPES: ClassVar[dict[str, tuple[str | int, ...]]] = {
@@ -305,7 +314,7 @@ class Tree:
         _require(len(nodes) > 0, 'feature')
         _require(bool((self.feature[inner] >= 0).all()), 'feature')
         _require(bool((self.feature[inner] < features).all()), 'feature')
-        # Child nodes must have larger indices, which excludes endless paths.
+        # If child nodes have larger indices than their parent, no path is endless.
         for name, after in (('below', self.below), ('above', self.above)):
             _require(bool(((after > nodes) & (after < len(nodes)))[inner].all()), name)
 
@@ -332,9 +341,10 @@ class Tree:
 class Convolutions:
     """Two sets of random convolutions with a linear classifier; see `RandomConvolutions`.
 
-    Each set processes the waveforms minus ``references``, one value per channel [unit of the
-    waveform]. ``biases`` are in the order of the features; ``counts`` is the number of biases per
-    kernel at each dilation. For two labels, ``coefficients`` has one row, for the second label.
+    Before each set is applied, the values in ``references``, one per channel, are subtracted from
+    the waveforms [unit of the waveform]. ``biases`` are in the order of the features. ``counts``
+    is the number of biases per kernel at each dilation. If there are two labels, ``coefficients``
+    has one row, for the second label.
     """
 
     SHAPES: ClassVar[dict[str, tuple[str | int, ...]]] = {

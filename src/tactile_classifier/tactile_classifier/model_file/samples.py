@@ -26,14 +26,14 @@ CHANNEL_0 = 'channel_000__'
 
 
 class Found(NamedTuple):
-    """Features of one window, shape (k,); ``reason`` says why there are none."""
+    """Features of one window, shape (k,), or the reason why the window has no features."""
 
     values: Matrix
     reason: str | None = None
 
 
 class SampleWindow:
-    """Window of a specification with one or several channels.
+    """Computes the features of a specification from samples, for one or several channels.
 
     Raises FeatureError if this installation cannot compute these features.
     """
@@ -54,9 +54,9 @@ class SampleWindow:
     ) -> Found:
         """Compute the features of evenly spaced samples, shape (n,) or (channels, n).
 
-        ``rate_hz`` must equal the rate of the specification [Hz]. A sliding speed of 0 means that
-        it is unknown [m/s]. With ``cut``, the window is cut from a longer signal. Raises
-        DatasetError if shape, length, rate or speed do not fit; the message gives the remedy.
+        ``rate_hz`` must equal the rate of the specification [Hz]. ``speed_m_s`` is 0 if the
+        sliding speed is unknown [m/s]. If ``cut`` is True, the window is cut out of a longer
+        signal. If shape, length, rate or speed do not fit, raises DatasetError with the remedy.
         """
         rows = self._check(samples, rate_hz)
         whole = self._count(speed_m_s)
@@ -93,7 +93,7 @@ class SampleWindow:
             wanted = '(n,)' if self._channels == 1 else f'({self._channels}, n)'
             raise DatasetError(
                 f'the samples have shape {np.shape(samples)}; one window has shape {wanted}: '
-                'call this method once per window'
+                'call this method once for each window'
             )
         if not is_same_rate(rate_hz, self._spec.rate_hz):
             given, wanted = format_rates(rate_hz, self._spec.rate_hz)
@@ -117,7 +117,7 @@ class SampleWindow:
             raise DatasetError(f'no features from these samples: {error}') from error
 
     def _format_length(self, count: int, whole: int) -> str:
-        """Return why ``count`` samples are not a window of ``whole`` samples, with the remedy."""
+        """Return a message if the number of samples is ``count`` instead of ``whole``."""
         rate_hz = self._spec.rate_hz
         text = f'{count} samples; a window has {whole} ({whole / rate_hz:g} s at {rate_hz:g} Hz)'
         if count < whole:
@@ -127,8 +127,8 @@ class SampleWindow:
             return f'{text}: give the same part of the trial as in training'
         first = math.ceil(crop_s * rate_hz)
         return (
-            f'{text}: give that part; the live node uses samples[{first}:{first + whole}] of a '
-            f'glide, from {crop_s:g} s after its start'
+            f'{text}: give only the window; the live node uses samples[{first}:{first + whole}] '
+            f'of a glide, which begin {crop_s:g} s after the start of the glide'
         )
 
     @property

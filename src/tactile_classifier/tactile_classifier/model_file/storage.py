@@ -3,7 +3,7 @@
 
 """Reading and writing model files: a manifest, a card, and arrays.
 
-Arrays are named after the part and the field of its class in `prediction`, for example
+The name of an array consists of the part of the model and the field of its class, for example
 ``classifier.trials``, ``scaling.mean`` and ``novelty.centre``.
 """
 
@@ -33,7 +33,7 @@ from tactile_classifier.types import PROBABILITY, ROCKET
 from tactile_features.model_container import open_container, pack_container
 
 MAX_CARD_BYTES = 64 * 2**10
-"""Files with a larger card are refused [byte]."""
+"""If the card of a file is larger, the file is refused [byte]."""
 
 CARD = 'card'
 
@@ -79,7 +79,8 @@ def open_model(data: bytes) -> ModelContents:
     entries, arrays = open_container(data)
     card = entries.pop(CARD, '')
     if not isinstance(card, str) or not card.replace('\n', '').isprintable():
-        raise ModelFileError('its card is not plain text')  # could contain terminal commands
+        # Control characters could be commands to the terminal that shows the card.
+        raise ModelFileError('its card is not plain text')
     if len(card.encode()) > MAX_CARD_BYTES:
         raise ModelFileError(f'its card has more than {MAX_CARD_BYTES >> 10} KiB')
     manifest = Manifest.from_dict(entries)
@@ -98,7 +99,7 @@ def _take_arrays(part: Any, prefix: str) -> Arrays:
 
 
 def _read_predictor(manifest: Manifest, arrays: Arrays) -> Predictor:
-    """Return the predictor; its arrays are removed from ``arrays``."""
+    """Return the predictor, and remove its arrays from ``arrays``."""
     stated = manifest.confidence
     if (manifest.score_kind == PROBABILITY) != (stated.slope > 0.0):
         raise ModelFileError('its calibration and its kind of scores are inconsistent')
@@ -125,7 +126,9 @@ def _read_part(
         if array is None:
             raise ModelFileError(f'it has no array "{prefix}{name}"')
         if array.dtype != wanted:
-            raise ModelFileError(f'its array "{prefix}{name}" holds {array.dtype}, not {wanted}')
+            raise ModelFileError(
+                f'its array "{prefix}{name}" has type {array.dtype}, not {wanted}'
+            )
         for size, dimension in zip(array.shape, dimensions, strict=False):
             if isinstance(dimension, str):
                 sizes.setdefault(dimension, size)

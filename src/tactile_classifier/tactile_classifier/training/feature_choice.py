@@ -37,18 +37,19 @@ from tactile_classifier.types import ROCKET
 from tactile_features.feature_sets.registry import find_feature_set
 
 INNER_FOLDS, INNER_REPEATS = 6, 3
-"""Number of inner folds, and repetitions of the inner cross-validation. With three folds and one
-repetition, the choice on 60 trials was 6 points worse than the best set; see docs/evaluation.md.
+"""Number of folds and of repetitions of the inner cross-validation. With three folds and one
+repetition, the feature set that was chosen on 60 trials was 6 points worse than the best one; see
+docs/evaluation.md.
 """
 
 FEW_TRIALS = 'svm_linear'
-"""Classifier and scaling if there are too few trials for a choice."""
+"""Classifier that is used, with its default scaling, if there are too few trials for a choice."""
 
 MANY_TRIALS = 300
-"""Above this number of trials one repetition is used; more would change little."""
+"""If there are more trials than this, one repetition is used; more would change little."""
 
 ROUNDING = 1e-9
-"""Differences of accuracies below this are rounding errors."""
+"""Smaller differences of accuracies are rounding errors."""
 
 Matrix = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
@@ -74,21 +75,22 @@ ROBUST = (
 )
 """Classifiers and scalings, ordered by robustness in new groups, most robust first.
 
-Support vector machines without scaling come last, because they depend on the unit of force. With
-two training groups of public and generated recordings, random convolutions were on average 6
-points better than the candidate with the best accuracy in these two groups.
+Support vector machines without scaling come last, because they depend on the unit of force. On
+public and generated recordings with two training groups, random convolutions were on average 6
+points better than the candidate that had the best accuracy in the training groups.
 """
 
 FEWEST_GROUPS = 3
-"""With fewer held-out groups, the most robust candidate is chosen regardless of accuracy."""
+"""If there are fewer held-out groups, the most robust candidate is chosen without comparison."""
 
 
 @dataclasses.dataclass(frozen=True)
 class CandidateScore(Result):
     """Score of a candidate on the split that was used for the choice.
 
-    The score of the best candidate is optimistic on average. ``fold_s`` is the mean time of
-    training and testing a fold, without computing features [s].
+    The score of the best candidate is optimistic on average, because it was selected by this
+    score. ``fold_s`` is the mean time to train and test a fold, without the computation of
+    features [s].
     """
 
     candidate: Candidate
@@ -114,16 +116,16 @@ class FeatureChoice(Result):
     ranking : tuple of CandidateScore
         All candidates, sorted by accuracy in descending order.
     nested : Score
-        Score of the selection procedure: the choice is repeated on the training trials of each
-        fold (nested cross-validation; Varma and Simon 2006).
+        Score of the whole procedure, including the choice. In each fold, the choice is repeated on
+        the training trials only (nested cross-validation; Varma and Simon 2006).
     evaluation : Evaluation
         Scores of all classifiers with the chosen feature set.
     picks : tuple of (Candidate, int)
-        Candidates chosen inside the folds, with the number of folds for each.
+        The candidates that were chosen inside the folds, and in how many folds.
     groups : int
-        Number of held-out groups used for the choice; 0 for random folds.
+        Number of held-out groups that were used for the choice; 0 if the folds are random.
     left_out : tuple of str
-        One sentence per candidate that could not be fitted.
+        One sentence for each candidate that could not be fitted.
     """
 
     chosen: Candidate
@@ -144,7 +146,10 @@ class FeatureChoice(Result):
         return next(each for each in self.ranking if each.candidate == candidate)
 
     def find_runner_up(self) -> CandidateScore | None:
-        """Return the best candidate with another feature set, or else with another classifier."""
+        """Return the best candidate with another feature set than the chosen one.
+
+        If all candidates have the same feature set, returns the best of the others, or None.
+        """
         others = [each for each in self.ranking if each.candidate != self.chosen]
         elsewhere = [e for e in others if e.candidate.feature_set != self.chosen.feature_set]
         return next(iter(elsewhere or others), None)
@@ -182,19 +187,21 @@ class FeatureChoice(Result):
 class ChoicePlan:
     """`Plan` that chooses among tables of the same trials with different feature sets.
 
-    Its result is a tuple with one `FeatureChoice` per part. The choice uses the folds of all
-    repetitions. For the nested score, the choice is repeated on inner folds of the training trials
-    of each fold (first repetition only). A more robust candidate (`ROBUST`) is preferred unless
-    another is better by more than the standard error of their difference.
+    Its result is a tuple with one `FeatureChoice` for each part. The choice uses the folds of all
+    repetitions. A more robust candidate (`ROBUST`) is preferred, unless the best candidate is
+    better by more than the standard error of their difference. For the nested score, the training
+    trials of each fold of the first repetition are divided into inner folds, and the choice is
+    repeated on these.
 
-    If the training trials of a random fold cannot be divided again, nothing is chosen: the only
-    candidate is `FEW_TRIALS` on the first table, and ``no_choice`` gives the reason.
+    If the folds are random and the training trials of a fold cannot be divided again, there is no
+    choice. The only candidate is then `FEW_TRIALS` on the first table, and ``no_choice`` contains
+    the reason.
 
     Parameters
     ----------
     tables : mapping of str to FeatureTable
-        Tables by feature set. The first of equally robust tables is preferred, so tables that are
-        cheap to compute should come first.
+        Maps the name of each feature set to its table. If feature sets are equally robust, the
+        first is preferred, so feature sets that are cheap to compute should come first.
     split : Split
         Split of the trials of all tables.
     random_state : int
@@ -202,8 +209,8 @@ class ChoicePlan:
     scaling : str
         The only scaling to try; if empty, all scalings are tried.
     parts : ndarray of int, shape (trials,), optional
-        Part of each trial, such as flexion or abduction. A separate model is trained for each
-        part, all with the same candidate.
+        Part of each trial, such as flexion or abduction. One model is trained for each part; all
+        use the same candidate.
 
     Raises
     ------
@@ -247,11 +254,11 @@ class ChoicePlan:
 
     def _divide(self, train: Indices, repeats: int, random_state: int) -> list[Fold]:
         """Return the inner folds of a fold; empty if too few groups remain."""
-        # All labels of a part must occur in its training trials.
+        # Part and label are combined: the training trials must contain all labels of each part.
         labels = np.char.add(self._parts.astype(str), np.char.add(' ', self._first.labels))
         groups = self._split.groups
         if groups is not None and len(np.unique(groups[train])) <= INNER_FOLDS:
-            repeats = 1  # holding out each group once does not depend on the seed
+            repeats = 1  # each group is held out once, whatever the seed
         seeds = range(random_state, random_state + repeats)
         try:
             divisions = [
@@ -264,7 +271,7 @@ class ChoicePlan:
         return [fold for division in divisions for fold in division]
 
     def tasks(self) -> list[Task]:
-        """Return one task per candidate and fold."""
+        """Return one task for each candidate and fold."""
         folds = [fold for repeat in self._split.repeats for fold in repeat]
         inner = [*self._inner, *[[] for _ in folds[len(self._inner) :]]]
         return [
@@ -277,7 +284,7 @@ class ChoicePlan:
         ]
 
     def finish(self, answers: Sequence[FoldAnswers | str]) -> tuple[FeatureChoice, ...]:
-        """Return the choice for each part from the candidates that could be fitted."""
+        """Choose among the candidates that could be fitted; return the choice for each part."""
         folds = [fold for repeat in self._split.repeats for fold in repeat]
         candidates, found, left_out = list[Candidate](), list[list[FoldAnswers]](), list[str]()
         for i, candidate in enumerate(self._candidates):
@@ -307,14 +314,15 @@ class ChoicePlan:
         )
 
     def _pick(self, candidates: Sequence[Candidate], right: Matrix, rows: Indices) -> int:
-        """Return the index of the candidate chosen on a subset of the trials.
+        """Choose a candidate by its accuracy on a subset of the trials; return its index.
 
-        The one-standard-error rule (Breiman et al. 1984) is used: the most robust candidate that
-        is not worse than the best by more than the standard error of their difference. The
-        standard error is computed over held-out groups, or over trials for random folds.
+        The one-standard-error rule (Breiman et al. 1984) is used. A candidate is close to the best
+        if it is not worse by more than the standard error of their difference. The most robust of
+        the close candidates is chosen. The standard error is computed over held-out groups, or
+        over trials if the folds are random.
 
         ``right``, shape (candidates, trials), is the fraction of correct predictions of each
-        candidate for each trial [1]; NaN if it was not tested.
+        candidate for each trial [1]; NaN if the trial was not tested.
         """
         by_robustness = sorted(range(len(candidates)), key=lambda i: _rank(candidates[i]))
         rows = rows[np.isfinite(right[0, rows])]
@@ -376,9 +384,9 @@ class ChoicePlan:
 class FoldAnswers:
     """Predictions of a candidate in one fold.
 
-    ``said`` holds the predictions for the test trials. ``inner_right``, shape (trials,), is the
-    fraction of correct predictions for each training trial in the inner folds [1]; NaN if it was
-    not tested. ``time_s`` is the time of training and testing [s].
+    ``said`` contains the predictions for the test trials. ``inner_right``, shape (trials,), is the
+    fraction of correct predictions for each trial in the inner folds [1]; NaN if the trial was not
+    tested. ``time_s`` is the time of training and testing [s].
     """
 
     said: npt.NDArray[np.str_]
@@ -389,10 +397,10 @@ class FoldAnswers:
 def answer_fold(
     candidate: Candidate, table: FeatureTable, parts: Indices, fold: Fold, inner: Sequence[Fold]
 ) -> FoldAnswers | str:
-    """Train and test a candidate in one fold and its inner folds, with one model per part.
+    """Train and test a candidate in one fold and its inner folds, with one model for each part.
 
-    Random convolutions are fitted once to the training trials of the fold and reused for its inner
-    folds. Returns the reason if the candidate cannot be fitted to these trials.
+    Random convolutions are fitted once, to the training trials of the fold; its inner folds use
+    the same convolutions. If the candidate cannot be fitted to these trials, returns the reason.
     """
     try:
         return _answer_fold(candidate, table, parts, fold, inner)
@@ -429,10 +437,10 @@ def _answer_fold(
 
 
 def _rank(candidate: Candidate) -> tuple[int, bool]:
-    """Return a sort key that is lower for more robust candidates.
+    """Return a sort key; more robust candidates have a lower key.
 
-    Feature sets over distance come first, because they were better in new conditions on public
-    recordings.
+    Feature sets that need the speed (over distance) come before others with the same classifier:
+    on public recordings, they were better in new conditions.
     """
     found = find_feature_set(candidate.feature_set)
     return ROBUST.index(candidate[1:]), not getattr(found, 'needs_speed', False)
@@ -446,8 +454,9 @@ def _select(keep: npt.NDArray[np.bool_], fold: Fold) -> Fold:
 def _list_pairs(table: FeatureTable, scaling: str) -> list[tuple[str, str]]:
     """Return the classifiers and scalings to try for a table.
 
-    Decision trees are only tried once, because they do not depend on scaling. The four classifiers
-    of the paper ignore the order of the samples of a waveform.
+    Decision trees are tried only once, because they do not depend on scaling. For waveforms, only
+    random convolutions are tried, because the four classifiers of the paper ignore the order of
+    the samples.
     """
     pairs = list_pairs(table, [ROCKET] if table.is_waveform else None)
     pairs = [pair for pair in pairs if pair != ('tree', 'standard')]

@@ -39,25 +39,26 @@ POINTS_NEAR_BORDERS = 1_000
 """Number of points near decision boundaries at which labels are compared."""
 
 BISECTIONS = 4
-"""Bisections between two trials; the point is within 1/16 of their distance from the boundary."""
+"""Number of bisections between two trials. The distance of the resulting point from the boundary
+is at most 1/16 of the distance of the trials."""
 
 ROUNDING = 1e-9
-"""Maximum relative margin of distances or decision values at which a label may differ from
-scikit-learn, because rounding errors decide such ties."""
+"""Largest relative margin of distances or decision values at which a label may differ from that of
+scikit-learn. With such a margin, the label depends on rounding errors."""
 
 Matrix = npt.NDArray[np.float64]
 
 
 def write_model(path: str | Path, trained: Trained) -> TactileModel:
-    """Write a model file; return the model as loaded from the written bytes.
+    """Write a model file; return the model, loaded from the written bytes.
 
-    Labels are compared with scikit-learn at all training trials and at points near decision
-    boundaries.
+    Before that, the labels of the model are compared with those of scikit-learn, at all training
+    trials and at points near decision boundaries.
 
     Parameters
     ----------
     path : str or Path
-        Replaced atomically when the model is complete.
+        Path of the model file. An existing file is replaced atomically when the model is complete.
     trained : Trained
         Result of `train`.
 
@@ -77,7 +78,7 @@ def write_model(path: str | Path, trained: Trained) -> TactileModel:
 
 
 def pack_trained(trained: Trained) -> bytes:
-    """Return the bytes of the model file; raise ModelFileError when a label is not allowed."""
+    """Return the bytes of the model file; raise ModelFileError when a label is reserved."""
     _check_names(trained)
     return pack_model(trained.manifest, make_predictor(trained))
 
@@ -97,7 +98,8 @@ def _check_names(trained: Trained) -> None:
 def check_labels(predictor: Predictor, estimator: Pipeline, values: Matrix) -> None:
     """Raise ModelFileError if predicted labels differ between predictor and estimator.
 
-    Labels are compared at the training trials, shape (trials, k), and near decision boundaries.
+    Labels are compared at the training trials, ``values``, shape (trials, k), and at points near
+    decision boundaries. They may differ if the margin is at most `ROUNDING`.
     """
     near = _find_points_near_borders(predictor, values)
     for rows, name in ((values, 'training trials'), (near, 'points near boundaries')):
@@ -118,7 +120,7 @@ def _find_points_near_borders(predictor: Predictor, values: Matrix) -> Matrix:
     rng = np.random.default_rng(RANDOM_STATE)
     answers = predictor.compute_raw_scores(values).argmax(axis=1)
     first, second = rng.integers(len(values), size=(2, 20 * POINTS_NEAR_BORDERS))
-    # Pairs with different predictions come first; others are only used if these are too few.
+    # Pairs with different predictions come first; others are used only if there are too few.
     order = np.argsort(answers[first] == answers[second], kind='stable')[:POINTS_NEAR_BORDERS]
     low, high = values[first[order]], values[second[order]]
     of_low = answers[first[order]]
@@ -160,7 +162,7 @@ def _take_classifier(estimator: Any) -> Classifier:
 def _take_pair_weights(machine: SVC) -> Matrix:
     """Return the weight of each support vector in each pair of labels, shape (pairs, vectors).
 
-    libsvm stores the weights of each support vector against the other labels.
+    libsvm stores, for each support vector, one weight for each other label.
     """
     labels, dual = len(machine.classes_), machine.dual_coef_
     if labels == 2:

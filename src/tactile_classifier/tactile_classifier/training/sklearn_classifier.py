@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`TactileClassifier`: training and the model file behind scikit-learn's interface."""
+"""`TactileClassifier`: training and model files with the interface of scikit-learn."""
 
 from __future__ import annotations
 
@@ -55,13 +55,13 @@ from tactile_features.feature_sets.registry import (
 )
 
 AUTO = 'auto'
-"""In place of a pipeline: choose features, classifier and scaling by held-out groups."""
+"""Value of ``pipeline``: choose features, classifier and scaling automatically."""
 
 WRITABLE = (
     "KNeighborsClassifier(n_neighbors=3), SVC(kernel='linear') or SVC(kernel='rbf'), "
     'DecisionTreeClassifier and RandomConvolutionClassifier'
 )
-"""The classifiers that a model file can hold."""
+"""The classifiers that a model file can contain."""
 
 _GROUP = 'session_id'
 
@@ -73,7 +73,7 @@ _TAKEN: Mapping[str, tuple[str, ...]] = {
     'tree': tuple(DecisionTreeClassifier().get_params()),
     ROCKET: ('random_state',),
 }
-"""Parameters of a classifier that its model file follows; `build_estimator` sets the others."""
+"""Parameters of each classifier that can be set by the user; `build_estimator` sets the others."""
 
 Matrix = npt.NDArray[np.float64]
 
@@ -81,39 +81,42 @@ Matrix = npt.NDArray[np.float64]
 class TactileClassifier(ClassifierMixin, BaseEstimator):
     """A classifier of windows of tension that can be saved as a model file.
 
-    Held-out groups calibrate its probabilities and set its threshold for unknown objects, as in
-    ``tactile train``. Predictions are those of the model file.
+    As in ``tactile train``, the probabilities and the threshold for unknown objects are computed
+    from held-out groups. The predictions equal those of the model file.
 
     Parameters
     ----------
     pipeline : Pipeline or 'auto'
-        One of the transformers of `tactile_features.estimators`; then, if wanted,
-        ``StandardScaler()``; then a classifier: ``KNeighborsClassifier(n_neighbors=3)``,
-        ``SVC(kernel='linear')``, ``SVC(kernel='rbf')``, ``DecisionTreeClassifier()`` or
-        `RandomConvolutionClassifier`. A model file can hold these. Machines break ties by their
-        decision values (``break_ties=True``); ``probability``, ``max_iter`` and
-        ``decision_function_shape`` have no effect. With ``'auto'``, held-out groups choose the
-        features, the classifier and the scaling.
+        A pipeline of steps that a model file can contain: a transformer of
+        `tactile_features.estimators`, an optional ``StandardScaler()``, and a classifier. The
+        classifier is ``KNeighborsClassifier(n_neighbors=3)``, ``SVC(kernel='linear')``,
+        ``SVC(kernel='rbf')``, ``DecisionTreeClassifier()`` or `RandomConvolutionClassifier`.
+        Support vector machines break ties by their decision values (``break_ties=True``), and
+        ``probability``, ``max_iter`` and ``decision_function_shape`` have no effect. If
+        ``'auto'``, the features, the classifier and the scaling are chosen by their accuracy on
+        held-out groups.
     task : {'texture', 'stiffness'}
-        Only with ``'auto'``: whether windows are of glides or of holds.
+        Only for ``'auto'``: ``'texture'`` for windows of glides, ``'stiffness'`` for windows of
+        holds.
     rate_hz : float
-        Only with ``'auto'``: sample rate of the windows [Hz].
+        Only for ``'auto'``: sample rate of the windows [Hz].
     speed_column : int or None
-        Only with ``'auto'``: column of ``X`` with the sliding speed of each window [m/s]. Features
-        over distance are candidates only if it is stated.
+        Only for ``'auto'``: column of ``X`` with the sliding speed of each window [m/s]. If it is
+        None, features over distance are not candidates.
     contact : {'', 'flexion', 'abduction'}
-        Contact of the windows; empty if unknown. A live classifier uses a model for this contact.
+        Contact of the windows; empty if unknown. A live classifier then uses the model only for
+        windows of this contact.
     simulated : bool
-        True if the windows are simulated; the model file states it.
+        True if the windows are simulated; this is stored in the model file.
     false_alarm_rate : float
-        Share of windows of known labels that may be rejected as unknown [1], in the mean over
+        Fraction of windows of known labels that may be rejected as unknown [1], on average over
         groups.
     strict : bool
-        True: the share holds in most new groups. Fewer unknown objects are found.
+        If True, the fraction holds in most new groups, but fewer unknown objects are detected.
     random_state : int
         Seed of the folds of ``'auto'``.
     n_jobs : int or None
-        Workers of ``'auto'``; None is 1, and -1 is all cores.
+        Number of worker processes for ``'auto'``. None means 1, and -1 means all cores.
 
     Attributes
     ----------
@@ -122,9 +125,10 @@ class TactileClassifier(ClassifierMixin, BaseEstimator):
     model_ : TactileModel
         The model as it would be loaded from its file.
     trained_ : Trained
-        Fitted scikit-learn pipeline without the features, calibration and manifest.
+        The fitted scikit-learn pipeline (without the transformer), the calibration and the
+        manifest.
     choice_ : FeatureChoice or None
-        Scores of all candidates, and the nested score, of ``'auto'``.
+        For ``'auto'``, the scores of all candidates and the nested score; otherwise None.
     n_features_in_ : int
         Columns of ``X`` in ``fit``.
 
@@ -178,18 +182,18 @@ class TactileClassifier(ClassifierMixin, BaseEstimator):
         y: npt.ArrayLike,
         groups: npt.ArrayLike | None = None,
     ) -> TactileClassifier:
-        """Train, and calibrate on held-out groups.
+        """Train the classifier, and calibrate it on held-out groups.
 
         Parameters
         ----------
         X : array_like of shape (windows, samples)
-            Tension [N]; with a speed column, also the sliding speeds [m/s].
+            Tension [N]. If there is a speed column, it contains the sliding speeds [m/s].
         y : array_like of shape (windows,)
-            Labels. A model file holds them as text.
+            Labels. In the model file, they are stored as text.
         groups : array_like of shape (windows,), optional
-            Windows of one group share a state of the rig, such as a session or a mounting.
-            Probabilities and the threshold hold for new groups. Without groups, single windows are
-            held out, and a new session may do worse.
+            Group of each window. Windows of one group share a state of the rig, such as a session
+            or a mounting. If given, the probabilities and the threshold hold for new groups. If
+            omitted, single windows are held out, and the accuracy in a new session may be lower.
 
         Returns
         -------
@@ -249,7 +253,7 @@ class TactileClassifier(ClassifierMixin, BaseEstimator):
         return self
 
     def predict(self, X: npt.ArrayLike) -> npt.NDArray[Any]:  # noqa: N803
-        """Return the likeliest of ``classes_`` for each row of ``X``, also for unknown objects.
+        """Return the most likely of ``classes_`` for each row of ``X``, even for unknown objects.
 
         Raises
         ------
@@ -263,9 +267,10 @@ class TactileClassifier(ClassifierMixin, BaseEstimator):
         return self.classes_[order[np.searchsorted(self._names, labels, sorter=order)]]
 
     def predict_or_unknown(self, X: npt.ArrayLike) -> npt.NDArray[Any]:  # noqa: N803
-        """Return a label, ``'unknown'`` or ``'no answer'`` (no features) for each row of ``X``.
+        """Return a label, ``'unknown'`` or ``'no answer'`` for each row of ``X``.
 
-        An array of str if ``classes_`` are, otherwise of objects. Raises ValueError as `predict`
+        ``'no answer'`` means that a feature of the window is undefined. The result is an array of
+        str if ``classes_`` is one, otherwise an array of objects. Raises ValueError as `predict`
         does, but not for undefined features.
         """
         values = self._compute_features(X)
@@ -282,7 +287,7 @@ class TactileClassifier(ClassifierMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            As in `predict`, and when there were too few windows in ``fit`` to calibrate.
+            As in `predict`, and when ``fit`` had too few windows for a calibration.
         """
         values = self._compute_features(X)
         found = self.model_.predict_proba(values)
@@ -291,29 +296,31 @@ class TactileClassifier(ClassifierMixin, BaseEstimator):
     def novelty(self, X: npt.ArrayLike) -> Matrix:  # noqa: N803
         """Return the distance of each row of ``X`` to the training windows [1].
 
-        Above ``model_.manifest.confidence.novelty_threshold`` a window is unknown. Raises
-        ValueError as `predict_proba` does.
+        If it exceeds ``model_.manifest.confidence.novelty_threshold``, the window is unknown.
+        Raises ValueError as `predict_proba` does.
         """
         values = self._compute_features(X)
         return self.model_.novelty(values)
 
     def p_value(self, X: npt.ArrayLike) -> Matrix:  # noqa: N803
-        """Return the share of held-out windows that are at least as novel as each row of ``X``.
+        """Return the fraction of held-out windows that are at least as novel as each row of ``X``.
 
-        A small value means that the window is unlike all training windows. Raises ValueError as
+        A small value means that the window is unlike the training windows. Raises ValueError as
         `predict_proba` does.
         """
         values = self._compute_features(X)
         return self.model_.p_value(values)
 
     def save(self, path: str | Path) -> TactileModel:
-        """Write a model file, for `load_model` and for the classifier node; return its model.
+        """Write a model file that `load_model` and the classifier node can read.
+
+        Returns the model, loaded from the written bytes.
 
         Raises
         ------
         ModelFileError
-            When the file cannot be written, or a label differs from scikit-learn's and rounding
-            does not explain it.
+            When the file cannot be written, or a label differs from that of scikit-learn by more
+            than rounding.
         """
         check_is_fitted(self)
         return write_model(path, self.trained_)
@@ -323,11 +330,14 @@ class TactileClassifier(ClassifierMixin, BaseEstimator):
         """The labels in the model file, shape (classes,)."""
         names = np.array([str(label) for label in self.classes_.tolist()])
         if len(np.unique(names)) < len(names):
-            raise ValueError('several labels have the same text, and a model file holds texts')
+            raise ValueError(
+                'several labels have the same text, but a model file stores labels as text: '
+                'rename them'
+            )
         return names
 
     def _divide(self, rows: Matrix) -> tuple[Matrix, Matrix | None]:
-        """Return windows [N] and sliding speeds [m/s]; None: not stated."""
+        """Return the windows [N], and their sliding speeds [m/s] or None if they are not given."""
         if not _is_auto(self.pipeline):
             return read_pipeline(self.pipeline).transformer.split(rows)
         if self.speed_column is None:
@@ -347,7 +357,10 @@ class TactileClassifier(ClassifierMixin, BaseEstimator):
         labels: npt.NDArray[np.str_],
         columns: Mapping[str, npt.NDArray[Any]],
     ) -> dict[str, FeatureTable]:
-        """Return the features of each set of the task that gives features of all windows."""
+        """Return one table for each feature set of the task.
+
+        If a feature set has no features for a window, it is left out with a warning.
+        """
         if self.task not in TASKS:
             raise ValueError(f'task is "{self.task}"; it must be {" or ".join(TASKS)}')
         phase = PHASE_OF_TASK[self.task]
@@ -375,7 +388,7 @@ class TactileClassifier(ClassifierMixin, BaseEstimator):
         return tables
 
     def _choose(self, tables: Mapping[str, FeatureTable], has_groups: bool) -> FeatureChoice:
-        """Return the choice of `ChoicePlan`, with the folds of ``tactile train``."""
+        """Choose a candidate with `ChoicePlan` and the same folds as ``tactile train``."""
         first = next(iter(tables.values()))
         if has_groups:
             split = grouped_split(first, [_GROUP])
@@ -391,7 +404,10 @@ class TactileClassifier(ClassifierMixin, BaseEstimator):
 
 
 class PipelineParts(NamedTuple):
-    """A pipeline as `train` takes it; ``parameters`` are those that differ from ours."""
+    """Parts of a pipeline, as arguments of `train`.
+
+    ``parameters`` contains the parameters of the classifier that differ from our defaults.
+    """
 
     transformer: FeatureTransformer
     classifier: str
@@ -400,7 +416,10 @@ class PipelineParts(NamedTuple):
 
 
 def read_pipeline(pipeline: Any) -> PipelineParts:
-    """Return the parts of a pipeline that a model file can hold; raise ValueError for others."""
+    """Return the parts of a pipeline.
+
+    Raises ValueError if a model file cannot contain the pipeline.
+    """
     if not isinstance(pipeline, Pipeline):
         raise ValueError(
             f'pipeline is {pipeline!r}; it must be "{AUTO}", or a Pipeline of a transformer of '
@@ -417,22 +436,17 @@ def read_pipeline(pipeline: Any) -> PipelineParts:
         is_standard = type(step) is StandardScaler and step.with_mean and step.with_std
         if not is_standard or len(scalers) > 1:
             raise ValueError(
-                f'a model file cannot hold {step!r}; between features and classifier it holds '
-                f'one StandardScaler(), or nothing. {_REMEDY}'
+                f'a model file cannot contain {step!r}; between features and classifier, only one '
+                f'StandardScaler() is possible. {_REMEDY}'
             )
     name = _name_classifier(classifier)
     if not name:
-        raise ValueError(
-            f'a model file cannot hold {classifier!r}; it holds {WRITABLE}. {_REMEDY}'
-        )
+        raise ValueError(f'a model file cannot contain {classifier!r}, only {WRITABLE}. {_REMEDY}')
     scaling = 'standard' if scalers else 'none'
     return PipelineParts(first, name, scaling, _find_parameters(name, classifier))
 
 
-_REMEDY = (
-    'Without TactileClassifier the pipeline can be used in Python, and stored with joblib, for '
-    'Python only'
-)
+_REMEDY = 'In Python, you can use the pipeline without TactileClassifier, and store it with joblib'
 
 
 def _is_auto(pipeline: Any) -> bool:
@@ -440,7 +454,7 @@ def _is_auto(pipeline: Any) -> bool:
 
 
 def _name_classifier(classifier: Any) -> str:
-    """Return our name of a classifier, or an empty string if a model file cannot hold it."""
+    """Return our name of a classifier, or an empty string if a model file cannot contain it."""
     kind = type(classifier)
     if kind in (KNeighborsClassifier, NearestNeighbours):
         is_euclidean = (classifier.metric, classifier.p) == ('minkowski', 2)
@@ -456,7 +470,7 @@ def _name_classifier(classifier: Any) -> str:
 
 
 def _find_parameters(name: str, classifier: Any) -> dict[str, Any]:
-    """Return the parameters of a classifier that the model follows and that differ from ours."""
+    """Return the parameters in `_TAKEN` whose values differ from our defaults."""
     ours, stated = build_estimator(name, 'none')[-1].get_params(), classifier.get_params()
     if stated.get('random_state') is None:
         stated.pop('random_state', None)
@@ -467,13 +481,13 @@ def _warn_of_calibration(trained: Trained, has_groups: bool) -> None:
     calibration = trained.manifest.calibration
     if 'reason' in calibration:
         warnings.warn(
-            f'no calibrated probabilities, and no window is unknown: {calibration["reason"]}',
+            'there are no calibrated probabilities, and no window can be unknown: '
+            f'{calibration["reason"]}',
             stacklevel=3,
         )
     elif has_groups and not calibration['groups']:
         warnings.warn(
-            'no group is held out, because a label occurs in one group only: probabilities and '
-            'the threshold for unknown objects hold for windows like these, and a new group may '
-            'do worse',
+            'no group is held out, because a label occurs in only one group: probabilities and '
+            'the threshold for unknown objects hold only for windows of these groups',
             stacklevel=3,
         )

@@ -52,8 +52,8 @@ LIBRARIES = ('numpy', 'scikit-learn')
 class Trained:
     """Fitted parts of a model, and its manifest.
 
-    ``values``, shape (trials, k), holds the training features. Without a calibration, the model
-    returns raw scores.
+    ``values``, shape (trials, k), contains the training features. If ``calibration`` is None, the
+    model returns raw scores.
     """
 
     estimator: Pipeline
@@ -78,10 +78,10 @@ def train(
 ) -> Trained:
     """Fit a classifier to all trials of a table, and calibrate its scores.
 
-    Threshold and probabilities are computed from held-out trials: whole groups of ``hold_out`` if
-    there are several (`make_group_folds`). The classifier in the file is fitted to all trials.
-    With too few trials, the model has no novelty and no probabilities, and the manifest states
-    why.
+    The threshold and the probabilities are computed from held-out trials: from whole groups of
+    ``hold_out`` if each label occurs in several groups (`make_group_folds`). The classifier in the
+    file is fitted to all trials. If there are too few trials, the model has no novelty and no
+    probabilities, and the manifest contains the reason.
 
     Parameters
     ----------
@@ -102,9 +102,10 @@ def train(
         Automatic choice of features, classifier and scaling; the card then contains its nested
         score.
     hold_out : sequence of str
-        Columns whose groups probabilities and thresholds are to hold for.
+        Columns that define the groups. The probabilities and the threshold hold for new groups.
     parameters : mapping, optional
-        Parameters of the classifier that replace ours, such as ``C``; JSON can hold them.
+        Parameters of the classifier, such as ``C``, that replace our defaults. They must be
+        convertible to JSON.
 
     Raises
     ------
@@ -135,7 +136,7 @@ def train(
     if len(labels) < 2:
         raise DatasetError(f'there is only one class, "{table.labels[0]}": record at least two')
     if len(table) < 3:
-        raise DatasetError('training needs three trials at least')
+        raise DatasetError('training needs at least three trials')
     held_out, stated = _calibrate(
         table, classifier, scaling, parameters, false_alarm_rate, strict, hold_out
     )
@@ -184,8 +185,8 @@ def train(
 def check_size(table: FeatureTable) -> None:
     """Raise DatasetError if the model file of a table would be too large.
 
-    The largest arrays are the two matrices of the novelty measure, and the training trials of the
-    measure and of the nearest-neighbour classifier.
+    The largest arrays are the two matrices of the novelty measure, and the training trials, which
+    the measure and the nearest-neighbour classifier store.
     """
     (trials, features), labels = table.values.shape, len(np.unique(table.labels))
     size = 8 * (2 * features**2 + trials * (2 * features + labels))
@@ -206,9 +207,12 @@ def _calibrate(
     strict: bool,
     hold_out: Sequence[str],
 ) -> tuple[HeldOutCalibration | None, dict[str, Any]]:
-    """Return the calibration and its manifest entry; None and the reason if it is impossible."""
+    """Fit the calibration on held-out trials; return it with its entry in the manifest.
+
+    If there are too few trials, returns None and an entry with the reason.
+    """
     columns = [find_column(table.columns, name) for name in hold_out]
-    if columns != ['session_id']:  # the default: without sessions, trials are held out
+    if columns != ['session_id']:  # by default, a table without sessions is allowed
         for name in columns:
             table.column(name)
     try:
